@@ -1,0 +1,318 @@
+//! Complaints about a place in a text: `path:line:column`, the line, a caret.
+
+use std::fmt;
+use std::sync::Arc;
+
+/// The most characters of a source line that a message repeats.
+const LINE_WINDOW: usize = 100;
+
+/// A text and the name it goes by in messages: a path, `<stdin>`, `<argument>`.
+///
+/// Cloning is cheap; the text is shared.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Source {
+    name: Arc<str>,
+    text: Arc<str>,
+}
+
+impl Source {
+    /// Names `text`.
+    pub fn new(name: impl Into<Arc<str>>, text: impl Into<Arc<str>>) -> Self {
+        Self { name: name.into(), text: text.into() }
+    }
+
+    /// The name messages use.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The whole text.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The text that `span` covers; empty where the span lies outside the text.
+    #[must_use]
+    pub fn slice(&self, span: Span) -> &str {
+        self.text.get(span.start..span.end).unwrap_or_default()
+    }
+
+    /// Line and column of a byte offset, both from 1, the column in characters.
+    #[must_use]
+    pub fn position(&self, offset: usize) -> (usize, usize) {
+        let mut offset = offset.min(self.text.len());
+        while !self.text.is_char_boundary(offset) {
+            offset -= 1;
+        }
+        let before = &self.text[..offset];
+        let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
+        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        (line, before[start..].chars().count() + 1)
+    }
+}
+
+/// A stretch of a text, as byte offsets; `end` is exclusive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, PartialOrd, Ord)]
+pub struct Span {
+    /// The first byte.
+    pub start: usize,
+    /// One past the last byte.
+    pub end: usize,
+}
+
+impl Span {
+    /// The span from `start` up to `end`.
+    #[must_use]
+    pub const fn new(start: usize, end: usize) -> Self {
+        Self { start, end }
+    }
+
+    /// The empty span at `offset`.
+    #[must_use]
+    pub const fn at(offset: usize) -> Self {
+        Self { start: offset, end: offset }
+    }
+
+    /// The smallest span that covers both.
+    #[must_use]
+    pub fn to(self, other: Self) -> Self {
+        Self { start: self.start.min(other.start), end: self.end.max(other.end) }
+    }
+}
+
+/// A complaint about one place of one text.
+///
+/// Its `Display` is what a user sees:
+///
+/// ```text
+/// problem.pddl:3:10: expected `)`, found `:init`
+///   |
+/// 3 |   (:init (at r2 k)
+///   |    ^^^^^
+///   = hint: the list opened at 2:3 is not closed
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Diagnostic {
+    inner: Box<Inner>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Inner {
+    name: Arc<str>,
+    line: usize,
+    column: usize,
+    span: Span,
+    excerpt: Option<Excerpt>,
+    message: String,
+    hints: Vec<String>,
+}
+
+/// The part of the source line that is shown, and where the caret goes in it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Excerpt {
+    text: String,
+    offset: usize,
+    width: usize,
+}
+
+impl Diagnostic {
+    /// Complains about `span` of `source`. The message is a lower-case fragment
+    /// without a full stop, saying what was expected and what was found.
+    #[must_use]
+    pub fn new(source: &Source, span: Span, message: impl Into<String>) -> Self {
+        let (line, column) = source.position(span.start);
+        Self {
+            inner: Box::new(Inner {
+                name: source.name.clone(),
+                line,
+                column,
+                span,
+                excerpt: Some(Excerpt::of(source.text(), span)),
+                message: message.into(),
+                hints: Vec::new(),
+            }),
+        }
+    }
+
+    /// Complains about a place whose text is not at hand.
+    #[must_use]
+    pub fn at(name: &str, line: usize, column: usize, message: impl Into<String>) -> Self {
+        Self {
+            inner: Box::new(Inner {
+                name: name.into(),
+                line,
+                column,
+                span: Span::default(),
+                excerpt: None,
+                message: message.into(),
+                hints: Vec::new(),
+            }),
+        }
+    }
+
+    /// Adds a line that says what to do.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.inner.hints.push(hint.into());
+        self
+    }
+
+    /// The message without its place.
+    #[must_use]
+    pub fn message(&self) -> &str {
+        &self.inner.message
+    }
+
+    /// The name of the text complained about.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// Line and column, both from 1.
+    #[must_use]
+    pub fn position(&self) -> (usize, usize) {
+        (self.inner.line, self.inner.column)
+    }
+
+    /// The stretch complained about, in the text it was made from.
+    #[must_use]
+    pub fn span(&self) -> Span {
+        self.inner.span
+    }
+
+    /// What pest says, in the user's words: `rename` gives a rule its name in messages.
+    pub(crate) fn from_pest<R: pest::RuleType>(
+        source: &Source,
+        error: &pest::error::Error<R>,
+        rename: impl Fn(&R) -> String,
+    ) -> Self {
+        use pest::error::{ErrorVariant, InputLocation};
+        let span = match error.location {
+            InputLocation::Pos(offset) => Span::at(offset),
+            InputLocation::Span((start, end)) => Span::new(start, end),
+        };
+        let message = match &error.variant {
+            ErrorVariant::CustomError { message } => message.clone(),
+            ErrorVariant::ParsingError { positives, negatives: _ } => {
+                let mut wanted: Vec<String> = positives.iter().map(rename).collect();
+                wanted.sort();
+                wanted.dedup();
+                format!("expected {}, found {}", either(&wanted), found(source.text(), span.start))
+            }
+        };
+        Self::new(source, span, message)
+    }
+}
+
+/// `a`, `a or b`, `a, b, or c`.
+fn either(words: &[String]) -> String {
+    match words {
+        [] => "something else".to_owned(),
+        [only] => only.clone(),
+        [first, second] => format!("{first} or {second}"),
+        [init @ .., last] => format!("{}, or {last}", init.join(", ")),
+    }
+}
+
+/// The word at `offset`, for `found …`.
+fn found(text: &str, offset: usize) -> String {
+    let rest = text.get(offset..).unwrap_or_default();
+    let Some(first) = rest.chars().next() else { return "the end of the text".to_owned() };
+    if first == '\n' || first == '\r' {
+        return "the end of the line".to_owned();
+    }
+    let word: String = if first.is_alphanumeric() || "?:_-".contains(first) {
+        rest.chars().take_while(|c| c.is_alphanumeric() || "?:_-.".contains(*c)).take(24).collect()
+    } else {
+        first.to_string()
+    };
+    format!("`{}`", word.escape_debug())
+}
+
+impl Excerpt {
+    fn of(text: &str, span: Span) -> Self {
+        let mut start = span.start.min(text.len());
+        while !text.is_char_boundary(start) {
+            start -= 1;
+        }
+        let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
+        let line_end = text[start..].find(['\n', '\r']).map_or(text.len(), |length| start + length);
+        let before = text[line_start..start].chars().count();
+        let mut end = span.end.clamp(start, line_end);
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let marked = text[start..end].chars().count().max(1);
+        let skipped = before.saturating_sub(LINE_WINDOW * 2 / 3);
+        let shown: String = text[line_start..line_end]
+            .chars()
+            .skip(skipped)
+            .take(LINE_WINDOW)
+            .map(|c| if c.is_control() { ' ' } else { c })
+            .collect();
+        let cut_left = skipped > 0;
+        let offset = before - skipped;
+        Self {
+            text: if cut_left { format!("…{shown}") } else { shown },
+            offset: offset + usize::from(cut_left),
+            width: marked.min(LINE_WINDOW.saturating_sub(offset).max(1)),
+        }
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Inner { name, line, column, excerpt, message, hints, .. } = &*self.inner;
+        write!(f, "{name}:{line}:{column}: {message}")?;
+        let margin = " ".repeat(line.to_string().len());
+        if let Some(Excerpt { text, offset, width }) = excerpt {
+            write!(f, "\n{margin} |\n{line} | {}", text.trim_end())?;
+            write!(f, "\n{margin} | {}{}", " ".repeat(*offset), "^".repeat(*width))?;
+        }
+        for hint in hints {
+            write!(f, "\n{margin} = hint: {hint}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Diagnostic {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shows_the_line_and_a_caret_under_the_span() {
+        let source = Source::new("p.pddl", "(define\n  (:init (at r2 k)\n");
+        let text = Diagnostic::new(&source, Span::new(11, 16), "expected `)`").hint("close it").to_string();
+        assert_eq!(text, "p.pddl:2:4: expected `)`\n  |\n2 |   (:init (at r2 k)\n  |    ^^^^^\n  = hint: close it");
+    }
+
+    #[test]
+    fn counts_columns_in_characters() {
+        let source = Source::new("x", "äöü!");
+        assert_eq!(source.position(6), (1, 4));
+        let text = Diagnostic::new(&source, Span::at(6), "expected `.`").to_string();
+        assert!(text.ends_with("1 | äöü!\n  |    ^"), "{text}");
+    }
+
+    #[test]
+    fn repeats_only_a_window_of_a_long_line() {
+        let line = "a".repeat(10_000);
+        let source = Source::new("x", line);
+        let text = Diagnostic::new(&source, Span::new(5_000, 6_000), "no").to_string();
+        assert!(text.len() < 500, "{}", text.len());
+    }
+
+    #[test]
+    fn survives_spans_outside_the_text() {
+        let source = Source::new("x", "é");
+        for (start, end) in [(1, 1), (9, 12), (0, 99), (2, 0)] {
+            let _ = Diagnostic::new(&source, Span::new(start, end), "no").to_string();
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! Planners: programs under limits, one file per planner.

@@ -1,0 +1,1 @@
+//! Templates to problems: gather (queries answered), render, check.

@@ -1,0 +1,143 @@
+//! Where documents live. [`Store`] is what a memory asks of a database.
+//!
+//! Two kinds: [`embedded`], a file of this machine that several processes use
+//! at once, and `mongodb`, a server or replica set reached through the official
+//! driver. Both answer MongoDB's query and update languages, and both pass one
+//! contract suite (`tests/real`).
+
+pub mod namespace;
+
+pub use namespace::{Namespace, NamespaceError};
+
+use bson::{Bson, Document, RawDocumentBuf};
+
+/// Documents in answer to a query, produced as they are asked for.
+pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreError>> + 'a>;
+
+/// What a memory asks of a database. Implementations are used from one thread
+/// at a time, but several processes may use one database at once.
+pub trait Store: Send {
+    /// Stores the documents in order, giving an ObjectId `_id` (as the first
+    /// key) to those that have none; stops at the first that cannot be stored.
+    /// Durable on return.
+    fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError>;
+
+    /// The documents that match, lazily.
+    fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError>;
+
+    /// How many documents match.
+    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError>;
+
+    /// The distinct values of a (dotted) field among matching documents, array
+    /// elements counted one by one, in the order MongoDB gives them.
+    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError>;
+
+    /// The results of an aggregation pipeline.
+    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError>;
+
+    /// Changes the first match, or all with `many`. Atomic per document.
+    fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError>;
+
+    /// Removes all matches, or the first only; returns how many.
+    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError>;
+
+    /// Removes a whole collection; says whether there was one.
+    fn drop(&self, ns: &Namespace) -> Result<bool, StoreError>;
+
+    /// All collections, sorted.
+    fn collections(&self) -> Result<Vec<Namespace>, StoreError>;
+
+    /// What the store is, for `-v` and `doctor`; never shows credentials.
+    fn describe(&self) -> String;
+}
+
+/// A query with its modifiers.
+#[derive(Debug, Clone, Default)]
+pub struct Find {
+    /// MongoDB's filter; empty matches everything.
+    pub filter: Document,
+    /// Keys with 1 or -1; empty leaves natural order (order of insertion).
+    pub sort: Document,
+    /// How many matches to pass over.
+    pub skip: u64,
+    /// At most so many; 0 is all.
+    pub limit: u64,
+    /// MongoDB's projection; empty keeps documents whole.
+    pub projection: Document,
+}
+
+/// Operators (or a replacement, which is a document without them), or a pipeline.
+#[derive(Debug, Clone)]
+pub enum UpdateSpec {
+    /// `{$set: …}` or a replacement document.
+    Document(Document),
+    /// `[{$set: …}, …]`.
+    Pipeline(Vec<Document>),
+}
+
+/// Which documents to change, and how.
+#[derive(Debug, Clone)]
+pub struct UpdateRequest {
+    /// Which documents.
+    pub filter: Document,
+    /// How.
+    pub update: UpdateSpec,
+    /// For `$[identifier]`.
+    pub array_filters: Vec<Document>,
+    /// All matches, not only the first.
+    pub many: bool,
+    /// Insert what filter and update describe where nothing matches.
+    pub upsert: bool,
+}
+
+/// What an insert did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Inserted {
+    /// The `_id`s, in the order of the documents.
+    pub ids: Vec<Bson>,
+}
+
+/// What an update did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Updated {
+    /// How many documents matched.
+    pub matched: u64,
+    /// How many are different now.
+    pub modified: u64,
+    /// The `_id` of the document that an upsert made.
+    pub upserted: Option<Bson>,
+}
+
+/// Why a store did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// No connection to a server, or no access to a file.
+    #[error("cannot reach {address}: {reason}")]
+    Unreachable {
+        /// The address, without credentials.
+        address: String,
+        /// What went wrong.
+        reason: String,
+    },
+    /// A unique key is taken.
+    #[error("{namespace} already has a document with {key}")]
+    Duplicate {
+        /// Where.
+        namespace: Namespace,
+        /// The key and value, like `_id: 7`.
+        key: String,
+        /// The `_id`s stored before the failure.
+        stored: Vec<Bson>,
+    },
+    /// The filter, update, projection, sort or pipeline, or a document, is not acceptable.
+    #[error(transparent)]
+    Query(#[from] crate::query::QueryError),
+    /// Anything else: disk full, no permission, a damaged file, a server's refusal.
+    #[error("{address}: {reason}")]
+    Failed {
+        /// The address, without credentials.
+        address: String,
+        /// What went wrong, and what to do.
+        reason: String,
+    },
+}

@@ -1,0 +1,97 @@
+//! Where documents live: `database.collection`.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// A database and a collection, split at the first dot.
+///
+/// The rules are MongoDB's: a database name has 1 to 63 bytes and none of
+/// `/\. "$*<>:|?` or NUL; a collection name is not empty, has no NUL and no
+/// `$`, and does not start with `system.`; the whole has at most 255 bytes.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Namespace {
+    /// The database; decides between the local and the shared store.
+    pub database: String,
+    /// The collection; may itself contain dots.
+    pub collection: String,
+}
+
+/// Why a text is not a namespace.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{text}` is not a namespace: {reason}; expected DATABASE.COLLECTION, like robmem.worldmodel")]
+pub struct NamespaceError {
+    text: String,
+    reason: &'static str,
+}
+
+impl Namespace {
+    /// Reads a namespace.
+    ///
+    /// # Errors
+    /// Where a rule of MongoDB's names is broken.
+    pub fn parse(text: &str) -> Result<Self, NamespaceError> {
+        let refuse = |reason| Err(NamespaceError { text: text.to_owned(), reason });
+        let Some((database, collection)) = text.split_once('.') else {
+            return refuse("it has no dot");
+        };
+        if database.is_empty() {
+            return refuse("the database name is empty");
+        }
+        if collection.is_empty() {
+            return refuse("the collection name is empty");
+        }
+        if database.len() > 63 {
+            return refuse("the database name is longer than 63 bytes");
+        }
+        if database.contains(|c| "/\\ \"$*<>:|?\0".contains(c)) {
+            return refuse("the database name has one of the characters / \\ \" $ * < > : | ? or a blank");
+        }
+        if collection.contains(['$', '\0']) {
+            return refuse("the collection name has a `$` or a NUL");
+        }
+        if collection.starts_with("system.") {
+            return refuse("collections named `system.…` are the database's own");
+        }
+        if collection.starts_with('.') || collection.ends_with('.') || collection.contains("..") {
+            return refuse("the collection name has an empty part");
+        }
+        if text.len() > 255 {
+            return refuse("it is longer than 255 bytes");
+        }
+        Ok(Self { database: database.to_owned(), collection: collection.to_owned() })
+    }
+}
+
+impl FromStr for Namespace {
+    type Err = NamespaceError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::parse(text)
+    }
+}
+
+impl fmt::Display for Namespace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.database, self.collection)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn splits_at_the_first_dot() {
+        let ns: Namespace = "robmem.world.model".parse().unwrap();
+        assert_eq!((ns.database.as_str(), ns.collection.as_str()), ("robmem", "world.model"));
+        assert_eq!(ns.to_string(), "robmem.world.model");
+    }
+
+    #[test]
+    fn refuses_what_mongodb_refuses() {
+        for text in ["", "robmem", ".x", "x.", "a b.c", "a$.c", "a.$c", "a.system.", "a.system.x", "a..b", "a.b\0"] {
+            assert!(Namespace::parse(text).is_err(), "{text:?}");
+        }
+        assert!(Namespace::parse(&format!("{}.c", "d".repeat(64))).is_err());
+    }
+}

@@ -1,0 +1,13 @@
+//! The rooms of the library, one file per room, through their public interface.
+
+mod marker;
+mod pddl;
+mod plan;
+mod planner;
+mod problem;
+mod query;
+mod shell;
+mod store;
+mod transcripts;
+mod validate;
+mod world;
