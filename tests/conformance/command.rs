@@ -45,7 +45,8 @@ pub(crate) struct Server {
 
 /// Options of commands that rmem's stores have no word for.
 const OPTIONS: [&str; 22] = [
-    "allowDiskUse", "bypassDocumentValidation",
+    "allowDiskUse",
+    "bypassDocumentValidation",
     "collation",
     "readConcern",
     "writeConcern",

@@ -186,7 +186,8 @@ fn to_double(value: &Bson) -> Result<f64> {
         #[expect(clippy::cast_precision_loss, reason = "the nearest double is meant")]
         Bson::DateTime(moment) => Ok(moment.timestamp_millis() as f64),
         Bson::String(text) => {
-            let double = parsed(text, |text| text.parse::<f64>().ok().or_else(|| hexadecimal(text))).ok_or_else(|| failure(value, "not a number"))?;
+            let double = parsed(text, |text| text.parse::<f64>().ok().or_else(|| hexadecimal(text)))
+                .ok_or_else(|| failure(value, "not a number"))?;
             let named_infinite = text.trim_start_matches(['-', '+']).starts_with(['i', 'I']);
             if double.is_infinite() && !named_infinite { Err(failure(value, "out of range")) } else { Ok(double) }
         }

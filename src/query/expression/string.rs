@@ -93,8 +93,7 @@ fn coerced(operator: &str, value: &Bson) -> Result<String> {
 
 /// A timestamp as `Jan  1 00:00:01:1`.
 fn timestamp_text(timestamp: bson::Timestamp) -> String {
-    const MONTHS: [&str; 12] =
-        ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+    const MONTHS: [&str; 12] = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
     let civil = Civil::from_millis(i64::from(timestamp.time) * 1000);
     let month = usize::try_from(civil.month - 1).ok().and_then(|month| MONTHS.get(month)).unwrap_or(&"");
     format!(

@@ -68,7 +68,7 @@ impl<'a> Parser<'a> {
                 None => Expression::parse(value)?,
             }),
             "$jsonSchema" => match value {
-                Bson::Document(schema) => Node::Schema(Box::new(Schema::parse(schema.into())?)),
+                Bson::Document(schema) => Node::Schema(Box::new(Schema::parse(schema)?)),
                 _ => return Err(QueryError::type_mismatch("$jsonSchema must be an object")),
             },
             "$alwaysTrue" | "$alwaysFalse" => {

@@ -116,7 +116,10 @@ fn flatten<'a>(
         let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         if policy == Policy::Find && path.ends_with(".$") {
             if !matches!(value, Bson::Boolean(true)) && Number::of(value).is_none_or(Number::is_zero) {
-                return Err(QueryError::invalid(31_308, "positional projection cannot be used with a literal or exclusion"));
+                return Err(QueryError::invalid(
+                    31_308,
+                    "positional projection cannot be used with a literal or exclusion",
+                ));
             }
             let path = path.trim_end_matches(".$").to_owned();
             entries.push((path, Entry::Transform(Kind::Positional)));
