@@ -121,11 +121,7 @@ impl Decimal {
     }
 
     /// Takes a wide coefficient, rounding half to even; `sticky` says that more followed.
-    pub(super) fn rounded(negative: bool, coefficient: Wide, exponent: i32, sticky: bool) -> Self {
-        Self::rounded_by(negative, coefficient, exponent, sticky, Rounding::HalfEven)
-    }
-
-    fn rounded_by(negative: bool, mut wide: Wide, mut exponent: i32, mut sticky: bool, mode: Rounding) -> Self {
+    pub(super) fn rounded(negative: bool, mut wide: Wide, mut exponent: i32, sticky: bool) -> Self {
         let mut excess = wide.digits().saturating_sub(PRECISION);
         if exponent < MIN_EXPONENT {
             let below = u32::try_from(MIN_EXPONENT.saturating_sub(exponent)).unwrap_or(0);
@@ -134,7 +130,6 @@ impl Decimal {
         if excess > 0 {
             let dropped = excess.min(77);
             if excess > 77 {
-                sticky |= !wide.is_zero();
                 wide = Wide::default();
                 exponent = MIN_EXPONENT;
             } else {
@@ -142,7 +137,7 @@ impl Decimal {
                 let half = Wide::ten_to(dropped - 1).times(5);
                 wide = quotient;
                 exponent += i32::try_from(dropped).unwrap_or(0);
-                if round_up(quotient, rest, half, sticky, negative, mode) {
+                if round_up(quotient, rest, half, sticky, negative, Rounding::HalfEven) {
                     wide = wide.plus(1.into());
                 }
                 if wide.digits() > PRECISION {

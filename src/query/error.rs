@@ -15,14 +15,14 @@ pub struct QueryError {
 }
 
 /// What every function of the room returns.
-pub type Result<T> = std::result::Result<T, QueryError>;
+pub(super) type Result<T> = std::result::Result<T, QueryError>;
 
 /// MongoDB's code for a value that is not acceptable.
-pub const BAD_VALUE: i32 = 2;
+pub(super) const BAD_VALUE: i32 = 2;
 /// MongoDB's code for a document that does not read as a query, update or stage.
-pub const FAILED_TO_PARSE: i32 = 9;
+pub(super) const FAILED_TO_PARSE: i32 = 9;
 /// MongoDB's code for a value of the wrong type.
-pub const TYPE_MISMATCH: i32 = 14;
+pub(super) const TYPE_MISMATCH: i32 = 14;
 
 impl QueryError {
     /// A mistake in the query.

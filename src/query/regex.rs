@@ -17,6 +17,9 @@ pub(super) struct Pattern {
     compiled: Regex,
 }
 
+/// The groups of a match, the whole first, as byte offsets; a group may have no part in it.
+pub(super) type Groups = Vec<Option<(usize, usize)>>;
+
 impl Pattern {
     /// Compiles a pattern with options out of `imsxu`.
     ///
@@ -55,7 +58,7 @@ impl Pattern {
     ///
     /// # Errors
     /// Where the matcher's limits are exceeded.
-    pub(super) fn groups(&self, text: &str, from: usize) -> Result<Option<Vec<Option<(usize, usize)>>>> {
+    pub(super) fn groups(&self, text: &str, from: usize) -> Result<Option<Groups>> {
         let mut locations = self.compiled.capture_locations();
         let found = self
             .compiled

@@ -156,13 +156,6 @@ impl<'a> Fields<'a> {
         }
     }
 
-    pub(super) fn is_empty(self) -> bool {
-        match self {
-            Self::Raw(document) => document.is_empty(),
-            Self::Owned(document) => document.is_empty(),
-        }
-    }
-
     /// A copy of its own.
     pub(super) fn to_document(self) -> Document {
         match self {
@@ -320,11 +313,6 @@ impl View<'_> {
             Self::Number(number) => !number.is_zero(),
             _ => true,
         }
-    }
-
-    /// Whether it is null or undefined.
-    pub(super) fn is_nullish(self) -> bool {
-        matches!(self, Self::Null | Self::Undefined)
     }
 }
 

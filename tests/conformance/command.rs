@@ -136,10 +136,8 @@ fn flag(command: &Document, name: &str) -> Result<bool, Failure> {
 /// A filter, with the command's variables.
 fn filter(command: &Document, name: &str) -> Result<Filter, Failure> {
     let filter = document(command, name)?.cloned().unwrap_or_default();
-    if command.contains_key("let") {
-        return Err(Failure::Refused("option let".to_owned()));
-    }
-    Ok(Filter::parse(&filter)?)
+    let constants = document(command, "let")?.cloned().unwrap_or_default();
+    Ok(Filter::parse_with_constants(&filter, &constants)?)
 }
 
 fn update(spec: Option<&Bson>, array_filters: &[Document], constants: &Document) -> Result<Update, Failure> {
@@ -281,7 +279,9 @@ impl Server {
         let now = DateTime::now();
         let filter = filter(command, "filter")?;
         let sort = Sort::parse(document(command, "sort")?.unwrap_or(&Document::new()))?;
-        let projection = Projection::parse(document(command, "projection")?.unwrap_or(&Document::new()))?;
+        let constants = document(command, "let")?.cloned().unwrap_or_default();
+        let projection = document(command, "projection")?.cloned().unwrap_or_default();
+        let projection = Projection::parse_with(&projection, &constants)?;
         let (skip, limit) = (unsigned(command, "skip")?, whole(command, "limit")?.unwrap_or(0).unsigned_abs() as usize);
         let collection = self.collection(namespace);
         let mut found = Vec::new();

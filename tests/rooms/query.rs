@@ -52,3 +52,100 @@ fn the_positional_operator_takes_the_element_that_matched() {
     let projected = projection.apply(&document, &filter, DateTime::from_millis(0)).unwrap();
     assert_eq!(Document::try_from(&projected).unwrap(), doc! {"a": [{"b": 2}]});
 }
+
+mod properties {
+    use std::cmp::Ordering;
+
+    use bson::oid::ObjectId;
+    use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp};
+    use proptest::prelude::*;
+    use rmem::query::{Filter, Sort, Update, compare_values, key};
+
+    /// Values of all types that can be ordered, with numbers that are close to one another.
+    fn value() -> impl Strategy<Value = Bson> {
+        let number = prop_oneof![
+            (-3i32..3).prop_map(Bson::Int32),
+            any::<i32>().prop_map(Bson::Int32),
+            any::<i64>().prop_map(Bson::Int64),
+            (-3i64..3).prop_map(Bson::Int64),
+            any::<f64>().prop_map(Bson::Double),
+            (-30i32..30).prop_map(|n| Bson::Double(f64::from(n) / 10.0)),
+            ((1i64 << 53) - 3..(1i64 << 53) + 3).prop_map(Bson::Int64),
+            (-3000i32..3000, -3i32..3).prop_map(|(n, e)| Bson::Decimal128(format!("{n}E{e}").parse().unwrap())),
+            Just(Bson::Decimal128("NaN".parse().unwrap())),
+            Just(Bson::Decimal128("-Infinity".parse().unwrap())),
+            Just(Bson::Double(f64::NAN)),
+            Just(Bson::Double(f64::INFINITY)),
+        ];
+        let leaf = prop_oneof![
+            4 => number,
+            2 => "[ab\0é]{0,3}".prop_map(Bson::String),
+            1 => "[ab]{0,2}".prop_map(Bson::Symbol),
+            1 => any::<bool>().prop_map(Bson::Boolean),
+            1 => Just(Bson::Null),
+            1 => Just(Bson::Undefined),
+            1 => Just(Bson::MinKey),
+            1 => Just(Bson::MaxKey),
+            1 => any::<i64>().prop_map(|n| Bson::DateTime(DateTime::from_millis(n))),
+            1 => any::<[u8; 12]>().prop_map(|bytes| Bson::ObjectId(ObjectId::from_bytes(bytes))),
+            1 => (0u32..3, 0u32..3).prop_map(|(time, increment)| Bson::Timestamp(Timestamp { time, increment })),
+            1 => (0u8..3, proptest::collection::vec(0u8..3, 0..3))
+                .prop_map(|(subtype, bytes)| Bson::Binary(bson::Binary { subtype: subtype.into(), bytes })),
+        ];
+        leaf.prop_recursive(3, 24, 4, |inner| {
+            prop_oneof![
+                proptest::collection::vec(inner.clone(), 0..4).prop_map(Bson::Array),
+                proptest::collection::vec(("[ab]{0,2}", inner), 0..4)
+                    .prop_map(|fields| Bson::Document(fields.into_iter().collect())),
+            ]
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(500))]
+
+        #[test]
+        fn keys_are_ordered_as_values_are(a in value(), b in value()) {
+            let by_key = key::encode_value(&a).cmp(&key::encode_value(&b));
+            prop_assert_eq!(by_key, compare_values(&a, &b), "{:?} {:?}", a, b);
+        }
+
+        #[test]
+        fn the_order_is_total(a in value(), b in value(), c in value()) {
+            prop_assert_eq!(compare_values(&a, &a), Ordering::Equal);
+            prop_assert_eq!(compare_values(&a, &b), compare_values(&b, &a).reverse());
+            let mut sorted = [&a, &b, &c];
+            sorted.sort_by(|a, b| compare_values(a, b));
+            prop_assert_ne!(compare_values(sorted[0], sorted[2]), Ordering::Greater);
+        }
+
+        #[test]
+        fn what_was_set_is_found(path in "[ab](\\.[ab0]){0,2}", value in value()) {
+            prop_assume!(!matches!(value, Bson::Undefined));
+            let mut fields = Document::new();
+            fields.insert(path.clone(), value.clone());
+            let mut operators = Document::new();
+            operators.insert("$set", fields);
+            let before = RawDocumentBuf::try_from(&bson::doc! {"_id": 1}).unwrap();
+            let all = Filter::parse(&Document::new()).unwrap();
+            let update = Update::parse(&operators, &[]).unwrap();
+            let after = update.apply(&before, &all, DateTime::from_millis(0)).unwrap().unwrap();
+            let mut wanted = Document::new();
+            wanted.insert(path, bson::doc! {"$eq": value});
+            prop_assert!(Filter::parse(&wanted).unwrap().matches(&after).unwrap(), "{:?}", after);
+        }
+
+        #[test]
+        fn a_limited_sort_is_the_start_of_the_whole(values in proptest::collection::vec(value(), 0..12), limit in 0usize..14) {
+            let sort = Sort::parse(&bson::doc! {"v": -1}).unwrap();
+            let documents: Vec<RawDocumentBuf> = values
+                .iter()
+                .map(|value| RawDocumentBuf::try_from(&bson::doc! {"v": value.clone()}).unwrap())
+                .collect();
+            let input = || documents.iter().cloned().map(Ok::<_, rmem::query::QueryError>);
+            let mut whole = sort.sort(input(), None).unwrap();
+            whole.truncate(limit);
+            prop_assert_eq!(sort.sort(input(), Some(limit)).unwrap(), whole);
+        }
+    }
+}

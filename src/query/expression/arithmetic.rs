@@ -4,7 +4,7 @@ use bson::{Bson, DateTime};
 
 use super::Value;
 use super::operator::{ANY, Operator, at, is_null, is_nullish, type_of, wrong_type};
-use crate::query::arithmetic::{Overflow, add, multiply, subtract};
+use crate::query::arithmetic::{Overflow, multiply, subtract};
 use crate::query::compare::compare_values;
 use crate::query::decimal::{Decimal, Rounding};
 use crate::query::error::{QueryError, Result};
@@ -397,6 +397,7 @@ fn log(values: &[Value]) -> Result<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::query::arithmetic::add;
 
     #[test]
     fn widens_and_rounds_as_mongodb_does() {

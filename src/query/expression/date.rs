@@ -325,9 +325,9 @@ fn from_string(arguments: &Arguments) -> Result<Value> {
         Some(format) => scan(text, format),
         None => scan_iso(text),
     };
-    let millis = read.filter(|read| !(zone_given && read.offset.is_some())).and_then(|read| match read.offset {
-        Some(offset) => Some(read.local - offset * 1000),
-        None => Some(zone.moment(read.local)),
+    let millis = read.filter(|read| !(zone_given && read.offset.is_some())).map(|read| match read.offset {
+        Some(offset) => read.local - offset * 1000,
+        None => zone.moment(read.local),
     });
     match millis {
         Some(millis) => Ok(Some(Bson::DateTime(DateTime::from_millis(millis)))),

@@ -336,7 +336,7 @@ fn bind(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
 }
 
 /// The name of the variable that `as` gives; `this` where it is not given.
-fn variable<'a>(fields: &'a Document) -> Result<&'a str> {
+fn variable(fields: &Document) -> Result<&str> {
     match fields.get("as") {
         None => Ok("this"),
         Some(Bson::String(name)) => {

@@ -27,7 +27,6 @@ use bson::{Bson, Document};
 use super::error::Result;
 use super::filter::Context;
 use super::view::Fields;
-pub(super) use boundary::{date_bin, date_step};
 pub(super) use operator::random;
 pub(super) use scope::{Environment, Scope, Variables, check_name};
 pub(super) use tree::{Expression, field_value};
@@ -60,7 +59,7 @@ impl Expression {
         let none = Variables::default();
         let now = context.now.unwrap_or_else(bson::DateTime::now);
         let environment = Environment::new(fields, context.variables.unwrap_or(&none), now);
-        Ok(self.truth(&environment)?)
+        self.truth(&environment)
     }
 }
 

@@ -61,7 +61,7 @@ fn merged(values: &[Value]) -> Result<Value> {
     Ok(Some(Bson::Document(merged)))
 }
 
-fn name<'a>(arguments: &'a Arguments) -> Result<&'a str> {
+fn name(arguments: &Arguments) -> Result<&str> {
     match arguments.get(0) {
         Bson::String(name) => Ok(name),
         other => Err(QueryError::invalid(

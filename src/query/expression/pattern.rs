@@ -6,7 +6,7 @@ use super::Value;
 use super::operator::{Arguments, Named, is_null, wrong_type};
 use super::string::document;
 use crate::query::error::{QueryError, Result};
-use crate::query::regex::Pattern;
+use crate::query::regex::{Groups, Pattern};
 
 const FIELDS: &[(&str, bool)] = &[("input", true), ("regex", true), ("options", false)];
 
@@ -17,7 +17,7 @@ pub(super) const NAMED: [Named; 3] = [
 ];
 
 /// Text and pattern; nothing where one is null.
-fn prepared<'a>(arguments: &'a Arguments) -> Result<Option<(&'a str, Pattern)>> {
+fn prepared(arguments: &Arguments) -> Result<Option<(&str, Pattern)>> {
     let operator = arguments.operator;
     let options = match arguments.get(2) {
         value if is_null(value) => None,
@@ -54,9 +54,6 @@ fn is_match(arguments: &Arguments) -> Result<Value> {
     };
     Ok(Some(Bson::Boolean(found)))
 }
-
-/// The groups of a match, as byte offsets.
-type Groups = Vec<Option<(usize, usize)>>;
 
 fn shown(text: &str, groups: &Groups, index: usize) -> Bson {
     let part = |group: &Option<(usize, usize)>| match group {

@@ -9,7 +9,7 @@ const OLD: u8 = 2;
 
 /// Positions of bits and what is wanted of them.
 #[derive(Debug)]
-pub(super) struct Bits {
+pub(in crate::query) struct Bits {
     positions: Vec<u32>,
     /// All of them, or any.
     all: bool,

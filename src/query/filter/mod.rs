@@ -16,16 +16,17 @@ mod types;
 use bson::{Bson, DateTime, Document, RawDocument};
 
 use super::error::Result;
+use super::expression::{Scope, Variables};
 use super::view::{Fields, View};
 pub(super) use parse::Parser;
 pub(super) use test::Test;
 pub(super) use tree::{Context, Node};
-pub(super) use types::TypeSet;
 
 /// A compiled filter.
 #[derive(Debug)]
 pub struct Filter {
     root: Node,
+    variables: Variables,
 }
 
 impl Filter {
@@ -34,12 +35,21 @@ impl Filter {
     /// # Errors
     /// Where MongoDB refuses it, or rmem does not support an operator.
     pub fn parse(filter: &Document) -> Result<Self> {
-        Ok(Self { root: Parser::default().filter(filter)? })
+        Ok(Self { root: Parser::default().filter(filter)?, variables: Variables::default() })
+    }
+
+    /// [`Filter::parse`] with constants its expressions can use as `$$name`.
+    ///
+    /// # Errors
+    /// As [`Filter::parse`].
+    pub fn parse_with_constants(filter: &Document, constants: &Document) -> Result<Self> {
+        let (scope, variables) = Scope::with_constants(constants)?;
+        Ok(Self { root: Parser::with_scope(&scope).filter(filter)?, variables })
     }
 
     /// Reads a filter whose expressions see `now` as `$$NOW`, and variables.
     pub(super) fn parse_with(filter: &Document, parser: &Parser<'_>) -> Result<Self> {
-        Ok(Self { root: parser.filter(filter)? })
+        Ok(Self { root: parser.filter(filter)?, variables: Variables::default() })
     }
 
     /// Whether a document matches.
@@ -47,7 +57,7 @@ impl Filter {
     /// # Errors
     /// Where an expression of the filter fails on the document.
     pub fn matches(&self, document: &RawDocument) -> Result<bool> {
-        self.root.matches(document.into(), &mut Context::default())
+        self.root.matches(document.into(), &mut self.context())
     }
 
     /// Whether an owned document matches.
@@ -55,7 +65,7 @@ impl Filter {
     /// # Errors
     /// Where an expression of the filter fails on the document.
     pub fn matches_document(&self, document: &Document) -> Result<bool> {
-        self.root.matches(document.into(), &mut Context::default())
+        self.root.matches(document.into(), &mut self.context())
     }
 
     /// [`Filter::matches`] with variables for its expressions.
@@ -66,8 +76,12 @@ impl Filter {
     /// For a document that matches: the index in the array by which it does, where
     /// it matches by one. The positional `$` stands for it.
     pub(super) fn position(&self, fields: Fields<'_>, now: DateTime) -> Result<Option<usize>> {
-        let mut context = Context { now: Some(now), ..Context::default() };
+        let mut context = Context { now: Some(now), ..self.context() };
         Ok(if self.root.matches(fields, &mut context)? { context.position } else { None })
+    }
+
+    fn context(&self) -> Context<'_> {
+        Context { variables: Some(&self.variables), ..Context::default() }
     }
 
     /// Whether every document matches.
@@ -81,10 +95,6 @@ impl Filter {
     #[must_use]
     pub fn ids(&self) -> Option<Vec<Bson>> {
         self.root.ids()
-    }
-
-    pub(super) fn root(&self) -> &Node {
-        &self.root
     }
 }
 

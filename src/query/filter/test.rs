@@ -17,7 +17,6 @@ use crate::query::view::{Fields, Items, View};
 #[derive(Debug)]
 pub(in crate::query) enum Test {
     And(Vec<Test>),
-    Or(Vec<Test>),
     Not(Box<Test>),
     Leaf(Leaf),
 }
@@ -89,14 +88,6 @@ impl Test {
                     }
                 }
                 Ok(true)
-            }
-            Self::Or(tests) => {
-                for test in tests {
-                    if test.on_value(value, context)? {
-                        return Ok(true);
-                    }
-                }
-                Ok(false)
             }
             Self::Not(test) => Ok(!test.on_value(value, context)?),
             Self::Leaf(leaf) => leaf.matches(Some(value), context),

@@ -100,14 +100,6 @@ impl Test {
                 context.position = position;
                 Ok(!found)
             }
-            Self::Or(tests) => {
-                for test in tests {
-                    if test.on_path(path, fields, context)? {
-                        return Ok(true);
-                    }
-                }
-                Ok(false)
-            }
             Self::Leaf(leaf) => leaf.on_path(path, fields, context),
         }
     }

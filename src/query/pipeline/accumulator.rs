@@ -190,10 +190,8 @@ impl Accumulator {
                     *best = Some(value);
                 }
             }
-            (Kind::First, State::One(first)) => {
-                if first.is_none() {
-                    *first = Some(value.unwrap_or(Bson::Null));
-                }
+            (Kind::First, State::One(first)) if first.is_none() => {
+                *first = Some(value.unwrap_or(Bson::Null));
             }
             (Kind::Last, State::One(last)) => *last = Some(value.unwrap_or(Bson::Null)),
             (Kind::Push, State::Many(values)) => values.extend(value),

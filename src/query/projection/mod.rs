@@ -14,7 +14,7 @@ use super::error::Result;
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
 use find::Transform;
-pub(super) use tree::{Branch, Mode, Policy};
+pub(super) use tree::{Branch, Policy};
 
 /// A compiled projection.
 #[derive(Debug)]

@@ -20,6 +20,7 @@ use super::compare::equal_values;
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
+use super::nesting::MAX_DEPTH;
 use super::pipeline::Reshape;
 use apply::Application;
 use filters::ArrayFilters;
@@ -27,8 +28,6 @@ use modifier::Modifier;
 
 /// The largest document, in bytes.
 const MAX_SIZE: usize = 16 * 1024 * 1024;
-/// How deep documents may be nested.
-const MAX_DEPTH: usize = 200;
 
 /// A compiled update.
 #[derive(Debug)]
