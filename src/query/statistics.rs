@@ -56,11 +56,7 @@ impl Sum {
         if let Some(decimal) = self.decimal {
             let decimal = decimal.plus(Decimal::from_integer(self.integers));
             let floating = if self.floating { Self { integers: 0, ..self }.to_double() } else { 0.0 };
-            return Number::Decimal(if self.floating {
-                decimal.plus(Decimal::from_double_15(floating))
-            } else {
-                decimal
-            });
+            return Number::Decimal(if self.floating { decimal.plus(Decimal::from_double(floating)) } else { decimal });
         }
         if self.floating {
             return Number::Double(self.to_double());

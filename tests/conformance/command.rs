@@ -129,6 +129,7 @@ fn flag(command: &Document, name: &str) -> Result<bool, Failure> {
         Some(Bson::Int32(value)) => Ok(*value != 0),
         Some(Bson::Int64(value)) => Ok(*value != 0),
         Some(Bson::Double(value)) => Ok(*value != 0.0),
+        Some(Bson::Decimal128(value)) => Ok(value.to_string().parse::<f64>().is_ok_and(|value| value != 0.0)),
         Some(_) => Err(Failure::Failed(format!("{name} must be a boolean"))),
     }
 }

@@ -149,3 +149,127 @@ mod properties {
         }
     }
 }
+
+/// Nesting that the room must survive or refuse, in the small stack of a test's thread.
+mod depth {
+    use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+    use rmem::query::{Filter, Pipeline, QueryError, Update, compare_values, key};
+
+    fn nested(levels: usize, inner: Bson, wrap: impl Fn(Bson) -> Bson) -> Bson {
+        (0..levels).fold(inner, |inner, _| wrap(inner))
+    }
+
+    fn object(value: Bson) -> Document {
+        match value {
+            Bson::Document(document) => document,
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn documents_of_two_hundred_levels_are_compared_and_matched() {
+        let deep = nested(198, Bson::Int32(1), |inner| Bson::Document(doc! {"a": inner}));
+        assert!(compare_values(&deep, &deep.clone()).is_eq());
+        assert_eq!(key::encode_value(&deep), key::encode_value(&deep.clone()));
+        let document = RawDocumentBuf::try_from(&doc! {"_id": 1, "d": deep.clone()}).unwrap();
+        assert!(Filter::parse(&doc! {"d": deep}).unwrap().matches(&document).unwrap());
+    }
+
+    #[test]
+    fn deep_filters_and_expressions_are_answered_or_refused() {
+        let document = RawDocumentBuf::try_from(&doc! {"_id": 1}).unwrap();
+        for levels in [50, 99, 190, 1000] {
+            let filter =
+                object(nested(levels, Bson::Document(doc! {"_id": 1}), |inner| Bson::Document(doc! {"$and": [inner]})));
+            match Filter::parse(&filter) {
+                Ok(filter) => assert!(filter.matches(&document).unwrap()),
+                Err(error) => assert!(levels > 90, "{error}"),
+            }
+            let sum = nested(levels, Bson::from("$_id"), |inner| Bson::Document(doc! {"$add": [inner, 0]}));
+            match Pipeline::parse(&[doc! {"$project": {"sum": sum}}]) {
+                Ok(pipeline) => {
+                    let input = std::iter::once(Ok::<_, QueryError>(document.clone()));
+                    let none = |_: &rmem::query::Origin| unreachable!();
+                    let output: Vec<_> = pipeline.run(Box::new(input), DateTime::now(), &none).collect();
+                    assert_eq!(output[0].as_ref().unwrap().get_i32("sum").unwrap(), 1);
+                }
+                Err(error) => assert!(levels > 190, "{error}"),
+            }
+        }
+    }
+
+    #[test]
+    fn an_update_cannot_nest_deeper_than_two_hundred_levels() {
+        let deep = nested(199, Bson::Int32(1), |inner| Bson::Document(doc! {"a": inner}));
+        let update = Update::parse(&doc! {"$set": {"x.y.z": deep}}, &[]).unwrap();
+        let document = RawDocumentBuf::try_from(&doc! {"_id": 1}).unwrap();
+        let all = Filter::parse(&doc! {}).unwrap();
+        assert_eq!(update.apply(&document, &all, DateTime::now()).unwrap_err().code, 15);
+    }
+
+    #[test]
+    fn hostile_numbers_do_not_panic() {
+        let extremes = [
+            Bson::Int32(i32::MIN),
+            Bson::Int64(i64::MIN),
+            Bson::Int64(i64::MAX),
+            Bson::Double(f64::NAN),
+            Bson::Double(f64::MAX),
+            Bson::Double(-5e-324),
+            Bson::Decimal128("-9.999999999999999999999999999999999E+6144".parse().unwrap()),
+            Bson::Decimal128("1E-6176".parse().unwrap()),
+            Bson::Decimal128("NaN".parse().unwrap()),
+        ];
+        let operators =
+            ["$add", "$subtract", "$multiply", "$divide", "$mod", "$pow", "$log", "$round", "$trunc", "$atan2"];
+        for operator in operators {
+            for a in &extremes {
+                for b in &extremes {
+                    let mut expression = Document::new();
+                    expression.insert(operator, vec![a.clone(), b.clone()]);
+                    let _ = Pipeline::parse(&[doc! {"$project": {"x": expression}}]);
+                }
+            }
+        }
+        for operator in [
+            "$abs",
+            "$ceil",
+            "$floor",
+            "$sqrt",
+            "$exp",
+            "$ln",
+            "$log10",
+            "$toInt",
+            "$toLong",
+            "$toDate",
+            "$year",
+            "$dateToString",
+        ] {
+            for a in &extremes {
+                let mut expression = Document::new();
+                expression.insert(operator, a.clone());
+                let _ = Pipeline::parse(&[doc! {"$project": {"x": expression.clone()}}]);
+                let mut date = Document::new();
+                date.insert(operator, doc! {"date": {"$toDate": a.clone()}});
+                let _ = Pipeline::parse(&[doc! {"$project": {"x": date}}]);
+            }
+        }
+        for millis in [i64::MIN, i64::MAX, 0] {
+            for unit in ["year", "quarter", "month", "week", "day", "hour", "millisecond"] {
+                let date = DateTime::from_millis(millis);
+                for amount in [i64::MIN, i64::MAX, 1] {
+                    for zone in ["UTC", "+99:99", "Europe/Berlin"] {
+                        let add =
+                            doc! {"$dateAdd": {"startDate": date, "unit": unit, "amount": amount, "timezone": zone}};
+                        let trunc =
+                            doc! {"$dateTrunc": {"date": date, "unit": unit, "binSize": amount, "timezone": zone}};
+                        let diff = doc! {"$dateDiff": {"startDate": date, "endDate": DateTime::from_millis(1), "unit": unit, "timezone": zone}};
+                        for expression in [add, trunc, diff] {
+                            let _ = Pipeline::parse(&[doc! {"$project": {"x": expression}}]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -4,7 +4,7 @@ use bson::{Bson, DateTime};
 
 use super::Value;
 use super::operator::{ANY, Operator, at, is_null, is_nullish, type_of, wrong_type};
-use crate::query::arithmetic::{Overflow, multiply, subtract};
+use crate::query::arithmetic::{Overflow, add, multiply, subtract};
 use crate::query::compare::compare_values;
 use crate::query::decimal::{Decimal, Rounding};
 use crate::query::error::{QueryError, Result};
@@ -95,6 +95,11 @@ fn sum_all(values: &[Value]) -> Result<Value> {
         }
     }
     let Some(date) = date else {
+        // Decimals take doubles by their first 15 digits here, and exactly in `$sum`.
+        if numbers.iter().any(|number| matches!(number, Number::Decimal(_))) {
+            let sum = numbers.into_iter().try_fold(Number::Int(0), |sum, number| add(sum, number, Overflow::Double))?;
+            return Ok(Some(sum.into()));
+        }
         return Ok(Some(total(numbers.into_iter()).into()));
     };
     let mut millis = date.timestamp_millis();
@@ -241,6 +246,9 @@ fn whole(operator: &str, values: &[Value], double: fn(f64) -> f64, mode: Roundin
 }
 
 fn to_place(operator: &str, values: &[Value], mode: Rounding) -> Result<Value> {
+    if is_null(at(values, 0)) {
+        return Ok(Some(Bson::Null));
+    }
     let place = match values.get(1) {
         None => 0,
         Some(value) if is_nullish(value) => return Ok(Some(Bson::Null)),
@@ -397,7 +405,6 @@ fn log(values: &[Value]) -> Result<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::arithmetic::add;
 
     #[test]
     fn widens_and_rounds_as_mongodb_does() {

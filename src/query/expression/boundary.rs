@@ -87,7 +87,13 @@ pub(in crate::query) fn date_step(millis: i64, unit: Unit, amount: i64, zone: &Z
 
 /// How many boundaries of a unit lie between two moments.
 pub(super) fn date_difference(start: i64, end: i64, unit: Unit, week: i64, zone: &Zone) -> Option<i64> {
-    let (start, end) = if unit == Unit::Millisecond { (start, end) } else { (zone.local(start), zone.local(end)) };
+    // Units up to hours are elapsed time, on the clock of the start.
+    let (start, end) = if unit.is_local() {
+        (zone.local(start), zone.local(end))
+    } else {
+        let offset = zone.offset_at(start) * 1000;
+        (start.checked_add(offset)?, end.checked_add(offset)?)
+    };
     let index = |local: i64| match unit.months() {
         Some(months) => {
             let civil = Civil::from_millis(local);

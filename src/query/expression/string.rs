@@ -232,9 +232,10 @@ fn index_of(operator: &str, values: &[Value], unit: Unit) -> Result<Value> {
         Unit::CodePoint => {
             let offset = |index: usize| text.char_indices().nth(index).map_or(text.len(), |(offset, _)| offset);
             let (start, end) = (offset(start), offset(end));
-            text.get(start..end)
-                .and_then(|part| part.find(wanted.as_str()))
-                .map(|at| text.get(..start + at).map_or(0, |before| before.chars().count()))
+            // A match must begin before the end; it may reach beyond.
+            let found = text.get(start..).and_then(|part| part.find(wanted.as_str())).map(|at| start + at);
+            let found = found.filter(|at| *at < end || text.is_empty());
+            found.map(|at| text.get(..at).map_or(0, |before| before.chars().count()))
         }
     };
     Ok(Some(Bson::Int32(found.and_then(|index| i32::try_from(index).ok()).unwrap_or(-1))))

@@ -11,6 +11,7 @@ use super::stage::encode;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::key;
+use crate::query::number::Number;
 use crate::query::view::Fields;
 
 /// A compiled `$group`. Groups come out in the order in which they began.
@@ -59,6 +60,12 @@ impl Group {
     pub(super) fn parse(spec: &Document, scope: &Scope) -> Result<Self> {
         let id =
             spec.get("_id").ok_or_else(|| QueryError::invalid(15_955, "a group specification must include an _id"))?;
+        if let Bson::Document(parts) = id
+            && parts.values().any(|part| matches!(part, Bson::Boolean(_)) || Number::of(part).is_some())
+            && !parts.keys().any(|name| name.starts_with('$'))
+        {
+            return Err(QueryError::invalid(17_390, "$group does not support inclusion-style expressions"));
+        }
         let fields = spec.iter().filter(|(name, _)| *name != "_id");
         Ok(Self { id: Expression::parse_in(id, scope)?, accumulators: Accumulators::parse(fields, scope)? })
     }

@@ -11,6 +11,8 @@ use crate::query::number::Number;
 pub(super) struct Transform {
     pub(super) path: String,
     pub(super) kind: Kind,
+    /// Whether the field stays where it was; else it comes last.
+    pub(super) in_place: bool,
 }
 
 #[derive(Debug)]
@@ -70,8 +72,11 @@ impl Transform {
                 slice_at(&mut document, &parts, *skip, *limit);
             }
             Kind::ElementMatch(test) => {
-                document.remove(&self.path);
-                if let Some(found) = first_match(test, whole.get(&self.path))? {
+                let found = first_match(test, whole.get(&self.path))?;
+                if !self.in_place || found.is_none() {
+                    document.remove(&self.path);
+                }
+                if let Some(found) = found {
                     document.insert(self.path.clone(), Bson::Array(vec![found]));
                 }
             }

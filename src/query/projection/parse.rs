@@ -63,7 +63,7 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
                 if mode == Mode::Include {
                     root.insert(&path, Item::Named)?;
                 }
-                transforms.push(Transform { path, kind });
+                transforms.push(Transform { path, kind, in_place: mode == Mode::Exclude });
             }
         }
     }
@@ -81,8 +81,7 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
 
 /// The first field other than `_id` decides.
 fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
-    let mut mode = None;
-    let mut id = None;
+    let (mut mode, mut id, mut matching) = (None, None, false);
     for (path, entry) in entries {
         match entry {
             Entry::Include if path == "_id" => id = Some(Mode::Include),
@@ -90,7 +89,8 @@ fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
             Entry::Include | Entry::Value(_) => mode = mode.or(Some(Mode::Include)),
             Entry::Exclude => mode = mode.or(Some(Mode::Exclude)),
             Entry::Transform(Kind::Slice { .. }) => {}
-            Entry::Transform(Kind::Positional | Kind::ElementMatch(_)) => {
+            Entry::Transform(Kind::ElementMatch(_)) => matching = true,
+            Entry::Transform(Kind::Positional) => {
                 if mode == Some(Mode::Exclude) {
                     return Err(QueryError::invalid(31_395, "positional projection cannot be used with exclusion"));
                 }
@@ -98,7 +98,7 @@ fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
             }
         }
     }
-    Ok(mode.or(id).unwrap_or(Mode::Exclude))
+    Ok(mode.or(matching.then_some(Mode::Include)).or(id).unwrap_or(Mode::Exclude))
 }
 
 /// Writes out nested documents as dotted paths.

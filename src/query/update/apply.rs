@@ -92,7 +92,7 @@ impl Application<'_> {
             Bson::Document(document) => self.in_document(document, path, modifier),
             Bson::Array(items) => self.in_array(items, name, path, modifier),
             _ if matches!(path.first(), Some(Segment::Name(_))) => {
-                if modifier.action.creates() {
+                if !modifier.action.ignores_dead_ends() {
                     let message = format!("cannot create field {} in element {{{name}: {value}}}", modifier.text);
                     return Err(QueryError::invalid(PATH_NOT_VIABLE, message));
                 }
@@ -107,7 +107,7 @@ impl Application<'_> {
         match segment {
             Segment::Name(part) => match array_index(part) {
                 Some(index) => self.at_index(items, index, rest, modifier),
-                None if modifier.action.creates() => {
+                None if !modifier.action.ignores_dead_ends() => {
                     let message = format!("cannot create field '{part}' in element {{{name}: [...]}}");
                     Err(QueryError::invalid(PATH_NOT_VIABLE, message))
                 }

@@ -52,6 +52,12 @@ impl Push {
         Ok(push)
     }
 
+    /// Whether it counts as a change even where the array stays the same.
+    pub(super) fn counts(&self, value: Option<&Bson>) -> bool {
+        let has_elements = matches!(value, Some(Bson::Array(items)) if !items.is_empty());
+        !self.each.is_empty() || self.sort.is_some() && has_elements
+    }
+
     pub(super) fn apply(&self, value: Option<&Bson>) -> Result<Outcome> {
         let mut items = existing("$push", value)?.unwrap_or_default();
         let length = i64::try_from(items.len()).unwrap_or(i64::MAX);

@@ -39,7 +39,7 @@ pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Applic
         Action::CurrentDate { timestamp: false } => Outcome::Put(Bson::DateTime(application.now)),
         Action::Bits(operations) => bits(operations, value)?,
         Action::Push(push) => {
-            application.touched.set(true);
+            application.touched.set(application.touched.get() || push.counts(value));
             push.apply(value)?
         }
         Action::AddToSet(new) => array::add_to_set(value, new)?,

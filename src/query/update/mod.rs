@@ -96,8 +96,11 @@ impl Update {
         let id = before.get("_id").cloned();
         let mut touched = false;
         let mut after = match &self.kind {
-            Kind::Replacement(replacement) => replaced(replacement, id.as_ref(), now),
-            Kind::Pipeline(stages, variables) => reshaped(stages, variables, before, now)?,
+            Kind::Replacement(replacement) => {
+                touched = true;
+                replaced(replacement, id.as_ref(), now)
+            }
+            Kind::Pipeline(stages, variables) => with_id(reshaped(stages, variables, before, now)?, id.as_ref()),
             Kind::Operators(modifiers, filters) => {
                 let position = filter.position(document.into(), now)?;
                 let application = Application { filters, position, now, inserting: false, touched: Cell::new(false) };
@@ -173,7 +176,20 @@ fn timestamp(now: DateTime) -> Bson {
     Bson::Timestamp(bson::Timestamp { time, increment: 1 })
 }
 
-/// Refuses a change of `_id`; puts one back that a pipeline dropped.
+/// Puts back an `_id` that a pipeline dropped.
+fn with_id(document: Document, id: Option<&Bson>) -> Document {
+    match id {
+        Some(id) if !document.contains_key("_id") => {
+            let mut whole = Document::new();
+            whole.insert("_id", id.clone());
+            whole.extend(document);
+            whole
+        }
+        _ => document,
+    }
+}
+
+/// Refuses a change of `_id`.
 fn keep_id(document: &mut Document, id: Option<Bson>) -> Result<()> {
     let Some(id) = id else { return Ok(()) };
     match document.get("_id") {

@@ -65,6 +65,11 @@ pub(super) enum Bitwise {
 }
 
 impl Action {
+    /// Whether it does not matter where a path cannot lead on.
+    pub(super) fn ignores_dead_ends(&self) -> bool {
+        matches!(self, Self::Unset | Self::Rename(_))
+    }
+
     /// Whether a missing path is made.
     pub(super) fn creates(&self) -> bool {
         !matches!(self, Self::Unset | Self::Pop { .. } | Self::Pull(_) | Self::PullAll(_) | Self::Rename(_))
@@ -87,7 +92,10 @@ pub(super) fn path(text: &str) -> Result<Vec<Segment>> {
             "$[]" => Segment::All,
             part => match part.strip_prefix("$[").and_then(|rest| rest.strip_suffix(']')) {
                 Some(name) => Segment::Filtered(name.to_owned()),
-                None if part.starts_with('$') && !crate::query::filter::is_reference_key(part) => {
+                None if segments.is_empty()
+                    && part.starts_with('$')
+                    && !crate::query::filter::is_reference_key(part) =>
+                {
                     let message =
                         format!("the dollar ($) prefixed field '{part}' in '{text}' is not valid for storage");
                     return Err(QueryError::invalid(52, message));
