@@ -1,27 +1,56 @@
 //! The values of a field, array elements one by one: what `distinct` lists.
 
-use bson::{Bson, RawDocument};
+use std::collections::BTreeMap;
 
-use super::error::{QueryError, Result};
+use bson::{Bson, RawDocumentBuf};
+
+use super::error::QueryError;
+use super::key;
 use super::path::Path;
 use super::view::View;
 
-/// Shows every value that a dotted path reaches in a document: of an array, its elements.
+/// The different values that a dotted path reaches in documents, in BSON order;
+/// of an array, its elements. Of equal values (`1` and `1.0`) the first is given.
 ///
 /// # Errors
-/// Where the path is not one.
-pub fn distinct(document: &RawDocument, path: &str, show: &mut dyn FnMut(Bson)) -> Result<()> {
+/// The first error of the input, or where the path is not one.
+pub fn distinct<E: From<QueryError>>(
+    documents: impl Iterator<Item = Result<RawDocumentBuf, E>>,
+    path: &str,
+) -> Result<Vec<Bson>, E> {
     if path.contains('\0') {
-        return Err(QueryError::invalid(31_032, "the key field cannot contain a NUL"));
+        return Err(QueryError::invalid(31_032, "the key field cannot contain a NUL").into());
     }
     let path = Path::parse(path)?;
-    path.any(document.into(), false, &mut |value, _| {
-        match value {
-            Some(View::Array(items)) => items.iter().for_each(|item| show(item.to_bson())),
-            Some(value) => show(value.to_bson()),
-            None => {}
-        }
-        false
-    });
-    Ok(())
+    let mut values: BTreeMap<Vec<u8>, Bson> = BTreeMap::new();
+    let mut add = |value: View<'_>| {
+        let mut key = Vec::new();
+        key::append(value, &mut key);
+        values.entry(key).or_insert_with(|| value.to_bson());
+    };
+    for document in documents {
+        path.any((&*document?).into(), false, &mut |value, _| {
+            match value {
+                Some(View::Array(items)) => items.iter().for_each(&mut add),
+                Some(value) => add(value),
+                None => {}
+            }
+            false
+        });
+    }
+    Ok(values.into_values().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::rawdoc;
+
+    #[test]
+    fn lists_elements_of_arrays_in_order_once() {
+        let documents = [rawdoc! {"a": [3, 1]}, rawdoc! {"a": 2.0}, rawdoc! {"b": 1}, rawdoc! {"a": [2, [1]]}];
+        let values = distinct(documents.into_iter().map(Ok::<_, QueryError>), "a").unwrap();
+        let wanted = vec![Bson::Int32(1), Bson::Double(2.0), Bson::Int32(3), Bson::Array(vec![Bson::Int32(1)])];
+        assert_eq!(values, wanted);
+    }
 }

@@ -4,6 +4,7 @@ use std::collections::BinaryHeap;
 
 use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
+use super::decimal::Rounding;
 use super::error::{QueryError, Result};
 use super::key;
 use super::number::Number;
@@ -48,7 +49,7 @@ impl Sort {
                     _ => QueryError::invalid(15_975, "a sort direction must be 1 or -1"),
                 });
             }
-            let descending = match Number::of(direction).and_then(Number::integral) {
+            let descending = match Number::of(direction).map(coerced) {
                 Some(1) => false,
                 Some(-1) => true,
                 _ => return Err(QueryError::invalid(15_975, "a sort direction must be 1 or -1")),
@@ -181,6 +182,14 @@ impl Sort {
             }
         }
         Ok(heap.into_sorted_vec().into_iter().map(|ranked| ranked.document).collect())
+    }
+}
+
+/// A direction as an integer: doubles are cut, decimals rounded.
+fn coerced(direction: Number) -> i64 {
+    match direction {
+        Number::Decimal(direction) => Number::Decimal(direction.round_to(0, Rounding::HalfEven)).to_long(),
+        other => other.to_long(),
     }
 }
 

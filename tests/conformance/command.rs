@@ -3,9 +3,7 @@
 use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
-use rmem::query::{
-    Filter, Output, Pipeline, Projection, QueryError, Sort, Update, WhenMatched, WhenNotMatched, compare_values,
-};
+use rmem::query::{Filter, Output, Pipeline, Projection, QueryError, Sort, Update, WhenMatched, WhenNotMatched};
 
 use crate::collection::{Changed, Collection, invalid};
 
@@ -372,14 +370,11 @@ impl Server {
         let filter = filter(command, "query")?;
         let key = command.get_str("key").map_err(|_| Failure::Failed("key must be a string".to_owned()))?;
         let collection = self.collection(namespace);
-        let mut values: Vec<Bson> = Vec::new();
+        let mut found = Vec::new();
         for place in collection.matching(&filter)? {
-            rmem::query::distinct(&collection.documents[place], key, &mut |value| {
-                if !values.iter().any(|known| compare_values(known, &value).is_eq()) {
-                    values.push(value);
-                }
-            })?;
+            found.push(Ok::<_, QueryError>(collection.documents[place].clone()));
         }
+        let values = rmem::query::distinct(found.into_iter(), key)?;
         Ok(doc! {"values": values})
     }
 

@@ -103,9 +103,10 @@ struct Relaxed {
 fn relaxation(command: &Document) -> Relaxed {
     let pipeline = command.get("pipeline").map_or_else(String::new, Bson::to_string);
     let uses = |name: &str| pipeline.contains(name);
+    let last = |name: &str| pipeline.rfind(name);
+    let sorted_last = last("\"$sort\"") > last("\"$group\"");
     Relaxed {
-        documents: (uses("\"$group\"") || uses("\"$sortByCount\"")) && !pipeline.contains("\"$sort\"")
-            || uses("\"$sample\""),
+        documents: (uses("\"$group\"") || uses("\"$sortByCount\"")) && !sorted_last || uses("\"$sample\""),
         arrays: uses("\"$addToSet\"") || uses("\"$graphLookup\"") || uses("\"$facet\""),
         values: uses("\"$rand\"") || uses("\"$sample\""),
     }

@@ -20,7 +20,7 @@ use command::{Failure, Model, Server};
 use report::{Outcome, Report};
 
 /// The least part of the cases that are not refused which must agree.
-const LEAST: f64 = 0.98;
+const LEAST: f64 = 0.99;
 
 fn main() {
     let arguments = Arguments::from_args();

@@ -6,7 +6,7 @@ use bson::{Bson, DateTime, Decimal128};
 use super::Value;
 use super::date::{object_id_millis, parse_iso};
 use super::operator::{Arguments, Named, Operator, at, is_null, type_of};
-use crate::query::calendar::iso_text;
+use crate::query::calendar::{Civil, iso_text};
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
@@ -114,8 +114,14 @@ fn converted(value: &Bson, target: Target) -> Result<Bson> {
             | Bson::Int64(_)
             | Bson::Decimal128(_)
             | Bson::String(_)
-            | Bson::ObjectId(_)
-            | Bson::DateTime(_) => text_of(value).map(Bson::String).ok_or_else(unsupported),
+            | Bson::ObjectId(_) => text_of(value).map(Bson::String).ok_or_else(unsupported),
+            Bson::DateTime(moment) => {
+                let year = Civil::from_millis(moment.timestamp_millis()).year;
+                if !(0..=9999).contains(&year) {
+                    return Err(QueryError::invalid(18_537, format!("a date of the year {year} has no text")));
+                }
+                text_of(value).map(Bson::String).ok_or_else(unsupported)
+            }
             _ => Err(unsupported()),
         },
         Target::ObjectId => match value {

@@ -120,7 +120,11 @@ impl<'a> Reader<'a> {
                     let place = index.and_then(|index| arguments.get_mut(index)).ok_or_else(|| {
                         QueryError::failed_to_parse(format!("unrecognized argument to {}: {name}", operator.name))
                     })?;
-                    *place = Some(self.read(value)?);
+                    // A pattern of a sort is no expression.
+                    *place = Some(match name.as_str() {
+                        "sortBy" => Expression::Constant(Some(value.clone())),
+                        _ => self.read(value)?,
+                    });
                 }
             }
             other if operator.bare => {

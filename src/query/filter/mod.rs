@@ -27,6 +27,8 @@ pub(super) use tree::{Context, Node};
 pub struct Filter {
     root: Node,
     variables: Variables,
+    /// What `$$NOW` is where nothing else is said: when the filter was read.
+    now: DateTime,
 }
 
 impl Filter {
@@ -35,7 +37,7 @@ impl Filter {
     /// # Errors
     /// Where MongoDB refuses it, or rmem does not support an operator.
     pub fn parse(filter: &Document) -> Result<Self> {
-        Ok(Self { root: Parser::default().filter(filter)?, variables: Variables::default() })
+        Ok(Self { root: Parser::default().filter(filter)?, variables: Variables::default(), now: DateTime::now() })
     }
 
     /// [`Filter::parse`] with constants its expressions can use as `$$name`.
@@ -44,12 +46,12 @@ impl Filter {
     /// As [`Filter::parse`].
     pub fn parse_with_constants(filter: &Document, constants: &Document) -> Result<Self> {
         let (scope, variables) = Scope::with_constants(constants)?;
-        Ok(Self { root: Parser::with_scope(&scope).filter(filter)?, variables })
+        Ok(Self { root: Parser::with_scope(&scope).filter(filter)?, variables, now: DateTime::now() })
     }
 
     /// Reads a filter whose expressions see `now` as `$$NOW`, and variables.
     pub(super) fn parse_with(filter: &Document, parser: &Parser<'_>) -> Result<Self> {
-        Ok(Self { root: parser.filter(filter)?, variables: Variables::default() })
+        Ok(Self { root: parser.filter(filter)?, variables: Variables::default(), now: DateTime::now() })
     }
 
     /// Whether a document matches.
@@ -81,7 +83,7 @@ impl Filter {
     }
 
     fn context(&self) -> Context<'_> {
-        Context { variables: Some(&self.variables), ..Context::default() }
+        Context { variables: Some(&self.variables), now: Some(self.now), ..Context::default() }
     }
 
     /// Whether every document matches.

@@ -154,8 +154,9 @@ fn whole(what: &str, value: &Bson) -> Result<i64> {
 
 fn size(value: &Bson) -> Result<Leaf> {
     let size = Number::of(value)
-        .and_then(Number::integral)
-        .ok_or_else(|| QueryError::failed_to_parse("$size must be an integer"))?;
+        .and_then(Number::integral_32)
+        .map(i64::from)
+        .ok_or_else(|| QueryError::failed_to_parse("$size must be a 32-bit integer"))?;
     if size < 0 {
         return Err(QueryError::failed_to_parse("$size may not be negative"));
     }

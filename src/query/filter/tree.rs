@@ -49,7 +49,15 @@ impl Node {
                 }
                 Ok(true)
             }
-            Self::Or(children) => any(children, fields, context),
+            // Alternatives leave no position, but where they are as good as one `$in`.
+            Self::Or(children) => {
+                let position = context.position;
+                let found = any(children, fields, context)?;
+                if !is_one_set(children) {
+                    context.position = position;
+                }
+                Ok(found)
+            }
             Self::Nor(children) => {
                 let position = context.position;
                 let found = any(children, fields, context)?;
@@ -71,6 +79,17 @@ impl Node {
             _ => None,
         }
     }
+}
+
+/// Whether alternatives are equalities of one path.
+fn is_one_set(children: &[Node]) -> bool {
+    let path_of = |node: &Node| match node {
+        Node::Field(path, Test::Leaf(Leaf::Equal(_) | Leaf::In(_) | Leaf::Regex(_))) => Some(path.text().to_owned()),
+        _ => None,
+    };
+    let mut paths = children.iter().map(path_of);
+    let Some(Some(first)) = paths.next() else { return false };
+    paths.all(|path| path.as_ref() == Some(&first))
 }
 
 fn any(children: &[Node], fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {

@@ -108,12 +108,19 @@ impl Merge {
             match name.as_str() {
                 "into" => {
                     merge.into = match value {
-                        Bson::Document(fields) if !fields.contains_key("db") => {
+                        Bson::Document(fields) if fields.keys().any(|name| name != "db" && name != "coll") => {
+                            return Err(QueryError::invalid(40_415, "'into' has an unknown field"));
+                        }
+                        Bson::Document(fields)
+                            if matches!(fields.get("db"), None | Some(Bson::Null))
+                                || fields.get("db").and_then(Bson::as_str) == Some("") =>
+                        {
                             place("$merge", fields.get("coll").unwrap_or(&Bson::Null))?
                         }
                         value => place("$merge", value)?,
                     }
                 }
+                "whenNotMatched" if matches!(value, Bson::Null) => {}
                 "on" => merge.on = fields(value)?,
                 "whenMatched" => merge.when_matched = matched(value)?,
                 "whenNotMatched" => merge.when_not_matched = not_matched(value)?,
@@ -182,7 +189,11 @@ fn variables(value: &Bson, scope: &Scope) -> Result<Option<Document>> {
     let Bson::Document(variables) = value else {
         return Err(QueryError::type_mismatch("the 'let' of $merge must be an object"));
     };
-    for (_, value) in variables {
+    for (name, value) in variables {
+        if name == "new" && value.as_str() != Some("$$ROOT") {
+            let message = "'let' may not define a value for the reserved 'new' variable other than '$$ROOT'";
+            return Err(QueryError::invalid(51_273, message));
+        }
         Expression::parse_in(value, scope)?;
     }
     Ok(Some(variables.clone()))

@@ -86,8 +86,10 @@ impl Update {
         matches!(self.kind, Kind::Replacement(_))
     }
 
-    /// The changed document, or nothing where it would stay the same. `filter`
-    /// is the one the document matched, for the positional `$`.
+    /// The changed document, or nothing where it counts as unmodified. `filter`
+    /// is the one the document matched, for the positional `$`. As in MongoDB, a
+    /// replacement, a `$push` and a sum that is NaN count as modifications even
+    /// where the bytes are the same.
     ///
     /// # Errors
     /// Where the update cannot be applied to this document.
