@@ -5,8 +5,10 @@
 //! driver. Both answer MongoDB's query and update languages, and both pass one
 //! contract suite (`tests/real`).
 
+pub mod embedded;
 pub mod namespace;
 
+pub use embedded::Embedded;
 pub use namespace::{Namespace, NamespaceError};
 
 use bson::{Bson, Document, RawDocumentBuf};
