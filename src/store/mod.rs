@@ -6,10 +6,19 @@
 //! contract suite (`tests/real`).
 
 pub mod embedded;
-pub mod namespace;
+#[cfg(feature = "mongodb")]
+pub mod mongodb;
 
+mod document;
+pub mod namespace;
+pub mod uri;
+
+pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
+#[cfg(feature = "mongodb")]
+pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
+pub use uri::{Role, StoreUri, UriError, open};
 
 use bson::{Bson, Document, RawDocumentBuf};
 

@@ -5,8 +5,8 @@ use rusqlite::params;
 
 use super::catalog::Collection;
 use super::language::encode;
-use super::{Embedded, document, failure};
-use crate::store::{Inserted, Namespace, StoreError};
+use super::{Embedded, failure};
+use crate::store::{Inserted, Namespace, StoreError, document};
 
 impl Embedded {
     /// Stores the documents up to the first that cannot be; those before it stay.

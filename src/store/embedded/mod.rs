@@ -7,7 +7,6 @@
 
 mod batch;
 mod catalog;
-mod document;
 mod failure;
 mod file;
 mod language;
@@ -19,7 +18,6 @@ use std::path::PathBuf;
 
 use rusqlite::Connection;
 
-pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use file::VERSION;
 
 /// A memory in a file, or in this process only.

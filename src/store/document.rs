@@ -11,7 +11,7 @@ pub const MAX_SIZE: usize = 16 << 20;
 pub const MAX_DEPTH: usize = 100;
 
 /// The document as it is stored: `_id` first, made up where there was none.
-pub(super) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
+pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
     check_depth(&document)?;
     let id = match document.get("_id") {
         Some(id) => acceptable_id(id)?.clone(),
@@ -35,7 +35,7 @@ fn with_id_first(document: Document, id: &Bson) -> Document {
 }
 
 /// Refuses what is too large to be stored.
-pub(super) fn check_size(size: usize) -> Result<(), QueryError> {
+pub(crate) fn check_size(size: usize) -> Result<(), QueryError> {
     if size <= MAX_SIZE {
         return Ok(());
     }
