@@ -4,12 +4,24 @@
 //! computables and triggers. What is not supported is refused by name, never
 //! ignored.
 
+mod arithmetic;
+mod compare;
+mod decimal;
 mod error;
+mod expression;
 mod filter;
+pub mod key;
+mod number;
+mod path;
+mod pipeline;
 mod projection;
+mod regex;
 mod sort;
 mod update;
+mod view;
+mod wide;
 
+pub use compare::{compare, compare_values};
 pub use error::QueryError;
 pub use filter::Filter;
 pub use projection::Projection;
