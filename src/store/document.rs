@@ -38,7 +38,8 @@ pub(crate) fn vet(document: &RawDocument) -> Result<Bson, QueryError> {
     Ok(id)
 }
 
-fn with_id_first(document: Document, id: &Bson) -> Document {
+/// The document with `id` as its first key.
+pub(crate) fn with_id_first(document: Document, id: &Bson) -> Document {
     if document.keys().next().is_some_and(|first| first == "_id") {
         return document;
     }

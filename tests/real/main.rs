@@ -30,7 +30,7 @@ fn main() -> ExitCode {
 }
 
 #[cfg(feature = "mongodb")]
-fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> impl FnOnce() {
+fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
     let names = server::names();
     let wanted = !arguments.list && names.iter().any(|name| is_wanted(arguments, name));
     let program = if wanted { mongod::program() } else { None };
@@ -39,7 +39,7 @@ fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> impl FnOnce()
 }
 
 #[cfg(not(feature = "mongodb"))]
-fn with_servers(_: &Arguments, _: &mut Vec<Trial>) -> impl FnOnce() {
+fn with_servers(_: &Arguments, _: &mut Vec<Trial>) -> fn() {
     || ()
 }
 

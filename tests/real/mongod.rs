@@ -76,6 +76,7 @@ fn make_runnable(program: &Path) -> Option<()> {
 /// nothing is left behind, neither a process nor its data.
 const KEEPER: &str = r#"
 trap '' INT TERM
+exec 2>/dev/null
 data=$1; shift
 "$@" </dev/null >/dev/null 2>&1 &
 server=$!

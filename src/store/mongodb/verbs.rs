@@ -7,7 +7,7 @@ use mongodb::results::UpdateResult;
 use super::stamped::{is_replacement, with_stamps};
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::document::settle;
+use crate::store::document::{settle, with_id_first};
 use crate::store::stamp;
 use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
 
@@ -167,8 +167,8 @@ impl MongoDb {
     fn put_over(&self, ns: &Namespace, document: Document, stamp: Option<DateTime>) -> Result<u64, StoreError> {
         let id = document.get("_id").cloned().unwrap_or(Bson::Null);
         let request = UpdateRequest {
-            filter: doc! { "_id": { "$eq": id } },
-            update: UpdateSpec::Document(document),
+            filter: doc! { "_id": { "$eq": &id } },
+            update: UpdateSpec::Document(with_id_first(document, &id)),
             array_filters: Vec::new(),
             many: false,
             upsert: true,
