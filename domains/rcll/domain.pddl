@@ -1,0 +1,217 @@
+; Production in the RoboCup Logistics League: robots carry workpieces between
+; machines that build a product for an order: a base, up to three rings, a cap.
+;
+; An order's complexity C0 to C3 is the number of its rings. A ring may cost
+; additional bases, which robots pay into the ring station beforehand. A cap
+; reaches its station on a carrier from the station's shelf; when the cap is
+; buffered, the carrier comes out as a plain base, good for a payment.
+(define (domain rcll)
+  (:requirements :strips :typing :negative-preconditions)
+
+  (:types
+    base-station ring-station cap-station delivery-station - machine
+    robot machine side workpiece order gate - object
+    base-color ring-color cap-color - object
+    complexity amount - object)
+
+  (:constants
+    INPUT OUTPUT - side
+    C0 C1 C2 C3 - complexity
+    N0 N1 N2 N3 - amount)
+
+  (:predicates
+    ; robots; one of them at a time has room at a machine's side
+    (outside ?robot - robot)
+    (at ?robot - robot ?machine - machine ?side - side)
+    (occupied ?machine - machine ?side - side)
+    (busy ?robot - robot)
+    (holding ?robot - robot ?workpiece - workpiece)
+    (holding-base ?robot - robot)
+    (holding-carrier ?robot - robot ?station - cap-station)
+
+    ; workpieces
+    (unused ?workpiece - workpiece)
+    (made-for ?workpiece - workpiece ?order - order)
+    (rings ?workpiece - workpiece ?rings - complexity)
+    (capped ?workpiece - workpiece)
+    (lies-at ?workpiece - workpiece ?machine - machine ?side - side)
+    (blocked ?machine - machine ?side - side)
+
+    ; machines
+    (caps-on-shelf ?station - cap-station ?caps - amount)
+    (mounts-cap ?station - cap-station ?cap - cap-color)
+    (cap-buffered ?station - cap-station)
+    (carrier-at-output ?station - cap-station)
+    (mounts-ring ?station - ring-station ?ring - ring-color)
+    (ring-cost ?ring - ring-color ?bases - amount)
+    (paid ?station - ring-station ?bases - amount)
+
+    ; orders
+    (order-complexity ?order - order ?complexity - complexity)
+    (order-base ?order - order ?base - base-color)
+    (order-ring ?order - order ?rings - complexity ?ring - ring-color)
+    (order-cap ?order - order ?cap - cap-color)
+    (order-gate ?order - order ?gate - gate)
+    (fulfilled ?order - order)
+
+    ; arithmetic
+    (one-more ?rings ?more - complexity)
+    (plus-one ?amount ?more - amount)
+    (minus ?amount ?less ?rest - amount))
+
+  ; ---- robots ----
+
+  (:action enter
+    :parameters (?robot - robot ?to - machine ?to_side - side)
+    :precondition (and (outside ?robot) (not (occupied ?to ?to_side)))
+    :effect (and (at ?robot ?to ?to_side) (occupied ?to ?to_side)
+                 (not (outside ?robot))))
+
+  (:action move
+    :parameters (?robot - robot ?from - machine ?from_side - side
+                 ?to - machine ?to_side - side)
+    :precondition (and (at ?robot ?from ?from_side)
+                       (not (occupied ?to ?to_side)))
+    :effect (and (at ?robot ?to ?to_side) (occupied ?to ?to_side)
+                 (not (at ?robot ?from ?from_side))
+                 (not (occupied ?from ?from_side))))
+
+  (:action pick
+    :parameters (?robot - robot ?workpiece - workpiece
+                 ?machine - machine ?side - side)
+    :precondition (and (at ?robot ?machine ?side)
+                       (lies-at ?workpiece ?machine ?side)
+                       (not (busy ?robot)))
+    :effect (and (holding ?robot ?workpiece) (busy ?robot)
+                 (not (lies-at ?workpiece ?machine ?side))
+                 (not (blocked ?machine ?side))))
+
+  (:action put
+    :parameters (?robot - robot ?workpiece - workpiece ?machine - machine)
+    :precondition (and (at ?robot ?machine INPUT)
+                       (holding ?robot ?workpiece)
+                       (not (blocked ?machine INPUT)))
+    :effect (and (lies-at ?workpiece ?machine INPUT) (blocked ?machine INPUT)
+                 (not (holding ?robot ?workpiece)) (not (busy ?robot))))
+
+  ; ---- bases ----
+
+  (:action dispense
+    :parameters (?station - base-station ?workpiece - workpiece
+                 ?order - order ?base - base-color)
+    :precondition (and (unused ?workpiece)
+                       (order-base ?order ?base)
+                       (not (blocked ?station OUTPUT)))
+    :effect (and (made-for ?workpiece ?order) (rings ?workpiece C0)
+                 (lies-at ?workpiece ?station OUTPUT)
+                 (blocked ?station OUTPUT)
+                 (not (unused ?workpiece))))
+
+  ; A base that only pays for a ring; its color and name matter to nobody.
+  (:action fetch-base
+    :parameters (?robot - robot ?station - base-station)
+    :precondition (and (at ?robot ?station OUTPUT)
+                       (not (blocked ?station OUTPUT))
+                       (not (busy ?robot)))
+    :effect (and (holding-base ?robot) (busy ?robot)))
+
+  (:action discard
+    :parameters (?robot - robot)
+    :precondition (holding-base ?robot)
+    :effect (and (not (holding-base ?robot)) (not (busy ?robot))))
+
+  ; ---- rings ----
+
+  (:action pay
+    :parameters (?robot - robot ?station - ring-station ?paid ?now - amount)
+    :precondition (and (at ?robot ?station INPUT)
+                       (holding-base ?robot)
+                       (paid ?station ?paid)
+                       (plus-one ?paid ?now))
+    :effect (and (paid ?station ?now) (not (paid ?station ?paid))
+                 (not (holding-base ?robot)) (not (busy ?robot))))
+
+  (:action mount-ring
+    :parameters (?station - ring-station ?workpiece - workpiece
+                 ?order - order ?ring - ring-color
+                 ?rings ?now - complexity ?paid ?cost ?rest - amount)
+    :precondition (and (lies-at ?workpiece ?station INPUT)
+                       (not (blocked ?station OUTPUT))
+                       (made-for ?workpiece ?order)
+                       (rings ?workpiece ?rings)
+                       (one-more ?rings ?now)
+                       (order-ring ?order ?now ?ring)
+                       (mounts-ring ?station ?ring)
+                       (ring-cost ?ring ?cost)
+                       (paid ?station ?paid)
+                       (minus ?paid ?cost ?rest))
+    :effect (and (rings ?workpiece ?now) (not (rings ?workpiece ?rings))
+                 (paid ?station ?rest) (not (paid ?station ?paid))
+                 (lies-at ?workpiece ?station OUTPUT)
+                 (blocked ?station OUTPUT)
+                 (not (lies-at ?workpiece ?station INPUT))
+                 (not (blocked ?station INPUT))))
+
+  ; ---- caps ----
+
+  (:action take-carrier
+    :parameters (?robot - robot ?station - cap-station ?caps ?left - amount)
+    :precondition (and (at ?robot ?station INPUT)
+                       (caps-on-shelf ?station ?caps)
+                       (plus-one ?left ?caps)
+                       (not (cap-buffered ?station))
+                       (not (busy ?robot)))
+    :effect (and (holding-carrier ?robot ?station) (busy ?robot)
+                 (caps-on-shelf ?station ?left)
+                 (not (caps-on-shelf ?station ?caps))))
+
+  (:action buffer-cap
+    :parameters (?robot - robot ?station - cap-station)
+    :precondition (and (at ?robot ?station INPUT)
+                       (holding-carrier ?robot ?station)
+                       (not (cap-buffered ?station))
+                       (not (blocked ?station INPUT))
+                       (not (blocked ?station OUTPUT)))
+    :effect (and (cap-buffered ?station)
+                 (carrier-at-output ?station) (blocked ?station OUTPUT)
+                 (not (holding-carrier ?robot ?station)) (not (busy ?robot))))
+
+  (:action pick-carrier
+    :parameters (?robot - robot ?station - cap-station)
+    :precondition (and (at ?robot ?station OUTPUT)
+                       (carrier-at-output ?station)
+                       (not (busy ?robot)))
+    :effect (and (holding-base ?robot) (busy ?robot)
+                 (not (carrier-at-output ?station))
+                 (not (blocked ?station OUTPUT))))
+
+  (:action mount-cap
+    :parameters (?station - cap-station ?workpiece - workpiece
+                 ?order - order ?cap - cap-color ?rings - complexity)
+    :precondition (and (lies-at ?workpiece ?station INPUT)
+                       (not (blocked ?station OUTPUT))
+                       (made-for ?workpiece ?order)
+                       (rings ?workpiece ?rings)
+                       (order-complexity ?order ?rings)
+                       (order-cap ?order ?cap)
+                       (mounts-cap ?station ?cap)
+                       (cap-buffered ?station)
+                       (not (capped ?workpiece)))
+    :effect (and (capped ?workpiece) (not (cap-buffered ?station))
+                 (lies-at ?workpiece ?station OUTPUT)
+                 (blocked ?station OUTPUT)
+                 (not (lies-at ?workpiece ?station INPUT))
+                 (not (blocked ?station INPUT))))
+
+  ; ---- delivery ----
+
+  (:action deliver
+    :parameters (?station - delivery-station ?workpiece - workpiece
+                 ?order - order ?gate - gate)
+    :precondition (and (lies-at ?workpiece ?station INPUT)
+                       (made-for ?workpiece ?order)
+                       (capped ?workpiece)
+                       (order-gate ?order ?gate))
+    :effect (and (fulfilled ?order)
+                 (not (lies-at ?workpiece ?station INPUT))
+                 (not (blocked ?station INPUT)))))
