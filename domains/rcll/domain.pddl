@@ -34,8 +34,8 @@
     (made-for ?workpiece - workpiece ?order - order)
     (rings ?workpiece - workpiece ?rings - complexity)
     (capped ?workpiece - workpiece)
-    (lies-at ?workpiece - workpiece ?machine - machine ?side - side)
-    (blocked ?machine - machine ?side - side)
+    (ready-at ?workpiece - workpiece ?machine - machine) ; at its output
+    (output-blocked ?machine - machine)
 
     ; machines
     (caps-on-shelf ?station - cap-station ?caps - amount)
@@ -52,6 +52,7 @@
     (order-ring ?order - order ?rings - complexity ?ring - ring-color)
     (order-cap ?order - order ?cap - cap-color)
     (order-gate ?order - order ?gate - gate)
+    (started ?order - order)
     (fulfilled ?order - order)
 
     ; arithmetic
@@ -77,22 +78,13 @@
                  (not (occupied ?from ?from_side))))
 
   (:action pick
-    :parameters (?robot - robot ?workpiece - workpiece
-                 ?machine - machine ?side - side)
-    :precondition (and (at ?robot ?machine ?side)
-                       (lies-at ?workpiece ?machine ?side)
+    :parameters (?robot - robot ?workpiece - workpiece ?machine - machine)
+    :precondition (and (at ?robot ?machine OUTPUT)
+                       (ready-at ?workpiece ?machine)
                        (not (busy ?robot)))
     :effect (and (holding ?robot ?workpiece) (busy ?robot)
-                 (not (lies-at ?workpiece ?machine ?side))
-                 (not (blocked ?machine ?side))))
-
-  (:action put
-    :parameters (?robot - robot ?workpiece - workpiece ?machine - machine)
-    :precondition (and (at ?robot ?machine INPUT)
-                       (holding ?robot ?workpiece)
-                       (not (blocked ?machine INPUT)))
-    :effect (and (lies-at ?workpiece ?machine INPUT) (blocked ?machine INPUT)
-                 (not (holding ?robot ?workpiece)) (not (busy ?robot))))
+                 (not (ready-at ?workpiece ?machine))
+                 (not (output-blocked ?machine))))
 
   ; ---- bases ----
 
@@ -101,17 +93,18 @@
                  ?order - order ?base - base-color)
     :precondition (and (unused ?workpiece)
                        (order-base ?order ?base)
-                       (not (blocked ?station OUTPUT)))
+                       (not (started ?order))
+                       (not (output-blocked ?station)))
     :effect (and (made-for ?workpiece ?order) (rings ?workpiece C0)
-                 (lies-at ?workpiece ?station OUTPUT)
-                 (blocked ?station OUTPUT)
+                 (started ?order)
+                 (ready-at ?workpiece ?station) (output-blocked ?station)
                  (not (unused ?workpiece))))
 
   ; A base that only pays for a ring; its color and name matter to nobody.
   (:action fetch-base
     :parameters (?robot - robot ?station - base-station)
     :precondition (and (at ?robot ?station OUTPUT)
-                       (not (blocked ?station OUTPUT))
+                       (not (output-blocked ?station))
                        (not (busy ?robot)))
     :effect (and (holding-base ?robot) (busy ?robot)))
 
@@ -132,11 +125,11 @@
                  (not (holding-base ?robot)) (not (busy ?robot))))
 
   (:action mount-ring
-    :parameters (?station - ring-station ?workpiece - workpiece
+    :parameters (?robot - robot ?station - ring-station ?workpiece - workpiece
                  ?order - order ?ring - ring-color
                  ?rings ?now - complexity ?paid ?cost ?rest - amount)
-    :precondition (and (lies-at ?workpiece ?station INPUT)
-                       (not (blocked ?station OUTPUT))
+    :precondition (and (at ?robot ?station INPUT) (holding ?robot ?workpiece)
+                       (not (output-blocked ?station))
                        (made-for ?workpiece ?order)
                        (rings ?workpiece ?rings)
                        (one-more ?rings ?now)
@@ -147,10 +140,8 @@
                        (minus ?paid ?cost ?rest))
     :effect (and (rings ?workpiece ?now) (not (rings ?workpiece ?rings))
                  (paid ?station ?rest) (not (paid ?station ?paid))
-                 (lies-at ?workpiece ?station OUTPUT)
-                 (blocked ?station OUTPUT)
-                 (not (lies-at ?workpiece ?station INPUT))
-                 (not (blocked ?station INPUT))))
+                 (ready-at ?workpiece ?station) (output-blocked ?station)
+                 (not (holding ?robot ?workpiece)) (not (busy ?robot))))
 
   ; ---- caps ----
 
@@ -170,10 +161,9 @@
     :precondition (and (at ?robot ?station INPUT)
                        (holding-carrier ?robot ?station)
                        (not (cap-buffered ?station))
-                       (not (blocked ?station INPUT))
-                       (not (blocked ?station OUTPUT)))
+                       (not (output-blocked ?station)))
     :effect (and (cap-buffered ?station)
-                 (carrier-at-output ?station) (blocked ?station OUTPUT)
+                 (carrier-at-output ?station) (output-blocked ?station)
                  (not (holding-carrier ?robot ?station)) (not (busy ?robot))))
 
   (:action pick-carrier
@@ -183,13 +173,13 @@
                        (not (busy ?robot)))
     :effect (and (holding-base ?robot) (busy ?robot)
                  (not (carrier-at-output ?station))
-                 (not (blocked ?station OUTPUT))))
+                 (not (output-blocked ?station))))
 
   (:action mount-cap
-    :parameters (?station - cap-station ?workpiece - workpiece
+    :parameters (?robot - robot ?station - cap-station ?workpiece - workpiece
                  ?order - order ?cap - cap-color ?rings - complexity)
-    :precondition (and (lies-at ?workpiece ?station INPUT)
-                       (not (blocked ?station OUTPUT))
+    :precondition (and (at ?robot ?station INPUT) (holding ?robot ?workpiece)
+                       (not (output-blocked ?station))
                        (made-for ?workpiece ?order)
                        (rings ?workpiece ?rings)
                        (order-complexity ?order ?rings)
@@ -198,20 +188,17 @@
                        (cap-buffered ?station)
                        (not (capped ?workpiece)))
     :effect (and (capped ?workpiece) (not (cap-buffered ?station))
-                 (lies-at ?workpiece ?station OUTPUT)
-                 (blocked ?station OUTPUT)
-                 (not (lies-at ?workpiece ?station INPUT))
-                 (not (blocked ?station INPUT))))
+                 (ready-at ?workpiece ?station) (output-blocked ?station)
+                 (not (holding ?robot ?workpiece)) (not (busy ?robot))))
 
   ; ---- delivery ----
 
   (:action deliver
-    :parameters (?station - delivery-station ?workpiece - workpiece
+    :parameters (?robot - robot ?station - delivery-station ?workpiece - workpiece
                  ?order - order ?gate - gate)
-    :precondition (and (lies-at ?workpiece ?station INPUT)
+    :precondition (and (at ?robot ?station INPUT) (holding ?robot ?workpiece)
                        (made-for ?workpiece ?order)
                        (capped ?workpiece)
                        (order-gate ?order ?gate))
     :effect (and (fulfilled ?order)
-                 (not (lies-at ?workpiece ?station INPUT))
-                 (not (blocked ?station INPUT)))))
+                 (not (holding ?robot ?workpiece)) (not (busy ?robot)))))
