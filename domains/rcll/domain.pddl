@@ -20,14 +20,13 @@
     N0 N1 N2 N3 - amount)
 
   (:predicates
-    ; robots; one of them at a time has room at a machine's side
+    ; robots; a machine's side has room for one of them
     (outside ?robot - robot)
     (at ?robot - robot ?machine - machine ?side - side)
     (occupied ?machine - machine ?side - side)
     (busy ?robot - robot)
     (holding ?robot - robot ?workpiece - workpiece)
-    (holding-base ?robot - robot)
-    (holding-carrier ?robot - robot ?station - cap-station)
+    (holding-base ?robot - robot)            ; any base, or a carrier without its cap
 
     ; workpieces
     (unused ?workpiece - workpiece)
@@ -114,6 +113,7 @@
     :effect (and (not (holding-base ?robot)) (not (busy ?robot))))
 
   ; ---- rings ----
+  ; What a robot puts into a station's input is ready at its output at once.
 
   (:action pay
     :parameters (?robot - robot ?station - ring-station ?paid ?now - amount)
@@ -145,26 +145,19 @@
 
   ; ---- caps ----
 
-  (:action take-carrier
+  ; The robot takes a carrier from the shelf and puts it into the input beside it.
+  (:action buffer-cap
     :parameters (?robot - robot ?station - cap-station ?caps ?left - amount)
     :precondition (and (at ?robot ?station INPUT)
                        (caps-on-shelf ?station ?caps)
                        (plus-one ?left ?caps)
                        (not (cap-buffered ?station))
+                       (not (output-blocked ?station))
                        (not (busy ?robot)))
-    :effect (and (holding-carrier ?robot ?station) (busy ?robot)
-                 (caps-on-shelf ?station ?left)
-                 (not (caps-on-shelf ?station ?caps))))
-
-  (:action buffer-cap
-    :parameters (?robot - robot ?station - cap-station)
-    :precondition (and (at ?robot ?station INPUT)
-                       (holding-carrier ?robot ?station)
-                       (not (cap-buffered ?station))
-                       (not (output-blocked ?station)))
     :effect (and (cap-buffered ?station)
-                 (carrier-at-output ?station) (output-blocked ?station)
-                 (not (holding-carrier ?robot ?station)) (not (busy ?robot))))
+                 (caps-on-shelf ?station ?left)
+                 (not (caps-on-shelf ?station ?caps))
+                 (carrier-at-output ?station) (output-blocked ?station)))
 
   (:action pick-carrier
     :parameters (?robot - robot ?station - cap-station)
