@@ -4,35 +4,26 @@
 //! computables and triggers. What is not supported is refused by name, never
 //! ignored.
 
-/// Why a query, update, projection, sort or pipeline is refused or failed.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{message}")]
-pub struct QueryError {
-    /// MongoDB's error code for the same mistake (2 BadValue, 9 FailedToParse, 14 TypeMismatch, …).
-    pub code: i32,
-    /// The operator complained about, like `$where`, where there is one.
-    pub operator: Option<String>,
-    /// Whether it is valid MongoDB that rmem does not support.
-    pub unsupported: bool,
-    /// A lower-case fragment that names operator and field.
-    pub message: String,
-}
+mod arithmetic;
+mod compare;
+mod decimal;
+mod error;
+mod expression;
+mod filter;
+pub mod key;
+mod number;
+mod path;
+mod pipeline;
+mod projection;
+mod regex;
+mod sort;
+mod update;
+mod view;
+mod wide;
 
-impl QueryError {
-    /// A mistake in the query.
-    #[must_use]
-    pub fn invalid(code: i32, message: impl Into<String>) -> Self {
-        Self { code, operator: None, unsupported: false, message: message.into() }
-    }
-
-    /// Valid MongoDB that rmem refuses.
-    #[must_use]
-    pub fn unsupported(operator: &str) -> Self {
-        Self {
-            code: 115,
-            operator: Some(operator.to_owned()),
-            unsupported: true,
-            message: format!("{operator} is not supported by the embedded store"),
-        }
-    }
-}
+pub use compare::{compare, compare_values};
+pub use error::QueryError;
+pub use filter::Filter;
+pub use projection::Projection;
+pub use sort::Sort;
+pub use update::Update;

@@ -1,0 +1,593 @@
+//! Decimal128 (IEEE 754-2008, binary integer coding): reading, exact order, arithmetic to 34 digits.
+
+use std::cmp::Ordering;
+
+use bson::Decimal128;
+
+use super::wide::Wide;
+
+/// Digits of a coefficient.
+const PRECISION: u32 = 34;
+const MAX_COEFFICIENT: u128 = 9_999_999_999_999_999_999_999_999_999_999_999;
+const MIN_EXPONENT: i32 = -6176;
+const MAX_EXPONENT: i32 = 6111;
+
+/// A Decimal128, taken apart.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Decimal {
+    /// Not a number.
+    NaN,
+    /// Negative or positive infinity.
+    Infinite {
+        /// Below zero.
+        negative: bool,
+    },
+    /// `± coefficient × 10^exponent`.
+    Finite {
+        /// Below zero, or the negative zero.
+        negative: bool,
+        /// At most 34 digits.
+        coefficient: u128,
+        /// From -6176 to 6111.
+        exponent: i32,
+    },
+}
+
+/// To which neighbour a number goes that has too many digits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Rounding {
+    /// To the nearest, ties to even.
+    HalfEven,
+    /// Towards zero.
+    Truncate,
+    /// Towards positive infinity.
+    Ceiling,
+    /// Towards negative infinity.
+    Floor,
+}
+
+impl Decimal {
+    pub(super) const ZERO: Self = Self::Finite { negative: false, coefficient: 0, exponent: 0 };
+    pub(super) const ONE: Self = Self::Finite { negative: false, coefficient: 1, exponent: 0 };
+
+    pub(super) fn from_integer(value: i128) -> Self {
+        Self::rounded(value < 0, value.unsigned_abs().into(), 0, false)
+    }
+
+    /// The nearest decimal of 34 digits.
+    pub(super) fn from_double(value: f64) -> Self {
+        if value.is_nan() {
+            return Self::NaN;
+        }
+        if value.is_infinite() {
+            return Self::Infinite { negative: value < 0.0 };
+        }
+        let text = format!("{value:.33e}");
+        Self::parse(&text).map_or(Self::NaN, Self::reduced)
+    }
+
+    /// What a double shows with 15 digits, as MongoDB converts a double for arithmetic with decimals.
+    pub(super) fn from_double_15(value: f64) -> Self {
+        if !value.is_finite() {
+            return Self::from_double(value);
+        }
+        let text = format!("{value:.14e}");
+        Self::parse(&text).unwrap_or(Self::NaN)
+    }
+
+    pub(super) fn is_nan(self) -> bool {
+        matches!(self, Self::NaN)
+    }
+
+    pub(super) fn is_zero(self) -> bool {
+        matches!(self, Self::Finite { coefficient: 0, .. })
+    }
+
+    pub(super) fn is_infinite(self) -> bool {
+        matches!(self, Self::Infinite { .. })
+    }
+
+    pub(super) fn is_negative(self) -> bool {
+        match self {
+            Self::NaN => false,
+            Self::Infinite { negative } | Self::Finite { negative, .. } => negative,
+        }
+    }
+
+    /// Without the trailing zeros of the coefficient.
+    pub(super) fn reduced(self) -> Self {
+        let Self::Finite { negative, mut coefficient, mut exponent } = self else { return self };
+        if coefficient == 0 {
+            return Self::Finite { negative, coefficient, exponent: 0 };
+        }
+        while coefficient % 10 == 0 && exponent < MAX_EXPONENT {
+            coefficient /= 10;
+            exponent += 1;
+        }
+        Self::Finite { negative, coefficient, exponent }
+    }
+
+    /// Sign, and the digits as a 34-digit integer with the exponent of the first digit; nothing for zero.
+    pub(super) fn scientific(negative: bool, coefficient: u128, exponent: i32) -> Option<(bool, i32, u128)> {
+        if coefficient == 0 {
+            return None;
+        }
+        let digits = coefficient.ilog10() + 1;
+        let scaled = if digits <= PRECISION { coefficient * 10u128.pow(PRECISION - digits) } else { coefficient };
+        Some((negative, exponent + i32::try_from(digits).unwrap_or(0), scaled))
+    }
+
+    /// Takes a wide coefficient, rounding half to even; `sticky` says that more followed.
+    pub(super) fn rounded(negative: bool, coefficient: Wide, exponent: i32, sticky: bool) -> Self {
+        Self::rounded_by(negative, coefficient, exponent, sticky, Rounding::HalfEven)
+    }
+
+    fn rounded_by(negative: bool, mut wide: Wide, mut exponent: i32, mut sticky: bool, mode: Rounding) -> Self {
+        let mut excess = wide.digits().saturating_sub(PRECISION);
+        if exponent < MIN_EXPONENT {
+            let below = u32::try_from(MIN_EXPONENT.saturating_sub(exponent)).unwrap_or(0);
+            excess = excess.max(below);
+        }
+        if excess > 0 {
+            let dropped = excess.min(77);
+            if excess > 77 {
+                sticky |= !wide.is_zero();
+                wide = Wide::default();
+                exponent = MIN_EXPONENT;
+            } else {
+                let (quotient, rest) = wide.divided(Wide::ten_to(dropped));
+                let half = Wide::ten_to(dropped - 1).times(5);
+                wide = quotient;
+                exponent += i32::try_from(dropped).unwrap_or(0);
+                if round_up(quotient, rest, half, sticky, negative, mode) {
+                    wide = wide.plus(1.into());
+                }
+                if wide.digits() > PRECISION {
+                    wide = wide.divided(10.into()).0;
+                    exponent += 1;
+                }
+            }
+        }
+        let mut coefficient = wide.narrow().unwrap_or(MAX_COEFFICIENT);
+        if coefficient == 0 {
+            return Self::Finite { negative, coefficient, exponent: exponent.clamp(MIN_EXPONENT, MAX_EXPONENT) };
+        }
+        while exponent > MAX_EXPONENT && coefficient <= MAX_COEFFICIENT / 10 {
+            coefficient *= 10;
+            exponent -= 1;
+        }
+        if exponent > MAX_EXPONENT {
+            return Self::Infinite { negative };
+        }
+        Self::Finite { negative, coefficient, exponent }
+    }
+
+    /// Reads `-12.5E+3`, `Infinity`, `NaN`; nothing where the text is none of these.
+    pub(super) fn parse(text: &str) -> Option<Self> {
+        let (negative, rest) = match text.as_bytes().first()? {
+            b'-' => (true, text.get(1..)?),
+            b'+' => (false, text.get(1..)?),
+            _ => (false, text),
+        };
+        match rest.to_ascii_lowercase().as_str() {
+            "inf" | "infinity" => return Some(Self::Infinite { negative }),
+            "nan" => return Some(Self::NaN),
+            _ => {}
+        }
+        let (mantissa, power) = match rest.find(['e', 'E']) {
+            Some(at) => (rest.get(..at)?, exponent_of(rest.get(at + 1..)?)?),
+            None => (rest, 0),
+        };
+        let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+        if whole.is_empty() && fraction.is_empty() {
+            return None;
+        }
+        let mut coefficient = Wide::default();
+        let (mut exponent, mut sticky) = (power, false);
+        for (index, byte) in whole.bytes().chain(fraction.bytes()).enumerate() {
+            if !byte.is_ascii_digit() {
+                return None;
+            }
+            let in_fraction = index >= whole.len();
+            if coefficient.digits() < 70 {
+                coefficient = coefficient.times(10).plus(u128::from(byte - b'0').into());
+                exponent -= i64::from(in_fraction);
+            } else {
+                sticky |= byte != b'0';
+                exponent += i64::from(!in_fraction);
+            }
+        }
+        let exponent = i32::try_from(exponent.clamp(-20_000, 20_000)).ok()?;
+        Some(Self::rounded(negative, coefficient, exponent, sticky))
+    }
+
+    pub(super) fn compare(self, other: Self) -> Ordering {
+        use Decimal::{Finite, Infinite, NaN};
+        let infinity = |negative| if negative { Ordering::Less } else { Ordering::Greater };
+        match (self, other) {
+            (NaN, NaN) => Ordering::Equal,
+            (NaN, _) => Ordering::Less,
+            (_, NaN) => Ordering::Greater,
+            (Infinite { negative: a }, Infinite { negative: b }) => b.cmp(&a),
+            (Infinite { negative }, Finite { .. }) => infinity(negative),
+            (Finite { .. }, Infinite { negative }) => infinity(negative).reverse(),
+            (
+                Finite { negative: n1, coefficient: c1, exponent: e1 },
+                Finite { negative: n2, coefficient: c2, exponent: e2 },
+            ) => match (Self::scientific(n1, c1, e1), Self::scientific(n2, c2, e2)) {
+                (None, None) => Ordering::Equal,
+                (None, Some((negative, ..))) => infinity(negative).reverse(),
+                (Some((negative, ..)), None) => infinity(negative),
+                (Some((false, e1, c1)), Some((false, e2, c2))) => (e1, c1).cmp(&(e2, c2)),
+                (Some((true, e1, c1)), Some((true, e2, c2))) => (e2, c2).cmp(&(e1, c1)),
+                (Some((true, ..)), Some((false, ..))) => Ordering::Less,
+                (Some((false, ..)), Some((true, ..))) => Ordering::Greater,
+            },
+        }
+    }
+
+    pub(super) fn negated(self) -> Self {
+        match self {
+            Self::NaN => Self::NaN,
+            Self::Infinite { negative } => Self::Infinite { negative: !negative },
+            Self::Finite { negative, coefficient, exponent } => {
+                Self::Finite { negative: !negative, coefficient, exponent }
+            }
+        }
+    }
+
+    pub(super) fn absolute(self) -> Self {
+        if self.is_negative() { self.negated() } else { self }
+    }
+
+    pub(super) fn plus(self, other: Self) -> Self {
+        use Decimal::{Finite, Infinite, NaN};
+        match (self, other) {
+            (NaN, _) | (_, NaN) => NaN,
+            (Infinite { negative: a }, Infinite { negative: b }) if a != b => NaN,
+            (Infinite { .. }, _) => self,
+            (_, Infinite { .. }) => other,
+            (
+                Finite { negative: n1, coefficient: c1, exponent: e1 },
+                Finite { negative: n2, coefficient: c2, exponent: e2 },
+            ) => {
+                if e1 >= e2 {
+                    sum((n1, c1, e1), (n2, c2, e2))
+                } else {
+                    sum((n2, c2, e2), (n1, c1, e1))
+                }
+            }
+        }
+    }
+
+    pub(super) fn minus(self, other: Self) -> Self {
+        self.plus(other.negated())
+    }
+
+    pub(super) fn times(self, other: Self) -> Self {
+        use Decimal::{Finite, Infinite, NaN};
+        let negative = self.is_negative() != other.is_negative();
+        match (self, other) {
+            (NaN, _) | (_, NaN) => NaN,
+            (Infinite { .. }, Infinite { .. }) => Infinite { negative },
+            (Infinite { .. }, finite) | (finite, Infinite { .. }) => {
+                if finite.is_zero() {
+                    NaN
+                } else {
+                    Infinite { negative }
+                }
+            }
+            (Finite { coefficient: c1, exponent: e1, .. }, Finite { coefficient: c2, exponent: e2, .. }) => {
+                Self::rounded(negative, Wide::product(c1, c2), e1 + e2, false)
+            }
+        }
+    }
+
+    /// The quotient; dividing by zero gives an infinity, or NaN.
+    pub(super) fn over(self, other: Self) -> Self {
+        use Decimal::{Finite, Infinite, NaN};
+        let negative = self.is_negative() != other.is_negative();
+        match (self, other) {
+            (NaN, _) | (_, NaN) | (Infinite { .. }, Infinite { .. }) => NaN,
+            (Infinite { .. }, Finite { .. }) => Infinite { negative },
+            (Finite { .. }, Infinite { .. }) => Finite { negative, coefficient: 0, exponent: MIN_EXPONENT },
+            (Finite { coefficient: c1, exponent: e1, .. }, Finite { coefficient: c2, exponent: e2, .. }) => {
+                if c2 == 0 {
+                    return if c1 == 0 { NaN } else { Infinite { negative } };
+                }
+                quotient(negative, (c1, e1), (c2, e2))
+            }
+        }
+    }
+
+    /// The remainder with the sign of the dividend.
+    pub(super) fn modulo(self, other: Self) -> Self {
+        use Decimal::{Finite, Infinite, NaN};
+        match (self, other) {
+            (Finite { .. }, Infinite { .. }) => self,
+            (Finite { negative, coefficient: c1, exponent: e1 }, Finite { coefficient: c2, exponent: e2, .. }) => {
+                if c2 == 0 {
+                    return NaN;
+                }
+                let exponent = e1.min(e2);
+                // Brings both to one exponent; the dividend digit by digit, so that nothing overflows.
+                let up2 = e2 - exponent;
+                if up2 > 40 {
+                    return self;
+                }
+                let divisor = Wide::from(c2).times(10u128.pow(u32::try_from(up2.min(38)).unwrap_or(0)));
+                let divisor = if up2 > 38 { divisor.times(10u128.pow((up2 - 38).unsigned_abs())) } else { divisor };
+                let mut rest = Wide::from(c1).divided(divisor).1;
+                for _ in 0..(e1 - exponent) {
+                    rest = rest.times(10).divided(divisor).1;
+                }
+                Self::rounded(negative, rest, exponent, false)
+            }
+            _ => NaN,
+        }
+    }
+
+    /// Rounded to `places` digits after the point (before it, where negative).
+    pub(super) fn round_to(self, places: i32, mode: Rounding) -> Self {
+        let Self::Finite { negative, coefficient, exponent } = self else { return self };
+        let target = -places;
+        if exponent >= target {
+            return self.quantized(target);
+        }
+        let dropped = (target - exponent).unsigned_abs();
+        let wide = Wide::from(coefficient);
+        let (quotient, rest) = if dropped > 76 {
+            (Wide::default(), if coefficient == 0 { Wide::default() } else { 1.into() })
+        } else {
+            wide.divided(Wide::ten_to(dropped))
+        };
+        let half = Wide::ten_to(dropped.min(77) - 1).times(5);
+        let up = round_up(quotient, rest, half, false, negative, mode);
+        let quotient = if up { quotient.plus(1.into()) } else { quotient };
+        Self::rounded(negative, quotient, target, false)
+    }
+
+    /// The same value with a smaller exponent, where its digits allow.
+    fn quantized(self, target: i32) -> Self {
+        let Self::Finite { negative, coefficient, exponent } = self else { return self };
+        let steps = (exponent - target).unsigned_abs();
+        if coefficient == 0 {
+            return Self::Finite { negative, coefficient, exponent: target.max(MIN_EXPONENT) };
+        }
+        if steps + coefficient.ilog10() + 1 > PRECISION || target < MIN_EXPONENT {
+            return self;
+        }
+        Self::Finite { negative, coefficient: coefficient * 10u128.pow(steps), exponent: target }
+    }
+
+    /// The square root; NaN below zero.
+    pub(super) fn root(self) -> Self {
+        match self {
+            Self::Infinite { negative: false } => self,
+            Self::Finite { coefficient: 0, negative, exponent } => {
+                Self::Finite { negative, coefficient: 0, exponent: exponent.div_euclid(2) }
+            }
+            Self::Finite { negative: false, coefficient, exponent } => {
+                let digits = coefficient.ilog10() + 1;
+                let mut shift = 74 - i32::try_from(digits).unwrap_or(0);
+                if (exponent - shift).rem_euclid(2) != 0 {
+                    shift -= 1;
+                }
+                let wide = scale(coefficient.into(), shift.unsigned_abs());
+                let root = wide.root();
+                let exact = Wide::product(root, root) == wide;
+                let result = Self::rounded(false, root.into(), (exponent - shift) / 2, !exact);
+                if exact { result.towards(exponent.div_euclid(2)) } else { result }
+            }
+            _ => Self::NaN,
+        }
+    }
+
+    /// Drops trailing zeros until the exponent is `preferred`.
+    fn towards(self, preferred: i32) -> Self {
+        let Self::Finite { negative, mut coefficient, mut exponent } = self else { return self };
+        while exponent < preferred && coefficient % 10 == 0 && coefficient != 0 {
+            coefficient /= 10;
+            exponent += 1;
+        }
+        Self::Finite { negative, coefficient, exponent }
+    }
+
+    /// The nearest double.
+    pub(super) fn to_double(self) -> f64 {
+        match self {
+            Self::NaN => f64::NAN,
+            Self::Infinite { negative } => {
+                if negative {
+                    f64::NEG_INFINITY
+                } else {
+                    f64::INFINITY
+                }
+            }
+            Self::Finite { negative, coefficient, exponent } => {
+                format!("{}{coefficient}e{exponent}", if negative { "-" } else { "" }).parse().unwrap_or(f64::NAN)
+            }
+        }
+    }
+
+    /// The integer part, where the value is finite and fits.
+    pub(super) fn to_i128(self) -> Option<i128> {
+        let Self::Finite { negative, coefficient, exponent } = self.round_to(0, Rounding::Truncate) else {
+            return None;
+        };
+        if coefficient == 0 {
+            return Some(0);
+        }
+        let scale = u32::try_from(exponent).ok()?;
+        let magnitude = i128::try_from(coefficient).ok()?.checked_mul(10i128.checked_pow(scale)?)?;
+        Some(if negative { -magnitude } else { magnitude })
+    }
+
+    /// Whether it is finite and has no fraction.
+    pub(super) fn is_integral(self) -> bool {
+        matches!(self, Self::Finite { .. }) && self.compare(self.round_to(0, Rounding::Truncate)) == Ordering::Equal
+    }
+}
+
+/// Whether the dropped `rest` takes the quotient up (away from zero).
+fn round_up(quotient: Wide, rest: Wide, half: Wide, sticky: bool, negative: bool, mode: Rounding) -> bool {
+    let inexact = sticky || !rest.is_zero();
+    match mode {
+        Rounding::Truncate => false,
+        Rounding::Ceiling => inexact && !negative,
+        Rounding::Floor => inexact && negative,
+        Rounding::HalfEven => match rest.cmp(&half) {
+            Ordering::Greater => true,
+            Ordering::Less => false,
+            Ordering::Equal => sticky || quotient.divided(2.into()).1 != Wide::default(),
+        },
+    }
+}
+
+/// `wide * 10^digits`.
+fn scale(wide: Wide, digits: u32) -> Wide {
+    let first = digits.min(38);
+    let wide = wide.times(10u128.pow(first));
+    if digits > 38 { wide.times(10u128.pow((digits - 38).min(38))) } else { wide }
+}
+
+/// `(sign, coefficient, exponent)`.
+type Parts = (bool, u128, i32);
+
+/// The sum where `a` has the larger exponent.
+fn sum(a: Parts, b: Parts) -> Decimal {
+    let (n1, c1, e1) = a;
+    let (n2, c2, e2) = b;
+    if c1 == 0 && c2 == 0 {
+        return Decimal::Finite { negative: n1 && n2, coefficient: 0, exponent: e2 };
+    }
+    if c1 == 0 {
+        return Decimal::Finite { negative: n2, coefficient: c2, exponent: e2 };
+    }
+    let gap = (e1 - e2).unsigned_abs();
+    let room = 75 - c1.ilog10() - 1;
+    let shift = gap.min(room);
+    let wide1 = scale(c1.into(), shift);
+    let (wide2, lost) = if gap == shift {
+        (Wide::from(c2), false)
+    } else if gap - shift > 40 {
+        (Wide::default(), c2 != 0)
+    } else {
+        let (quotient, rest) = Wide::from(c2).divided(Wide::ten_to(gap - shift));
+        (quotient, !rest.is_zero())
+    };
+    let exponent = e1 - i32::try_from(shift).unwrap_or(0);
+    if n1 == n2 {
+        return Decimal::rounded(n1, wide1.plus(wide2), exponent, lost);
+    }
+    match wide1.cmp(&wide2) {
+        Ordering::Equal => Decimal::Finite { negative: false, coefficient: 0, exponent },
+        Ordering::Greater if lost => Decimal::rounded(n1, wide1.minus(wide2).minus(1.into()), exponent, true),
+        Ordering::Greater => Decimal::rounded(n1, wide1.minus(wide2), exponent, false),
+        Ordering::Less => Decimal::rounded(n2, wide2.minus(wide1), exponent, lost),
+    }
+}
+
+fn quotient(negative: bool, (c1, e1): (u128, i32), (c2, e2): (u128, i32)) -> Decimal {
+    let preferred = e1 - e2;
+    if c1 == 0 {
+        return Decimal::Finite { negative, coefficient: 0, exponent: preferred.clamp(MIN_EXPONENT, MAX_EXPONENT) };
+    }
+    let digits1 = c1.ilog10() + 1;
+    let digits2 = c2.ilog10() + 1;
+    let shift = (PRECISION + 2 + digits2).saturating_sub(digits1).min(76 - digits1);
+    let (result, rest) = scale(c1.into(), shift).divided(c2.into());
+    let exact = rest.is_zero();
+    let value = Decimal::rounded(negative, result, preferred - i32::try_from(shift).unwrap_or(0), !exact);
+    if exact { value.towards(preferred) } else { value }
+}
+
+fn exponent_of(text: &str) -> Option<i64> {
+    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
+    if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let magnitude = digits.parse::<i64>().unwrap_or(1_000_000).min(1_000_000);
+    Some(if text.starts_with('-') { -magnitude } else { magnitude })
+}
+
+impl From<Decimal128> for Decimal {
+    fn from(value: Decimal128) -> Self {
+        let bits = u128::from_le_bytes(value.bytes());
+        let negative = bits >> 127 == 1;
+        match bits >> 122 & 0b11111 {
+            0b11111 => Self::NaN,
+            0b11110 => Self::Infinite { negative },
+            top => {
+                // The second form of the coding has coefficients above the maximum: they read as zero.
+                let (biased, coefficient) = if top >> 3 == 0b11 {
+                    (bits >> 111 & 0x3fff, 0)
+                } else {
+                    (bits >> 113 & 0x3fff, bits & ((1 << 113) - 1))
+                };
+                let coefficient = if coefficient > MAX_COEFFICIENT { 0 } else { coefficient };
+                let exponent = i32::try_from(biased).unwrap_or(0) + MIN_EXPONENT;
+                Self::Finite { negative, coefficient, exponent }
+            }
+        }
+    }
+}
+
+impl From<Decimal> for Decimal128 {
+    fn from(value: Decimal) -> Self {
+        let bits = match value {
+            Decimal::NaN => 0b11111 << 122,
+            Decimal::Infinite { negative } => u128::from(negative) << 127 | 0b11110 << 122,
+            Decimal::Finite { negative, coefficient, exponent } => {
+                let biased = u128::from((exponent - MIN_EXPONENT).unsigned_abs());
+                u128::from(negative) << 127 | biased << 113 | coefficient
+            }
+        };
+        Self::from_bytes(bits.to_le_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decimal(text: &str) -> Decimal {
+        Decimal::parse(text).unwrap()
+    }
+
+    fn shown(value: Decimal) -> String {
+        Decimal128::from(value).to_string()
+    }
+
+    #[test]
+    fn reads_and_writes_the_128_bits() {
+        for text in ["0", "-1.50", "1E+3", "9.999999999999999999999999999999999E+6144", "1E-6176", "Infinity", "NaN"] {
+            let theirs: Decimal128 = text.parse().unwrap();
+            assert_eq!(shown(Decimal::from(theirs)), theirs.to_string());
+            assert_eq!(shown(decimal(text)), theirs.to_string());
+        }
+    }
+
+    #[test]
+    fn calculates_with_34_digits() {
+        assert_eq!(shown(decimal("1").over(decimal("3"))), "0.3333333333333333333333333333333333");
+        assert_eq!(shown(decimal("10").over(decimal("4"))), "2.5");
+        assert_eq!(shown(decimal("1.10").plus(decimal("2.2"))), "3.30");
+        assert_eq!(shown(decimal("1E+40").minus(decimal("1"))), "1.000000000000000000000000000000000E+40");
+        assert_eq!(shown(decimal("2").root()), "1.414213562373095048801688724209698");
+        assert_eq!(shown(decimal("100").root()), "10");
+        assert_eq!(shown(decimal("10.5").modulo(decimal("3"))), "1.5");
+        assert_eq!(shown(decimal("2.5").round_to(0, Rounding::HalfEven)), "2");
+        assert_eq!(shown(decimal("-1.25").round_to(1, Rounding::Truncate)), "-1.2");
+    }
+
+    #[test]
+    fn orders_exactly() {
+        let texts = ["NaN", "-Infinity", "-1E+10", "-1", "-0.1", "0", "1E-6176", "0.1", "1", "1.0001", "1E+10"];
+        for pair in texts.windows(2) {
+            assert_eq!(decimal(pair[0]).compare(decimal(pair[1])), Ordering::Less, "{pair:?}");
+        }
+        assert_eq!(decimal("1.00").compare(decimal("1")), Ordering::Equal);
+        assert_eq!(decimal("-0").compare(decimal("0E+7")), Ordering::Equal);
+    }
+}

@@ -1,0 +1,68 @@
+//! Why a query, update, projection, sort or pipeline is refused or failed.
+
+/// Why a query, update, projection, sort or pipeline is refused or failed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
+pub struct QueryError {
+    /// MongoDB's error code for the same mistake (2 BadValue, 9 FailedToParse, 14 TypeMismatch, …).
+    pub code: i32,
+    /// The operator complained about, like `$where`, where there is one.
+    pub operator: Option<String>,
+    /// Whether it is valid MongoDB that rmem does not support.
+    pub unsupported: bool,
+    /// A lower-case fragment that names operator and field.
+    pub message: String,
+}
+
+/// What every function of the room returns.
+pub type Result<T> = std::result::Result<T, QueryError>;
+
+/// MongoDB's code for a value that is not acceptable.
+pub const BAD_VALUE: i32 = 2;
+/// MongoDB's code for a document that does not read as a query, update or stage.
+pub const FAILED_TO_PARSE: i32 = 9;
+/// MongoDB's code for a value of the wrong type.
+pub const TYPE_MISMATCH: i32 = 14;
+
+impl QueryError {
+    /// A mistake in the query.
+    #[must_use]
+    pub fn invalid(code: i32, message: impl Into<String>) -> Self {
+        Self { code, operator: None, unsupported: false, message: message.into() }
+    }
+
+    /// A value that is not acceptable.
+    #[must_use]
+    pub fn bad_value(message: impl Into<String>) -> Self {
+        Self::invalid(BAD_VALUE, message)
+    }
+
+    /// Something that does not read as a query, update or stage.
+    #[must_use]
+    pub fn failed_to_parse(message: impl Into<String>) -> Self {
+        Self::invalid(FAILED_TO_PARSE, message)
+    }
+
+    /// A value of the wrong type.
+    #[must_use]
+    pub fn type_mismatch(message: impl Into<String>) -> Self {
+        Self::invalid(TYPE_MISMATCH, message)
+    }
+
+    /// Valid MongoDB that rmem refuses.
+    #[must_use]
+    pub fn unsupported(operator: &str) -> Self {
+        Self {
+            code: 115,
+            operator: Some(operator.to_owned()),
+            unsupported: true,
+            message: format!("{operator} is not supported by the embedded store"),
+        }
+    }
+}
+
+impl From<bson::error::Error> for QueryError {
+    fn from(error: bson::error::Error) -> Self {
+        Self::invalid(22, format!("invalid BSON: {error}"))
+    }
+}

@@ -1,0 +1,76 @@
+//! `$bitsAllSet`, `$bitsAllClear`, `$bitsAnySet`, `$bitsAnyClear`.
+
+use crate::query::error::{QueryError, Result};
+use crate::query::number::Number;
+use crate::query::view::View;
+
+/// Positions of bits and what is wanted of them.
+#[derive(Debug)]
+pub(super) struct Bits {
+    positions: Vec<u32>,
+    /// All of them, or any.
+    all: bool,
+    /// Set, or clear.
+    set: bool,
+}
+
+impl Bits {
+    /// Reads a mask: a number, binary data, or positions.
+    ///
+    /// # Errors
+    /// Where the mask is negative, fractional, or of another type.
+    pub(super) fn parse(mask: View<'_>, all: bool, set: bool) -> Result<Self> {
+        let positions = match mask {
+            View::Number(number) => positions_of_mask(number)?,
+            View::Binary(_, bytes) => positions_of_bytes(bytes),
+            View::Array(items) => items.iter().map(position).collect::<Result<_>>()?,
+            _ => return Err(QueryError::bad_value("a bit mask must be a number, binary data, or an array")),
+        };
+        Ok(Self { positions, all, set })
+    }
+
+    pub(super) fn matches(&self, value: View<'_>) -> bool {
+        match value {
+            View::Number(number) => {
+                let Some(number) = number.integral() else { return false };
+                self.test(|position| number >> position.min(63) & 1 == 1)
+            }
+            View::Binary(_, bytes) => self.test(|position| {
+                let byte = bytes.get(position as usize / 8).copied().unwrap_or(0);
+                byte >> (position % 8) & 1 == 1
+            }),
+            _ => false,
+        }
+    }
+
+    fn test(&self, is_set: impl Fn(u32) -> bool) -> bool {
+        let mut positions = self.positions.iter();
+        if self.all {
+            positions.all(|position| is_set(*position) == self.set)
+        } else {
+            positions.any(|position| is_set(*position) == self.set)
+        }
+    }
+}
+
+fn positions_of_mask(number: Number) -> Result<Vec<u32>> {
+    let mask = number
+        .integral()
+        .filter(|mask| *mask >= 0)
+        .ok_or_else(|| QueryError::failed_to_parse("a bit mask must be an integer that is not negative"))?;
+    Ok((0..63).filter(|position| mask >> position & 1 == 1).collect())
+}
+
+fn positions_of_bytes(bytes: &[u8]) -> Vec<u32> {
+    let bits = bytes.iter().enumerate().flat_map(|(index, byte)| {
+        let base = u32::try_from(index * 8).unwrap_or(u32::MAX);
+        (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| base.saturating_add(bit))
+    });
+    bits.collect()
+}
+
+fn position(value: View<'_>) -> Result<u32> {
+    let wrong = || QueryError::bad_value("bit positions must be integers that are not negative");
+    let View::Number(number) = value else { return Err(wrong()) };
+    number.integral_32().and_then(|position| u32::try_from(position).ok()).ok_or_else(wrong)
+}

@@ -1,0 +1,156 @@
+//! Filters from documents: what stands at the top, and what stands under a path.
+
+use bson::{Bson, Document};
+
+use super::operators::field_operator;
+use super::schema::Schema;
+use super::test::{Leaf, Test};
+use super::tree::Node;
+use super::{is_operators, is_reference_key};
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope};
+use crate::query::path::Path;
+use crate::query::regex::Pattern;
+use crate::query::view::View;
+
+/// How deep filters may be nested.
+const MAX_DEPTH: usize = 100;
+
+/// Operators at the top that rmem refuses by name.
+const REFUSED: [&str; 2] = ["$where", "$text"];
+
+/// Reads filters, with the variables that their expressions may use.
+#[derive(Debug, Default, Clone)]
+pub(in crate::query) struct Parser<'a> {
+    scope: Option<&'a Scope>,
+    depth: usize,
+}
+
+impl<'a> Parser<'a> {
+    /// A parser whose expressions see the variables of `scope`.
+    pub(in crate::query) fn with_scope(scope: &'a Scope) -> Self {
+        Self { scope: Some(scope), depth: 0 }
+    }
+
+    fn deeper(&self) -> Result<Self> {
+        if self.depth >= MAX_DEPTH {
+            return Err(QueryError::bad_value("the filter is nested too deeply"));
+        }
+        Ok(Self { scope: self.scope, depth: self.depth + 1 })
+    }
+
+    /// Reads a filter.
+    pub(in crate::query) fn filter(&self, filter: &Document) -> Result<Node> {
+        let parser = self.deeper()?;
+        let mut children = Vec::with_capacity(filter.len());
+        for (name, value) in filter {
+            if name.starts_with('$') && !is_reference_key(name) {
+                children.extend(parser.top(name, value)?);
+            } else {
+                let test = parser.field(value)?;
+                children.push(Node::Field(Path::parse(name)?, test));
+            }
+        }
+        Ok(match children.len() {
+            1 => children.remove(0),
+            _ => Node::And(children),
+        })
+    }
+
+    fn top(&self, name: &str, value: &Bson) -> Result<Option<Node>> {
+        Ok(Some(match name {
+            "$and" => Node::And(self.filters(name, value)?),
+            "$or" => Node::Or(self.filters(name, value)?),
+            "$nor" => Node::Nor(self.filters(name, value)?),
+            "$comment" => return Ok(None),
+            "$expr" => Node::Expression(match self.scope {
+                Some(scope) => Expression::parse_in(value, scope)?,
+                None => Expression::parse(value)?,
+            }),
+            "$jsonSchema" => match value {
+                Bson::Document(schema) => Node::Schema(Box::new(Schema::parse(schema.into())?)),
+                _ => return Err(QueryError::type_mismatch("$jsonSchema must be an object")),
+            },
+            "$alwaysTrue" | "$alwaysFalse" => {
+                if crate::query::number::Number::of(value).and_then(|number| number.integral()) != Some(1) {
+                    return Err(QueryError::failed_to_parse(format!("{name} must be an integer value of 1")));
+                }
+                Node::Always(name == "$alwaysTrue")
+            }
+            "$sampleRate" => match crate::query::number::Number::of(value).map(|number| number.to_double()) {
+                Some(rate) if (0.0..=1.0).contains(&rate) => Node::Sample(rate),
+                _ => return Err(QueryError::bad_value("$sampleRate must be between 0 and 1")),
+            },
+            _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
+            _ => return Err(QueryError::bad_value(format!("unknown top level operator: {name}"))),
+        }))
+    }
+
+    fn filters(&self, name: &str, value: &Bson) -> Result<Vec<Node>> {
+        let Bson::Array(items) = value else {
+            return Err(QueryError::bad_value(format!("{name} must be an array")));
+        };
+        if items.is_empty() {
+            return Err(QueryError::bad_value(format!("{name} must be a nonempty array")));
+        }
+        items
+            .iter()
+            .map(|item| match item {
+                Bson::Document(filter) => self.filter(filter),
+                _ => Err(QueryError::bad_value(format!("entries of {name} need to be full objects"))),
+            })
+            .collect()
+    }
+
+    /// What a path must be: a value, a pattern, or operators.
+    pub(in crate::query) fn field(&self, value: &Bson) -> Result<Test> {
+        match value {
+            Bson::Document(operators) if is_operators(operators.into()) => self.operators(operators),
+            Bson::RegularExpression(regex) => {
+                Ok(Test::Leaf(Leaf::Regex(Pattern::new(regex.pattern.as_str(), regex.options.as_str())?)))
+            }
+            Bson::Undefined => Err(QueryError::bad_value("cannot compare to undefined")),
+            value => Ok(Test::Leaf(Leaf::Equal(value.clone()))),
+        }
+    }
+
+    /// All operators of a document, which must hold together.
+    pub(in crate::query) fn operators(&self, operators: &Document) -> Result<Test> {
+        let parser = self.deeper()?;
+        let mut tests = Vec::with_capacity(operators.len());
+        for (name, value) in operators {
+            tests.extend(field_operator(&parser, name, value, operators)?);
+        }
+        Ok(match tests.len() {
+            1 => tests.remove(0),
+            _ => Test::And(tests),
+        })
+    }
+
+    /// What `$elemMatch` takes: a filter of documents, or operators on values.
+    pub(super) fn element_match(&self, value: &Bson) -> Result<Test> {
+        let Bson::Document(inner) = value else {
+            return Err(QueryError::bad_value("$elemMatch needs an Object"));
+        };
+        let on_values = is_operators(inner.into())
+            && !inner.keys().next().is_some_and(|name| {
+                matches!(name.as_str(), "$and" | "$or" | "$nor" | "$where" | "$expr" | "$comment" | "$jsonSchema")
+            });
+        Ok(Test::Leaf(if on_values {
+            Leaf::ElementPasses(Box::new(self.operators(inner)?))
+        } else {
+            if let Some(refused) = inner.keys().find(|name| REFUSED.contains(&name.as_str()) || *name == "$expr") {
+                return Err(QueryError::bad_value(format!("{refused} cannot be in $elemMatch")));
+            }
+            Leaf::ElementMatches(Box::new(self.filter(inner)?))
+        }))
+    }
+}
+
+/// The elements of an operator's array.
+pub(super) fn array<'a>(name: &str, value: &'a Bson) -> Result<&'a [Bson]> {
+    match value {
+        Bson::Array(items) => Ok(items),
+        other => Err(QueryError::bad_value(format!("{name} needs an array, not {}", View::from(other).type_name()))),
+    }
+}

@@ -1,0 +1,153 @@
+//! The compiled filter and how it walks a document.
+
+use bson::{Bson, DateTime};
+
+use super::indexable;
+use super::schema::Schema;
+use super::test::{Leaf, Test};
+use crate::query::error::Result;
+use crate::query::expression::{Expression, Variables};
+use crate::query::path::Path;
+use crate::query::view::{Fields, View};
+
+/// A part of a filter that looks at a whole document.
+#[derive(Debug)]
+pub(in crate::query) enum Node {
+    And(Vec<Node>),
+    Or(Vec<Node>),
+    Nor(Vec<Node>),
+    /// A test of what a path reaches.
+    Field(Path, Test),
+    /// An aggregation expression that must be true.
+    Expression(Expression),
+    Schema(Box<Schema>),
+    /// A constant answer.
+    Always(bool),
+    /// True for about this part of the documents.
+    Sample(f64),
+}
+
+/// What a match needs beside the document, and what it leaves behind.
+#[derive(Debug, Default, Clone)]
+pub(in crate::query) struct Context<'a> {
+    /// The index in the array by which the document matched.
+    pub(in crate::query) position: Option<usize>,
+    /// What `$$NOW` is.
+    pub(in crate::query) now: Option<DateTime>,
+    /// Variables for expressions.
+    pub(in crate::query) variables: Option<&'a Variables>,
+}
+
+impl Node {
+    pub(in crate::query) fn matches(&self, fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
+        match self {
+            Self::And(children) => {
+                for child in children {
+                    if !child.matches(fields, context)? {
+                        return Ok(false);
+                    }
+                }
+                Ok(true)
+            }
+            Self::Or(children) => any(children, fields, context),
+            Self::Nor(children) => {
+                let position = context.position;
+                let found = any(children, fields, context)?;
+                context.position = position;
+                Ok(!found)
+            }
+            Self::Field(path, test) => test.on_path(path, fields, context),
+            Self::Expression(expression) => expression.holds(fields, context),
+            Self::Schema(schema) => Ok(schema.accepts(View::Document(fields))),
+            Self::Always(answer) => Ok(*answer),
+            Self::Sample(rate) => Ok(crate::query::expression::random() < *rate),
+        }
+    }
+
+    pub(super) fn ids(&self) -> Option<Vec<Bson>> {
+        match self {
+            Self::And(children) => children.iter().find_map(Self::ids),
+            Self::Field(path, test) if path.text() == "_id" => test.ids(),
+            _ => None,
+        }
+    }
+}
+
+fn any(children: &[Node], fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
+    for child in children {
+        if child.matches(fields, context)? {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+impl Test {
+    /// Whether what the path reaches in the document passes.
+    pub(super) fn on_path(&self, path: &Path, fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
+        match self {
+            Self::And(tests) => {
+                for test in tests {
+                    if !test.on_path(path, fields, context)? {
+                        return Ok(false);
+                    }
+                }
+                Ok(true)
+            }
+            Self::Not(test) => {
+                let position = context.position;
+                let found = test.on_path(path, fields, context)?;
+                context.position = position;
+                Ok(!found)
+            }
+            Self::Or(tests) => {
+                for test in tests {
+                    if test.on_path(path, fields, context)? {
+                        return Ok(true);
+                    }
+                }
+                Ok(false)
+            }
+            Self::Leaf(leaf) => leaf.on_path(path, fields, context),
+        }
+    }
+
+    fn ids(&self) -> Option<Vec<Bson>> {
+        match self {
+            Self::And(tests) => tests.iter().find_map(Self::ids),
+            Self::Leaf(Leaf::Equal(value)) => indexable(value).then(|| vec![value.clone()]),
+            Self::Leaf(Leaf::In(set)) if set.patterns.is_empty() && set.values.iter().all(indexable) => {
+                Some(set.values.clone())
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Leaf {
+    fn on_path(&self, path: &Path, fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
+        let mut failure = None;
+        let mut position = None;
+        let base = Context { position: None, ..context.clone() };
+        let found = path.any(fields, self.looks_into_leaves(), &mut |value, outer| {
+            let mut inner = base.clone();
+            match self.matches(value, &mut inner) {
+                Ok(found) => {
+                    position = outer.or(inner.position);
+                    found
+                }
+                Err(error) => {
+                    failure = Some(error);
+                    true
+                }
+            }
+        });
+        if let Some(error) = failure {
+            return Err(error);
+        }
+        if found && position.is_some() {
+            context.position = position;
+        }
+        Ok(found)
+    }
+}

@@ -1,0 +1,4 @@
+//! Aggregation pipelines.
+
+mod reshape;
+pub(super) use reshape::Reshape;

@@ -1,0 +1,100 @@
+//! Projecting a document.
+
+use bson::raw::RawDocument;
+use bson::{Bson, DateTime, Document, RawDocumentBuf};
+
+use super::tree::{Branch, Item, Mode};
+use crate::query::error::Result;
+use crate::query::expression::{Environment, Variables};
+
+/// Without decoding, where only whole fields at the top are named.
+pub(super) fn flat(root: &Branch, document: &RawDocument) -> Result<Option<RawDocumentBuf>> {
+    if root.children.iter().any(|(_, item)| !matches!(item, Item::Named)) {
+        return Ok(None);
+    }
+    let mut projected = RawDocumentBuf::new();
+    for element in document {
+        let (name, value) = element?;
+        if root.child(name.as_str()).is_some() == (root.mode == Mode::Include) {
+            projected.append(name, value);
+        }
+    }
+    Ok(Some(projected))
+}
+
+/// The projected document; computed fields see the whole one.
+pub(super) fn branch(root: &Branch, document: &Document, variables: &Variables, now: DateTime) -> Result<Document> {
+    let environment = Environment::new(document.into(), variables, now);
+    let mut projected = named(root, document);
+    if root.computes() {
+        computed(root, &mut projected, &environment)?;
+    }
+    Ok(projected)
+}
+
+/// Leaves fields in or out.
+fn named(branch: &Branch, document: &Document) -> Document {
+    let mut projected = Document::new();
+    for (name, value) in document {
+        let kept = match (branch.child(name), branch.mode) {
+            (None, Mode::Include) | (Some(Item::Named), Mode::Exclude) => None,
+            (None, _) | (Some(Item::Named), _) => Some(value.clone()),
+            (Some(Item::Computed(_)), Mode::Include) => None,
+            (Some(Item::Computed(_)), _) => Some(value.clone()),
+            (Some(Item::Branch(inner)), _) => named_value(inner, value),
+        };
+        if let Some(value) = kept {
+            projected.insert(name.clone(), value);
+        }
+    }
+    projected
+}
+
+fn named_value(branch: &Branch, value: &Bson) -> Option<Bson> {
+    match value {
+        Bson::Document(document) => Some(Bson::Document(named(branch, document))),
+        Bson::Array(items) => Some(Bson::Array(items.iter().filter_map(|item| named_value(branch, item)).collect())),
+        other => (branch.mode != Mode::Include).then(|| other.clone()),
+    }
+}
+
+/// Puts computed fields in, in the order of the specification.
+fn computed(branch: &Branch, document: &mut Document, environment: &Environment<'_>) -> Result<()> {
+    for (name, item) in &branch.children {
+        match item {
+            Item::Named => {}
+            Item::Computed(expression) => match expression.evaluate(environment)? {
+                Some(value) => {
+                    document.insert(name.clone(), value);
+                }
+                None => {
+                    document.remove(name);
+                }
+            },
+            Item::Branch(inner) if inner.computes() => {
+                let value = document.get(name).cloned();
+                document.insert(name.clone(), computed_value(inner, value, environment)?);
+            }
+            Item::Branch(_) => {}
+        }
+    }
+    Ok(())
+}
+
+fn computed_value(branch: &Branch, value: Option<Bson>, environment: &Environment<'_>) -> Result<Bson> {
+    match value {
+        Some(Bson::Document(mut document)) => {
+            computed(branch, &mut document, environment)?;
+            Ok(Bson::Document(document))
+        }
+        Some(Bson::Array(items)) => {
+            let items = items.into_iter().map(|item| computed_value(branch, Some(item), environment));
+            Ok(Bson::Array(items.collect::<Result<_>>()?))
+        }
+        _ => {
+            let mut document = Document::new();
+            computed(branch, &mut document, environment)?;
+            Ok(Bson::Document(document))
+        }
+    }
+}

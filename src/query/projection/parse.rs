@@ -1,0 +1,208 @@
+//! Projections from documents.
+
+use bson::{Bson, Document};
+
+use super::find::{Kind, Transform};
+use super::tree::{Branch, Item, Mode, Policy, check_path};
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope};
+use crate::query::number::Number;
+
+/// How deep projections may be nested.
+const MAX_DEPTH: usize = 100;
+
+/// An entry of a projection, with its path written out.
+enum Entry<'a> {
+    Include,
+    Exclude,
+    Value(&'a Bson),
+    Transform(Kind),
+}
+
+/// Reads a projection.
+pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Result<(Branch, Vec<Transform>)> {
+    if spec.is_empty() && policy == Policy::Stage {
+        return Err(QueryError::invalid(51_272, "a projection must have at least one field"));
+    }
+    let mut entries = Vec::new();
+    flatten("", spec, policy, &mut entries, 0)?;
+    let mode = mode_of(&entries)?;
+    let mut root = Branch::new(mode);
+    let mut transforms = Vec::new();
+    let mut id = None;
+    for (path, entry) in entries {
+        match entry {
+            Entry::Include | Entry::Exclude if path == "_id" => {
+                if id.is_some() {
+                    return Err(QueryError::invalid(31_250, "path collision at _id"));
+                }
+                id = Some(matches!(entry, Entry::Include));
+            }
+            Entry::Include | Entry::Exclude => {
+                let include = matches!(entry, Entry::Include);
+                if include != (mode == Mode::Include) && !path.starts_with("_id.") {
+                    let message = if include {
+                        format!("cannot do inclusion on field {path} in exclusion projection")
+                    } else {
+                        format!("cannot do exclusion on field {path} in inclusion projection")
+                    };
+                    return Err(QueryError::invalid(if include { 31_253 } else { 31_254 }, message));
+                }
+                root.insert(&path, Item::Named)?;
+            }
+            Entry::Value(value) => {
+                if mode == Mode::Exclude {
+                    let message = format!("cannot use an expression for {path} in an exclusion projection");
+                    return Err(QueryError::invalid(31_252, message));
+                }
+                id = if path == "_id" { Some(false) } else { id };
+                root.insert(&path, Item::Computed(Expression::parse_in(value, scope)?))?;
+            }
+            Entry::Transform(kind) => {
+                check_path(&path)?;
+                if mode == Mode::Include {
+                    root.insert(&path, Item::Named)?;
+                }
+                transforms.push(Transform { path, kind });
+            }
+        }
+    }
+    let names_id = root.child("_id").is_some();
+    match (mode, id) {
+        (Mode::Include, None | Some(true)) if !names_id => root.insert("_id", Item::Named)?,
+        (Mode::Exclude, Some(false)) => root.insert("_id", Item::Named)?,
+        _ => {}
+    }
+    if transforms.iter().filter(|transform| matches!(transform.kind, Kind::Positional)).count() > 1 {
+        return Err(QueryError::invalid(31_276, "cannot specify more than one positional projection per query"));
+    }
+    Ok((root, transforms))
+}
+
+/// The first field other than `_id` decides.
+fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
+    let mut mode = None;
+    let mut id = None;
+    for (path, entry) in entries {
+        match entry {
+            Entry::Include if path == "_id" => id = Some(Mode::Include),
+            Entry::Exclude if path == "_id" => id = Some(Mode::Exclude),
+            Entry::Include | Entry::Value(_) => mode = mode.or(Some(Mode::Include)),
+            Entry::Exclude => mode = mode.or(Some(Mode::Exclude)),
+            Entry::Transform(Kind::Slice { .. }) => {}
+            Entry::Transform(Kind::Positional | Kind::ElementMatch(_)) => {
+                if mode == Some(Mode::Exclude) {
+                    return Err(QueryError::invalid(31_395, "positional projection cannot be used with exclusion"));
+                }
+                mode = Some(Mode::Include);
+            }
+        }
+    }
+    Ok(mode.or(id).unwrap_or(Mode::Exclude))
+}
+
+/// Writes out nested documents as dotted paths.
+fn flatten<'a>(
+    prefix: &str,
+    spec: &'a Document,
+    policy: Policy,
+    entries: &mut Vec<(String, Entry<'a>)>,
+    depth: usize,
+) -> Result<()> {
+    if depth > MAX_DEPTH {
+        return Err(QueryError::bad_value("the projection is nested too deeply"));
+    }
+    for (name, value) in spec {
+        let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+        if policy == Policy::Find && path.ends_with(".$") {
+            let path = path.trim_end_matches(".$").to_owned();
+            entries.push((path, Entry::Transform(Kind::Positional)));
+            continue;
+        }
+        check_path(&path)?;
+        match value {
+            Bson::Document(inner) => nested(path, value, inner, policy, entries, depth)?,
+            Bson::Boolean(true) => entries.push((path, Entry::Include)),
+            Bson::Boolean(false) => entries.push((path, Entry::Exclude)),
+            value => match Number::of(value) {
+                Some(number) if number.is_zero() => entries.push((path, Entry::Exclude)),
+                Some(_) => entries.push((path, Entry::Include)),
+                None => entries.push((path, Entry::Value(value))),
+            },
+        }
+    }
+    Ok(())
+}
+
+fn nested<'a>(
+    path: String,
+    value: &'a Bson,
+    inner: &'a Document,
+    policy: Policy,
+    entries: &mut Vec<(String, Entry<'a>)>,
+    depth: usize,
+) -> Result<()> {
+    let Some(first) = inner.keys().next() else {
+        return Err(QueryError::invalid(51_270, "an empty sub-projection is not a valid value"));
+    };
+    if !first.starts_with('$') {
+        return flatten(&path, inner, policy, entries, depth + 1);
+    }
+    if inner.len() > 1 && policy == Policy::Stage {
+        return Err(QueryError::failed_to_parse("an expression must have exactly one field"));
+    }
+    let entry = match (first.as_str(), policy) {
+        ("$slice", Policy::Find) => match Kind::slice(inner.get("$slice").unwrap_or(&Bson::Null))? {
+            Some(kind) => Entry::Transform(kind),
+            None => Entry::Value(value),
+        },
+        ("$elemMatch", Policy::Find) => {
+            if path.contains('.') {
+                return Err(QueryError::invalid(31_275, "cannot use $elemMatch projection on a nested field"));
+            }
+            Entry::Transform(Kind::element_match(inner.get("$elemMatch").unwrap_or(&Bson::Null))?)
+        }
+        _ => Entry::Value(value),
+    };
+    entries.push((path, entry));
+    Ok(())
+}
+
+/// Reads what `$addFields` takes: everything is an expression, nested documents are paths.
+pub(super) fn additions(spec: &Document, scope: &Scope) -> Result<Branch> {
+    if spec.is_empty() {
+        return Err(QueryError::invalid(40_177, "a specification must have at least one field"));
+    }
+    let mut root = Branch::new(Mode::Add);
+    add("", spec, scope, &mut root, 0)?;
+    Ok(root)
+}
+
+fn add(prefix: &str, spec: &Document, scope: &Scope, root: &mut Branch, depth: usize) -> Result<()> {
+    if depth > MAX_DEPTH {
+        return Err(QueryError::bad_value("the specification is nested too deeply"));
+    }
+    for (name, value) in spec {
+        let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+        check_path(&path)?;
+        match value {
+            Bson::Document(inner) if inner.keys().next().is_some_and(|name| !name.starts_with('$')) => {
+                add(&path, inner, scope, root, depth + 1)?;
+            }
+            value => root.insert(&path, Item::Computed(Expression::parse_in(value, scope)?))?,
+        }
+    }
+    Ok(())
+}
+
+/// Reads the paths that `$unset` removes.
+pub(super) fn removals(paths: &[Bson]) -> Result<Branch> {
+    let mut root = Branch::new(Mode::Exclude);
+    for path in paths {
+        let Bson::String(path) = path else {
+            return Err(QueryError::invalid(31_120, "$unset needs a string or an array of strings"));
+        };
+        root.insert(path, Item::Named)?;
+    }
+    Ok(root)
+}

@@ -1,0 +1,110 @@
+//! The compiled projection: a tree of names.
+
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::Expression;
+
+/// Where a projection stands, which decides what it may contain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::query) enum Policy {
+    /// In `find`.
+    Find,
+    /// In a pipeline.
+    Stage,
+}
+
+/// What happens to fields that the projection does not name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::query) enum Mode {
+    /// They are left out.
+    Include,
+    /// They stay, and so do elements of arrays that are no documents.
+    Exclude,
+    /// They stay; scalars on the way of a computed field make room for it.
+    Add,
+}
+
+/// A level of the tree.
+#[derive(Debug)]
+pub(in crate::query) struct Branch {
+    pub(super) mode: Mode,
+    pub(super) children: Vec<(String, Item)>,
+}
+
+/// What happens to a field.
+#[derive(Debug)]
+pub(in crate::query) enum Item {
+    /// It is given, or it is left out, by the mode.
+    Named,
+    Branch(Branch),
+    Computed(Expression),
+}
+
+impl Branch {
+    pub(super) fn new(mode: Mode) -> Self {
+        Self { mode, children: Vec::new() }
+    }
+
+    pub(super) fn child(&self, name: &str) -> Option<&Item> {
+        self.children.iter().find(|(known, _)| known == name).map(|(_, item)| item)
+    }
+
+    /// Whether anything under this branch is computed.
+    pub(super) fn computes(&self) -> bool {
+        self.children.iter().any(|(_, item)| match item {
+            Item::Computed(_) => true,
+            Item::Branch(branch) => branch.computes(),
+            Item::Named => false,
+        })
+    }
+
+    /// Puts an item at a dotted path.
+    ///
+    /// # Errors
+    /// Where another item is there, or on the way.
+    pub(super) fn insert(&mut self, path: &str, item: Item) -> Result<()> {
+        check_path(path)?;
+        let parts: Vec<&str> = path.split('.').collect();
+        self.insert_at(&parts, item, path)
+    }
+
+    fn insert_at(&mut self, parts: &[&str], item: Item, path: &str) -> Result<()> {
+        let Some((name, rest)) = parts.split_first() else { return Ok(()) };
+        let mode = self.mode;
+        let place = self.children.iter().position(|(known, _)| known == name);
+        if rest.is_empty() {
+            if place.is_some() {
+                return Err(QueryError::invalid(31_250, format!("path collision at {path}")));
+            }
+            self.children.push(((*name).to_owned(), item));
+            return Ok(());
+        }
+        let place = place.unwrap_or_else(|| {
+            self.children.push(((*name).to_owned(), Item::Branch(Self::new(mode))));
+            self.children.len() - 1
+        });
+        match self.children.get_mut(place) {
+            Some((_, Item::Branch(branch))) => branch.insert_at(rest, item, path),
+            _ => Err(QueryError::invalid(31_249, format!("path collision at {path}"))),
+        }
+    }
+}
+
+/// Refuses paths with empty parts, parts with a `$`, and very long ones.
+pub(super) fn check_path(path: &str) -> Result<()> {
+    if path.is_empty() || path.split('.').any(str::is_empty) {
+        return Err(QueryError::invalid(40_353, format!("the field path '{path}' has an empty part")));
+    }
+    if path.split('.').any(|part| part.starts_with('$')) {
+        return Err(QueryError::invalid(
+            16_410,
+            format!("the field path '{path}' may not have a part that starts with '$'"),
+        ));
+    }
+    if path.contains('\0') {
+        return Err(QueryError::invalid(16_411, "a field path may not contain a NUL"));
+    }
+    if path.split('.').count() > 200 {
+        return Err(QueryError::invalid(5_729_101, "a field path has more than 200 parts"));
+    }
+    Ok(())
+}

@@ -1,0 +1,318 @@
+//! Sort patterns, and sorting with and without a limit.
+
+use std::collections::BinaryHeap;
+
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
+
+use super::error::{QueryError, Result};
+use super::key;
+use super::number::Number;
+use super::path::{Part, Path};
+use super::view::{Fields, Items, View};
+
+/// The most fields a pattern may have.
+const MAX_FIELDS: usize = 64;
+
+/// A compiled sort pattern.
+///
+/// Where a path reaches several values through an array, the least of them
+/// counts ascending, the greatest descending. A missing field sorts as null, an
+/// empty array before it.
+#[derive(Debug, Clone)]
+pub struct Sort {
+    fields: Vec<Field>,
+    /// `{$natural: -1}`.
+    reversed: bool,
+}
+
+#[derive(Debug, Clone)]
+struct Field {
+    path: Path,
+    descending: bool,
+}
+
+impl Sort {
+    /// Reads a pattern like `{a: 1, "b.c": -1}`, or `{$natural: ±1}`.
+    ///
+    /// # Errors
+    /// Where a direction is not 1 or -1, or a path is empty.
+    pub fn parse(pattern: &Document) -> Result<Self> {
+        let mut sort = Self { fields: Vec::new(), reversed: false };
+        if pattern.len() > MAX_FIELDS {
+            return Err(QueryError::bad_value("a sort pattern has more than 64 fields"));
+        }
+        for (name, direction) in pattern {
+            if let Bson::Document(meta) = direction {
+                return Err(match meta.keys().next() {
+                    Some(key) if key == "$meta" => QueryError::unsupported("$meta"),
+                    _ => QueryError::invalid(15_975, "a sort direction must be 1 or -1"),
+                });
+            }
+            let descending = match Number::of(direction).and_then(Number::integral) {
+                Some(1) => false,
+                Some(-1) => true,
+                _ => return Err(QueryError::invalid(15_975, "a sort direction must be 1 or -1")),
+            };
+            if name == "$natural" && pattern.len() == 1 {
+                sort.reversed = descending;
+                return Ok(sort);
+            }
+            check_name(name)?;
+            sort.fields.push(Field { path: Path::parse(name)?, descending });
+        }
+        Ok(sort)
+    }
+
+    /// Whether the pattern is empty: natural order.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.fields.is_empty() && !self.reversed
+    }
+
+    /// The paths with their directions (descending or not), for a store that has an index on them.
+    pub fn fields(&self) -> impl Iterator<Item = (&str, bool)> {
+        self.fields.iter().map(|field| (field.path.text(), field.descending))
+    }
+
+    /// The place of a document: bytes in the order of the pattern.
+    ///
+    /// # Errors
+    /// Where two fields of the pattern run through different arrays.
+    pub fn key(&self, document: &RawDocument) -> Result<Vec<u8>> {
+        self.key_of(document.into())
+    }
+
+    pub(super) fn key_of(&self, fields: Fields<'_>) -> Result<Vec<u8>> {
+        let slots = self.fields.iter().map(|field| Slot::Path(fields, &field.path, 0)).collect();
+        let mut least: Option<Vec<u8>> = None;
+        self.expand(slots, &mut least)?;
+        Ok(least.unwrap_or_default())
+    }
+
+    /// Follows all paths to the first array on the way, and through each of its elements.
+    fn expand(&self, mut slots: Vec<Slot<'_>>, least: &mut Option<Vec<u8>>) -> Result<()> {
+        for slot in &mut slots {
+            slot.advance();
+        }
+        let Some((items, prefix)) = slots.iter().find_map(Slot::array) else {
+            let key = self.encode(&slots);
+            if least.as_ref().is_none_or(|least| key < *least) {
+                *least = Some(key);
+            }
+            return Ok(());
+        };
+        if slots.iter().filter_map(Slot::array).any(|(_, other)| other != prefix) {
+            return Err(QueryError::bad_value("cannot sort with keys that are parallel arrays"));
+        }
+        if items.is_empty() {
+            return self.expand(slots.iter().map(Slot::in_empty).collect(), least);
+        }
+        for item in items.iter() {
+            self.expand(slots.iter().map(|slot| slot.in_item(item)).collect(), least)?;
+        }
+        Ok(())
+    }
+
+    fn encode(&self, slots: &[Slot<'_>]) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(16 * slots.len());
+        for (slot, field) in slots.iter().zip(&self.fields) {
+            let start = bytes.len();
+            let value = if let Slot::Value(Some(value)) = slot { *value } else { View::Null };
+            key::append(value, &mut bytes);
+            if field.descending {
+                for byte in bytes.iter_mut().skip(start) {
+                    *byte = !*byte;
+                }
+            }
+        }
+        bytes
+    }
+
+    /// The documents in order, at most `limit` of them; equal ones stay in the order they came.
+    ///
+    /// # Errors
+    /// The first error of the input, or parallel arrays.
+    pub fn sort<E: From<QueryError>>(
+        &self,
+        documents: impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
+        limit: Option<usize>,
+    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+        if self.fields.is_empty() {
+            let mut all: Vec<_> = if self.reversed {
+                documents.collect::<std::result::Result<_, E>>()?
+            } else {
+                documents.take(limit.unwrap_or(usize::MAX)).collect::<std::result::Result<_, E>>()?
+            };
+            if self.reversed {
+                all.reverse();
+                all.truncate(limit.unwrap_or(usize::MAX));
+            }
+            return Ok(all);
+        }
+        match limit {
+            Some(limit) => self.top(documents, limit),
+            None => {
+                let keyed = documents.map(|document| {
+                    let document = document?;
+                    Ok((self.key(&document)?, document))
+                });
+                let mut all = keyed.collect::<std::result::Result<Vec<_>, E>>()?;
+                all.sort_by(|a, b| a.0.cmp(&b.0));
+                Ok(all.into_iter().map(|(_, document)| document).collect())
+            }
+        }
+    }
+
+    /// The first few, keeping only so many in memory.
+    fn top<E: From<QueryError>>(
+        &self,
+        documents: impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
+        limit: usize,
+    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+        let mut heap: BinaryHeap<Ranked> = BinaryHeap::new();
+        for (place, document) in documents.enumerate() {
+            let document = document?;
+            let ranked = Ranked { rank: (self.key(&document)?, place), document };
+            if heap.len() < limit {
+                heap.push(ranked);
+            } else if heap.peek().is_some_and(|worst| ranked.rank < worst.rank) {
+                heap.pop();
+                heap.push(ranked);
+            }
+        }
+        Ok(heap.into_sorted_vec().into_iter().map(|ranked| ranked.document).collect())
+    }
+}
+
+/// Refuses empty names and operators in a sort pattern.
+fn check_name(name: &str) -> Result<()> {
+    if name.split('.').any(str::is_empty) {
+        return Err(QueryError::invalid(40_352, "a field path may not have an empty part"));
+    }
+    if name.split('.').any(|part| part.starts_with('$') && !super::filter::is_reference_key(part)) {
+        return Err(QueryError::invalid(16_410, format!("the sort field {name} may not start with '$'")));
+    }
+    Ok(())
+}
+
+/// A document with its place, for the heap.
+struct Ranked {
+    rank: (Vec<u8>, usize),
+    document: RawDocumentBuf,
+}
+
+impl PartialEq for Ranked {
+    fn eq(&self, other: &Self) -> bool {
+        self.rank == other.rank
+    }
+}
+
+impl Eq for Ranked {}
+
+impl PartialOrd for Ranked {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Ranked {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.rank.cmp(&other.rank)
+    }
+}
+
+/// How far one path has been followed.
+#[derive(Clone)]
+enum Slot<'a> {
+    /// In a document, with so many parts behind.
+    Path(Fields<'a>, &'a Path, usize),
+    /// At an array, with so many parts behind.
+    Array(Items<'a>, &'a Path, usize),
+    /// At the end; nothing is a missing value.
+    Value(Option<View<'a>>),
+}
+
+impl<'a> Slot<'a> {
+    fn advance(&mut self) {
+        let Self::Path(mut fields, path, mut done) = *self else { return };
+        while let Some(part) = path.parts().get(done) {
+            let mut value = fields.get(&part.name);
+            done += 1;
+            // A number names an element, as far as it can.
+            while let Some(View::Array(items)) = value {
+                let index = path.parts().get(done).and_then(|part| part.index);
+                match index.and_then(|index| items.get(index)) {
+                    Some(item) => value = Some(item),
+                    None => {
+                        *self = Self::Array(items, path, done);
+                        return;
+                    }
+                }
+                done += 1;
+            }
+            match value {
+                Some(View::Document(inner)) if done < path.parts().len() => fields = inner,
+                value => {
+                    *self = Self::Value(value.filter(|_| done == path.parts().len()));
+                    return;
+                }
+            }
+        }
+    }
+
+    fn array(&self) -> Option<(Items<'a>, &'a [Part])> {
+        match self {
+            Self::Array(items, path, done) => Some((*items, path.parts().get(..*done).unwrap_or_default())),
+            _ => None,
+        }
+    }
+
+    fn in_item(&self, item: View<'a>) -> Self {
+        match (self, item) {
+            (Self::Array(_, path, done), item) if *done == path.parts().len() => Self::Value(Some(item)),
+            (Self::Array(_, path, done), View::Document(fields)) => Self::Path(fields, path, *done),
+            (Self::Array(..), _) => Self::Value(None),
+            (other, _) => other.clone(),
+        }
+    }
+
+    fn in_empty(&self) -> Self {
+        match self {
+            Self::Array(_, path, done) if *done == path.parts().len() => Self::Value(Some(View::Undefined)),
+            Self::Array(..) => Self::Value(None),
+            other => other.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::{doc, rawdoc};
+
+    fn sorted(pattern: Document, documents: &[RawDocumentBuf], limit: Option<usize>) -> Vec<i32> {
+        let input = documents.iter().cloned().map(Ok::<_, QueryError>);
+        let output = Sort::parse(&pattern).unwrap().sort(input, limit).unwrap();
+        output.iter().map(|document| document.get_i32("_id").unwrap()).collect()
+    }
+
+    #[test]
+    fn takes_the_least_or_the_greatest_of_an_array() {
+        let documents = [
+            rawdoc! {"_id": 1, "a": [3, 9]},
+            rawdoc! {"_id": 2, "a": 5},
+            rawdoc! {"_id": 3},
+            rawdoc! {"_id": 4, "a": []},
+            rawdoc! {"_id": 5, "a": "x"},
+        ];
+        assert_eq!(sorted(doc! {"a": 1}, &documents, None), [4, 3, 1, 2, 5]);
+        assert_eq!(sorted(doc! {"a": -1}, &documents, None), [5, 1, 2, 3, 4]);
+        assert_eq!(sorted(doc! {"a": -1}, &documents, Some(2)), [5, 1]);
+    }
+
+    #[test]
+    fn refuses_parallel_arrays() {
+        let document = rawdoc! {"a": [1], "b": [2]};
+        assert!(Sort::parse(&doc! {"a": 1, "b": 1}).unwrap().key(&document).is_err());
+    }
+}

@@ -1,0 +1,237 @@
+//! Following a path into a document and changing what is there.
+
+use bson::{Bson, DateTime, Document};
+
+use super::field;
+use super::filters::ArrayFilters;
+use super::modifier::{Action, Modifier, Segment};
+use crate::query::error::{QueryError, Result};
+use crate::query::path::array_index;
+
+/// How many nulls an update may pad an array with.
+const MAX_PADDING: usize = 1_500_000;
+
+/// MongoDB's code for a path that does not lead into a document.
+const PATH_NOT_VIABLE: i32 = 28;
+
+/// An update on its way through one document.
+pub(super) struct Application<'a> {
+    pub(super) filters: &'a ArrayFilters,
+    /// What `$` stands for.
+    pub(super) position: Option<usize>,
+    pub(super) now: DateTime,
+    /// Whether the document is being made by an upsert.
+    pub(super) inserting: bool,
+}
+
+/// What an action leaves at a place.
+pub(super) enum Outcome {
+    /// As it was.
+    Keep,
+    /// This value.
+    Put(Bson),
+    /// Nothing; in an array, null.
+    Remove,
+}
+
+impl Application<'_> {
+    /// Applies all modifiers.
+    pub(super) fn apply(&self, modifiers: &[Modifier], document: Document) -> Result<Document> {
+        let mut document = document;
+        // A rename changes two places, each in the order of its own path.
+        let mut renamed: Vec<(&[Segment], Bson)> = Vec::new();
+        for modifier in modifiers {
+            match &modifier.action {
+                Action::SetOnInsert(_) if !self.inserting => {}
+                Action::Rename(target) => {
+                    if let Some(value) = take(&mut document, &modifier.path, &modifier.text)? {
+                        renamed.push((target, value));
+                    }
+                }
+                _ => self.in_document(&mut document, &modifier.path, modifier)?,
+            }
+        }
+        for (target, value) in renamed {
+            let modifier = Modifier { path: target.to_vec(), text: String::new(), action: Action::Set(value) };
+            check_no_arrays(&document, target)?;
+            self.in_document(&mut document, target, &modifier)?;
+        }
+        Ok(document)
+    }
+
+    fn in_document(&self, document: &mut Document, path: &[Segment], modifier: &Modifier) -> Result<()> {
+        let Some((segment, rest)) = path.split_first() else { return Ok(()) };
+        let Segment::Name(name) = segment else { return self.not_an_array(modifier) };
+        if rest.is_empty() {
+            match field::change(&modifier.action, document.get(name), self)? {
+                Outcome::Keep => {}
+                Outcome::Put(value) => {
+                    document.insert(name.clone(), value);
+                }
+                Outcome::Remove => {
+                    document.remove(name);
+                }
+            }
+            return Ok(());
+        }
+        if let Some(value) = document.get_mut(name) {
+            return self.in_value(value, name, rest, modifier);
+        }
+        if let Some(value) = self.created(rest, modifier)? {
+            document.insert(name.clone(), value);
+        }
+        Ok(())
+    }
+
+    fn in_value(&self, value: &mut Bson, name: &str, path: &[Segment], modifier: &Modifier) -> Result<()> {
+        match value {
+            Bson::Document(document) => self.in_document(document, path, modifier),
+            Bson::Array(items) => self.in_array(items, name, path, modifier),
+            _ if matches!(path.first(), Some(Segment::Name(_))) => {
+                if modifier.action.creates() {
+                    let message = format!("cannot create field {} in element {{{name}: {value}}}", modifier.text);
+                    return Err(QueryError::invalid(PATH_NOT_VIABLE, message));
+                }
+                Ok(())
+            }
+            _ => self.not_an_array(modifier),
+        }
+    }
+
+    fn in_array(&self, items: &mut Vec<Bson>, name: &str, path: &[Segment], modifier: &Modifier) -> Result<()> {
+        let Some((segment, rest)) = path.split_first() else { return Ok(()) };
+        match segment {
+            Segment::Name(part) => match array_index(part) {
+                Some(index) => self.at_index(items, index, rest, modifier),
+                None if modifier.action.creates() => {
+                    let message = format!("cannot create field '{part}' in element {{{name}: [...]}}");
+                    Err(QueryError::invalid(PATH_NOT_VIABLE, message))
+                }
+                None => Ok(()),
+            },
+            Segment::Matched => match self.position {
+                Some(index) => self.at_index(items, index, rest, modifier),
+                None => Err(no_position()),
+            },
+            Segment::All => (0..items.len()).try_for_each(|index| self.at_index(items, index, rest, modifier)),
+            Segment::Filtered(identifier) => {
+                for index in 0..items.len() {
+                    let Some(item) = items.get(index) else { break };
+                    if self.filters.passes(identifier, item)? {
+                        self.at_index(items, index, rest, modifier)?;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn at_index(&self, items: &mut Vec<Bson>, index: usize, rest: &[Segment], modifier: &Modifier) -> Result<()> {
+        if rest.is_empty() {
+            return match field::change(&modifier.action, items.get(index), self)? {
+                Outcome::Keep => Ok(()),
+                Outcome::Put(value) => put(items, index, value),
+                Outcome::Remove if index < items.len() => put(items, index, Bson::Null),
+                Outcome::Remove => Ok(()),
+            };
+        }
+        if let Some(value) = items.get_mut(index) {
+            return self.in_value(value, &index.to_string(), rest, modifier);
+        }
+        match self.created(rest, modifier)? {
+            Some(value) => put(items, index, value),
+            None => Ok(()),
+        }
+    }
+
+    /// What is made where the path did not lead on.
+    fn created(&self, path: &[Segment], modifier: &Modifier) -> Result<Option<Bson>> {
+        if path.iter().any(|segment| !matches!(segment, Segment::Name(_))) {
+            if path.contains(&Segment::Matched) && self.position.is_none() {
+                return Err(no_position());
+            }
+            if let Some(Segment::Matched) = path.first() {
+                let mut document = Document::new();
+                let named: Vec<_> = path.iter().map(|segment| self.named(segment)).collect();
+                self.in_document(&mut document, &named, modifier)?;
+                return Ok((!document.is_empty()).then_some(Bson::Document(document)));
+            }
+            let message =
+                format!("the path '{}' must exist in the document in order to apply array updates", modifier.text);
+            return Err(QueryError::bad_value(message));
+        }
+        if !modifier.action.creates() {
+            return Ok(None);
+        }
+        let mut document = Document::new();
+        self.in_document(&mut document, path, modifier)?;
+        Ok((!document.is_empty()).then_some(Bson::Document(document)))
+    }
+
+    fn named(&self, segment: &Segment) -> Segment {
+        match (segment, self.position) {
+            (Segment::Matched, Some(index)) => Segment::Name(index.to_string()),
+            (segment, _) => segment.clone(),
+        }
+    }
+
+    fn not_an_array(&self, modifier: &Modifier) -> Result<()> {
+        if modifier.path.contains(&Segment::Matched) && self.position.is_none() {
+            return Err(no_position());
+        }
+        Err(QueryError::bad_value(format!("cannot apply array updates to a non-array element: {}", modifier.text)))
+    }
+}
+
+fn no_position() -> QueryError {
+    QueryError::bad_value("the positional operator did not find the match needed from the query")
+}
+
+/// Puts a value at an index, with nulls up to it.
+fn put(items: &mut Vec<Bson>, index: usize, value: Bson) -> Result<()> {
+    if let Some(place) = items.get_mut(index) {
+        *place = value;
+        return Ok(());
+    }
+    if index - items.len() > MAX_PADDING {
+        return Err(QueryError::bad_value("cannot pad an array with more than 1500000 nulls"));
+    }
+    items.resize(index, Bson::Null);
+    items.push(value);
+    Ok(())
+}
+
+/// Removes and returns what `$rename` moves.
+fn take(document: &mut Document, path: &[Segment], text: &str) -> Result<Option<Bson>> {
+    let Some((Segment::Name(name), rest)) = path.split_first() else { return Ok(None) };
+    if rest.is_empty() {
+        return Ok(document.remove(name));
+    }
+    match document.get_mut(name) {
+        Some(Bson::Document(inner)) => take(inner, rest, text),
+        Some(Bson::Array(_)) => Err(renamed_array(text)),
+        Some(value) => {
+            let message = format!("cannot use the part '{name}' of '{text}' to traverse the element {value}");
+            Err(QueryError::invalid(PATH_NOT_VIABLE, message))
+        }
+        None => Ok(None),
+    }
+}
+
+fn renamed_array(text: &str) -> QueryError {
+    QueryError::bad_value(format!("$rename cannot go through an array: '{text}'"))
+}
+
+/// Refuses a target of `$rename` that leads through an array.
+fn check_no_arrays(document: &Document, path: &[Segment]) -> Result<()> {
+    let mut current = document;
+    for segment in path.iter().take(path.len().saturating_sub(1)) {
+        let Segment::Name(name) = segment else { return Ok(()) };
+        match current.get(name) {
+            Some(Bson::Document(inner)) => current = inner,
+            Some(Bson::Array(_)) => return Err(renamed_array(name)),
+            _ => return Ok(()),
+        }
+    }
+    Ok(())
+}

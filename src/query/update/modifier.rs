@@ -1,0 +1,153 @@
+//! What one operator does at one path.
+
+use std::cmp::Ordering;
+
+use bson::{Bson, Document};
+
+use super::array::{Pull, Push};
+use crate::query::error::{QueryError, Result};
+use crate::query::number::Number;
+use crate::query::path::array_index;
+
+/// An operator at a path.
+#[derive(Debug)]
+pub(super) struct Modifier {
+    pub(super) path: Vec<Segment>,
+    pub(super) text: String,
+    pub(super) action: Action,
+}
+
+/// One part of a path of an update.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Segment {
+    /// A field, or the element of that index.
+    Name(String),
+    /// `$`: the element by which the filter matched.
+    Matched,
+    /// `$[]`: all elements.
+    All,
+    /// `$[identifier]`: elements that pass an array filter.
+    Filtered(String),
+}
+
+/// What is done.
+#[derive(Debug)]
+pub(super) enum Action {
+    Set(Bson),
+    SetOnInsert(Bson),
+    Unset,
+    Increment(Number),
+    Multiply(Number),
+    Least(Bson),
+    Greatest(Bson),
+    /// Takes the value away from the path, to put it at the other.
+    Rename(Vec<Segment>),
+    /// Now, as a date or a timestamp.
+    CurrentDate {
+        timestamp: bool,
+    },
+    /// Operations with their masks, in order.
+    Bits(Vec<(Bitwise, Number)>),
+    Push(Push),
+    AddToSet(Vec<Bson>),
+    Pop {
+        first: bool,
+    },
+    Pull(Pull),
+    PullAll(Vec<Bson>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Bitwise {
+    And,
+    Or,
+    Xor,
+}
+
+impl Action {
+    /// Whether a missing path is made.
+    pub(super) fn creates(&self) -> bool {
+        !matches!(self, Self::Unset | Self::Pop { .. } | Self::Pull(_) | Self::PullAll(_) | Self::Rename(_))
+    }
+}
+
+/// Reads the path of an update.
+pub(super) fn path(text: &str) -> Result<Vec<Segment>> {
+    if text.is_empty() {
+        return Err(QueryError::invalid(56, "an empty update path is not valid"));
+    }
+    let mut segments = Vec::new();
+    for part in text.split('.') {
+        segments.push(match part {
+            "" => {
+                let message = format!("the update path '{text}' contains an empty field name, which is not allowed");
+                return Err(QueryError::invalid(56, message));
+            }
+            "$" => Segment::Matched,
+            "$[]" => Segment::All,
+            part => match part.strip_prefix("$[").and_then(|rest| rest.strip_suffix(']')) {
+                Some(name) => Segment::Filtered(name.to_owned()),
+                None => Segment::Name(part.to_owned()),
+            },
+        });
+    }
+    if segments.len() > 200 {
+        return Err(QueryError::invalid(15, "an update path has more than 200 parts"));
+    }
+    match segments.first() {
+        Some(Segment::Name(_)) => {}
+        _ => {
+            return Err(QueryError::bad_value(format!("cannot have array filter or `$` at the start of path '{text}'")));
+        }
+    }
+    if segments.iter().filter(|segment| **segment == Segment::Matched).count() > 1 {
+        return Err(QueryError::bad_value(format!("too many positional (i.e. '$') elements found in path '{text}'")));
+    }
+    Ok(segments)
+}
+
+/// The order in which paths are changed: numbers by value before names by bytes.
+pub(super) fn order(a: &[Segment], b: &[Segment]) -> Ordering {
+    for (first, second) in a.iter().zip(b) {
+        let (first, second) = (spelled(first), spelled(second));
+        let order = match (array_index(first), array_index(second)) {
+            (Some(first), Some(second)) => first.cmp(&second),
+            (Some(_), None) => Ordering::Less,
+            (None, Some(_)) => Ordering::Greater,
+            (None, None) => first.as_bytes().cmp(second.as_bytes()),
+        };
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+    a.len().cmp(&b.len())
+}
+
+fn spelled(segment: &Segment) -> &str {
+    match segment {
+        Segment::Name(name) => name,
+        Segment::Matched => "$",
+        Segment::All => "$[]",
+        Segment::Filtered(name) => name,
+    }
+}
+
+/// Refuses two paths of which one leads through the other.
+pub(super) fn check_conflicts(paths: &[(&[Segment], &str)]) -> Result<()> {
+    let mut sorted: Vec<_> = paths.to_vec();
+    sorted.sort_by(|a, b| order(a.0, b.0));
+    for pair in sorted.windows(2) {
+        if let [(first, text), (second, other)] = pair
+            && second.starts_with(first)
+        {
+            let message = format!("updating the path '{other}' would create a conflict at '{text}'");
+            return Err(QueryError::invalid(40, message));
+        }
+    }
+    Ok(())
+}
+
+/// Fields of a modifier's document that is not one of modifiers.
+pub(super) fn is_modifiers(document: &Document) -> bool {
+    document.contains_key("$each")
+}

@@ -1,0 +1,354 @@
+//! A value to look at, whether it lies in raw bytes or in an owned tree.
+
+use bson::oid::ObjectId;
+use bson::{Bson, DbPointer, Document, RawArray, RawBsonRef, RawDbPointerRef, RawDocument};
+
+use super::number::Number;
+
+/// A borrowed value. Documents and arrays are looked into only on demand.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum View<'a> {
+    MinKey,
+    Undefined,
+    Null,
+    Number(Number),
+    String(&'a str),
+    Symbol(&'a str),
+    Document(Fields<'a>),
+    Array(Items<'a>),
+    Binary(u8, &'a [u8]),
+    ObjectId(ObjectId),
+    Bool(bool),
+    Date(i64),
+    Timestamp(u32, u32),
+    Regex(&'a str, &'a str),
+    DbPointer(Pointer<'a>),
+    Code(&'a str),
+    CodeWithScope(&'a str, Fields<'a>),
+    MaxKey,
+}
+
+/// The deprecated pointer type, of which the crate shows nothing but its text.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Pointer<'a> {
+    Raw(RawDbPointerRef<'a>),
+    Owned(&'a DbPointer),
+}
+
+impl Pointer<'_> {
+    pub(super) fn to_owned(self) -> Bson {
+        match self {
+            Self::Raw(raw) => Bson::try_from(RawBsonRef::DbPointer(raw)).unwrap_or(Bson::Null),
+            Self::Owned(owned) => Bson::DbPointer(owned.clone()),
+        }
+    }
+
+    /// A text that is equal for equal pointers.
+    pub(super) fn text(self) -> String {
+        format!("{:?}", self.to_owned())
+    }
+}
+
+/// The fields of a document.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Fields<'a> {
+    Raw(&'a RawDocument),
+    Owned(&'a Document),
+}
+
+/// The elements of an array.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Items<'a> {
+    Raw(&'a RawArray),
+    Owned(&'a [Bson]),
+}
+
+impl<'a> From<RawBsonRef<'a>> for View<'a> {
+    fn from(value: RawBsonRef<'a>) -> Self {
+        match value {
+            RawBsonRef::Double(value) => Self::Number(Number::Double(value)),
+            RawBsonRef::String(value) => Self::String(value),
+            RawBsonRef::Array(value) => Self::Array(Items::Raw(value)),
+            RawBsonRef::Document(value) => Self::Document(Fields::Raw(value)),
+            RawBsonRef::Boolean(value) => Self::Bool(value),
+            RawBsonRef::Null => Self::Null,
+            RawBsonRef::RegularExpression(value) => Self::Regex(value.pattern.as_str(), value.options.as_str()),
+            RawBsonRef::JavaScriptCode(value) => Self::Code(value),
+            RawBsonRef::JavaScriptCodeWithScope(value) => Self::CodeWithScope(value.code, Fields::Raw(value.scope)),
+            RawBsonRef::Int32(value) => Self::Number(Number::Int(value)),
+            RawBsonRef::Int64(value) => Self::Number(Number::Long(value)),
+            RawBsonRef::Timestamp(value) => Self::Timestamp(value.time, value.increment),
+            RawBsonRef::Binary(value) => Self::Binary(value.subtype.into(), value.bytes),
+            RawBsonRef::ObjectId(value) => Self::ObjectId(value),
+            RawBsonRef::DateTime(value) => Self::Date(value.timestamp_millis()),
+            RawBsonRef::Symbol(value) => Self::Symbol(value),
+            RawBsonRef::Decimal128(value) => Self::Number(Number::Decimal(value.into())),
+            RawBsonRef::Undefined => Self::Undefined,
+            RawBsonRef::MaxKey => Self::MaxKey,
+            RawBsonRef::MinKey => Self::MinKey,
+            RawBsonRef::DbPointer(value) => Self::DbPointer(Pointer::Raw(value)),
+        }
+    }
+}
+
+impl<'a> From<&'a Bson> for View<'a> {
+    fn from(value: &'a Bson) -> Self {
+        match value {
+            Bson::Double(value) => Self::Number(Number::Double(*value)),
+            Bson::String(value) => Self::String(value),
+            Bson::Array(value) => Self::Array(Items::Owned(value)),
+            Bson::Document(value) => Self::Document(Fields::Owned(value)),
+            Bson::Boolean(value) => Self::Bool(*value),
+            Bson::Null => Self::Null,
+            Bson::RegularExpression(value) => Self::Regex(value.pattern.as_str(), value.options.as_str()),
+            Bson::JavaScriptCode(value) => Self::Code(value),
+            Bson::JavaScriptCodeWithScope(value) => Self::CodeWithScope(&value.code, Fields::Owned(&value.scope)),
+            Bson::Int32(value) => Self::Number(Number::Int(*value)),
+            Bson::Int64(value) => Self::Number(Number::Long(*value)),
+            Bson::Timestamp(value) => Self::Timestamp(value.time, value.increment),
+            Bson::Binary(value) => Self::Binary(value.subtype.into(), &value.bytes),
+            Bson::ObjectId(value) => Self::ObjectId(*value),
+            Bson::DateTime(value) => Self::Date(value.timestamp_millis()),
+            Bson::Symbol(value) => Self::Symbol(value),
+            Bson::Decimal128(value) => Self::Number(Number::Decimal((*value).into())),
+            Bson::Undefined => Self::Undefined,
+            Bson::MaxKey => Self::MaxKey,
+            Bson::MinKey => Self::MinKey,
+            Bson::DbPointer(value) => Self::DbPointer(Pointer::Owned(value)),
+        }
+    }
+}
+
+impl<'a> From<&'a RawDocument> for Fields<'a> {
+    fn from(document: &'a RawDocument) -> Self {
+        Self::Raw(document)
+    }
+}
+
+impl<'a> From<&'a Document> for Fields<'a> {
+    fn from(document: &'a Document) -> Self {
+        Self::Owned(document)
+    }
+}
+
+impl<'a> Fields<'a> {
+    /// The first field of that name. A damaged document ends at the damage.
+    pub(super) fn get(self, name: &str) -> Option<View<'a>> {
+        match self {
+            Self::Raw(document) => {
+                for element in document.iter_elements() {
+                    let Ok(element) = element else { return None };
+                    if element.key().as_str() == name {
+                        return element.value().ok().map(View::from);
+                    }
+                }
+                None
+            }
+            Self::Owned(document) => document.get(name).map(View::from),
+        }
+    }
+
+    /// The fields in order.
+    pub(super) fn iter(self) -> FieldIter<'a> {
+        match self {
+            Self::Raw(document) => FieldIter::Raw(document.iter_elements()),
+            Self::Owned(document) => FieldIter::Owned(document.iter()),
+        }
+    }
+
+    pub(super) fn is_empty(self) -> bool {
+        match self {
+            Self::Raw(document) => document.is_empty(),
+            Self::Owned(document) => document.is_empty(),
+        }
+    }
+
+    /// A copy of its own.
+    pub(super) fn to_document(self) -> Document {
+        match self {
+            Self::Raw(document) => Document::try_from(document).unwrap_or_default(),
+            Self::Owned(document) => document.clone(),
+        }
+    }
+}
+
+impl<'a> Items<'a> {
+    pub(super) fn iter(self) -> ItemIter<'a> {
+        match self {
+            Self::Raw(array) => ItemIter::Raw(array.iter_elements()),
+            Self::Owned(array) => ItemIter::Owned(array.iter()),
+        }
+    }
+
+    pub(super) fn get(self, index: usize) -> Option<View<'a>> {
+        match self {
+            Self::Raw(_) => self.iter().nth(index),
+            Self::Owned(array) => array.get(index).map(View::from),
+        }
+    }
+
+    pub(super) fn len(self) -> usize {
+        match self {
+            Self::Raw(array) => array.iter_elements().count(),
+            Self::Owned(array) => array.len(),
+        }
+    }
+
+    pub(super) fn is_empty(self) -> bool {
+        match self {
+            Self::Raw(array) => array.is_empty(),
+            Self::Owned(array) => array.is_empty(),
+        }
+    }
+
+    /// A copy of its own.
+    pub(super) fn to_vec(self) -> Vec<Bson> {
+        match self {
+            Self::Raw(array) => array.try_into().unwrap_or_default(),
+            Self::Owned(array) => array.to_vec(),
+        }
+    }
+}
+
+/// Iterates over fields.
+pub(super) enum FieldIter<'a> {
+    Raw(bson::raw::RawIter<'a>),
+    Owned(bson::document::Iter<'a>),
+}
+
+impl<'a> Iterator for FieldIter<'a> {
+    type Item = (&'a str, View<'a>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        match self {
+            Self::Raw(iter) => {
+                let element = iter.next()?.ok()?;
+                Some((element.key().as_str(), element.value().ok()?.into()))
+            }
+            Self::Owned(iter) => iter.next().map(|(name, value)| (name.as_str(), value.into())),
+        }
+    }
+}
+
+/// Iterates over elements.
+pub(super) enum ItemIter<'a> {
+    Raw(bson::raw::RawIter<'a>),
+    Owned(std::slice::Iter<'a, Bson>),
+}
+
+impl<'a> Iterator for ItemIter<'a> {
+    type Item = View<'a>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        match self {
+            Self::Raw(iter) => Some(iter.next()?.ok()?.value().ok()?.into()),
+            Self::Owned(iter) => iter.next().map(View::from),
+        }
+    }
+}
+
+impl View<'_> {
+    /// A copy of its own.
+    pub(super) fn to_bson(self) -> Bson {
+        match self {
+            Self::MinKey => Bson::MinKey,
+            Self::Undefined => Bson::Undefined,
+            Self::Null => Bson::Null,
+            Self::Number(number) => number.into(),
+            Self::String(text) => Bson::String(text.to_owned()),
+            Self::Symbol(text) => Bson::Symbol(text.to_owned()),
+            Self::Document(fields) => Bson::Document(fields.to_document()),
+            Self::Array(items) => Bson::Array(items.to_vec()),
+            Self::Binary(subtype, bytes) => {
+                Bson::Binary(bson::Binary { subtype: subtype.into(), bytes: bytes.to_vec() })
+            }
+            Self::ObjectId(id) => Bson::ObjectId(id),
+            Self::Bool(value) => Bson::Boolean(value),
+            Self::Date(millis) => Bson::DateTime(bson::DateTime::from_millis(millis)),
+            Self::Timestamp(time, increment) => Bson::Timestamp(bson::Timestamp { time, increment }),
+            Self::Regex(pattern, options) => match (pattern.to_owned().try_into(), options.to_owned().try_into()) {
+                (Ok(pattern), Ok(options)) => Bson::RegularExpression(bson::Regex { pattern, options }),
+                _ => Bson::Null,
+            },
+            Self::DbPointer(pointer) => pointer.to_owned(),
+            Self::Code(code) => Bson::JavaScriptCode(code.to_owned()),
+            Self::CodeWithScope(code, scope) => Bson::JavaScriptCodeWithScope(bson::JavaScriptCodeWithScope {
+                code: code.to_owned(),
+                scope: scope.to_document(),
+            }),
+            Self::MaxKey => Bson::MaxKey,
+        }
+    }
+
+    /// BSON's code of the type.
+    pub(super) fn type_code(self) -> i32 {
+        match self {
+            Self::MinKey => -1,
+            Self::Undefined => 6,
+            Self::Null => 10,
+            Self::Number(Number::Double(_)) => 1,
+            Self::Number(Number::Int(_)) => 16,
+            Self::Number(Number::Long(_)) => 18,
+            Self::Number(Number::Decimal(_)) => 19,
+            Self::String(_) => 2,
+            Self::Symbol(_) => 14,
+            Self::Document(_) => 3,
+            Self::Array(_) => 4,
+            Self::Binary(..) => 5,
+            Self::ObjectId(_) => 7,
+            Self::Bool(_) => 8,
+            Self::Date(_) => 9,
+            Self::Timestamp(..) => 17,
+            Self::Regex(..) => 11,
+            Self::DbPointer(_) => 12,
+            Self::Code(_) => 13,
+            Self::CodeWithScope(..) => 15,
+            Self::MaxKey => 127,
+        }
+    }
+
+    /// MongoDB's name of the type.
+    pub(super) fn type_name(self) -> &'static str {
+        TYPE_NAMES.iter().find(|(_, code)| *code == self.type_code()).map_or("missing", |(name, _)| name)
+    }
+
+    /// MongoDB's idea of truth: everything but false, null, undefined and zero.
+    pub(super) fn truthy(self) -> bool {
+        match self {
+            Self::Null | Self::Undefined => false,
+            Self::Bool(value) => value,
+            Self::Number(number) => !number.is_zero(),
+            _ => true,
+        }
+    }
+
+    /// Whether it is null or undefined.
+    pub(super) fn is_nullish(self) -> bool {
+        matches!(self, Self::Null | Self::Undefined)
+    }
+}
+
+/// Names of types with their codes.
+pub(super) const TYPE_NAMES: [(&str, i32); 21] = [
+    ("double", 1),
+    ("string", 2),
+    ("object", 3),
+    ("array", 4),
+    ("binData", 5),
+    ("undefined", 6),
+    ("objectId", 7),
+    ("bool", 8),
+    ("date", 9),
+    ("null", 10),
+    ("regex", 11),
+    ("dbPointer", 12),
+    ("javascript", 13),
+    ("symbol", 14),
+    ("javascriptWithScope", 15),
+    ("int", 16),
+    ("timestamp", 17),
+    ("long", 18),
+    ("decimal", 19),
+    ("minKey", -1),
+    ("maxKey", 127),
+];
