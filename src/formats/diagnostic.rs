@@ -13,12 +13,18 @@ const LINE_WINDOW: usize = 100;
 pub struct Source {
     name: Arc<str>,
     text: Arc<str>,
+    first_line: usize,
 }
 
 impl Source {
     /// Names `text`.
     pub fn new(name: impl Into<Arc<str>>, text: impl Into<Arc<str>>) -> Self {
-        Self { name: name.into(), text: text.into() }
+        Self::starting_at(name, text, 1)
+    }
+
+    /// Names `text`, a part of a longer one, whose first line is number `first_line` there.
+    pub fn starting_at(name: impl Into<Arc<str>>, text: impl Into<Arc<str>>, first_line: usize) -> Self {
+        Self { name: name.into(), text: text.into(), first_line }
     }
 
     /// The name messages use.
@@ -47,7 +53,7 @@ impl Source {
             offset -= 1;
         }
         let before = &self.text[..offset];
-        let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
+        let line = before.bytes().filter(|byte| *byte == b'\n').count() + self.first_line;
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         (line, before[start..].chars().count() + 1)
     }
