@@ -189,10 +189,20 @@ impl Diagnostic {
         error: &pest::error::Error<R>,
         rename: impl Fn(&R) -> String,
     ) -> Self {
+        Self::from_pest_at(source, 0, error, rename)
+    }
+
+    /// The same for a parse of the part of `source` that begins at byte `base`.
+    pub(crate) fn from_pest_at<R: pest::RuleType>(
+        source: &Source,
+        base: usize,
+        error: &pest::error::Error<R>,
+        rename: impl Fn(&R) -> String,
+    ) -> Self {
         use pest::error::{ErrorVariant, InputLocation};
         let span = match error.location {
-            InputLocation::Pos(offset) => Span::at(offset),
-            InputLocation::Span((start, end)) => Span::new(start, end),
+            InputLocation::Pos(offset) => Span::at(base + offset),
+            InputLocation::Span((start, end)) => Span::new(base + start, base + end),
         };
         let message = match &error.variant {
             ErrorVariant::CustomError { message } => message.clone(),
