@@ -9,7 +9,6 @@ use crate::formats::{Diagnostic, Source, Span};
 
 use grammar::{Grammar, Rule};
 
-#[expect(missing_docs, reason = "pest's derive documents rules, but not what it adds to them")]
 mod grammar {
     #[derive(pest_derive::Parser)]
     #[grammar = "grammars/downward.pest"]

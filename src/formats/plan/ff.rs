@@ -11,7 +11,6 @@ use super::transcript::{Action, Complaint, Transcript, Verdict};
 
 use grammar::{Grammar, Rule};
 
-#[expect(missing_docs, reason = "pest's derive documents rules, but not what it adds to them")]
 mod grammar {
     #[derive(pest_derive::Parser)]
     #[grammar = "grammars/ff.pest"]
