@@ -25,4 +25,4 @@ mod writer;
 pub use reader::{parse_document, parse_documents, parse_pipeline, parse_value, parse_world};
 pub use scanner::MAX_DEPTH;
 pub use stream::{ReadError, Reader};
-pub use writer::{canonical, pretty, relaxed, write_canonical, write_relaxed};
+pub use writer::{canonical, canonical_value, pretty, relaxed, relaxed_value, write_canonical, write_relaxed};
