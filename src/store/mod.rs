@@ -5,9 +5,20 @@
 //! driver. Both answer MongoDB's query and update languages, and both pass one
 //! contract suite (`tests/real`).
 
-pub mod namespace;
+pub mod embedded;
+#[cfg(feature = "mongodb")]
+pub mod mongodb;
 
+mod document;
+pub mod namespace;
+pub mod uri;
+
+pub use document::{MAX_DEPTH, MAX_SIZE};
+pub use embedded::Embedded;
+#[cfg(feature = "mongodb")]
+pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
+pub use uri::{Role, StoreUri, UriError, open};
 
 use bson::{Bson, Document, RawDocumentBuf};
 

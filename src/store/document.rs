@@ -1,0 +1,125 @@
+//! What may be stored, and in which form: MongoDB 6's rules.
+
+use bson::oid::ObjectId;
+use bson::{Bson, Document, RawDocumentBuf};
+
+use crate::query::QueryError;
+
+/// The most bytes of a document, in BSON.
+pub const MAX_SIZE: usize = 16 << 20;
+/// How deep documents and arrays may be nested.
+pub const MAX_DEPTH: usize = 100;
+
+/// The document as it is stored: `_id` first, made up where there was none.
+pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
+    check_depth(&document)?;
+    let id = match document.get("_id") {
+        Some(id) => acceptable_id(id)?.clone(),
+        None => Bson::ObjectId(ObjectId::new()),
+    };
+    let settled = with_id_first(document, &id);
+    let body = RawDocumentBuf::try_from(&settled)
+        .map_err(|error| QueryError::invalid(2, format!("the document cannot be stored: {error}")))?;
+    check_size(body.as_bytes().len())?;
+    Ok((id, body))
+}
+
+fn with_id_first(document: Document, id: &Bson) -> Document {
+    if document.keys().next().is_some_and(|first| first == "_id") {
+        return document;
+    }
+    let mut settled = Document::new();
+    settled.insert("_id", id.clone());
+    settled.extend(document.into_iter().filter(|(key, _)| key != "_id"));
+    settled
+}
+
+/// Refuses what is too large to be stored.
+pub(crate) fn check_size(size: usize) -> Result<(), QueryError> {
+    if size <= MAX_SIZE {
+        return Ok(());
+    }
+    Err(QueryError::invalid(10334, format!("the document has {size} bytes, more than the {MAX_SIZE} that are allowed")))
+}
+
+fn acceptable_id(id: &Bson) -> Result<&Bson, QueryError> {
+    let kind = match id {
+        Bson::Array(_) => "an array",
+        Bson::RegularExpression(_) => "a regular expression",
+        Bson::Undefined => "undefined",
+        Bson::Document(inner) => {
+            return match inner.keys().find(|key| key.starts_with('$')) {
+                Some(key) => Err(QueryError::invalid(52, format!("the _id may not have a field `{key}`"))),
+                None => Ok(id),
+            };
+        }
+        _ => return Ok(id),
+    };
+    Err(QueryError::invalid(53, format!("the _id may not be {kind}")))
+}
+
+/// Refuses what is nested too deeply, before anything walks it by recursion.
+fn check_depth(document: &Document) -> Result<(), QueryError> {
+    let mut level: Vec<&Bson> = document.values().collect();
+    for _ in 0..MAX_DEPTH {
+        level = level.into_iter().flat_map(children).collect();
+        if level.is_empty() {
+            return Ok(());
+        }
+    }
+    Err(QueryError::invalid(15, format!("the document is nested more than {MAX_DEPTH} levels deep")))
+}
+
+fn children(value: &Bson) -> Box<dyn Iterator<Item = &Bson> + '_> {
+    match value {
+        Bson::Document(document) => Box::new(document.values()),
+        Bson::Array(values) => Box::new(values.iter()),
+        Bson::JavaScriptCodeWithScope(code) => Box::new(code.scope.values()),
+        _ => Box::new(std::iter::empty()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::doc;
+
+    #[test]
+    fn the_id_comes_first() {
+        let (id, body) = settle(doc! { "a": 1, "_id": 7 }).unwrap();
+        assert_eq!(id, Bson::Int32(7));
+        let keys: Vec<_> = body.iter().map(|element| element.unwrap().0.to_string()).collect();
+        assert_eq!(keys, ["_id", "a"]);
+    }
+
+    #[test]
+    fn an_id_is_made_where_there_is_none() {
+        let (first, _) = settle(doc! {}).unwrap();
+        let (second, _) = settle(doc! {}).unwrap();
+        assert!(matches!((&first, &second), (Bson::ObjectId(_), Bson::ObjectId(_))));
+        assert_ne!(first, second);
+    }
+
+    #[test]
+    fn refuses_ids_that_mongodb_refuses() {
+        let regex = bson::Regex { pattern: "a".try_into().unwrap(), options: "".try_into().unwrap() };
+        for id in [Bson::Array(vec![]), Bson::Undefined, Bson::RegularExpression(regex), doc! { "$a": 1 }.into()] {
+            assert!(settle(doc! { "_id": id.clone() }).is_err(), "{id}");
+        }
+    }
+
+    #[test]
+    fn refuses_a_hundred_levels_and_more() {
+        let nested = |levels: usize| (1..levels).fold(doc! {}, |inner, _| doc! { "a": inner });
+        assert!(settle(nested(MAX_DEPTH)).is_ok());
+        assert_eq!(settle(nested(MAX_DEPTH + 1)).unwrap_err().code, 15);
+    }
+
+    #[test]
+    fn refuses_sixteen_mebibytes_and_more() {
+        let sized = |bytes: usize| doc! { "_id": 1, "a": "x".repeat(bytes) };
+        let around = settle(sized(0)).unwrap().1.as_bytes().len();
+        assert!(settle(sized(MAX_SIZE - around)).is_ok());
+        assert_eq!(settle(sized(MAX_SIZE - around + 1)).unwrap_err().code, 10334);
+    }
+}

@@ -1,0 +1,72 @@
+//! Storing documents: one transaction per batch.
+
+use bson::{Bson, Document, RawDocument};
+use rusqlite::params;
+
+use super::catalog::Collection;
+use super::language::encode;
+use super::{Embedded, failure};
+use crate::store::{Inserted, Namespace, StoreError, document};
+
+impl Embedded {
+    /// Stores the documents up to the first that cannot be; those before it stay.
+    pub(super) fn insert_batch(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        let mut stored = Vec::with_capacity(documents.len());
+        if documents.is_empty() {
+            return Ok(Inserted { ids: stored });
+        }
+        let refused = self.write(|| {
+            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            for document in documents {
+                match self.insert_one(ns, collection, document) {
+                    Ok(id) => stored.push(id),
+                    Err(refusal) if is_refusal(&refusal) => return Ok(Some(refusal)),
+                    Err(failure) => return Err(failure),
+                }
+            }
+            Ok(None)
+        })?;
+        match refused {
+            None => Ok(Inserted { ids: stored }),
+            Some(StoreError::Duplicate { namespace, key, .. }) => Err(StoreError::Duplicate { namespace, key, stored }),
+            Some(other) => Err(other),
+        }
+    }
+
+    fn insert_one(&self, ns: &Namespace, collection: Collection, document: Document) -> Result<Bson, StoreError> {
+        let (id, body) = document::settle(document)?;
+        self.put(ns, collection, &id, &body)?;
+        Ok(id)
+    }
+
+    /// Adds a settled document. In a write transaction only.
+    pub(super) fn put(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        id: &Bson,
+        body: &RawDocument,
+    ) -> Result<(), StoreError> {
+        let key = match body.get("_id") {
+            Ok(Some(id)) => encode(id),
+            _ => return Err(self.fail("a document without an _id was to be stored")),
+        };
+        let sql = format!("INSERT INTO {} (key, body) VALUES (?, ?)", collection.table());
+        let inserted = self
+            .connection
+            .prepare_cached(&sql)
+            .and_then(|mut statement| statement.execute(params![key, body.as_bytes()]));
+        match inserted {
+            Ok(_) => Ok(()),
+            Err(error) if failure::is_duplicate(&error) => {
+                Err(StoreError::Duplicate { namespace: ns.clone(), key: format!("_id: {}", id), stored: Vec::new() })
+            }
+            Err(error) => Err(self.explain(&error)),
+        }
+    }
+}
+
+/// Whether an error is about one document, so that those before it are kept.
+fn is_refusal(error: &StoreError) -> bool {
+    matches!(error, StoreError::Duplicate { .. } | StoreError::Query(_))
+}
