@@ -193,10 +193,7 @@ impl Domain {
 
     /// The constants with their types, in the order of the text.
     pub fn constants(&self) -> impl Iterator<Item = (&str, String)> {
-        self.constants
-            .items()
-            .iter()
-            .map(|entry| (entry.name.as_str(), self.vocabulary.types.kind_text(&entry.kind)))
+        self.constants.items().iter().map(|entry| (entry.name.as_str(), self.vocabulary.types.kind_text(&entry.kind)))
     }
 
     /// The names of the types, `object` first.

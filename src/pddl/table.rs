@@ -113,7 +113,6 @@ pub(super) fn suggestion(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |name| format!("did you mean `{name}`?"))
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;

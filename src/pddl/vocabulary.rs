@@ -1,9 +1,9 @@
 //! What a domain declares: types, constants, predicates, functions.
 
+use super::model::Variable;
 use super::report::Report;
 use super::table::{Named, Table};
 use super::types::{Kind, OBJECT, Types};
-use super::model::Variable;
 use crate::formats::pddl::ast::{self, Name};
 
 /// A constant or an object, in its original spelling.
