@@ -204,12 +204,7 @@ impl World<'_> {
     }
 
     /// The facts and values that a condition looks at. Under a derived predicate, that is the predicate itself.
-    fn reads(
-        &self,
-        formula: &Formula,
-        bindings: &mut Bindings,
-        reads: &mut HashSet<Ground>,
-    ) -> Result<(), Trouble> {
+    fn reads(&self, formula: &Formula, bindings: &mut Bindings, reads: &mut HashSet<Ground>) -> Result<(), Trouble> {
         match formula {
             Formula::Fact(fact) => {
                 reads.insert(self.ground(fact.predicate, &fact.arguments, bindings)?);

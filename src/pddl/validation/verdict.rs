@@ -250,9 +250,8 @@ fn instances<'a>(domain: &'a Domain, problem: &Problem, steps: &[Step]) -> Resul
             return Err(Stop::Unjudged(format!("the `:vars` of action `{}` are not simulated", action.name())));
         }
         let start = if is_timed { step.start } else { Some(time) };
-        let (start, duration) = times(action, start, step.duration, is_timed).map_err(|reason| {
-            Stop::Failure(Failure::Time { step: index, action: action.name().to_owned(), reason })
-        })?;
+        let (start, duration) = times(action, start, step.duration, is_timed)
+            .map_err(|reason| Stop::Failure(Failure::Time { step: index, action: action.name().to_owned(), reason }))?;
         let text = text(problem, action, &objects);
         instances.push(Instance { action, objects, start, duration, text });
     }
