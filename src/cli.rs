@@ -389,8 +389,8 @@ pub struct Plan {
     /// Where the plan is stored
     #[arg(long, value_name = "NS", default_value = "robmem.plans")]
     pub into: Namespace,
-    /// How the plan document is laid out: steps, fawkes
-    #[arg(long, value_name = "LAYOUT", default_value = "steps", hide_possible_values = true)]
+    /// How the plan document is laid out: numbered, fawkes
+    #[arg(long, value_name = "LAYOUT", default_value = "numbered", hide_possible_values = true)]
     pub layout: Layout,
     /// Do not store the plan
     #[arg(long)]
@@ -402,7 +402,7 @@ pub struct Plan {
 pub enum Layout {
     /// One numbered key a step.
     #[default]
-    Steps,
+    Numbered,
     /// An array of actions, as Fawkes stores them.
     Fawkes,
 }

@@ -98,7 +98,8 @@ impl Exit {
                 StoreError::Unreachable { .. } | StoreError::Failed { .. } => Self::Store,
             });
         }
-        if cause.is::<Diagnostic>() || cause.is::<Diagnostics>() || cause.is::<QueryError>() || cause.is::<WrongInput>() {
+        if cause.is::<Diagnostic>() || cause.is::<Diagnostics>() || cause.is::<QueryError>() || cause.is::<WrongInput>()
+        {
             return Some(Self::BadInput);
         }
         if cause.is::<UsageError>() || cause.is::<NamespaceError>() {

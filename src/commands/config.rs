@@ -2,11 +2,11 @@
 
 use super::Context;
 use crate::exit::Exit;
-use crate::store::uri;
+use crate::store::StoreUri;
 
 pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let settings = &context.settings;
-    let address = |value: &Option<String>| value.as_deref().map_or_else(|| "none".to_owned(), uri::redact);
+    let address = |value: &Option<String>| value.as_deref().map_or_else(|| "none".to_owned(), address);
     let file = settings.file.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
     let format = settings.format.value.map_or("by command", crate::output::Format::name);
     let log = settings.log.value.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
@@ -29,4 +29,9 @@ pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
         context.output.line(&line)?;
     }
     Ok(Exit::Done)
+}
+
+/// A URI without credentials.
+pub(super) fn address(uri: &str) -> String {
+    StoreUri::parse(uri).map_or_else(|error| error.to_string(), |uri| uri.to_string())
 }

@@ -1,6 +1,6 @@
 //! What a command works with: settings, streams, and the memory once it is asked for.
 
-use std::io::{BufRead, Read as _, Write as _};
+use std::io::{BufRead, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -9,8 +9,8 @@ use bson::Document;
 use crate::formats::{Source, shell};
 use crate::memory::{Memory, world};
 use crate::output::{Format, Output};
-use crate::settings::{Environment, Settings};
-use crate::store::StoreError;
+use crate::settings::{Environment, Origin, Settings};
+use crate::store::{StoreError, StoreUri};
 
 /// The command line asks for something that makes no sense.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -89,8 +89,9 @@ impl<'a> Context<'a> {
             bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
             path.display().to_string()
         };
-        let text = String::from_utf8(bytes)
-            .map_err(|error| WrongInput::new(format!("{name}: byte {} is not UTF-8", error.utf8_error().valid_up_to())))?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            WrongInput::new(format!("{name}: byte {} is not UTF-8", error.utf8_error().valid_up_to()))
+        })?;
         Ok(Source::new(name, text))
     }
 
@@ -154,8 +155,21 @@ fn open(settings: &Settings) -> anyhow::Result<Memory> {
     let local = settings.memory.value.as_deref().ok_or_else(|| {
         UsageError::new("no memory is set and no data directory is known; expected --memory URI, like file:robot.rmem")
     })?;
-    Memory::open(local, settings.shared.value.as_deref(), settings.shared_databases.value.clone())
-        .with_context(|| format!("opening the memory set by {}", settings.memory.origin))
+    let parse = |uri: &str, origin: &Origin| {
+        StoreUri::parse(uri).map_err(|error| UsageError::new(format!("{error} (set by {origin})")))
+    };
+    let local = parse(local, &settings.memory.origin)?;
+    if settings.memory.origin == Origin::Default
+        && let Some(folder) = local.path().and_then(Path::parent)
+    {
+        // The user's data directory is rmem's to make; a folder that somebody named is not.
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    }
+    let shared = match &settings.shared.value {
+        Some(uri) => parse(uri, &settings.shared.origin)?,
+        None => local.clone(),
+    };
+    Ok(Memory::at(local, shared, settings.shared_databases.value.clone()))
 }
 
 /// Columns for people: a column a top-level key, in order of first appearance.
@@ -175,17 +189,21 @@ fn table(rows: &[Document]) -> std::io::Result<String> {
     let mut aligned = tabwriter::TabWriter::new(Vec::new());
     aligned.write_all(text.as_bytes())?;
     aligned.flush()?;
-    let text = String::from_utf8_lossy(aligned.get_ref()).into_owned();
+    let aligned = aligned.into_inner().map_err(|error| std::io::Error::other(error.to_string()))?;
+    let text = String::from_utf8_lossy(&aligned).into_owned();
     Ok(text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n"))
 }
 
 /// A value in a table: strings bare, the rest as JSON, line breaks and escapes made visible.
 fn cell(value: &bson::Bson) -> String {
     match value {
-        bson::Bson::String(text) => text.chars().flat_map(|c| {
-            let escaped: Vec<char> = if c.is_control() { c.escape_default().collect() } else { vec![c] };
-            escaped
-        }).collect(),
+        bson::Bson::String(text) => text
+            .chars()
+            .flat_map(|c| {
+                let escaped: Vec<char> = if c.is_control() { c.escape_default().collect() } else { vec![c] };
+                escaped
+            })
+            .collect(),
         bson::Bson::ObjectId(id) => id.to_hex(),
         other => shell::relaxed_value(other),
     }

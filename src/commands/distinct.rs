@@ -10,7 +10,8 @@ pub(super) fn run(args: &Distinct, context: &mut Context<'_>) -> anyhow::Result<
     let filter = argument("<query>", &args.query)?;
     let format = context.format(&[Format::Jsonl, Format::Canonical])?;
     for value in context.memory()?.distinct(&args.namespace, &args.field, &filter)? {
-        let line = if format == Format::Canonical { shell::canonical_value(&value) } else { shell::relaxed_value(&value) };
+        let line =
+            if format == Format::Canonical { shell::canonical_value(&value) } else { shell::relaxed_value(&value) };
         context.output.line(&line)?;
     }
     Ok(Exit::Done)

@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 
 use super::Context;
 use crate::exit::Exit;
-use crate::store::uri;
 
 pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
     context.output.line(&format!("settings   {settings}"))?;
 
-    let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), uri::redact);
+    let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
     let state = match context.memory().and_then(|memory| Ok(memory.collections()?.len())) {
         Ok(count) => format!("ok, {count} collections"),
         Err(error) => {
@@ -22,7 +21,8 @@ pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
     context.output.line(&format!("memory     {address}: {state}"))?;
 
     context.output.line("planner    builtin: ok")?;
-    let mut programs = vec![("ff".to_owned(), "ff".to_owned()), ("fast-downward".to_owned(), "fast-downward".to_owned())];
+    let mut programs =
+        vec![("ff".to_owned(), "ff".to_owned()), ("fast-downward".to_owned(), "fast-downward".to_owned())];
     let configured = context.settings.planners.iter();
     programs.extend(configured.filter_map(|planner| Some((planner.name.clone(), planner.command.first()?.clone()))));
     for (name, program) in programs {

@@ -14,10 +14,11 @@ use crate::problem::{self, Generated, Request, Syntax};
 
 pub(super) fn run(args: &GenProblem, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.options.lenient, context)).transpose()?;
+    let template = context.read(&args.template)?;
     let memory = context.memory()?;
-    let generated = generate(&args.template, &args.options, &memory, context)?;
+    let generated = generate(&template, &args.options, &memory, context)?;
     if let Some(domain) = &domain {
-        check(&generated, domain, args.options.lenient)?;
+        generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
     }
     context.output.write_file(&args.output, generated.text.as_bytes())?;
     Ok(Exit::Done)
@@ -31,13 +32,13 @@ pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>)
 
 /// Renders a template and tells how many documents each section matched.
 pub(super) fn generate(
-    template: &Path,
+    template: &Source,
     options: &TemplateOptions,
     memory: &Memory,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Generated> {
     let request = Request {
-        template: context.read(template)?,
+        template: template.clone(),
         syntax: match options.syntax {
             TemplateSyntax::Auto => Syntax::Auto,
             TemplateSyntax::Minijinja => Syntax::Minijinja,
@@ -51,11 +52,6 @@ pub(super) fn generate(
     let generated = problem::generate(&request, memory)?;
     report(&generated, options.strict, context)?;
     Ok(generated)
-}
-
-/// Checks a generated problem; complaints point at the template.
-pub(super) fn check(generated: &Generated, domain: &Domain, lenient: bool) -> Result<(), Diagnostics> {
-    generated.check(domain, Dialect { lenient }).map_err(Diagnostics).map(drop)
 }
 
 fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
@@ -72,7 +68,8 @@ fn report(generated: &Generated, strict: bool, context: &mut Context<'_>) -> any
     let mut empty = Vec::new();
     for section in &generated.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };
-        let line = format!("line {}: {} in {}: {} {plural}", section.line, section.name, section.namespace, section.matched);
+        let line =
+            format!("line {}: {} in {}: {} {plural}", section.line, section.name, section.namespace, section.matched);
         if section.matched == 0 {
             context.output.warn(&line);
             empty.push(format!("line {}: {}", section.line, section.name));

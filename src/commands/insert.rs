@@ -1,6 +1,5 @@
 //! `rmem insert NS [DOC…|--file F|-]`: store documents; print their ids.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -9,6 +8,7 @@ use super::Context;
 use crate::cli::Insert;
 use crate::exit::Exit;
 use crate::formats::{Source, shell};
+use crate::store::StoreError;
 
 /// How many documents are stored, and acknowledged, at once.
 const BATCH: usize = 1_000;
@@ -28,14 +28,17 @@ pub(super) fn run(args: &Insert, context: &mut Context<'_>) -> anyhow::Result<Ex
     let mut stored = 0;
     while !documents.is_empty() {
         let rest = documents.split_off(documents.len().min(BATCH));
-        let batch = std::mem::replace(&mut documents, rest);
-        let inserted = memory
-            .insert(&args.namespace, batch)
-            .with_context(|| format!("{stored} of {total} documents were stored before this batch"))?;
-        stored += inserted.ids.len();
-        for id in &inserted.ids {
-            writeln!(context.output.stdout(), "{}", shell::relaxed_value(id))?;
+        let result = memory.insert(&args.namespace, std::mem::replace(&mut documents, rest));
+        let ids = match &result {
+            Ok(inserted) => inserted.ids.as_slice(),
+            Err(StoreError::Duplicate { stored, .. }) => stored,
+            Err(_) => &[],
+        };
+        for id in ids {
+            context.output.line(&shell::relaxed_value(id))?;
         }
+        stored += ids.len();
+        result.with_context(|| format!("stored {stored} of {total} documents; the next one was refused"))?;
     }
     context.output.note(&format!("{stored} stored in {}", args.namespace));
     Ok(Exit::Done)

@@ -13,10 +13,12 @@ pub(super) fn run(args: &Query, context: &mut Context<'_>) -> anyhow::Result<Exi
         projection: args.fields.as_deref().map(|text| argument("<fields>", text)).transpose()?.unwrap_or_default(),
         skip: args.skip,
         limit: args.limit,
-        meta: args.meta,
     };
     let memory = context.memory()?;
-    let documents = memory.find(&args.namespace, &find)?;
+    let documents = match args.meta {
+        true => memory.find_with_metadata(&args.namespace, &find)?,
+        false => memory.find(&args.namespace, &find)?,
+    };
     context.print_documents(documents.map(|document| document.and_then(owned)))?;
     Ok(Exit::Done)
 }

@@ -42,10 +42,14 @@ fn specification(source: &Source) -> Result<UpdateSpec, Diagnostic> {
                 })
                 .collect();
             let whole = Span::new(0, source.text().len());
-            stages.map(UpdateSpec::Pipeline).ok_or_else(|| Diagnostic::new(source, whole, "expected an array of stages"))
+            stages
+                .map(UpdateSpec::Pipeline)
+                .ok_or_else(|| Diagnostic::new(source, whole, "expected an array of stages"))
         }
-        _ => Err(Diagnostic::new(source, Span::new(0, source.text().len()), "expected a document or an array of stages")
-            .hint("like {$set: {color: 'red'}}")),
+        _ => {
+            Err(Diagnostic::new(source, Span::new(0, source.text().len()), "expected a document or an array of stages")
+                .hint("like {$set: {color: 'red'}}"))
+        }
     }
 }
 

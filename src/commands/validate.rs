@@ -4,7 +4,7 @@ use super::{Context, gen_problem::read_domain};
 use crate::cli::Validate;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect, plan::read_plan};
-use crate::pddl::{Problem, validate};
+use crate::pddl::{Problem, Step, Validation, validate};
 
 pub(super) fn run(args: &Validate, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let domain = read_domain(&args.domain, args.lenient, context)?;
@@ -18,8 +18,12 @@ pub(super) fn run(args: &Validate, context: &mut Context<'_>) -> anyhow::Result<
         context.output.line(&format!("problem {} is valid", problem.name()))?;
         return Ok(Exit::Done);
     };
-    let steps = read_plan(&context.read(plan)?)?;
+    let steps = read_plan(&context.read(plan)?)?.actions.into_iter().map(Step::from).collect::<Vec<_>>();
     let verdict = validate(&domain, &problem, &steps);
     context.output.line(&verdict.to_string())?;
-    Ok(if verdict.is_valid() { Exit::Done } else { Exit::No })
+    Ok(match verdict {
+        Validation::Valid { .. } => Exit::Done,
+        Validation::Invalid(_) => Exit::No,
+        Validation::Unjudged(_) => Exit::Unsupported,
+    })
 }

@@ -6,7 +6,7 @@ use super::report::Report;
 use super::resolve::Resolver;
 use super::table::{Named, Table, nearest, suggestion};
 use super::types::{Kind, OBJECT};
-use super::vocabulary::{ObjectEntry, Vocabulary, add_objects, twice, variables};
+use super::vocabulary::{ObjectEntry, Vocabulary, add_objects, check_doubles, twice, variables};
 use crate::formats::pddl::ast::{self, Name};
 use crate::formats::pddl::{Dialect, read_domain};
 use crate::formats::{Diagnostic, Source, Span};
@@ -193,10 +193,7 @@ impl Domain {
 
     /// The constants with their types, in the order of the text.
     pub fn constants(&self) -> impl Iterator<Item = (&str, String)> {
-        self.constants
-            .items()
-            .iter()
-            .map(|entry| (entry.name.as_str(), self.vocabulary.types.kind_text(&entry.kind)))
+        self.constants.items().iter().map(|entry| (entry.name.as_str(), self.vocabulary.types.kind_text(&entry.kind)))
     }
 
     /// The names of the types, `object` first.
@@ -239,7 +236,6 @@ pub(super) fn check_requirements(requirements: &[Name], report: &mut Report<'_>)
 /// Warns of features that no requirement announces.
 fn check_announced(requirements: &[Name], features: &[Use], report: &mut Report<'_>) {
     for Use { feature, span } in features {
-        // FF and its successors read `=` and single `not` without being told.
         let announced = requirements.iter().any(|name| feature.is_announced_by(name.as_str()));
         if !announced && *feature != Feature::ActionVariables {
             let requirement = feature.requirement();
@@ -273,6 +269,7 @@ fn read_action(action: &ast::Action, resolver: &mut Resolver<'_, '_, '_>) -> Act
     let types = &resolver.vocabulary.types;
     let variables = variables(types, &action.parameters, resolver.report);
     let parameters = variables.iter().map(|variable| parameter(variable, types.kind_text(&variable.kind))).collect();
+    check_doubles(&variables, resolver.report);
     resolver.scope.clone_from(&variables);
     if let Some(local) = action.locals.first() {
         resolver.uses.note(Feature::ActionVariables, local.name.span());
@@ -297,6 +294,7 @@ fn read_durative_action(action: &ast::DurativeAction, resolver: &mut Resolver<'_
     let types = &resolver.vocabulary.types;
     let variables = variables(types, &action.parameters, resolver.report);
     let parameters = variables.iter().map(|variable| parameter(variable, types.kind_text(&variable.kind))).collect();
+    check_doubles(&variables, resolver.report);
     resolver.scope.clone_from(&variables);
     resolver.durative = true;
     note_typing(&variables, resolver);
@@ -344,10 +342,11 @@ fn read_rule(rule: &ast::Derived, resolver: &mut Resolver<'_, '_, '_>) -> Option
     resolver.uses.note(Feature::DerivedPredicates, name.span());
     let variables = variables(&resolver.vocabulary.types, &rule.head.parameters, resolver.report);
     let arguments = variables.iter().map(|variable| ast::Term::Variable(variable.name.clone())).collect();
+    check_doubles(&variables, resolver.report);
     resolver.scope.clone_from(&variables);
     let head = resolver.fact(&ast::Atom { name: name.clone(), arguments, place: ast::Place(name.span()) });
     let condition = resolver.condition(&rule.condition, false);
     resolver.scope.clear();
     resolver.vocabulary.predicates.get(head.predicate)?;
-    Some(Rule { predicate: head.predicate, variables, condition, span: rule.place.0 })
+    Some(Rule { predicate: head.predicate, variables, condition })
 }

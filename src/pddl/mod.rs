@@ -33,3 +33,9 @@ pub struct Step {
     /// How long it takes, for durative actions.
     pub duration: Option<f64>,
 }
+
+impl From<crate::formats::plan::Action> for Step {
+    fn from(action: crate::formats::plan::Action) -> Self {
+        Self { action: action.name, arguments: action.arguments, start: action.start, duration: action.duration }
+    }
+}

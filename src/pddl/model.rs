@@ -7,7 +7,6 @@
 use std::sync::Arc;
 
 use super::types::Kind;
-use crate::formats::Span;
 use crate::formats::pddl::ast::{Assigner, Comparator, Moment, Name, Operator};
 
 /// A variable of an action, a rule or a quantifier.
@@ -128,5 +127,4 @@ pub(super) struct Rule {
     pub(super) predicate: u32,
     pub(super) variables: Vec<Variable>,
     pub(super) condition: Formula,
-    pub(super) span: Span,
 }

@@ -7,7 +7,7 @@ use super::report::Report;
 use super::resolve::Resolver;
 use super::table::Table;
 use super::vocabulary::{ObjectEntry, add_objects};
-use crate::formats::pddl::ast::{self, Atom, Assigner, Expression, Init, Place, Term};
+use crate::formats::pddl::ast::{self, Assigner, Atom, Expression, Init, Place, Term};
 use crate::formats::pddl::{Dialect, read_problem};
 use crate::formats::{Diagnostic, Source};
 

@@ -75,9 +75,7 @@ impl Resolver<'_, '_, '_> {
                 let (quantifier, inner) = self.quantified(list, |this| this.condition(inner, negated));
                 Formula::Exists(quantifier, Box::new(inner))
             }
-            ConditionKind::Timed(moment, inner) => {
-                Formula::Timed(*moment, Box::new(self.condition(inner, negated)))
-            }
+            ConditionKind::Timed(moment, inner) => Formula::Timed(*moment, Box::new(self.condition(inner, negated))),
             ConditionKind::Preference(name, inner) => {
                 self.uses.note(Feature::Preferences, span);
                 self.preferences.extend(name.clone());

@@ -72,10 +72,11 @@ pub(super) fn lower(name: &str) -> Cow<'_, str> {
     }
 }
 
-/// The candidate most like `wanted`: at most a third of its letters differ.
+/// The candidate most like `wanted`: at most a third of its letters differ. Names of one letter are like no other.
 pub(super) fn nearest<'a>(wanted: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let wanted: Vec<char> = lower(wanted).chars().take(64).collect();
-    let limit = (wanted.len() / 3).clamp(1, 3);
+    let letters = wanted.iter().filter(|letter| **letter != '?').count();
+    let limit = (letters.div_ceil(3)).min(3).min(letters.saturating_sub(1));
     candidates
         .filter(|candidate| candidate.len().abs_diff(wanted.len()) <= 4 * limit)
         .map(|candidate| (distance(&wanted, candidate), candidate))
@@ -113,7 +114,6 @@ pub(super) fn suggestion(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |name| format!("did you mean `{name}`?"))
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -125,6 +125,7 @@ mod tests {
         assert_eq!(nearest("ontable", names.into_iter()), Some("on-table"));
         assert_eq!(nearest("CLEAN", names.into_iter()), Some("clear"));
         assert_eq!(nearest("frobnicate", names.into_iter()), None);
+        assert_eq!(nearest("o", names.into_iter()), None);
         assert_eq!(nearest("", names.into_iter()), None);
     }
 }

@@ -1,9 +1,9 @@
 //! What a domain declares: types, constants, predicates, functions.
 
+use super::model::Variable;
 use super::report::Report;
 use super::table::{Named, Table};
 use super::types::{Kind, OBJECT, Types};
-use super::model::Variable;
 use crate::formats::pddl::ast::{self, Name};
 
 /// A constant or an object, in its original spelling.
@@ -79,17 +79,21 @@ impl Vocabulary {
     }
 }
 
-/// `?x - t …` with the types resolved; a variable that is there twice is an error.
+/// `?x - t …` with the types resolved.
 pub(super) fn variables(types: &Types, list: &[ast::Typed], report: &mut Report<'_>) -> Vec<Variable> {
-    let mut variables: Vec<Variable> = Vec::with_capacity(list.len());
-    for typed in list {
-        // Long lists are a machine's work; looking for doubles there takes too long.
-        if list.len() < 1000 && variables.iter().any(|other| other.name.is(typed.name.as_str())) {
-            report.error(typed.name.span(), format!("parameter `{}` is there twice", typed.name));
+    list.iter()
+        .map(|typed| Variable { name: typed.name.clone(), kind: types.resolve(typed.kind.as_ref(), report) })
+        .collect()
+}
+
+/// Complains about parameters of an action that are there twice. Real predicates have such; they mean nothing there.
+pub(super) fn check_doubles(variables: &[Variable], report: &mut Report<'_>) {
+    let mut seen = std::collections::HashSet::new();
+    for variable in variables {
+        if !seen.insert(super::table::lower(variable.name.as_str())) {
+            report.error(variable.name.span(), format!("parameter `{}` is there twice", variable.name));
         }
-        variables.push(Variable { name: typed.name.clone(), kind: types.resolve(typed.kind.as_ref(), report) });
     }
-    variables
 }
 
 /// Complains about a second declaration.

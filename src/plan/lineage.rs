@@ -97,7 +97,7 @@ impl Lineage {
         insert(&mut document, "length", self.length.and_then(|length| i64::try_from(length).ok()));
         insert(&mut document, "started", self.started);
         let times = self.times.iter().map(|(name, time)| (name.clone(), Bson::Double(time.as_secs_f64() * 1000.0)));
-        document.insert("times_ms", times.collect::<Document>());
+        document.insert("times", times.collect::<Document>());
         document
     }
 }

@@ -71,9 +71,7 @@ impl World<'_> {
         changes: &mut Changes,
     ) -> Result<(), Trouble> {
         match change {
-            Change::And(parts) => {
-                parts.iter().try_for_each(|part| self.collect(part, moment, now, bindings, changes))
-            }
+            Change::And(parts) => parts.iter().try_for_each(|part| self.collect(part, moment, now, bindings, changes)),
             Change::Timed(when, inner) => self.collect(inner, moment, moment == Some(*when), bindings, changes),
             Change::Forall(quantifier, inner) => self
                 .each(quantifier, bindings, |bindings| {

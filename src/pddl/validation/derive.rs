@@ -157,9 +157,7 @@ impl Join<'_> {
     ) -> Result<(), Trouble> {
         let Some((first, rest)) = parts.split_first() else { return visit(bindings) };
         let outer = kinds.clone();
-        self.solve(first, kinds, bindings, &mut |bindings| {
-            self.solve_all(rest, &mut outer.clone(), bindings, visit)
-        })
+        self.solve(first, kinds, bindings, &mut |bindings| self.solve_all(rest, &mut outer.clone(), bindings, visit))
     }
 
     fn solve_fact(

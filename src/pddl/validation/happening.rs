@@ -29,8 +29,14 @@ pub(super) struct Instance<'a> {
 
 /// Why a simulation ended early.
 pub(super) enum Stop {
-    Failure(Failure),
+    Failure(Box<Failure>),
     Unjudged(String),
+}
+
+impl Stop {
+    pub(super) fn failure(failure: Failure) -> Self {
+        Self::Failure(Box::new(failure))
+    }
 }
 
 /// What happens at a moment.
@@ -177,7 +183,7 @@ impl World<'_> {
         };
         match fault {
             Ok(condition) => {
-                Err(Stop::Failure(Failure::Precondition { step, action: text(instances, step), condition }))
+                Err(Stop::failure(Failure::Precondition { step, action: text(instances, step), condition }))
             }
             Err(trouble) => Err(stop(trouble, Some(step), instances)),
         }
@@ -204,12 +210,7 @@ impl World<'_> {
     }
 
     /// The facts and values that a condition looks at. Under a derived predicate, that is the predicate itself.
-    fn reads(
-        &self,
-        formula: &Formula,
-        bindings: &mut Bindings,
-        reads: &mut HashSet<Ground>,
-    ) -> Result<(), Trouble> {
+    fn reads(&self, formula: &Formula, bindings: &mut Bindings, reads: &mut HashSet<Ground>) -> Result<(), Trouble> {
         match formula {
             Formula::Fact(fact) => {
                 reads.insert(self.ground(fact.predicate, &fact.arguments, bindings)?);
@@ -270,7 +271,7 @@ fn check_interference(effects: &[Effects], instances: &[Instance<'_>]) -> Result
             {
                 let with = one.step.min(other.step);
                 let with = with.map_or_else(|| "a timed initial literal".to_owned(), |with| text(instances, with));
-                return Err(Stop::Failure(Failure::Interference { step, action: text(instances, step), with }));
+                return Err(Stop::failure(Failure::Interference { step, action: text(instances, step), with }));
             }
         }
     }
@@ -294,7 +295,7 @@ fn stop(trouble: Trouble, step: Option<usize>, instances: &[Instance<'_>]) -> St
         Trouble::Unjudged(reason) => Stop::Unjudged(reason),
         Trouble::Wrong(reason) => {
             let action = step.map_or_else(String::new, |step| text(instances, step));
-            Stop::Failure(Failure::Number { step, action, reason })
+            Stop::failure(Failure::Number { step, action, reason })
         }
     }
 }

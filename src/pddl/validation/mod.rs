@@ -11,9 +11,11 @@
 mod change;
 mod derive;
 mod happening;
+mod judge;
 mod state;
 mod text;
 mod truth;
 mod verdict;
 
-pub use verdict::{Failure, Validation, validate};
+pub use judge::validate;
+pub use verdict::{Failure, Validation};

@@ -110,11 +110,6 @@ impl World<'_> {
         name_of(&self.problem.objects, number)
     }
 
-    /// A ground fact as text.
-    pub(super) fn ground_fact_text(&self, ground: &[u32]) -> String {
-        self.ground_text(name_of(&self.domain.vocabulary.predicates, head(ground)), ground)
-    }
-
     /// A ground function as text.
     pub(super) fn ground_function_text(&self, ground: &[u32]) -> String {
         self.ground_text(name_of(&self.domain.vocabulary.functions, head(ground)), ground)

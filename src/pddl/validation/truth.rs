@@ -182,9 +182,7 @@ pub(super) fn at_moment(formula: &Formula, moment: Moment) -> Formula {
         Formula::Timed(other, inner) if *other == moment => (**inner).clone(),
         Formula::Timed(..) => Formula::truth(),
         Formula::And(parts) => Formula::And(parts.iter().map(|part| at_moment(part, moment)).collect()),
-        Formula::Forall(quantifier, inner) => {
-            Formula::Forall(quantifier.clone(), Box::new(at_moment(inner, moment)))
-        }
+        Formula::Forall(quantifier, inner) => Formula::Forall(quantifier.clone(), Box::new(at_moment(inner, moment))),
         Formula::Preference(_) => Formula::truth(),
         other if moment == Moment::Start => other.clone(),
         _ => Formula::truth(),
