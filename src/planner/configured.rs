@@ -60,9 +60,9 @@ impl Planner for Configured {
             Dialect::Temporal => temporal::read(&output.plans, &output.stdout, &output.stderr),
             Dialect::Ff => {
                 let said = ff::read(&output.stdout, &output.stderr);
-                let filed = output.plans.iter().map(|plan| ff::read(plan.text(), ""));
-                let filed = filed.filter(|filed| said.verdict == Verdict::Unclear && filed.verdict == Verdict::Plan);
-                filed.last().unwrap_or(said)
+                let mut filed = output.plans.iter().rev().map(|plan| ff::read(plan.text(), ""));
+                let filed = filed.find(|filed| said.verdict == Verdict::Unclear && filed.verdict == Verdict::Plan);
+                filed.unwrap_or(said)
             }
         }
     }

@@ -138,7 +138,7 @@ impl Warden {
         if let Some(bytes) = limits.memory {
             command.arg("--memory").arg(bytes.to_string());
         }
-        command.arg("--").arg(job.program).args(&job.arguments);
+        command.arg("--").arg(located(job.program)).args(&job.arguments);
         if job.hermetic {
             command.env_clear();
         }
@@ -260,6 +260,15 @@ impl Drop for Warden {
         drop(self.directory.take());
         let _ = self.lifeline.write_all(b"done\n");
         let _ = self.process.wait();
+    }
+}
+
+/// A program given as a relative path, as the caller's folder has it; the run has another.
+fn located(program: &OsStr) -> OsString {
+    let path = Path::new(program);
+    match path.components().count() > 1 {
+        true => std::path::absolute(path).map_or_else(|_| program.to_owned(), Into::into),
+        false => program.to_owned(),
     }
 }
 

@@ -98,7 +98,7 @@ impl Order {
         let lowered = setrlimit(Resource::As, Rlimit { current: Some(bytes), maximum: own.maximum });
         let started = command.spawn();
         if lowered.is_ok() {
-            setrlimit(Resource::As, own.clone())?;
+            setrlimit(Resource::As, own)?;
         }
         let child = match started {
             // The warden itself is larger than the limit.
