@@ -19,7 +19,7 @@ use crate::plan::Plan;
 const TAIL: usize = 12;
 
 /// A program that plans.
-pub trait Planner {
+pub trait Planner: Send + Sync {
     /// What the user calls it.
     fn name(&self) -> &str;
 
@@ -38,8 +38,8 @@ pub trait Planner {
         None
     }
 
-    /// Program and arguments. The current directory has the task as `domain.pddl` and
-    /// `problem.pddl`; a plan may be written to `plan`.
+    /// Program and arguments. `{domain}`, `{problem}` and `{plan}` stand for files; the plan's
+    /// is not there until the planner writes it.
     fn command(&self, host: &Host<'_>) -> Vec<OsString>;
 
     /// Another command to try after such an answer to the first.
@@ -107,7 +107,7 @@ pub struct Run {
     pub planner: String,
     /// Its version, where known.
     pub version: Option<String>,
-    /// Program and arguments as they were called.
+    /// Program and arguments, with marks for the files of the run.
     pub command: Vec<String>,
     /// Wall time.
     pub time: Duration,
@@ -183,7 +183,7 @@ fn ask(
     let program = command.first().map_or(OsStr::new(""), OsString::as_os_str);
     let job = Job {
         program,
-        arguments: command.iter().skip(1).cloned().collect(),
+        arguments: command.get(1..).unwrap_or_default(),
         domain: &sent.domain,
         problem: &sent.problem,
         hermetic: planner.is_hermetic(),
@@ -220,7 +220,7 @@ fn conclude(
             return (Outcome::OutOfTime, format!("no plan within {time:?}"));
         }
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
-        End::Failed(words) => return (Outcome::Failed, words.clone()),
+        End::Failed(words) => return (Outcome::Failed, format!("it could not be run: {words}")),
         _ => {}
     }
     let crash = crash(&ended.end);

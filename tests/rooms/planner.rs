@@ -126,14 +126,14 @@ const FOUND: &str = "echo; echo 'ff: found legal plan as follows'; echo; echo 's
 fn a_plan_comes_back_in_the_problems_spelling() {
     let run = Place::new().ff(FOUND, &within(10.0));
     assert_eq!(steps(&run), ["Go A"]);
-    assert_eq!(run.command, ["ff", "-o", "domain.pddl", "-f", "problem.pddl"]);
+    assert_eq!(run.command, ["ff", "-o", "{domain}", "-f", "{problem}"]);
 }
 
 #[test]
 fn ff_gets_names_it_understands() {
     let place = Place::new();
     let seen = place.path("seen");
-    let body = format!("cat problem.pddl > {}; {}", seen.display(), FOUND.replace("GO A", "GO B_C"));
+    let body = format!("cd /; cat \"$4\" > {}; {}", seen.display(), FOUND.replace("GO A", "GO B_C"));
     assert_eq!(steps(&place.ff(&body, &within(10.0))), ["Go b.c"]);
     let sent = fs::read_to_string(seen).unwrap();
     assert!(sent.contains("b_c") && !sent.contains("b.c"), "{sent}");
