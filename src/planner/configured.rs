@@ -65,7 +65,7 @@ impl Planner for Configured {
         }
     }
 
-    fn proves(&self, features: &[super::Use]) -> bool {
+    fn proves(&self, features: &[crate::pddl::Feature]) -> bool {
         self.output != Dialect::Ff || super::Ff::default().proves(features)
     }
 

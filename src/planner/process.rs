@@ -43,8 +43,8 @@ pub(super) struct Job<'a> {
     pub(super) arguments: &'a [OsString],
     pub(super) domain: &'a str,
     pub(super) problem: &'a str,
-    /// Starts with an empty environment.
-    pub(super) hermetic: bool,
+    /// The whole environment, where it is not rmem's.
+    pub(super) environment: Option<&'a [(&'a str, &'a str)]>,
 }
 
 /// How a program ended.
@@ -143,8 +143,8 @@ impl Warden {
         }
         command.arg("--").arg(located(job.program));
         command.args(job.arguments.iter().map(|word| filled(word, directory.path())));
-        if job.hermetic {
-            command.env_clear();
+        if let Some(environment) = job.environment {
+            command.env_clear().envs(environment.iter().copied());
         }
         command.current_dir(directory.path()).process_group(0);
         command.stdin(Stdio::from(OwnedFd::from(theirs)));

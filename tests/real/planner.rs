@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use libtest_mimic::{Failed, Trial};
 use rmem::formats::Source;
-use rmem::formats::pddl::{Dialect, read_domain, read_problem};
+use rmem::formats::pddl::Dialect;
+use rmem::pddl::{Domain, Problem};
 use rmem::planner::{Host, Limits, Run, Task, by_name, run};
 
 /// Task, and the exit code of its outcome.
@@ -65,11 +66,9 @@ fn plan(planner: &str, domain: &str, problem: &str) -> Result<Run, Failed> {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/transcripts/tasks");
         fs::read_to_string(folder.join(format!("{name}.pddl"))).map(|text| Source::new(name.to_owned(), text))
     };
-    let (domain_source, problem_source) = (read(domain)?, read(problem)?);
-    let domain = read_domain(&domain_source, Dialect::default())?;
-    let problem = read_problem(&problem_source, Dialect::default())?;
-    let task =
-        Task { domain: &domain, problem: &problem, domain_source: &domain_source, problem_source: &problem_source };
+    let domain = Domain::read(&read(domain)?, Dialect::default()).map_err(|wrong| format!("{wrong:?}"))?;
+    let problem = Problem::read(&read(problem)?, &domain, Dialect::default()).map_err(|wrong| format!("{wrong:?}"))?;
+    let task = Task { domain: &domain, problem: &problem };
     let interrupted = AtomicBool::new(false);
     let temporary = tempfile::tempdir()?;
     let host = Host {

@@ -10,7 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use rmem::formats::Source;
-use rmem::formats::pddl::{Dialect as Spelling, ast, read_domain, read_problem};
+use rmem::formats::pddl::Dialect as Spelling;
+use rmem::pddl::{Domain, Problem};
 use rmem::planner::{Builtin, Configured, Dialect, Ff, Host, Limits, Outcome, Planner, Run, Task, run};
 use tempfile::TempDir;
 
@@ -22,8 +23,8 @@ const PROBLEM: &str = "(define (problem n) (:domain d) (:objects A b.c - t) (:in
 /// A planner's run in a place of its own, where nothing may be left afterwards.
 struct Place {
     directory: TempDir,
-    domain: (ast::Domain, Source),
-    problem: (ast::Problem, Source),
+    domain: Domain,
+    problem: Problem,
     interrupted: AtomicBool,
 }
 
@@ -33,13 +34,9 @@ impl Place {
     }
 
     fn with(domain: &str, problem: &str) -> Self {
-        let (domain, problem) = (Source::new("d.pddl", domain), Source::new("p.pddl", problem));
-        Self {
-            directory: tempfile::tempdir().unwrap(),
-            domain: (read_domain(&domain, Spelling::default()).unwrap(), domain),
-            problem: (read_problem(&problem, Spelling::default()).unwrap(), problem),
-            interrupted: AtomicBool::new(false),
-        }
+        let domain = Domain::read(&Source::new("d.pddl", domain), Spelling::default()).unwrap();
+        let problem = Problem::read(&Source::new("p.pddl", problem), &domain, Spelling::default()).unwrap();
+        Self { directory: tempfile::tempdir().unwrap(), domain, problem, interrupted: AtomicBool::new(false) }
     }
 
     fn fixture(domain: &str, problem: &str) -> Self {
@@ -68,12 +65,7 @@ impl Place {
     }
 
     fn task(&self) -> Task<'_> {
-        Task {
-            domain: &self.domain.0,
-            problem: &self.problem.0,
-            domain_source: &self.domain.1,
-            problem_source: &self.problem.1,
-        }
+        Task { domain: &self.domain, problem: &self.problem }
     }
 
     fn run(&self, planner: &dyn Planner, limits: &Limits) -> Run {
