@@ -1,23 +1,30 @@
-//! The `rmem` program.
+//! The binary: hands the process to the library, and its answer to the shell.
 
-use std::io::Write as _;
+use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let mut arguments = std::env::args_os().skip(1);
-    let code = match arguments.next().as_deref().and_then(|word| word.to_str()) {
-        Some("__warden") => rmem::planner::warden::run(arguments),
-        Some("ff") => {
-            let files: Vec<_> = arguments.filter(|word| word != "-o" && word != "-f").collect();
-            let [domain, problem] = files.as_slice() else { return ExitCode::from(2) };
-            let (Ok(domain), Ok(problem)) = (std::fs::read_to_string(domain), std::fs::read_to_string(problem)) else {
-                return ExitCode::from(3);
-            };
-            let (text, code) = rmem::planner::builtin::child(&domain, &problem, Default::default());
-            let _ = std::io::stdout().write_all(text.as_bytes());
-            code
+    let _ = ctrlc::set_handler(|| {
+        if let Some(exit) = rmem::interrupt() {
+            // Nothing is half-written at any moment: files appear by renaming, stores commit.
+            #[expect(clippy::exit, reason = "an interrupted process ends here")]
+            std::process::exit(exit.code().into());
         }
-        _ => 2,
-    };
-    ExitCode::from(u8::try_from(code).unwrap_or(32))
+    });
+    let exit = rmem::run(
+        std::env::args_os(),
+        rmem::Process {
+            stdin: &mut std::io::stdin().lock(),
+            stdout: &mut std::io::stdout(),
+            stderr: &mut std::io::stderr(),
+            stdout_is_terminal: std::io::stdout().is_terminal(),
+            stderr_is_terminal: std::io::stderr().is_terminal(),
+            environment: std::env::vars_os()
+                .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+                .collect(),
+            directory: std::env::current_dir().unwrap_or_default(),
+            executable: std::env::current_exe().unwrap_or_else(|_| "rmem".into()),
+        },
+    );
+    ExitCode::from(exit.code())
 }

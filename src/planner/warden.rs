@@ -45,6 +45,9 @@ const BURIAL: Duration = Duration::from_secs(3);
 /// How often the program's memory is looked at, where it is limited.
 const LOOK: Duration = Duration::from_millis(20);
 
+/// The hidden command that makes a process of rmem a warden.
+pub const COMMAND: &str = "__warden";
+
 /// Runs the warden; the arguments are those after `__warden`. Returns the exit code of
 /// the process, which says nothing: what happened goes over the lifeline.
 #[must_use]

@@ -1,30 +1,45 @@
 //! What may be stored, and in which form: MongoDB 6's rules.
 
 use bson::oid::ObjectId;
-use bson::{Bson, Document, RawDocumentBuf};
+use bson::raw::{RawBsonRef, RawElement};
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
 use crate::query::QueryError;
 
 /// The most bytes of a document, in BSON.
 pub const MAX_SIZE: usize = 16 << 20;
-/// How deep documents and arrays may be nested.
+/// How deep documents and arrays may be nested, the document itself included.
 pub const MAX_DEPTH: usize = 100;
 
 /// The document as it is stored: `_id` first, made up where there was none.
 pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
     check_depth(&document)?;
     let id = match document.get("_id") {
-        Some(id) => acceptable_id(id)?.clone(),
+        Some(id) => id.clone(),
         None => Bson::ObjectId(ObjectId::new()),
     };
+    check_id(&id)?;
     let settled = with_id_first(document, &id);
     let body = RawDocumentBuf::try_from(&settled)
         .map_err(|error| QueryError::invalid(2, format!("the document cannot be stored: {error}")))?;
-    check_size(body.as_bytes().len())?;
+    check_size(&body)?;
     Ok((id, body))
 }
 
-fn with_id_first(document: Document, id: &Bson) -> Document {
+/// Checks a document that an update made, and gives its `_id`.
+pub(crate) fn vet(document: &RawDocument) -> Result<Bson, QueryError> {
+    check_size(document)?;
+    check_raw_depth(document)?;
+    let Some(id) = document.get("_id")? else {
+        return Err(QueryError::invalid(2, "the document has no _id"));
+    };
+    let id = Bson::try_from(id)?;
+    check_id(&id)?;
+    Ok(id)
+}
+
+/// The document with `id` as its first key.
+pub(crate) fn with_id_first(document: Document, id: &Bson) -> Document {
     if document.keys().next().is_some_and(|first| first == "_id") {
         return document;
     }
@@ -34,15 +49,15 @@ fn with_id_first(document: Document, id: &Bson) -> Document {
     settled
 }
 
-/// Refuses what is too large to be stored.
-pub(crate) fn check_size(size: usize) -> Result<(), QueryError> {
+fn check_size(document: &RawDocument) -> Result<(), QueryError> {
+    let size = document.as_bytes().len();
     if size <= MAX_SIZE {
         return Ok(());
     }
     Err(QueryError::invalid(10334, format!("the document has {size} bytes, more than the {MAX_SIZE} that are allowed")))
 }
 
-fn acceptable_id(id: &Bson) -> Result<&Bson, QueryError> {
+fn check_id(id: &Bson) -> Result<(), QueryError> {
     let kind = match id {
         Bson::Array(_) => "an array",
         Bson::RegularExpression(_) => "a regular expression",
@@ -50,10 +65,10 @@ fn acceptable_id(id: &Bson) -> Result<&Bson, QueryError> {
         Bson::Document(inner) => {
             return match inner.keys().find(|key| key.starts_with('$')) {
                 Some(key) => Err(QueryError::invalid(52, format!("the _id may not have a field `{key}`"))),
-                None => Ok(id),
+                None => Ok(()),
             };
         }
-        _ => return Ok(id),
+        _ => return Ok(()),
     };
     Err(QueryError::invalid(53, format!("the _id may not be {kind}")))
 }
@@ -67,7 +82,7 @@ fn check_depth(document: &Document) -> Result<(), QueryError> {
             return Ok(());
         }
     }
-    Err(QueryError::invalid(15, format!("the document is nested more than {MAX_DEPTH} levels deep")))
+    Err(too_deep())
 }
 
 fn children(value: &Bson) -> Box<dyn Iterator<Item = &Bson> + '_> {
@@ -77,6 +92,38 @@ fn children(value: &Bson) -> Box<dyn Iterator<Item = &Bson> + '_> {
         Bson::JavaScriptCodeWithScope(code) => Box::new(code.scope.values()),
         _ => Box::new(std::iter::empty()),
     }
+}
+
+fn check_raw_depth(document: &RawDocument) -> Result<(), QueryError> {
+    let mut level = vec![document.iter_elements()];
+    for _ in 0..MAX_DEPTH {
+        let mut deeper = Vec::new();
+        for element in level.into_iter().flatten() {
+            deeper.extend(inside(&element?)?);
+        }
+        if deeper.is_empty() {
+            return Ok(());
+        }
+        level = deeper;
+    }
+    Err(too_deep())
+}
+
+/// The elements of a value that has some.
+fn inside<'a>(element: &RawElement<'a>) -> Result<Option<bson::raw::RawIter<'a>>, QueryError> {
+    use bson::spec::ElementType::{Array, EmbeddedDocument};
+    if !matches!(element.element_type(), Array | EmbeddedDocument) {
+        return Ok(None);
+    }
+    Ok(match element.value()? {
+        RawBsonRef::Document(document) => Some(document.iter_elements()),
+        RawBsonRef::Array(array) => Some(array.iter_elements()),
+        _ => None,
+    })
+}
+
+fn too_deep() -> QueryError {
+    QueryError::invalid(15, format!("the document is nested more than {MAX_DEPTH} levels deep"))
 }
 
 #[cfg(test)]
@@ -110,9 +157,11 @@ mod tests {
 
     #[test]
     fn refuses_a_hundred_levels_and_more() {
-        let nested = |levels: usize| (1..levels).fold(doc! {}, |inner, _| doc! { "a": inner });
+        let nested = |levels: usize| (1..levels).fold(doc! { "_id": 1 }, |inner, _| doc! { "_id": 1, "a": inner });
         assert!(settle(nested(MAX_DEPTH)).is_ok());
         assert_eq!(settle(nested(MAX_DEPTH + 1)).unwrap_err().code, 15);
+        assert!(vet(&RawDocumentBuf::try_from(&nested(MAX_DEPTH)).unwrap()).is_ok());
+        assert_eq!(vet(&RawDocumentBuf::try_from(&nested(MAX_DEPTH + 1)).unwrap()).unwrap_err().code, 15);
     }
 
     #[test]

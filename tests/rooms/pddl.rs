@@ -152,8 +152,8 @@ fn words_keep_their_spelling_and_keywords_ignore_it() {
 fn brackets_nest_only_so_deep() {
     let deep = 100_000;
     let text = format!("(define (domain d) (:derived (p) {}(p){}))", "(not ".repeat(deep), ")".repeat(deep));
-    assert!(complaint(&text).contains("lists nest more than 500 deep"));
-    assert!(complaint(&"(".repeat(deep)).contains("lists nest more than 500 deep"));
+    assert!(complaint(&text).contains("lists nest more than 200 deep"));
+    assert!(complaint(&"(".repeat(deep)).contains("lists nest more than 200 deep"));
     assert!(complaint(&")".repeat(deep)).contains("expected `(define`"));
     let deep = rmem::formats::pddl::MAX_DEPTH - 3;
     for (open, inner) in [("(and ", "(p)"), ("(forall (?x) ", "(p)"), ("(preference p ", "()"), ("(at start ", "(p)")] {

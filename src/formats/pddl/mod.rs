@@ -20,7 +20,7 @@ mod write;
 pub use section::{read_domain, read_problem};
 
 /// How deep brackets may nest, counted from `(define`.
-pub const MAX_DEPTH: usize = 500;
+pub const MAX_DEPTH: usize = 200;
 
 /// Which spelling is accepted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

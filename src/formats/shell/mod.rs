@@ -27,4 +27,4 @@ pub use reader::{
 };
 pub use scanner::MAX_DEPTH;
 pub use stream::{ReadError, Reader};
-pub use writer::{canonical, pretty, relaxed, write_canonical, write_relaxed};
+pub use writer::{canonical, canonical_value, pretty, relaxed, relaxed_value, write_canonical, write_relaxed};

@@ -24,6 +24,22 @@ pub fn canonical(document: &Document) -> String {
     text
 }
 
+/// Any value in relaxed Extended JSON, on one line.
+#[must_use]
+pub fn relaxed_value(value: &Bson) -> String {
+    let mut out = String::new();
+    write_relaxed(value, &mut out);
+    out
+}
+
+/// Any value in canonical Extended JSON, on one line.
+#[must_use]
+pub fn canonical_value(value: &Bson) -> String {
+    let mut out = String::new();
+    write_canonical(value, &mut out);
+    out
+}
+
 /// Relaxed Extended JSON over several lines, two blanks per level.
 #[must_use]
 pub fn pretty(value: &Bson) -> String {

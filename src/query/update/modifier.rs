@@ -97,7 +97,9 @@ pub(super) fn path(text: &str) -> Result<Vec<Segment>> {
     match segments.first() {
         Some(Segment::Name(_)) => {}
         _ => {
-            return Err(QueryError::bad_value(format!("cannot have array filter or `$` at the start of path '{text}'")));
+            return Err(QueryError::bad_value(format!(
+                "cannot have array filter or `$` at the start of path '{text}'"
+            )));
         }
     }
     if segments.iter().filter(|segment| **segment == Segment::Matched).count() > 1 {

@@ -4,8 +4,8 @@ use bson::{Bson, Document, RawDocument};
 use rusqlite::params;
 
 use super::catalog::Collection;
-use super::language::encode;
 use super::{Embedded, failure};
+use crate::query::key;
 use crate::store::{Inserted, Namespace, StoreError, document};
 
 impl Embedded {
@@ -35,12 +35,12 @@ impl Embedded {
 
     fn insert_one(&self, ns: &Namespace, collection: Collection, document: Document) -> Result<Bson, StoreError> {
         let (id, body) = document::settle(document)?;
-        self.put(ns, collection, &id, &body)?;
+        self.add(ns, collection, &id, &body)?;
         Ok(id)
     }
 
     /// Adds a settled document. In a write transaction only.
-    pub(super) fn put(
+    pub(super) fn add(
         &self,
         ns: &Namespace,
         collection: Collection,
@@ -48,7 +48,7 @@ impl Embedded {
         body: &RawDocument,
     ) -> Result<(), StoreError> {
         let key = match body.get("_id") {
-            Ok(Some(id)) => encode(id),
+            Ok(Some(id)) => key::encode(id),
             _ => return Err(self.fail("a document without an _id was to be stored")),
         };
         let sql = format!("INSERT INTO {} (key, body) VALUES (?, ?)", collection.table());

@@ -2,6 +2,7 @@
 
 use rusqlite::{Connection, OptionalExtension as _, Result, params};
 
+use super::failure;
 use crate::store::Namespace;
 
 /// A collection of an embedded store: the number its table is called by.
@@ -37,6 +38,18 @@ impl Collection {
     pub(super) fn drop(self, connection: &Connection) -> Result<()> {
         connection.prepare_cached("DELETE FROM collections WHERE id = ?")?.execute([self.0])?;
         connection.execute_batch(&format!("DROP TABLE {}", self.table()))
+    }
+
+    /// How many documents there are.
+    pub(super) fn size(self, connection: &Connection) -> Result<u64> {
+        let counted = connection
+            .prepare_cached(&format!("SELECT count(*) FROM {}", self.table()))
+            .and_then(|mut statement| statement.query_row([], |row| row.get::<_, i64>(0)))
+            .map(i64::unsigned_abs);
+        match counted {
+            Err(error) if failure::is_gone(&error) => Ok(0),
+            counted => counted,
+        }
     }
 
     /// All collections, sorted.

@@ -65,11 +65,10 @@ impl Embedded {
         let explain = |error| failure::explain(&place, &error);
         patience::teach(&mut connection).map_err(explain)?;
         connection.set_prepared_statement_cache_capacity(64);
-        let (application, version) = patience::retry(|| marks(&connection)).map_err(explain)?;
-        match (application, version) {
-            (APPLICATION, VERSION) => {}
-            (APPLICATION, newer) => return Err(wrong_version(&place, newer)),
-            (0, 0) if is_blank(&connection).map_err(explain)? => lay_out(&connection).map_err(explain)?,
+        match patience::retry(|| Marks::read(&connection)).map_err(explain)? {
+            Marks { application: APPLICATION, version: VERSION, .. } => {}
+            Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
+            Marks { application: 0, version: 0, blank: true } => lay_out(&connection).map_err(explain)?,
             _ => return Err(foreign(&place)),
         }
         tune(&connection).map_err(explain)?;
@@ -77,23 +76,28 @@ impl Embedded {
     }
 }
 
-/// Application id and version of the file.
-fn marks(connection: &Connection) -> rusqlite::Result<(i32, i32)> {
-    let application = connection.pragma_query_value(None, "application_id", |row| row.get(0))?;
-    let version = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
-    Ok((application, version))
+/// What tells a memory from other files, read at one moment.
+struct Marks {
+    application: i32,
+    version: i32,
+    blank: bool,
 }
 
-fn is_blank(connection: &Connection) -> rusqlite::Result<bool> {
-    connection.query_row("SELECT count(*) = 0 FROM sqlite_schema", [], |row| row.get(0))
+impl Marks {
+    fn read(connection: &Connection) -> rusqlite::Result<Self> {
+        let sql = "SELECT application_id, user_version, (SELECT count(*) FROM sqlite_schema) = 0
+                   FROM pragma_application_id, pragma_user_version";
+        connection
+            .query_row(sql, [], |row| Ok(Self { application: row.get(0)?, version: row.get(1)?, blank: row.get(2)? }))
+    }
 }
 
 /// Makes a blank file a memory. Several processes may do so at the same time; one of them does.
 fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
     patience::retry(|| connection.pragma_update(None, "journal_mode", "WAL"))?;
     connection.execute_batch("BEGIN IMMEDIATE")?;
-    let laid_out = is_blank(connection).and_then(|blank| {
-        if !blank {
+    let laid_out = Marks::read(connection).and_then(|marks| {
+        if !marks.blank {
             return Ok(());
         }
         connection.execute_batch(LAYOUT)?;

@@ -5,11 +5,12 @@
 //! the same time: writers take turns (see `patience`), readers never wait for
 //! writers. A write is on the disk when it returns.
 
+mod answer;
 mod batch;
 mod catalog;
+mod change;
 mod failure;
 mod file;
-mod language;
 mod patience;
 mod scan;
 mod verbs;

@@ -1,67 +1,43 @@
 //! The operations of [`Store`], each in a few lines.
 
-use bson::{Bson, Document};
+use bson::{Bson, DateTime, Document};
 
 use super::catalog::Collection;
-use super::language::Filter;
-use super::scan::Scan;
 use super::{Embedded, failure};
 use crate::query::QueryError;
-use crate::store::{Documents, Find, Inserted, Namespace, Store, StoreError, UpdateRequest, Updated};
+use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
 
 impl Store for Embedded {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
         self.insert_batch(ns, documents)
     }
 
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
+        self.put_all(ns, documents, stamp)
+    }
+
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let filter = Filter::parse(&find.filter)?;
-        if !find.sort.is_empty() || !find.projection.is_empty() {
-            return Err(QueryError::unsupported("sort").into());
-        }
-        let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        let skip = usize::try_from(find.skip).unwrap_or(usize::MAX);
-        let limit = if find.limit == 0 { usize::MAX } else { usize::try_from(find.limit).unwrap_or(usize::MAX) };
-        let scan = Scan::new(self, collection, filter);
-        Ok(Box::new(scan.map(|found| found.map(|found| found.body)).skip(skip).take(limit)))
+        self.answer(ns, find)
     }
 
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        let filter = Filter::parse(filter)?;
-        let Some(collection) = self.collection(ns)? else { return Ok(0) };
-        let mut count = 0;
-        for found in Scan::new(self, collection, filter) {
-            found?;
-            count += 1;
-        }
-        Ok(count)
+        self.tally(ns, filter)
     }
 
-    fn distinct(&self, _: &Namespace, _: &str, _: &Document) -> Result<Vec<Bson>, StoreError> {
-        Err(QueryError::unsupported("distinct").into())
+    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        self.values(ns, field, filter)
     }
 
     fn aggregate(&self, _: &Namespace, _: &[Document]) -> Result<Documents<'_>, StoreError> {
         Err(QueryError::unsupported("aggregate").into())
     }
 
-    fn update(&self, _: &Namespace, _: &UpdateRequest) -> Result<Updated, StoreError> {
-        Err(QueryError::unsupported("update").into())
+    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError> {
+        self.change(ns, update, stamp)
     }
 
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        let filter = Filter::parse(filter)?;
-        self.write(|| {
-            let Some(collection) = self.collection(ns)? else { return Ok(0) };
-            let sql = format!("DELETE FROM {} WHERE position = ?", collection.table());
-            let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
-            let mut deleted = 0;
-            for found in Scan::new(self, collection, filter).take(if first_only { 1 } else { usize::MAX }) {
-                statement.execute([found?.position]).map_err(|e| self.explain(&e))?;
-                deleted += 1;
-            }
-            Ok(deleted)
-        })
+        self.remove(ns, filter, first_only)
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
@@ -100,7 +76,7 @@ impl Embedded {
             .map_err(|e| self.explain(&e))
     }
 
-    fn collection(&self, ns: &Namespace) -> Result<Option<Collection>, StoreError> {
+    pub(super) fn collection(&self, ns: &Namespace) -> Result<Option<Collection>, StoreError> {
         Collection::find(&self.connection, ns).map_err(|e| self.explain(&e))
     }
 

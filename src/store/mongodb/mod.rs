@@ -6,6 +6,7 @@
 
 mod client;
 mod failure;
+mod stamped;
 mod verbs;
 
 use mongodb::sync::Client;

@@ -1,13 +1,15 @@
 //! The operations of [`Store`], each one call of the driver.
 
-use bson::{Bson, Document, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
+use super::stamped::{is_replacement, with_stamps};
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::document::settle;
-use crate::store::{Documents, Find, Inserted, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
+use crate::store::document::{settle, with_id_first};
+use crate::store::stamp;
+use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
 
 /// The server's own databases.
 const INTERNAL: [&str; 3] = ["admin", "config", "local"];
@@ -34,6 +36,26 @@ impl Store for MongoDb {
                 .map_err(|e| failure::explain_insert(&self.address, ns, &ids, &e))?;
         }
         refused.map_or(Ok(Inserted { ids }), |refusal| Err(refusal.into()))
+    }
+
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
+        let (mut done, mut rest) = (Put::default(), documents);
+        while !rest.is_empty() {
+            let inserted = match self.insert(ns, stamped(&rest, stamp)?) {
+                Ok(inserted) => inserted.ids.len(),
+                Err(StoreError::Duplicate { stored, .. }) => stored.len(),
+                Err(error) => return Err(error),
+            };
+            done.inserted += inserted as u64;
+            let mut taken = rest.split_off(inserted.min(rest.len()));
+            std::mem::swap(&mut taken, &mut rest);
+            if !rest.is_empty() {
+                let changed = self.put_over(ns, rest.remove(0), stamp)?;
+                done.replaced += changed;
+                done.same += 1 - changed;
+            }
+        }
+        Ok(done)
     }
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -73,11 +95,20 @@ impl Store for MongoDb {
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
     }
 
-    fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        let changed = match &update.update {
-            UpdateSpec::Document(document) if is_replacement(document) => self.replace(ns, update, document)?,
-            UpdateSpec::Document(document) => self.modify(ns, update, document.clone().into())?,
-            UpdateSpec::Pipeline(stages) => self.modify(ns, update, stages.clone().into())?,
+    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError> {
+        let is_replacement = matches!(&update.update, UpdateSpec::Document(document) if is_replacement(document));
+        if update.many && is_replacement {
+            let refusal = "a replacement document cannot be applied to many documents";
+            return Err(QueryError::failed_to_parse(refusal).into());
+        }
+        let spec = match stamp {
+            Some(at) => with_stamps(&update.update, at)?,
+            None => update.update.clone(),
+        };
+        let changed = match spec {
+            UpdateSpec::Document(document) if is_replacement => self.replace(ns, update, &document)?,
+            UpdateSpec::Document(document) => self.modify(ns, update, document.into())?,
+            UpdateSpec::Pipeline(stages) => self.modify(ns, update, stages.into())?,
         };
         let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
         Ok(Updated { matched, modified, upserted })
@@ -120,7 +151,31 @@ impl Store for MongoDb {
     }
 }
 
+/// The documents as they are inserted.
+fn stamped(documents: &[Document], stamp: Option<DateTime>) -> Result<Vec<Document>, QueryError> {
+    let mut documents = documents.to_vec();
+    if let Some(at) = stamp {
+        for document in &mut documents {
+            stamp::insert(document, at)?;
+        }
+    }
+    Ok(documents)
+}
+
 impl MongoDb {
+    /// Replaces the document that has the `_id` of this one; says how many changed.
+    fn put_over(&self, ns: &Namespace, document: Document, stamp: Option<DateTime>) -> Result<u64, StoreError> {
+        let id = document.get("_id").cloned().unwrap_or(Bson::Null);
+        let request = UpdateRequest {
+            filter: doc! { "_id": { "$eq": &id } },
+            update: UpdateSpec::Document(with_id_first(document, &id)),
+            array_filters: Vec::new(),
+            many: false,
+            upsert: true,
+        };
+        Ok(self.update(ns, &request, stamp)?.modified.min(1))
+    }
+
     fn modify(
         &self,
         ns: &Namespace,
@@ -156,8 +211,4 @@ impl MongoDb {
             .run()
             .map_err(|e| failure::explain_write(&self.address, ns, &e))
     }
-}
-
-fn is_replacement(document: &Document) -> bool {
-    !document.keys().next().is_some_and(|key| key.starts_with('$'))
 }
