@@ -51,7 +51,7 @@ pub enum WorldError {
     #[error("cannot put the documents of {namespace} into the memory")]
     Store {
         /// The namespace.
-        namespace: Namespace,
+        namespace: String,
         /// What went wrong.
         source: StoreError,
     },
@@ -154,7 +154,7 @@ impl World {
                 .and_then(|documents| memory.put(&namespace, documents));
             match put {
                 Ok(put) => loaded.namespaces.push((namespace, put)),
-                Err(source) => return Err(WorldError::Store { namespace, source }),
+                Err(source) => return Err(WorldError::Store { namespace: namespace.to_string(), source }),
             }
         }
         Ok(loaded)

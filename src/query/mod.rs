@@ -5,6 +5,7 @@
 //! ignored.
 
 mod arithmetic;
+mod calendar;
 mod compare;
 mod decimal;
 mod error;
@@ -17,9 +18,11 @@ mod pipeline;
 mod projection;
 mod regex;
 mod sort;
+mod statistics;
 mod update;
 mod view;
 mod wide;
+mod zone;
 
 pub use compare::{compare, compare_values};
 pub use error::QueryError;

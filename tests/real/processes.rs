@@ -24,6 +24,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         Trial::test("processes::two_write_and_three_read_at_once", two_write_and_three_read_at_once),
         Trial::test("processes::several_create_one_file_at_once", several_create_one_file_at_once),
         Trial::test("processes::updates_of_several_are_all_counted", updates_of_several_are_all_counted),
+        Trial::test("processes::a_full_disk_is_an_error_and_loses_nothing", a_full_disk_is_an_error_and_loses_nothing),
         Trial::test(
             "processes::what_a_killed_writer_acknowledged_is_there",
             what_a_killed_writer_acknowledged_is_there,
@@ -68,7 +69,7 @@ fn read(store: &Embedded, count: i32) {
     let mut last = 0;
     while last < count {
         let documents = store.find(&ns(), &Find::default()).unwrap();
-        let seen = i32::try_from(documents.map(|document| document.unwrap()).count()).unwrap();
+        let seen = i32::try_from(documents.inspect(|document| assert!(document.is_ok())).count()).unwrap();
         assert!(seen >= last, "{seen} after {last}");
         last = seen;
         std::thread::sleep(Duration::from_millis(2));

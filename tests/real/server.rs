@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bson::doc;
 use libtest_mimic::{Failed, Trial};
-use rmem::store::{Find, Namespace, Role, Store, StoreError, StoreUri, open};
+use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
 
 use crate::contract;
 use crate::mongod::Mongod;

@@ -1,48 +1,71 @@
 //! Aggregation expressions.
+//!
+//! An expression is read once, with the variables it may use, and evaluated
+//! against documents. A value may be missing ([`None`]), which is not null.
+//! Operators are entries of tables, a table per family: positional ones
+//! ([`operator::Operator`]) and ones with named arguments ([`operator::Named`]);
+//! those that do not evaluate all their arguments are [`form::Form`]s.
 
-use super::error::{QueryError, Result};
+mod arithmetic;
+mod array;
+mod boundary;
+mod convert;
+mod date;
+mod form;
+mod object;
+mod operator;
+mod parse;
+mod pattern;
+mod scope;
+mod set;
+mod string;
+mod tree;
+mod trigonometry;
+
+use bson::{Bson, Document};
+
+use super::error::Result;
 use super::filter::Context;
 use super::view::Fields;
-use bson::{Bson, DateTime, Document};
+pub(super) use boundary::{date_bin, date_step};
+pub(super) use operator::random;
+pub(super) use scope::{Environment, Scope, Variables};
+pub(super) use tree::{Expression, field_value};
 
-#[derive(Debug)]
-pub(super) struct Expression {}
-#[derive(Debug, Default)]
-pub(super) struct Scope {}
-#[derive(Debug, Default)]
-pub(super) struct Variables {}
-#[derive(Debug)]
-pub(super) struct Environment<'a> {
-    root: Fields<'a>,
-}
-
-impl<'a> Environment<'a> {
-    pub(super) fn new(root: Fields<'a>, _variables: &'a Variables, _now: DateTime) -> Self {
-        Self { root }
-    }
-}
-
-impl Scope {
-    pub(super) fn with_constants(_constants: &Document) -> Result<(Self, Variables)> {
-        Ok((Self::default(), Variables::default()))
-    }
-}
+/// A value that may be missing.
+pub(super) type Value = Option<Bson>;
 
 impl Expression {
-    pub(super) fn parse(_value: &Bson) -> Result<Self> {
-        Err(QueryError::unsupported("$expr"))
+    /// Reads an expression that uses no variables but the system's.
+    ///
+    /// # Errors
+    /// Where MongoDB refuses it.
+    pub(super) fn parse(value: &Bson) -> Result<Self> {
+        Self::parse_in(value, &Scope::default())
     }
-    pub(super) fn parse_in(_value: &Bson, _scope: &Scope) -> Result<Self> {
-        Err(QueryError::unsupported("$expr"))
+
+    /// Reads an expression that may use the variables of a scope.
+    ///
+    /// # Errors
+    /// Where MongoDB refuses it.
+    pub(super) fn parse_in(value: &Bson, scope: &Scope) -> Result<Self> {
+        parse::Reader::new(scope).read(value)
     }
-    pub(super) fn holds(&self, _fields: Fields<'_>, _context: &Context<'_>) -> Result<bool> {
-        Err(QueryError::unsupported("$expr"))
-    }
-    pub(super) fn evaluate(&self, _environment: &Environment<'_>) -> Result<Option<Bson>> {
-        Err(QueryError::unsupported("$expr"))
+
+    /// Whether the expression is true for a document.
+    ///
+    /// # Errors
+    /// Where it fails on the document.
+    pub(super) fn holds(&self, fields: Fields<'_>, context: &Context<'_>) -> Result<bool> {
+        let none = Variables::default();
+        let now = context.now.unwrap_or_else(bson::DateTime::now);
+        let environment = Environment::new(fields, context.variables.unwrap_or(&none), now);
+        Ok(self.truth(&environment)?)
     }
 }
 
-pub(super) fn random() -> f64 {
-    0.5
+/// A constant expression's value, where no document is at hand.
+pub(super) fn constant(expression: &Expression) -> Result<Value> {
+    let (none, empty) = (Variables::default(), Document::new());
+    expression.evaluate(&Environment::new((&empty).into(), &none, bson::DateTime::now()))
 }

@@ -64,7 +64,10 @@ fn parse(uri: &str, address: &str) -> Result<ClientOptions, StoreError> {
     }
     let (sender, receiver) = mpsc::channel();
     let asked = uri.to_owned();
-    std::thread::spawn(move || sender.send(ClientOptions::parse(asked).run()));
+    std::thread::spawn(move || {
+        // Nobody listens any more where the time was up.
+        let _ = sender.send(ClientOptions::parse(asked).run());
+    });
     match receiver.recv_timeout(SELECTION) {
         Ok(Ok(options)) => Ok(options),
         Ok(Err(error)) => Err(StoreError::Unreachable {

@@ -1,0 +1,585 @@
+//! Dates: parts, texts, and sums.
+
+use bson::{Bson, DateTime};
+
+use super::Value;
+use super::boundary::{Unit, date_bin, date_difference, date_step};
+use super::operator::{Arguments, Named, Operator, is_null, type_of, wrong_type};
+use super::string::document;
+use crate::query::calendar::{Civil, days_in_month, days_of, weekday};
+use crate::query::error::{QueryError, Result};
+use crate::query::number::Number;
+use crate::query::zone::Zone;
+
+pub(super) const OPERATORS: [Operator; 0] = [];
+
+/// An operator that takes a part out of a date.
+macro_rules! part {
+    ($name:literal, $take:expr) => {
+        Named {
+            name: $name,
+            fields: &[("date", true), ("timezone", false)],
+            bare: true,
+            call: |arguments| part(arguments, $take),
+        }
+    };
+}
+
+pub(super) const NAMED: [Named; 21] = [
+    part!("$year", |civil| int(civil.year)),
+    part!("$month", |civil| int(civil.month)),
+    part!("$dayOfMonth", |civil| int(civil.day)),
+    part!("$dayOfWeek", |civil| int(civil.weekday() + 1)),
+    part!("$dayOfYear", |civil| int(civil.day_of_year())),
+    part!("$hour", |civil| int(civil.hour)),
+    part!("$minute", |civil| int(civil.minute)),
+    part!("$second", |civil| int(civil.second)),
+    part!("$millisecond", |civil| int(civil.millisecond)),
+    part!("$week", |civil| int(civil.week())),
+    part!("$isoWeek", |civil| int(civil.iso_week().1)),
+    part!("$isoWeekYear", |civil| Bson::Int64(civil.iso_week().0)),
+    part!("$isoDayOfWeek", |civil| int((civil.weekday() + 6) % 7 + 1)),
+    Named {
+        name: "$dateToParts",
+        fields: &[("date", true), ("timezone", false), ("iso8601", false)],
+        bare: false,
+        call: to_parts,
+    },
+    Named {
+        name: "$dateFromParts",
+        fields: &[
+            ("year", false),
+            ("month", false),
+            ("day", false),
+            ("hour", false),
+            ("minute", false),
+            ("second", false),
+            ("millisecond", false),
+            ("isoWeekYear", false),
+            ("isoWeek", false),
+            ("isoDayOfWeek", false),
+            ("timezone", false),
+        ],
+        bare: false,
+        call: from_parts,
+    },
+    Named {
+        name: "$dateToString",
+        fields: &[("date", true), ("format", false), ("timezone", false), ("onNull", false)],
+        bare: false,
+        call: to_string,
+    },
+    Named {
+        name: "$dateFromString",
+        fields: &[("dateString", true), ("format", false), ("timezone", false), ("onError", false), ("onNull", false)],
+        bare: false,
+        call: from_string,
+    },
+    Named {
+        name: "$dateAdd",
+        fields: &[("startDate", true), ("unit", true), ("amount", true), ("timezone", false)],
+        bare: false,
+        call: |a| moved(a, 1),
+    },
+    Named {
+        name: "$dateSubtract",
+        fields: &[("startDate", true), ("unit", true), ("amount", true), ("timezone", false)],
+        bare: false,
+        call: |a| moved(a, -1),
+    },
+    Named {
+        name: "$dateDiff",
+        fields: &[("startDate", true), ("endDate", true), ("unit", true), ("timezone", false), ("startOfWeek", false)],
+        bare: false,
+        call: difference,
+    },
+    Named {
+        name: "$dateTrunc",
+        fields: &[("date", true), ("unit", true), ("binSize", false), ("timezone", false), ("startOfWeek", false)],
+        bare: false,
+        call: truncated,
+    },
+];
+
+fn int(value: i64) -> Bson {
+    i32::try_from(value).map_or(Bson::Int64(value), Bson::Int32)
+}
+
+/// The moment that a date, a timestamp or an ObjectId has.
+fn moment(operator: &str, value: &Bson) -> Result<i64> {
+    match value {
+        Bson::DateTime(moment) => Ok(moment.timestamp_millis()),
+        Bson::Timestamp(timestamp) => Ok(i64::from(timestamp.time) * 1000),
+        Bson::ObjectId(id) => Ok(id.timestamp().timestamp_millis()),
+        other => Err(wrong_type(16_006, operator, "a date", other)),
+    }
+}
+
+/// The zone of an argument: UTC where it is not given, nothing where it is null.
+fn zone(arguments: &Arguments, index: usize) -> Result<Option<Zone>> {
+    if !arguments.given(index) {
+        return Ok(Some(Zone::UTC));
+    }
+    match arguments.get(index) {
+        value if is_null(value) => Ok(None),
+        Bson::String(name) => Zone::parse(name)
+            .map(Some)
+            .ok_or_else(|| QueryError::invalid(40_485, format!("unrecognized time zone identifier: \"{name}\""))),
+        other => Err(wrong_type(40_517, arguments.operator, "a time zone as string", other)),
+    }
+}
+
+fn part(arguments: &Arguments, take: fn(Civil) -> Bson) -> Result<Value> {
+    let Some(zone) = zone(arguments, 1)? else { return Ok(Some(Bson::Null)) };
+    let Some(value) = arguments.present(0) else { return Ok(Some(Bson::Null)) };
+    let millis = moment(arguments.operator, value)?;
+    Ok(Some(take(Civil::from_millis(zone.local(millis)))))
+}
+
+fn to_parts(arguments: &Arguments) -> Result<Value> {
+    let Some(zone) = zone(arguments, 1)? else { return Ok(Some(Bson::Null)) };
+    let iso = match arguments.get(2) {
+        _ if !arguments.given(2) => false,
+        value if is_null(value) => return Ok(Some(Bson::Null)),
+        Bson::Boolean(iso) => *iso,
+        other => return Err(wrong_type(40_521, "$dateToParts", "a boolean iso8601", other)),
+    };
+    let Some(value) = arguments.present(0) else { return Ok(Some(Bson::Null)) };
+    let civil = Civil::from_millis(zone.local(moment("$dateToParts", value)?));
+    let time = [
+        ("hour", int(civil.hour)),
+        ("minute", int(civil.minute)),
+        ("second", int(civil.second)),
+        ("millisecond", int(civil.millisecond)),
+    ];
+    let date = if iso {
+        let (year, week) = civil.iso_week();
+        [("isoWeekYear", int(year)), ("isoWeek", int(week)), ("isoDayOfWeek", int((civil.weekday() + 6) % 7 + 1))]
+    } else {
+        [("year", int(civil.year)), ("month", int(civil.month)), ("day", int(civil.day))]
+    };
+    Ok(Some(document(date.into_iter().chain(time))))
+}
+
+/// Where the arguments of `$dateFromParts` are.
+const YEAR: usize = 0;
+const ISO_YEAR: usize = 7;
+
+fn from_parts(arguments: &Arguments) -> Result<Value> {
+    let (plain, iso) = (arguments.given(YEAR), arguments.given(ISO_YEAR));
+    let mixed =
+        plain && (iso || arguments.given(8) || arguments.given(9)) || iso && (arguments.given(1) || arguments.given(2));
+    if mixed {
+        return Err(QueryError::invalid(40_489, "$dateFromParts does not allow mixing natural dates with ISO dates"));
+    }
+    if !plain && !iso {
+        return Err(QueryError::invalid(
+            40_516,
+            "$dateFromParts requires either 'year' or 'isoWeekYear' to be present",
+        ));
+    }
+    let Some(zone) = zone(arguments, 10)? else { return Ok(Some(Bson::Null)) };
+    let mut parts = [0i64; 10];
+    for (index, part) in parts.iter_mut().enumerate() {
+        let default = if matches!(index, 1 | 2 | 8 | 9) { 1 } else { 0 };
+        *part = match arguments.get(index) {
+            _ if !arguments.given(index) => default,
+            value if is_null(value) => return Ok(Some(Bson::Null)),
+            value => Number::of(value).and_then(Number::integral).ok_or_else(|| {
+                QueryError::invalid(40_515, format!("$dateFromParts needs integers, not {}", type_of(value)))
+            })?,
+        };
+    }
+    let [year, month, day, hour, minute, second, millisecond, iso_year, iso_week, iso_day] = parts;
+    if plain && !(1..=9999).contains(&year) || iso && !(1..=9999).contains(&iso_year) {
+        return Err(QueryError::invalid(40_523, "the year must be between 1 and 9999"));
+    }
+    let limited = [month, day, iso_week, iso_day, hour, minute].iter().all(|part| (-32_768..=32_767).contains(part));
+    if !limited || second.unsigned_abs() > 1 << 52 || millisecond.unsigned_abs() > 1 << 52 {
+        return Err(QueryError::invalid(31_034, "a part of the date is out of range"));
+    }
+    let (year, month, day) = if iso { iso_date(iso_year, iso_week, iso_day) } else { (year, month, day) };
+    let civil = Civil { year, month, day, hour, minute, second, millisecond };
+    let local = civil.to_millis().ok_or_else(|| QueryError::invalid(31_034, "the date is out of range"))?;
+    Ok(Some(Bson::DateTime(DateTime::from_millis(zone.moment(local)))))
+}
+
+/// The date of a day of an ISO week: as the day of a January, which may be out of range.
+fn iso_date(year: i64, week: i64, day: i64) -> (i64, i64, i64) {
+    let fourth = days_of(year, 1, 4);
+    let monday = fourth - (weekday(fourth) + 6) % 7;
+    let days = monday + (week - 1) * 7 + day - 1;
+    (year, 1, days - days_of(year, 1, 1) + 1)
+}
+
+fn to_string(arguments: &Arguments) -> Result<Value> {
+    let format = match arguments.get(1) {
+        _ if !arguments.given(1) => "%Y-%m-%dT%H:%M:%S.%LZ",
+        value if is_null(value) => return Ok(Some(Bson::Null)),
+        Bson::String(format) => format,
+        other => return Err(wrong_type(18_533, "$dateToString", "a format as string", other)),
+    };
+    check_format(format)?;
+    let Some(zone) = zone(arguments, 2)? else { return Ok(Some(Bson::Null)) };
+    let Some(value) = arguments.present(0) else {
+        return Ok(if arguments.given(3) {
+            arguments.values.get(3).cloned().flatten().flatten()
+        } else {
+            Some(Bson::Null)
+        });
+    };
+    let millis = moment("$dateToString", value)?;
+    let format = if arguments.given(1) || zone == Zone::UTC { format } else { "%Y-%m-%dT%H:%M:%S.%L" };
+    formatted(format, millis, &zone).map(|text| Some(Bson::String(text)))
+}
+
+const SPECIFIERS: &str = "dGHjLmMSuUVwYzZ%";
+
+fn check_format(format: &str) -> Result<()> {
+    let mut chars = format.chars();
+    while let Some(c) = chars.next() {
+        if c == '%' {
+            match chars.next() {
+                None => return Err(QueryError::invalid(18_535, "unmatched '%' at end of format string")),
+                Some(next) if SPECIFIERS.contains(next) => {}
+                Some(next) => {
+                    return Err(QueryError::invalid(
+                        18_536,
+                        format!("invalid format character '%{next}' in format string"),
+                    ));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn formatted(format: &str, millis: i64, zone: &Zone) -> Result<String> {
+    let civil = Civil::from_millis(zone.local(millis));
+    if !(0..=9999).contains(&civil.year) {
+        return Err(QueryError::invalid(
+            18_537,
+            format!("$dateToString is only defined on year 0-9999, tried to use year {}", civil.year),
+        ));
+    }
+    let offset = zone.offset_at(millis) / 60;
+    let mut text = String::with_capacity(format.len() + 16);
+    let mut chars = format.chars();
+    while let Some(c) = chars.next() {
+        if c != '%' {
+            text.push(c);
+            continue;
+        }
+        let part = match chars.next() {
+            Some('d') => format!("{:02}", civil.day),
+            Some('G') => format!("{:04}", civil.iso_week().0),
+            Some('H') => format!("{:02}", civil.hour),
+            Some('j') => format!("{:03}", civil.day_of_year()),
+            Some('L') => format!("{:03}", civil.millisecond),
+            Some('m') => format!("{:02}", civil.month),
+            Some('M') => format!("{:02}", civil.minute),
+            Some('S') => format!("{:02}", civil.second),
+            Some('u') => format!("{}", (civil.weekday() + 6) % 7 + 1),
+            Some('U') => format!("{:02}", civil.week()),
+            Some('V') => format!("{:02}", civil.iso_week().1),
+            Some('w') => format!("{}", civil.weekday() + 1),
+            Some('Y') => format!("{:04}", civil.year),
+            Some('z') => {
+                let sign = if offset < 0 { '-' } else { '+' };
+                format!("{sign}{:02}{:02}", offset.abs() / 60, offset.abs() % 60)
+            }
+            Some('Z') => format!("{offset:+}"),
+            _ => "%".to_owned(),
+        };
+        text.push_str(&part);
+    }
+    Ok(text)
+}
+
+fn from_string(arguments: &Arguments) -> Result<Value> {
+    let fallback = |index: usize| arguments.values.get(index).cloned().flatten().flatten();
+    let format = match arguments.get(1) {
+        _ if !arguments.given(1) => None,
+        value if is_null(value) => return Ok(Some(Bson::Null)),
+        Bson::String(format) => {
+            check_format(format)?;
+            Some(format.as_str())
+        }
+        other => return Err(wrong_type(40_684, "$dateFromString", "a format as string", other)),
+    };
+    let zone_given = arguments.given(2);
+    let Some(zone) = zone(arguments, 2)? else { return Ok(Some(Bson::Null)) };
+    let text = match arguments.get(0) {
+        value if is_null(value) => return Ok(if arguments.given(4) { fallback(4) } else { Some(Bson::Null) }),
+        Bson::String(text) => text,
+        _ if arguments.given(3) => return Ok(fallback(3)),
+        other => return Err(wrong_type(241, "$dateFromString", "a string", other)),
+    };
+    let read = match format {
+        Some(format) => scan(text, format),
+        None => scan_iso(text),
+    };
+    let millis = read.filter(|read| !(zone_given && read.offset.is_some())).and_then(|read| match read.offset {
+        Some(offset) => Some(read.local - offset * 1000),
+        None => Some(zone.moment(read.local)),
+    });
+    match millis {
+        Some(millis) => Ok(Some(Bson::DateTime(DateTime::from_millis(millis)))),
+        None if arguments.given(3) => Ok(fallback(3)),
+        None => Err(QueryError::invalid(241, format!("error parsing date string '{text}'"))),
+    }
+}
+
+/// What a text says: a local clock, and perhaps seconds east of UTC.
+struct Read {
+    local: i64,
+    offset: Option<i64>,
+}
+
+/// Reads an ISO 8601 date, as `$toDate` does.
+pub(super) fn parse_iso(text: &str) -> Option<i64> {
+    scan_iso(text).map(|read| read.local - read.offset.unwrap_or(0) * 1000)
+}
+
+/// A cursor over a text.
+struct Cursor<'a> {
+    rest: &'a str,
+}
+
+impl<'a> Cursor<'a> {
+    fn digits(&mut self, least: usize, most: usize) -> Option<i64> {
+        let count = self.rest.bytes().take(most).take_while(u8::is_ascii_digit).count();
+        if count < least {
+            return None;
+        }
+        let (digits, rest) = self.rest.split_at_checked(count)?;
+        self.rest = rest;
+        digits.parse().ok()
+    }
+
+    fn eat(&mut self, text: &str) -> bool {
+        match self.rest.strip_prefix(text) {
+            Some(rest) => {
+                self.rest = rest;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// `Z`, `UTC`, `GMT`, `+02:00`, `-0330`, or a name of a zone.
+    fn zone(&mut self, local: i64) -> Option<i64> {
+        let text = std::mem::take(&mut self.rest).trim_start();
+        let zone = Zone::parse(text)?;
+        Some(zone.offset_at(zone.moment(local)))
+    }
+}
+
+fn scan_iso(text: &str) -> Option<Read> {
+    let mut cursor = Cursor { rest: text.trim() };
+    let year = cursor.digits(4, 4)?;
+    let dashed = cursor.eat("-");
+    let month = cursor.digits(1, 2)?;
+    if dashed && !cursor.eat("-") || !dashed && cursor.rest.is_empty() {
+        return None;
+    }
+    let day = cursor.digits(1, 2)?;
+    let (mut hour, mut minute, mut second, mut millisecond) = (0, 0, 0, 0);
+    if cursor.eat("T")
+        || cursor.eat("t")
+        || (cursor.rest.starts_with(' ') && cursor.rest.trim_start().starts_with(|c: char| c.is_ascii_digit()))
+    {
+        cursor.rest = cursor.rest.trim_start();
+        hour = cursor.digits(1, 2)?;
+        let colon = cursor.eat(":");
+        minute = if colon { cursor.digits(1, 2)? } else { cursor.digits(2, 2).unwrap_or(0) };
+        if cursor.eat(":") || !colon && cursor.rest.starts_with(|c: char| c.is_ascii_digit()) {
+            second = cursor.digits(1, 2)?;
+            if cursor.eat(".") || cursor.eat(",") {
+                millisecond = fraction(&mut cursor)?;
+            }
+        }
+    }
+    let local = checked(year, month, day, hour, minute, second, millisecond)?;
+    let offset = if cursor.rest.is_empty() { None } else { Some(cursor.zone(local)?) };
+    Some(Read { local, offset })
+}
+
+/// Digits after the point as milliseconds.
+fn fraction(cursor: &mut Cursor<'_>) -> Option<i64> {
+    let count = cursor.rest.bytes().take_while(u8::is_ascii_digit).count();
+    let digits = cursor.rest.get(..count.min(3))?;
+    let value: i64 = digits.parse().ok()?;
+    cursor.rest = cursor.rest.get(count..)?;
+    Some(value * [100, 10, 1].get(digits.len().checked_sub(1)?)?)
+}
+
+fn checked(year: i64, month: i64, day: i64, hour: i64, minute: i64, second: i64, millisecond: i64) -> Option<i64> {
+    let valid = (1..=12).contains(&month)
+        && (1..=days_in_month(year, month)).contains(&day)
+        && (0..24).contains(&hour)
+        && (0..60).contains(&minute)
+        && (0..60).contains(&second);
+    if !valid {
+        return None;
+    }
+    Civil { year, month, day, hour, minute, second, millisecond }.to_millis()
+}
+
+fn scan(text: &str, format: &str) -> Option<Read> {
+    let mut cursor = Cursor { rest: text };
+    let (mut year, mut month, mut day, mut of_year) = (None, None, None, None);
+    let (mut iso_year, mut iso_week, mut iso_day) = (None, None, None);
+    let (mut hour, mut minute, mut second, mut millisecond) = (0, 0, 0, 0);
+    let mut offset = None;
+    let mut zone = None;
+    let mut chars = format.chars();
+    while let Some(c) = chars.next() {
+        if c != '%' {
+            if !cursor.eat(c.encode_utf8(&mut [0; 4])) {
+                return None;
+            }
+            continue;
+        }
+        match chars.next()? {
+            'Y' => year = Some(cursor.digits(4, 4)?),
+            'm' => month = Some(cursor.digits(1, 2)?),
+            'd' => day = Some(cursor.digits(1, 2)?),
+            'j' => of_year = Some(cursor.digits(1, 3)?),
+            'G' => iso_year = Some(cursor.digits(4, 4)?),
+            'V' => iso_week = Some(cursor.digits(1, 2)?),
+            'u' => iso_day = Some(cursor.digits(1, 1)?),
+            'H' => hour = cursor.digits(1, 2)?,
+            'M' => minute = cursor.digits(1, 2)?,
+            'S' => second = cursor.digits(1, 2)?,
+            'L' => millisecond = cursor.digits(1, 3)?,
+            '%' => {
+                if !cursor.eat("%") {
+                    return None;
+                }
+            }
+            'z' => {
+                let length = cursor
+                    .rest
+                    .find(|c: char| !(c.is_ascii_alphanumeric() || "+-:/_".contains(c)))
+                    .unwrap_or(cursor.rest.len());
+                let (name, rest) = cursor.rest.split_at_checked(length)?;
+                cursor.rest = rest;
+                zone = Some(Zone::parse(name)?);
+            }
+            'Z' => {
+                let sign = if cursor.eat("-") { -1 } else { i64::from(cursor.eat("+")) };
+                if sign == 0 {
+                    return None;
+                }
+                offset = Some(sign * cursor.digits(1, 4)? * 60);
+            }
+            _ => return None,
+        }
+    }
+    if !cursor.rest.is_empty() {
+        return None;
+    }
+    let local = match (iso_year, of_year) {
+        (Some(iso_year), _) => {
+            let (year, month, day) = iso_date(iso_year, iso_week.unwrap_or(1), iso_day.unwrap_or(1));
+            Civil { year, month, day, hour, minute, second, millisecond }.to_millis()?
+        }
+        (None, Some(of_year)) => {
+            Civil { year: year?, month: 1, day: of_year, hour, minute, second, millisecond }.to_millis()?
+        }
+        _ => checked(year?, month?, day?, hour, minute, second, millisecond)?,
+    };
+    let offset = offset.or_else(|| zone.map(|zone| zone.offset_at(zone.moment(local))));
+    Some(Read { local, offset })
+}
+
+fn unit(arguments: &Arguments, index: usize) -> Result<Option<Unit>> {
+    match arguments.get(index) {
+        value if is_null(value) => Ok(None),
+        Bson::String(name) => Unit::parse(name)
+            .map(Some)
+            .ok_or_else(|| QueryError::failed_to_parse(format!("unknown time unit value: {name}"))),
+        other => Err(wrong_type(5_439_013, arguments.operator, "a unit as string", other)),
+    }
+}
+
+/// 0 is Sunday.
+fn start_of_week(arguments: &Arguments, index: usize) -> Result<Option<i64>> {
+    const DAYS: [&str; 7] = ["sunday", "monday", "tuesday", "wednesday", "thursday", "friday", "saturday"];
+    if !arguments.given(index) {
+        return Ok(Some(0));
+    }
+    match arguments.get(index) {
+        value if is_null(value) => Ok(None),
+        Bson::String(name) => {
+            let name = name.to_ascii_lowercase();
+            let day = DAYS.iter().position(|day| *day == name || (name.len() == 3 && day.starts_with(&name)));
+            day.and_then(|day| i64::try_from(day).ok())
+                .map(Some)
+                .ok_or_else(|| QueryError::failed_to_parse(format!("unknown day of week value: {name}")))
+        }
+        other => Err(wrong_type(5_439_015, arguments.operator, "a day of the week as string", other)),
+    }
+}
+
+fn moved(arguments: &Arguments, sign: i64) -> Result<Value> {
+    let operator = arguments.operator;
+    let unit = unit(arguments, 1)?;
+    let amount = match arguments.present(2) {
+        None => None,
+        Some(value) => Some(
+            Number::of(value)
+                .and_then(Number::integral)
+                .ok_or_else(|| QueryError::invalid(5_166_405, format!("{operator} expects an integer amount")))?,
+        ),
+    };
+    let zone = zone(arguments, 3)?;
+    let (Some(start), Some(unit), Some(amount), Some(zone)) = (arguments.present(0), unit, amount, zone) else {
+        return Ok(Some(Bson::Null));
+    };
+    let overflow = || QueryError::invalid(5_166_406, format!("{operator} overflowed"));
+    let start = moment(operator, start)?;
+    let amount = amount.checked_mul(sign).ok_or_else(overflow)?;
+    let moved = date_step(start, unit, amount, &zone).ok_or_else(overflow)?;
+    Ok(Some(Bson::DateTime(DateTime::from_millis(moved))))
+}
+
+fn difference(arguments: &Arguments) -> Result<Value> {
+    let unit = unit(arguments, 2)?;
+    let zone = zone(arguments, 3)?;
+    let week = if unit == Some(Unit::Week) { start_of_week(arguments, 4)? } else { Some(0) };
+    let (Some(start), Some(end), Some(unit), Some(zone), Some(week)) =
+        (arguments.present(0), arguments.present(1), unit, zone, week)
+    else {
+        return Ok(Some(Bson::Null));
+    };
+    let (start, end) = (moment("$dateDiff", start)?, moment("$dateDiff", end)?);
+    date_difference(start, end, unit, week, &zone)
+        .map(|difference| Some(Bson::Int64(difference)))
+        .ok_or_else(|| QueryError::invalid(5_166_308, "$dateDiff overflowed"))
+}
+
+fn truncated(arguments: &Arguments) -> Result<Value> {
+    let unit = unit(arguments, 1)?;
+    let bin = match arguments.get(2) {
+        _ if !arguments.given(2) => Some(1),
+        value if is_null(value) => None,
+        value => Some(
+            Number::of(value)
+                .and_then(Number::integral)
+                .filter(|bin| *bin > 0)
+                .ok_or_else(|| QueryError::invalid(5_439_017, "$dateTrunc requires a positive integral 'binSize'"))?,
+        ),
+    };
+    let zone = zone(arguments, 3)?;
+    let week = if unit == Some(Unit::Week) { start_of_week(arguments, 4)? } else { Some(0) };
+    let (Some(date), Some(unit), Some(bin), Some(zone), Some(week)) = (arguments.present(0), unit, bin, zone, week)
+    else {
+        return Ok(Some(Bson::Null));
+    };
+    let millis = moment("$dateTrunc", date)?;
+    date_bin(millis, unit, bin, week, &zone)
+        .map(|millis| Some(Bson::DateTime(DateTime::from_millis(millis))))
+        .ok_or_else(|| QueryError::invalid(5_439_018, "$dateTrunc overflowed"))
+}

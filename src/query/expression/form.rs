@@ -1,0 +1,366 @@
+//! Forms: operators that evaluate only some of their arguments, or bind variables.
+
+use std::cmp::Ordering;
+
+use bson::{Bson, Document};
+
+use super::operator::{is_nullish, type_of};
+use super::parse::Reader;
+use super::scope::{Environment, check_name};
+use super::tree::{Expression, is_true};
+use super::{Value, constant};
+use crate::query::compare::optional;
+use crate::query::error::{QueryError, Result};
+use crate::query::number::Number;
+
+/// A compiled form.
+#[derive(Debug)]
+pub(in crate::query) enum Form {
+    And(Vec<Expression>),
+    Or(Vec<Expression>),
+    Compare(Comparison, [Expression; 2]),
+    Cond([Expression; 3]),
+    IfNull(Vec<Expression>),
+    Switch(Vec<(Expression, Expression)>, Option<Expression>),
+    Let(Vec<(usize, Expression)>, Expression),
+    Map { input: Expression, slot: usize, body: Expression },
+    Filter { input: Expression, slot: usize, condition: Expression, limit: Option<Expression> },
+    Reduce { input: Expression, initial: Expression, value: usize, this: usize, body: Expression },
+}
+
+/// The comparison operators.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::query) enum Comparison {
+    Equal,
+    NotEqual,
+    Less,
+    LessOrEqual,
+    Greater,
+    GreaterOrEqual,
+    Compare,
+}
+
+const COMPARISONS: [(&str, Comparison); 7] = [
+    ("$eq", Comparison::Equal),
+    ("$ne", Comparison::NotEqual),
+    ("$lt", Comparison::Less),
+    ("$lte", Comparison::LessOrEqual),
+    ("$gt", Comparison::Greater),
+    ("$gte", Comparison::GreaterOrEqual),
+    ("$cmp", Comparison::Compare),
+];
+
+/// Reads a form, where the name is of one.
+pub(super) fn read(reader: &Reader<'_>, name: &str, argument: &Bson) -> Result<Option<Form>> {
+    if let Some((_, comparison)) = COMPARISONS.iter().find(|(known, _)| *known == name) {
+        let pair = reader.arguments(name, (2, 2), argument)?;
+        let pair =
+            <[Expression; 2]>::try_from(pair).map_err(|_| QueryError::invalid(16_020, "two arguments needed"))?;
+        return Ok(Some(Form::Compare(*comparison, pair)));
+    }
+    Ok(Some(match name {
+        "$and" => Form::And(reader.arguments(name, (0, usize::MAX), argument)?),
+        "$or" => Form::Or(reader.arguments(name, (0, usize::MAX), argument)?),
+        "$cond" => cond(reader, argument)?,
+        "$ifNull" => Form::IfNull(reader.arguments(name, (2, usize::MAX), argument)?),
+        "$switch" => switch(reader, argument)?,
+        "$let" => bind(reader, argument)?,
+        "$map" => map(reader, argument)?,
+        "$filter" => filter(reader, argument)?,
+        "$reduce" => reduce(reader, argument)?,
+        _ => return Ok(None),
+    }))
+}
+
+impl Form {
+    /// A constant, where the form depends on nothing.
+    pub(super) fn folded(self) -> Result<Expression> {
+        let constants = match &self {
+            Self::And(items) | Self::Or(items) | Self::IfNull(items) => items.iter().all(Expression::is_constant),
+            Self::Compare(_, items) => items.iter().all(Expression::is_constant),
+            Self::Cond(items) => items.iter().all(Expression::is_constant),
+            Self::Switch(branches, default) => {
+                branches.iter().all(|(case, then)| case.is_constant() && then.is_constant())
+                    && default.as_ref().is_none_or(Expression::is_constant)
+            }
+            _ => false,
+        };
+        let form = Expression::Form(Box::new(self));
+        if constants { Ok(Expression::Constant(constant(&form)?)) } else { Ok(form) }
+    }
+
+    pub(super) fn truth(&self, environment: &Environment<'_>) -> Result<bool> {
+        match self {
+            Self::And(items) => {
+                for item in items {
+                    if !item.truth(environment)? {
+                        return Ok(false);
+                    }
+                }
+                Ok(true)
+            }
+            Self::Or(items) => {
+                for item in items {
+                    if item.truth(environment)? {
+                        return Ok(true);
+                    }
+                }
+                Ok(false)
+            }
+            Self::Compare(comparison, [a, b]) if *comparison != Comparison::Compare => {
+                let order = a.show(environment, |a| b.show(environment, |b| optional(a, b)))??;
+                Ok(comparison.holds(order))
+            }
+            _ => Ok(is_true(&self.evaluate(environment)?)),
+        }
+    }
+
+    pub(super) fn evaluate(&self, environment: &Environment<'_>) -> Result<Value> {
+        match self {
+            Self::And(_) | Self::Or(_) => Ok(Some(Bson::Boolean(self.truth(environment)?))),
+            Self::Compare(Comparison::Compare, [a, b]) => {
+                let order = a.show(environment, |a| b.show(environment, |b| optional(a, b)))??;
+                Ok(Some(Bson::Int32(order as i32)))
+            }
+            Self::Compare(..) => Ok(Some(Bson::Boolean(self.truth(environment)?))),
+            Self::Cond([condition, then, otherwise]) => {
+                if condition.truth(environment)? {
+                    then.evaluate(environment)
+                } else {
+                    otherwise.evaluate(environment)
+                }
+            }
+            Self::IfNull(items) => {
+                let mut value = None;
+                for item in items {
+                    value = item.evaluate(environment)?;
+                    if !is_nullish(&value) {
+                        break;
+                    }
+                }
+                Ok(value)
+            }
+            Self::Switch(branches, default) => {
+                for (case, then) in branches {
+                    if case.truth(environment)? {
+                        return then.evaluate(environment);
+                    }
+                }
+                match default {
+                    Some(default) => default.evaluate(environment),
+                    None => {
+                        Err(QueryError::invalid(40_066, "$switch could not find a matching branch, and has no default"))
+                    }
+                }
+            }
+            Self::Let(bindings, body) => within(bindings, environment, environment, body),
+            Self::Map { input, slot, body } => {
+                let Some(items) = array("$map", 16_883, input.evaluate(environment)?)? else {
+                    return Ok(Some(Bson::Null));
+                };
+                let mut mapped = Vec::with_capacity(items.len());
+                for item in items {
+                    let item = Some(item);
+                    let frame = environment.frame(*slot, &item);
+                    mapped.push(body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null));
+                }
+                Ok(Some(Bson::Array(mapped)))
+            }
+            Self::Filter { input, slot, condition, limit } => {
+                kept(input, *slot, condition, limit.as_ref(), environment)
+            }
+            Self::Reduce { input, initial, value, this, body } => {
+                let Some(items) = array("$reduce", 40_080, input.evaluate(environment)?)? else {
+                    return Ok(Some(Bson::Null));
+                };
+                let mut accumulated = initial.evaluate(environment)?;
+                for item in items {
+                    let item = Some(item);
+                    let outer = environment.frame(*this, &item);
+                    let environment = environment.within(&outer);
+                    let inner = environment.frame(*value, &accumulated);
+                    let next = body.evaluate(&environment.within(&inner))?;
+                    accumulated = next;
+                }
+                Ok(accumulated)
+            }
+        }
+    }
+}
+
+impl Comparison {
+    fn holds(self, order: Ordering) -> bool {
+        match self {
+            Self::Equal => order == Ordering::Equal,
+            Self::NotEqual => order != Ordering::Equal,
+            Self::Less => order == Ordering::Less,
+            Self::LessOrEqual => order != Ordering::Greater,
+            Self::Greater => order == Ordering::Greater,
+            Self::GreaterOrEqual => order != Ordering::Less,
+            Self::Compare => false,
+        }
+    }
+}
+
+/// Evaluates the bindings outside, the body inside.
+fn within(
+    bindings: &[(usize, Expression)],
+    outside: &Environment<'_>,
+    inside: &Environment<'_>,
+    body: &Expression,
+) -> Result<Value> {
+    let Some(((slot, expression), rest)) = bindings.split_first() else { return body.evaluate(inside) };
+    let value = expression.evaluate(outside)?;
+    let frame = inside.frame(*slot, &value);
+    within(rest, outside, &inside.within(&frame), body)
+}
+
+fn kept(
+    input: &Expression,
+    slot: usize,
+    condition: &Expression,
+    limit: Option<&Expression>,
+    environment: &Environment<'_>,
+) -> Result<Value> {
+    let limit = match limit.map(|limit| limit.evaluate(environment)).transpose()? {
+        None => None,
+        Some(value) if is_nullish(&value) => None,
+        Some(value) => match value.as_ref().and_then(Number::of).and_then(Number::integral_32) {
+            Some(limit) if limit >= 1 => usize::try_from(limit).ok(),
+            _ => return Err(QueryError::invalid(327_391, "$filter: limit must be a 32-bit integer of at least 1")),
+        },
+    };
+    let Some(items) = array("$filter", 28_651, input.evaluate(environment)?)? else { return Ok(Some(Bson::Null)) };
+    let mut kept = Vec::new();
+    for item in items {
+        if limit.is_some_and(|limit| kept.len() >= limit) {
+            break;
+        }
+        let item = Some(item);
+        let frame = environment.frame(slot, &item);
+        if condition.truth(&environment.within(&frame))? {
+            kept.extend(item);
+        }
+    }
+    Ok(Some(Bson::Array(kept)))
+}
+
+/// The elements; nothing where there is null.
+fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
+    match value {
+        Some(Bson::Array(items)) => Ok(Some(items)),
+        None | Some(Bson::Null | Bson::Undefined) => Ok(None),
+        Some(other) => {
+            Err(QueryError::invalid(code, format!("input to {operator} must be an array, not {}", type_of(&other))))
+        }
+    }
+}
+
+/// The named arguments of a form: all of `required`, any of `optional`, nothing else.
+fn fields<'a>(name: &str, argument: &'a Bson, required: &[&str], optional: &[&str]) -> Result<&'a Document> {
+    let Bson::Document(fields) = argument else {
+        return Err(QueryError::invalid(16_878, format!("{name} only supports an object as its argument")));
+    };
+    for field in fields.keys() {
+        if !required.contains(&field.as_str()) && !optional.contains(&field.as_str()) {
+            return Err(QueryError::invalid(16_879, format!("unrecognized parameter to {name}: {field}")));
+        }
+    }
+    for field in required {
+        if !fields.contains_key(field) {
+            return Err(QueryError::invalid(16_880, format!("missing '{field}' parameter to {name}")));
+        }
+    }
+    Ok(fields)
+}
+
+fn get<'a>(fields: &'a Document, name: &str) -> &'a Bson {
+    fields.get(name).unwrap_or(&Bson::Null)
+}
+
+fn cond(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let parts = match argument {
+        Bson::Document(document) if !document.keys().next().is_some_and(|name| name.starts_with('$')) => {
+            let fields = fields("$cond", argument, &["if", "then", "else"], &[])?;
+            vec![reader.read(get(fields, "if"))?, reader.read(get(fields, "then"))?, reader.read(get(fields, "else"))?]
+        }
+        other => reader.arguments("$cond", (3, 3), other)?,
+    };
+    let parts =
+        <[Expression; 3]>::try_from(parts).map_err(|_| QueryError::invalid(16_020, "$cond takes 3 arguments"))?;
+    Ok(Form::Cond(parts))
+}
+
+fn switch(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let fields = fields("$switch", argument, &[], &["branches", "default"])?;
+    let mut branches = Vec::new();
+    match fields.get("branches") {
+        None => {}
+        Some(Bson::Array(items)) => {
+            for item in items {
+                let branch = self::fields("$switch", item, &["case", "then"], &[])?;
+                branches.push((reader.read(get(branch, "case"))?, reader.read(get(branch, "then"))?));
+            }
+        }
+        Some(_) => return Err(QueryError::invalid(40_061, "$switch expected an array for 'branches'")),
+    }
+    if branches.is_empty() {
+        return Err(QueryError::invalid(40_068, "$switch requires at least one branch"));
+    }
+    let default = fields.get("default").map(|default| reader.read(default)).transpose()?;
+    Ok(Form::Switch(branches, default))
+}
+
+fn bind(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let fields = fields("$let", argument, &["vars", "in"], &[])?;
+    let Bson::Document(variables) = get(fields, "vars") else {
+        return Err(QueryError::invalid(10_065, "invalid parameter: expected an object (vars)"));
+    };
+    let mut scope = reader.scope.clone();
+    let mut bindings = Vec::new();
+    for (name, value) in variables {
+        check_name(name)?;
+        bindings.push((scope.add(name), reader.read(value)?));
+    }
+    let body = reader.within(&scope).read(get(fields, "in"))?;
+    Ok(Form::Let(bindings, body))
+}
+
+/// The name of the variable that `as` gives; `this` where it is not given.
+fn variable<'a>(fields: &'a Document) -> Result<&'a str> {
+    match fields.get("as") {
+        None => Ok("this"),
+        Some(Bson::String(name)) => {
+            check_name(name)?;
+            Ok(name)
+        }
+        Some(_) => Err(QueryError::invalid(16_866, "'as' must be a string")),
+    }
+}
+
+fn map(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let fields = fields("$map", argument, &["input", "in"], &["as"])?;
+    let mut scope = reader.scope.clone();
+    let slot = scope.add(variable(fields)?);
+    let input = reader.read(get(fields, "input"))?;
+    Ok(Form::Map { input, slot, body: reader.within(&scope).read(get(fields, "in"))? })
+}
+
+fn filter(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let fields = fields("$filter", argument, &["input", "cond"], &["as", "limit"])?;
+    let mut scope = reader.scope.clone();
+    let slot = scope.add(variable(fields)?);
+    let input = reader.read(get(fields, "input"))?;
+    let condition = reader.within(&scope).read(get(fields, "cond"))?;
+    let limit = fields.get("limit").map(|limit| reader.read(limit)).transpose()?;
+    Ok(Form::Filter { input, slot, condition, limit })
+}
+
+fn reduce(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let fields = fields("$reduce", argument, &["input", "initialValue", "in"], &[])?;
+    let mut scope = reader.scope.clone();
+    let (this, value) = (scope.add("this"), scope.add("value"));
+    let input = reader.read(get(fields, "input"))?;
+    let initial = reader.read(get(fields, "initialValue"))?;
+    Ok(Form::Reduce { input, initial, value, this, body: reader.within(&scope).read(get(fields, "in"))? })
+}

@@ -1,0 +1,112 @@
+//! Documents: merging, fields by name; `$type` and the like.
+
+use bson::{Bson, Document};
+
+use super::Value;
+use super::operator::{ANY, Arguments, Named, Operator, at, is_null, type_of, wrong_type};
+use crate::query::error::{QueryError, Result};
+use crate::query::number::Number;
+use crate::query::view::View;
+
+pub(super) const OPERATORS: [Operator; 6] = [
+    Operator { name: "$mergeObjects", arity: (0, ANY), call: merged },
+    Operator { name: "$type", arity: (1, 1), call: type_name },
+    Operator { name: "$isNumber", arity: (1, 1), call: |v| Ok(Some(Bson::Boolean(Number::of(at(v, 0)).is_some()))) },
+    Operator {
+        name: "$not",
+        arity: (1, 1),
+        call: |v| Ok(Some(Bson::Boolean(!super::tree::is_true(v.first().unwrap_or(&None))))),
+    },
+    Operator { name: "$tsSecond", arity: (1, 1), call: |v| timestamp("$tsSecond", v, |t| t.time) },
+    Operator { name: "$tsIncrement", arity: (1, 1), call: |v| timestamp("$tsIncrement", v, |t| t.increment) },
+];
+
+pub(super) const NAMED: [Named; 3] = [
+    Named { name: "$getField", fields: &[("field", true), ("input", false)], bare: true, call: get_field },
+    Named {
+        name: "$setField",
+        fields: &[("field", true), ("input", true), ("value", true)],
+        bare: false,
+        call: set_field,
+    },
+    Named { name: "$unsetField", fields: &[("field", true), ("input", true)], bare: false, call: unset_field },
+];
+
+fn timestamp(operator: &str, values: &[Value], part: fn(&bson::Timestamp) -> u32) -> Result<Value> {
+    match at(values, 0) {
+        value if is_null(value) => Ok(Some(Bson::Null)),
+        Bson::Timestamp(timestamp) => Ok(Some(Bson::Int64(part(timestamp).into()))),
+        other => Err(wrong_type(5_687_302, operator, "a timestamp", other)),
+    }
+}
+
+fn type_name(values: &[Value]) -> Result<Value> {
+    let name = values.first().and_then(Option::as_ref).map_or("missing", |value| View::from(value).type_name());
+    Ok(Some(Bson::String(name.to_owned())))
+}
+
+fn merged(values: &[Value]) -> Result<Value> {
+    let items: Vec<&Bson> = match values {
+        [Some(Bson::Array(items))] => items.iter().collect(),
+        values => values.iter().flatten().collect(),
+    };
+    let mut merged = Document::new();
+    for item in items {
+        match item {
+            Bson::Document(document) => merged.extend(document.clone()),
+            value if is_null(value) => {}
+            other => return Err(wrong_type(40_400, "$mergeObjects", "objects", other)),
+        }
+    }
+    Ok(Some(Bson::Document(merged)))
+}
+
+fn name<'a>(arguments: &'a Arguments) -> Result<&'a str> {
+    match arguments.get(0) {
+        Bson::String(name) => Ok(name),
+        other => Err(QueryError::invalid(
+            3_041_704,
+            format!("{} requires 'field' to evaluate to type String, not {}", arguments.operator, type_of(other)),
+        )),
+    }
+}
+
+fn get_field(arguments: &Arguments) -> Result<Value> {
+    let name = name(arguments)?;
+    match arguments.get(1) {
+        Bson::Document(document) => Ok(document.get(name).cloned()),
+        _ if !arguments.given(1) || is_missing(arguments, 1) => Ok(None),
+        value if is_null(value) => Ok(Some(Bson::Null)),
+        _ => Ok(None),
+    }
+}
+
+fn is_missing(arguments: &Arguments, index: usize) -> bool {
+    matches!(arguments.values.get(index), Some(Some(None)))
+}
+
+fn input(arguments: &Arguments) -> Result<Option<Document>> {
+    match arguments.get(1) {
+        Bson::Document(document) => Ok(Some(document.clone())),
+        value if is_null(value) => Ok(None),
+        other => Err(wrong_type(4_161_105, arguments.operator, "an object as input", other)),
+    }
+}
+
+fn set_field(arguments: &Arguments) -> Result<Value> {
+    let name = name(arguments)?;
+    let Some(mut document) = input(arguments)? else { return Ok(Some(Bson::Null)) };
+    if is_missing(arguments, 2) {
+        document.remove(name);
+    } else {
+        document.insert(name, arguments.get(2).clone());
+    }
+    Ok(Some(Bson::Document(document)))
+}
+
+fn unset_field(arguments: &Arguments) -> Result<Value> {
+    let name = name(arguments)?;
+    let Some(mut document) = input(arguments)? else { return Ok(Some(Bson::Null)) };
+    document.remove(name);
+    Ok(Some(Bson::Document(document)))
+}

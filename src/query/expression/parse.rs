@@ -1,0 +1,208 @@
+//! Expressions from BSON.
+
+use bson::{Bson, Document};
+
+use super::form;
+use super::operator::{self, Named, Operator};
+use super::scope::Scope;
+use super::tree::{Expression, Source};
+use super::{Value, constant};
+use crate::query::error::{QueryError, Result};
+
+/// How deep expressions may be nested.
+const MAX_DEPTH: usize = 200;
+
+/// Operators whose value differs from call to call.
+const VOLATILE: [&str; 2] = ["$rand", "$sampleRate"];
+
+/// Reads expressions in a scope.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reader<'a> {
+    pub(super) scope: &'a Scope,
+    depth: usize,
+}
+
+impl<'a> Reader<'a> {
+    pub(super) fn new(scope: &'a Scope) -> Self {
+        Self { scope, depth: 0 }
+    }
+
+    /// The same depth with other variables in sight.
+    pub(super) fn within<'b>(&self, scope: &'b Scope) -> Reader<'b> {
+        Reader { scope, depth: self.depth }
+    }
+
+    pub(super) fn read(&self, value: &Bson) -> Result<Expression> {
+        if self.depth > MAX_DEPTH {
+            return Err(QueryError::invalid(15, "the expression is nested too deeply"));
+        }
+        let deeper = Self { scope: self.scope, depth: self.depth + 1 };
+        match value {
+            Bson::String(text) if text.starts_with('$') => deeper.path(text),
+            Bson::Array(items) => {
+                let items: Vec<_> = items.iter().map(|item| deeper.read(item)).collect::<Result<_>>()?;
+                let all_constant = items.iter().all(Expression::is_constant);
+                let array = Expression::Array(items);
+                if all_constant { Ok(Expression::Constant(constant(&array)?)) } else { Ok(array) }
+            }
+            Bson::Document(document) => match document.iter().next() {
+                Some((name, argument)) if name.starts_with('$') => {
+                    if document.len() > 1 {
+                        let message = "an object representing an expression must have exactly one field";
+                        return Err(QueryError::invalid(15_983, message));
+                    }
+                    deeper.operator(name, argument)
+                }
+                _ => deeper.document(document),
+            },
+            value => Ok(Expression::Constant(Some(value.clone()))),
+        }
+    }
+
+    fn document(&self, document: &Document) -> Result<Expression> {
+        let mut fields = Vec::with_capacity(document.len());
+        for (name, value) in document {
+            if name.starts_with('$') || name.contains('.') || name.is_empty() {
+                let message =
+                    format!("the field name '{name}' in an expression may not be empty, or have '.' or a leading '$'");
+                return Err(QueryError::invalid(16_410, message));
+            }
+            fields.push((name.clone(), self.read(value)?));
+        }
+        let all_constant = fields.iter().all(|(_, field)| field.is_constant());
+        let document = Expression::Document(fields);
+        if all_constant { Ok(Expression::Constant(constant(&document)?)) } else { Ok(document) }
+    }
+
+    fn operator(&self, name: &str, argument: &Bson) -> Result<Expression> {
+        if matches!(name, "$literal" | "$const") {
+            return Ok(Expression::Constant(Some(argument.clone())));
+        }
+        if let Some(form) = form::read(self, name, argument)? {
+            return form.folded();
+        }
+        if let Some(operator) = operator::named(name) {
+            return self.named(operator, argument);
+        }
+        let operator = operator::positional(name).ok_or_else(|| operator::unknown(name))?;
+        let arguments = self.positional(operator, argument)?;
+        let fold = arguments.iter().all(Expression::is_constant) && !VOLATILE.contains(&name);
+        let call = Expression::Call(operator, arguments);
+        if fold { Ok(Expression::Constant(constant(&call)?)) } else { Ok(call) }
+    }
+
+    fn positional(&self, operator: &Operator, argument: &Bson) -> Result<Vec<Expression>> {
+        self.arguments(operator.name, operator.arity, argument)
+    }
+
+    /// The arguments of an operator: an array, or one that is none.
+    pub(super) fn arguments(&self, name: &str, arity: (usize, usize), argument: &Bson) -> Result<Vec<Expression>> {
+        let arguments: Vec<_> = match argument {
+            Bson::Array(items) => items.iter().map(|item| self.read(item)).collect::<Result<_>>()?,
+            Bson::Document(document) if arity == (0, 0) && document.is_empty() => Vec::new(),
+            other => vec![self.read(other)?],
+        };
+        if arguments.len() < arity.0 || arguments.len() > arity.1 {
+            let message =
+                format!("expression {name} takes {} to {} arguments, not {}", arity.0, arity.1, arguments.len());
+            return Err(QueryError::invalid(16_020, message));
+        }
+        Ok(arguments)
+    }
+
+    fn named(&self, operator: &'static Named, argument: &Bson) -> Result<Expression> {
+        let mut arguments: Vec<Option<Expression>> = operator.fields.iter().map(|_| None).collect();
+        let is_names = matches!(argument, Bson::Document(fields) if !fields.keys().next().is_some_and(|name| name.starts_with('$')));
+        match argument {
+            Bson::Document(fields) if is_names => {
+                for (name, value) in fields {
+                    let index = operator.fields.iter().position(|(known, _)| known == name);
+                    let place = index.and_then(|index| arguments.get_mut(index)).ok_or_else(|| {
+                        QueryError::failed_to_parse(format!("unrecognized argument to {}: {name}", operator.name))
+                    })?;
+                    *place = Some(self.read(value)?);
+                }
+            }
+            other if operator.bare => {
+                let mut read = self.arguments(operator.name, (1, 1), other)?;
+                if let (Some(place), Some(only)) = (arguments.first_mut(), read.pop()) {
+                    *place = Some(only);
+                }
+            }
+            _ => return Err(QueryError::failed_to_parse(format!("{} needs an object as its argument", operator.name))),
+        }
+        if operator.name == "$getField"
+            && let Some(input @ None) = arguments.get_mut(1)
+        {
+            *input = Some(self.variable("CURRENT", Vec::new())?);
+        }
+        for ((name, required), value) in operator.fields.iter().zip(&arguments) {
+            if *required && value.is_none() {
+                return Err(QueryError::failed_to_parse(format!("missing '{name}' parameter to {}", operator.name)));
+            }
+        }
+        let fold = arguments.iter().flatten().all(Expression::is_constant);
+        let call = Expression::Named(operator, arguments);
+        if fold { Ok(Expression::Constant(constant(&call)?)) } else { Ok(call) }
+    }
+
+    /// `$path`, `$$variable.path`.
+    fn path(&self, text: &str) -> Result<Expression> {
+        if let Some(variable) = text.strip_prefix("$$") {
+            let (name, path) = variable.split_once('.').map_or((variable, None), |(name, path)| (name, Some(path)));
+            let path = path.map_or(Ok(Vec::new()), parts)?;
+            return self.variable(name, path);
+        }
+        let path = parts(text.strip_prefix('$').unwrap_or(text))?;
+        match self.scope.find("CURRENT") {
+            Some(slot) => Ok(Expression::Path(Source::Slot(slot), path)),
+            None => Ok(Expression::Path(Source::Root, path)),
+        }
+    }
+
+    fn variable(&self, name: &str, path: Vec<String>) -> Result<Expression> {
+        if let Some(slot) = self.scope.find(name) {
+            return Ok(Expression::Path(Source::Slot(slot), path));
+        }
+        match name {
+            "ROOT" | "CURRENT" => Ok(Expression::Path(Source::Root, path)),
+            "NOW" => Ok(Expression::Path(Source::Now, path)),
+            "REMOVE" => Ok(Expression::Constant(None)),
+            "KEEP" | "PRUNE" | "DESCEND" if self.scope.redacting => Ok(Expression::Constant(marker(name))),
+            "CLUSTER_TIME" => Err(QueryError::invalid(51_144, "builtin variable '$$CLUSTER_TIME' is not available")),
+            _ => {
+                let starts = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || !c.is_ascii());
+                let message = if starts { "use of undefined variable" } else { "not a valid name of a variable" };
+                Err(QueryError::invalid(17_276, format!("{message}: {name}")))
+            }
+        }
+    }
+}
+
+/// What `$redact` gets for a decision.
+fn marker(name: &str) -> Value {
+    Some(Bson::String(name.to_ascii_lowercase()))
+}
+
+/// The parts of a path in an expression.
+pub(super) fn parts(path: &str) -> Result<Vec<String>> {
+    let parts: Vec<String> = path.split('.').map(str::to_owned).collect();
+    if parts.len() > MAX_DEPTH {
+        return Err(QueryError::invalid(5_729_101, "a path has more than 200 parts"));
+    }
+    for part in &parts {
+        if part.is_empty() {
+            return Err(QueryError::invalid(15_998, format!("the field path '{path}' has an empty part")));
+        }
+        if part.starts_with('$') {
+            return Err(QueryError::invalid(
+                16_410,
+                format!("the field path '{path}' has a part that starts with '$'"),
+            ));
+        }
+        if part.contains('\0') {
+            return Err(QueryError::invalid(16_411, "a field path may not contain a NUL"));
+        }
+    }
+    Ok(parts)
+}

@@ -1,0 +1,118 @@
+//! Variables: which names an expression may use, and what they stand for.
+
+use bson::{Bson, DateTime, Document};
+
+use super::Value;
+use crate::query::error::{QueryError, Result};
+use crate::query::view::Fields;
+
+/// The variables in sight while reading.
+#[derive(Debug, Default, Clone)]
+pub(in crate::query) struct Scope {
+    names: Vec<(String, usize)>,
+    next: usize,
+    /// Whether `$$KEEP`, `$$PRUNE` and `$$DESCEND` are in sight.
+    pub(in crate::query) redacting: bool,
+}
+
+/// Values of variables that hold for a whole run.
+#[derive(Debug, Default, Clone)]
+pub(in crate::query) struct Variables {
+    values: Vec<(usize, Value)>,
+}
+
+impl Scope {
+    /// A scope of constants, with their values.
+    pub(in crate::query) fn with_constants(constants: &Document) -> Result<(Self, Variables)> {
+        let (mut scope, mut variables) = (Self::default(), Variables::default());
+        for (name, value) in constants {
+            check_name(name)?;
+            let slot = scope.add(name);
+            variables.set(slot, Some(value.clone()));
+        }
+        Ok((scope, variables))
+    }
+
+    /// Brings a variable into sight; it hides one of the same name.
+    pub(in crate::query) fn add(&mut self, name: &str) -> usize {
+        self.next += 1;
+        self.names.push((name.to_owned(), self.next));
+        self.next
+    }
+
+    pub(super) fn find(&self, name: &str) -> Option<usize> {
+        self.names.iter().rev().find(|(known, _)| known == name).map(|(_, slot)| *slot)
+    }
+}
+
+impl Variables {
+    pub(in crate::query) fn set(&mut self, slot: usize, value: Value) {
+        match self.values.iter_mut().find(|(known, _)| *known == slot) {
+            Some((_, place)) => *place = value,
+            None => self.values.push((slot, value)),
+        }
+    }
+
+    fn get(&self, slot: usize) -> Option<&Bson> {
+        self.values.iter().find(|(known, _)| *known == slot).and_then(|(_, value)| value.as_ref())
+    }
+}
+
+/// Refuses names that users may not give to variables.
+pub(in crate::query) fn check_name(name: &str) -> Result<()> {
+    let Some(first) = name.chars().next() else {
+        return Err(QueryError::invalid(16_866, "empty variable names are not allowed"));
+    };
+    let starts = first.is_ascii_lowercase() || !first.is_ascii() || name == "CURRENT";
+    let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || !c.is_ascii());
+    if !starts || !rest {
+        return Err(QueryError::invalid(16_867, format!("'{name}' is not a valid name for a variable")));
+    }
+    Ok(())
+}
+
+/// What an expression is evaluated against.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::query) struct Environment<'a> {
+    pub(super) root: Fields<'a>,
+    pub(super) now: DateTime,
+    variables: &'a Variables,
+    frame: Option<&'a Frame<'a>>,
+}
+
+/// A variable bound by an expression, and those around it.
+#[derive(Debug)]
+pub(super) struct Frame<'a> {
+    slot: usize,
+    value: &'a Value,
+    outer: Option<&'a Frame<'a>>,
+}
+
+impl<'a> Environment<'a> {
+    pub(in crate::query) fn new(root: Fields<'a>, variables: &'a Variables, now: DateTime) -> Self {
+        Self { root, now, variables, frame: None }
+    }
+
+    /// A frame that binds one more variable.
+    pub(super) fn frame(&self, slot: usize, value: &'a Value) -> Frame<'a> {
+        Frame { slot, value, outer: self.frame }
+    }
+
+    pub(super) fn within<'b>(&self, frame: &'b Frame<'b>) -> Environment<'b>
+    where
+        'a: 'b,
+    {
+        Environment { root: self.root, now: self.now, variables: self.variables, frame: Some(frame) }
+    }
+
+    pub(super) fn variable(&self, slot: usize) -> Option<&'a Bson> {
+        let mut frame = self.frame;
+        while let Some(current) = frame {
+            if current.slot == slot {
+                return current.value.as_ref();
+            }
+            frame = current.outer;
+        }
+        self.variables.get(slot)
+    }
+}

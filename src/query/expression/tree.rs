@@ -1,0 +1,149 @@
+//! The compiled expression and its evaluation.
+
+use bson::{Bson, Document};
+
+use super::Value;
+use super::form::Form;
+use super::operator::{Arguments, Named, Operator};
+use super::scope::Environment;
+use crate::query::error::Result;
+use crate::query::view::{Fields, View};
+
+/// A compiled expression.
+#[derive(Debug)]
+pub(in crate::query) enum Expression {
+    Constant(Value),
+    /// A variable, or a path in it.
+    Path(Source, Vec<String>),
+    Document(Vec<(String, Expression)>),
+    Array(Vec<Expression>),
+    Call(&'static Operator, Vec<Expression>),
+    Named(&'static Named, Vec<Option<Expression>>),
+    Form(Box<Form>),
+}
+
+/// What a path starts from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::query) enum Source {
+    /// The document.
+    Root,
+    /// The time of the operation.
+    Now,
+    /// A variable.
+    Slot(usize),
+}
+
+impl Expression {
+    /// Whether it gives the same value for every document.
+    pub(super) fn is_constant(&self) -> bool {
+        matches!(self, Self::Constant(_))
+    }
+
+    /// The value for a document; nothing where it is missing.
+    ///
+    /// # Errors
+    /// Where an operator cannot work with its arguments.
+    pub(in crate::query) fn evaluate(&self, environment: &Environment<'_>) -> Result<Value> {
+        match self {
+            Self::Constant(value) => Ok(value.clone()),
+            Self::Path(source, path) => Ok(at_path(*source, path, environment)),
+            Self::Document(fields) => {
+                let mut document = Document::new();
+                for (name, expression) in fields {
+                    if let Some(value) = expression.evaluate(environment)? {
+                        document.insert(name.clone(), value);
+                    }
+                }
+                Ok(Some(Bson::Document(document)))
+            }
+            Self::Array(items) => {
+                let items = items.iter().map(|item| Ok(item.evaluate(environment)?.unwrap_or(Bson::Null)));
+                Ok(Some(Bson::Array(items.collect::<Result<_>>()?)))
+            }
+            Self::Call(operator, arguments) => {
+                let values: Vec<Value> =
+                    arguments.iter().map(|argument| argument.evaluate(environment)).collect::<Result<_>>()?;
+                operator.run(&values)
+            }
+            Self::Named(operator, arguments) => {
+                let values = arguments.iter().map(|argument| match argument {
+                    Some(argument) => Ok(Some(argument.evaluate(environment)?)),
+                    None => Ok(None),
+                });
+                let values = values.collect::<Result<_>>()?;
+                operator.run(&Arguments { operator: operator.name, values })
+            }
+            Self::Form(form) => form.evaluate(environment),
+        }
+    }
+
+    /// Whether the value is true.
+    pub(in crate::query) fn truth(&self, environment: &Environment<'_>) -> Result<bool> {
+        if let Self::Form(form) = self {
+            return form.truth(environment);
+        }
+        Ok(is_true(&self.evaluate(environment)?))
+    }
+
+    /// Shows the value to a function, without copying it where it lies in the document.
+    pub(super) fn show<T>(&self, environment: &Environment<'_>, look: impl FnOnce(Option<View<'_>>) -> T) -> Result<T> {
+        match self {
+            Self::Constant(value) => Ok(look(value.as_ref().map(View::from))),
+            Self::Path(Source::Root, path) => {
+                let mut value = Some(View::Document(environment.root));
+                for name in path {
+                    value = match value {
+                        Some(View::Document(fields)) => fields.get(name),
+                        Some(View::Array(_)) => {
+                            let value = self.evaluate(environment)?;
+                            return Ok(look(value.as_ref().map(View::from)));
+                        }
+                        _ => None,
+                    };
+                }
+                Ok(look(value))
+            }
+            _ => {
+                let value = self.evaluate(environment)?;
+                Ok(look(value.as_ref().map(View::from)))
+            }
+        }
+    }
+}
+
+/// MongoDB's idea of truth, in which a missing value is false.
+pub(super) fn is_true(value: &Value) -> bool {
+    value.as_ref().is_some_and(|value| View::from(value).truthy())
+}
+
+fn at_path(source: Source, path: &[String], environment: &Environment<'_>) -> Value {
+    match source {
+        Source::Root => in_fields(environment.root, path),
+        Source::Now => path.is_empty().then_some(Bson::DateTime(environment.now)),
+        Source::Slot(slot) => environment.variable(slot).and_then(|value| in_value(value.into(), path)),
+    }
+}
+
+/// What a path reaches in a document; through an array, the array of what it reaches in the elements.
+pub(in crate::query) fn field_value(fields: Fields<'_>, path: &[String]) -> Value {
+    in_fields(fields, path)
+}
+
+fn in_fields(fields: Fields<'_>, path: &[String]) -> Value {
+    in_value(View::Document(fields), path)
+}
+
+fn in_value(mut value: View<'_>, mut path: &[String]) -> Value {
+    while let Some((name, rest)) = path.split_first() {
+        match value {
+            View::Document(fields) => value = fields.get(name)?,
+            View::Array(items) => {
+                let inner = items.iter().filter(|item| matches!(item, View::Document(_)));
+                return Some(Bson::Array(inner.filter_map(|item| in_value(item, path)).collect()));
+            }
+            _ => return None,
+        }
+        path = rest;
+    }
+    Some(value.to_bson())
+}
