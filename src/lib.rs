@@ -128,6 +128,12 @@ fn report(error: &anyhow::Error, output: &mut Output<'_>) -> Exit {
     }
     // What was found before the failure is still the product.
     let _ = output.flush();
+    if let Some(formats::Diagnostics(complaints)) = error.downcast_ref() {
+        for complaint in complaints {
+            output.error(&complaint.to_string());
+        }
+        return Exit::of(error);
+    }
     let mut text = error.to_string();
     for cause in error.chain().skip(1) {
         let cause = cause.to_string();
