@@ -82,7 +82,7 @@ fn words(rule: &Rule) -> String {
         R::keyword => "a keyword",
         R::requirement => "a requirement such as `:strips`",
         R::signature => "`(NAME ?x - TYPE …)`",
-        R::atom => "`(NAME …)`",
+        R::atom | R::initial_atom => "`(NAME …)`",
         R::expression | R::elapsed | R::operation => "an expression",
         R::operator => "an operator",
         R::comparator | R::reserved | R::equals => "a comparison",

@@ -7,10 +7,11 @@
 //!
 //! A text is first cut at its top-level lists ([`outline`]), where brackets are
 //! balanced and depth is bounded; then each section goes through the grammar
-//! ([`grammar`]) and its pairs become a tree ([`walk`], [`section`]).
+//! ([`grammar`]) and its pairs become a tree ([`walk`], [`section`], [`init`]).
 
 pub mod ast;
 mod grammar;
+mod init;
 mod outline;
 mod section;
 mod syntax;

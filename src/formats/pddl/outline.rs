@@ -215,6 +215,7 @@ pub(super) enum Token {
 }
 
 /// The brackets and words of a text; `;` comments are skipped, `//` comes as a word.
+#[derive(Clone)]
 pub(super) struct Tokens<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -231,7 +232,7 @@ impl<'a> Tokens<'a> {
         loop {
             let at = self.at;
             match *self.bytes.get(at)? {
-                b' ' | b'\t' | b'\n' | b'\r' | b'\x0c' => self.at += 1,
+                b' ' | b'\t'..=b'\r' => self.at += 1,
                 0xEF if self.bytes[at..].starts_with("\u{feff}".as_bytes()) => self.at += 3,
                 b';' => self.skip_line(),
                 b'(' => {
@@ -244,7 +245,8 @@ impl<'a> Tokens<'a> {
                 }
                 _ => {
                     let rest = &self.bytes[at..];
-                    let length = rest.iter().position(|byte| b" \t\n\r\x0c();".contains(byte)).unwrap_or(rest.len());
+                    let length =
+                        rest.iter().position(|byte| b" \t\n\x0b\x0c\r();".contains(byte)).unwrap_or(rest.len());
                     self.at += length;
                     return Some(Token::Word(Span::new(at, at + length)));
                 }

@@ -5,13 +5,10 @@ use pest::iterators::Pair;
 use super::Dialect;
 use super::ast::{Action, Derived, Domain, DurativeAction, Metric, Place, Problem, Typed};
 use super::grammar::{Rule, parse};
-use super::outline::{Flaw, Outline, Token, Tokens, outline};
+use super::outline::{Flaw, Outline, outline};
 use super::syntax::{explain, keyword, of_section};
 use super::walk::{Walk, Words, parts};
 use crate::formats::{Diagnostic, Source, Span};
-
-/// How much of `:init` goes through the grammar at once, in bytes.
-const STRETCH: usize = 32 * 1024;
 
 /// Reads a domain.
 ///
@@ -68,10 +65,10 @@ pub fn read_problem(source: &Source, dialect: Dialect) -> Result<Problem, Diagno
 }
 
 /// A text on its way to a tree.
-struct Reader<'a> {
-    source: &'a Source,
+pub(super) struct Reader<'a> {
+    pub(super) source: &'a Source,
     kind: Rule,
-    words: Words,
+    pub(super) words: Words,
     /// The sections seen that may come only once.
     seen: Vec<(String, Span)>,
 }
@@ -118,7 +115,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Parses a stretch of the text by `rule` and walks the result.
-    fn walk<T>(
+    pub(super) fn walk<T>(
         &mut self,
         start: usize,
         end: usize,
@@ -204,7 +201,7 @@ impl<'a> Reader<'a> {
             }
             ":requirements" => problem.requirements = self.requirements(section)?,
             ":objects" => problem.objects = self.names(section)?,
-            ":init" => self.init(problem, section)?,
+            ":init" => problem.init = self.init(section)?,
             ":goal" => problem.goal = Some(self.condition(section, Rule::goal)?),
             ":constraints" => problem.constraints = Some(self.condition(section, Rule::constraints)?),
             ":metric" => problem.metric = Some(self.section(section, Rule::metric, metric)?),
@@ -232,49 +229,6 @@ impl<'a> Reader<'a> {
 
     fn condition(&mut self, section: Span, rule: Rule) -> Result<super::ast::Condition, Diagnostic> {
         self.section(section, rule, |walk, pair| walk.condition(parts(pair).next()?))
-    }
-
-    /// `:init` may hold millions of elements; it goes through the grammar in stretches.
-    fn init(&mut self, problem: &mut Problem, section: Span) -> Result<(), Diagnostic> {
-        let mut tokens = Tokens::new(self.source.text(), section.start + 1);
-        let Some(Token::Word(keyword)) = tokens.next_token() else { return Ok(()) };
-        let (mut start, mut depth) = (keyword.end, 0_usize);
-        let last = section.end - 1;
-        while let Some(token) = tokens.next_token() {
-            let end = match token {
-                Token::Open(at) if at < last => {
-                    depth += 1;
-                    continue;
-                }
-                Token::Close(at) if at < last => {
-                    depth -= 1;
-                    at + 1
-                }
-                Token::Word(span) if span.start < last => {
-                    if self.source.slice(span).starts_with("//") {
-                        tokens.skip_line();
-                    }
-                    continue;
-                }
-                _ => break,
-            };
-            if depth == 0 && end - start >= STRETCH {
-                self.stretch(problem, section, Span::new(start, end))?;
-                start = end;
-            }
-        }
-        self.stretch(problem, section, Span::new(start, last))
-    }
-
-    fn stretch(&mut self, problem: &mut Problem, section: Span, stretch: Span) -> Result<(), Diagnostic> {
-        let init = &mut problem.init;
-        self.walk(stretch.start, stretch.end, Rule::init, |walk, pair| {
-            parts(pair).try_for_each(|part| {
-                init.push(walk.init(part)?);
-                Some(())
-            })
-        })
-        .map_err(|flaw| explain(self.source, section, &flaw))
     }
 }
 

@@ -21,7 +21,7 @@ use crate::formats::{Diagnostic, Source, Span};
 pub(super) struct Words(HashSet<Arc<str>>);
 
 impl Words {
-    fn share(&mut self, word: &str) -> Arc<str> {
+    pub(super) fn share(&mut self, word: &str) -> Arc<str> {
         if let Some(known) = self.0.get(word) {
             return known.clone();
         }
@@ -251,7 +251,7 @@ impl Walk<'_> {
     }
 
     pub(super) fn init(&mut self, pair: Pair<'_, Rule>) -> Option<Init> {
-        if pair.as_rule() == Rule::atom {
+        if pair.as_rule() == Rule::initial_atom {
             return Some(Init::Atom(self.atom(pair)?));
         }
         let rule = pair.as_rule();

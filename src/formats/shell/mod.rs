@@ -22,7 +22,9 @@ mod scanner;
 mod stream;
 mod writer;
 
-pub use reader::{parse_document, parse_documents, parse_pipeline, parse_value, parse_world};
+pub use reader::{
+    parse_document, parse_document_in, parse_documents, parse_pipeline, parse_pipeline_in, parse_value, parse_world,
+};
 pub use scanner::MAX_DEPTH;
 pub use stream::{ReadError, Reader};
 pub use writer::{canonical, canonical_value, pretty, relaxed, relaxed_value, write_canonical, write_relaxed};

@@ -34,6 +34,28 @@ pub fn parse_pipeline(source: &Source) -> Result<Vec<Document>, Diagnostic> {
     Ok(parse_documents_of(source, "an aggregation stage")?.into_iter().map(|(_, document)| document).collect())
 }
 
+/// Reads the part of a text in `span` as one document.
+pub fn parse_document_in(source: &Source, span: Span) -> Result<Document, Diagnostic> {
+    document(source, read(source, span)?)
+}
+
+/// Reads the part of a text in `span` as a pipeline.
+pub fn parse_pipeline_in(source: &Source, span: Span) -> Result<Vec<Document>, Diagnostic> {
+    let node = read(source, span)?;
+    let stages = match node.value {
+        Bson::Document(stage) => return Ok(vec![stage]),
+        Bson::Array(stages) => stages.into_iter().map(|stage| match stage {
+            Bson::Document(stage) => Ok(stage),
+            other => Err(kind(&other)),
+        }),
+        other => {
+            return Err(Diagnostic::new(source, node.span, format!("expected a pipeline, found {}", kind(&other))));
+        }
+    };
+    let wrong = |kind| Diagnostic::new(source, node.span, format!("expected aggregation stages, found {kind}"));
+    stages.collect::<Result<_, _>>().map_err(wrong)
+}
+
 fn parse_documents_of(source: &Source, what: &str) -> Result<Vec<(Span, Document)>, Diagnostic> {
     let start = scanner::skip(source.text(), 0, b"");
     if !matches!(source.text().as_bytes().get(start), Some(b'[' | b'{')) {
@@ -64,6 +86,11 @@ pub fn parse_documents(source: &Source) -> Result<Vec<(Span, Document)>, Diagnos
         return Err(Diagnostic::new(source, Span::at(rest), "expected nothing after the array of documents"));
     }
     Ok(documents)
+}
+
+/// Reads documents one after another, but no array of them.
+pub(super) fn parse_sequence(source: &Source) -> Result<Vec<(Span, Document)>, Diagnostic> {
+    sequence(source, scanner::skip(source.text(), 0, b""), source.text().len())
 }
 
 /// Documents in a row, separated by nothing or by a comma.

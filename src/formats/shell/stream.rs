@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use bson::Document;
 
-use super::reader::parse_documents;
+use super::reader::parse_sequence;
 use super::scanner::{MAX_DEPTH, Scanner};
 use crate::formats::{Diagnostic, Source, Span};
 
@@ -137,7 +137,7 @@ impl<R: BufRead> Reader<R> {
         }
         // Documents come in order, so that lines are counted once.
         let (mut line, mut counted) = (chunk.first_line, 0);
-        for (span, document) in parse_documents(&source)? {
+        for (span, document) in parse_sequence(&source)? {
             line += source.slice(Span::new(counted, span.start)).matches('\n').count();
             counted = span.start;
             self.ready.push_back((line, document));
