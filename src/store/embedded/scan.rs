@@ -110,10 +110,10 @@ impl<'a> Scan<'a> {
         last: i64,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
     ) -> Result<Rest, Trouble> {
-        let sql =
-            format!("SELECT position, body FROM {} WHERE position > ? ORDER BY position", self.collection.table());
+        let table = self.collection.table();
+        let sql = format!("SELECT position, body FROM {table} WHERE position > ? AND position <= ? ORDER BY position");
         let mut statement = self.store.connection.prepare_cached(&sql)?;
-        let mut rows = statement.query([position])?;
+        let mut rows = statement.query([position, last])?;
         for _ in 0..PAGE_ROWS {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
             position = row.get(0)?;
