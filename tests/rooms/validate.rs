@@ -84,7 +84,7 @@ fn the_verdicts_are_those_of_val() {
     upper: the plan is valid, value 10
     timed: the plan is valid, value 10
     bad: the plan is invalid: step 6: (pick r2 cup k) cannot be taken: (at r2 k) is false
-    empty: the plan is invalid: the goal is not reached: (in cup b), (in ball b) is false
+    empty: the plan is invalid: the goal is not reached: (in cup b), (in ball b) are false
     goalnot: the plan is invalid: the goal is not reached: (in cup b) is false
     noaction: the plan is invalid: step 1: the domain has no action `fly`
     type: the plan is invalid: step 2: `ball` is of type `object`, but `pick` wants `robot` for `?r`
@@ -182,7 +182,7 @@ fn effects_happen_at_once() {
     assert_eq!(judge("(> (z) 0)", ""), "the plan is invalid: the goal cannot be computed: (z) has no value");
     assert_eq!(
         judge("(and (p) (q) (or (q) (> (x) 1)))", ""),
-        "the plan is invalid: the goal is not reached: (q), (or (q) (> (x) 1)) is false"
+        "the plan is invalid: the goal is not reached: (q), (or (q) (> (x) 1)) are false"
     );
 }
 
