@@ -98,8 +98,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         process.executable,
         process.environment,
     );
-    let result = commands::run(&cli.command, &mut context)
-        .and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
+    let result = commands::run(&cli.command, &mut context);
+    context.output.tell_operations();
+    let result = result.and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
     match result {
         Ok(exit) => exit,
         Err(error) => report(&error, &mut context.output),
