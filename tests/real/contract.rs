@@ -32,6 +32,9 @@ const CASES: &[(&str, Case)] = cases![
     projections_choose_fields,
     counting_agrees_with_finding,
     distinct_values_come_once,
+    pipelines_are_run,
+    a_pipeline_may_read_another_collection,
+    unknown_stages_are_refused,
     many_documents_come_in_pages,
     an_update_changes_the_first_match,
     an_update_of_many_changes_all,
@@ -344,6 +347,39 @@ fn distinct_values_come_once(store: &dyn Store, ns: &Namespace) {
     assert_eq!(distinct("b.c", doc! {}), [1, 2, 3].map(Bson::Int32));
     assert_eq!(distinct("b.1.c", doc! {}), [2, 3].map(Bson::Int32));
     assert_eq!(distinct("none", doc! {}), []);
+}
+
+fn aggregated(store: &dyn Store, ns: &Namespace, pipeline: &[Document]) -> Vec<Document> {
+    let results = store.aggregate(ns, pipeline).unwrap();
+    results.map(|raw| Document::try_from(&*raw.unwrap()).unwrap()).collect()
+}
+
+fn pipelines_are_run(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..10).map(|n| doc! { "_id": n, "kind": if n % 3 == 0 { "a" } else { "b" }, "n": n }));
+    let group = doc! { "$group": { "_id": "$kind", "sum": { "$sum": "$n" } } };
+    let pipeline = [doc! { "$match": { "n": { "$gt": 2 } } }, group, doc! { "$sort": { "_id": 1 } }];
+    let wanted = [doc! { "_id": "a", "sum": 18 }, doc! { "_id": "b", "sum": 24 }];
+    assert_eq!(aggregated(store, ns, &pipeline), wanted);
+    let pipeline = [doc! { "$match": { "_id": { "$in": [7, 2] } } }, doc! { "$project": { "kind": 0 } }];
+    assert_eq!(aggregated(store, ns, &pipeline), [doc! { "_id": 2, "n": 2 }, doc! { "_id": 7, "n": 7 }]);
+    assert_eq!(aggregated(store, ns, &[doc! { "$count": "all" }]), [doc! { "all": 10 }]);
+    assert_eq!(aggregated(store, ns, &[]).len(), 10);
+}
+
+fn a_pipeline_may_read_another_collection(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { collection: format!("{}.other", ns.collection), ..ns.clone() };
+    insert(store, ns, [doc! { "_id": 1, "on": "B" }, doc! { "_id": 2, "on": "none" }]);
+    insert(store, &other, [doc! { "_id": "B", "x": 5 }]);
+    let lookup = doc! { "from": &other.collection, "localField": "on", "foreignField": "_id", "as": "below" };
+    assert_eq!(
+        aggregated(store, ns, &[doc! { "$lookup": lookup }, doc! { "$sort": { "_id": 1 } }]),
+        [doc! { "_id": 1, "on": "B", "below": [{ "_id": "B", "x": 5 }] }, doc! { "_id": 2, "on": "none", "below": [] }]
+    );
+}
+
+fn unknown_stages_are_refused(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! {}]);
+    assert_eq!(code(store.aggregate(ns, &[doc! { "$nonsense": {} }])), 40324);
 }
 
 fn many_documents_come_in_pages(store: &dyn Store, ns: &Namespace) {

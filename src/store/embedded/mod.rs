@@ -12,6 +12,7 @@ mod change;
 mod failure;
 mod file;
 mod patience;
+mod pipeline;
 mod scan;
 mod verbs;
 

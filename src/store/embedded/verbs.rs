@@ -4,7 +4,6 @@ use bson::{Bson, DateTime, Document};
 
 use super::catalog::Collection;
 use super::{Embedded, failure};
-use crate::query::QueryError;
 use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
 
 impl Store for Embedded {
@@ -28,8 +27,8 @@ impl Store for Embedded {
         self.values(ns, field, filter)
     }
 
-    fn aggregate(&self, _: &Namespace, _: &[Document]) -> Result<Documents<'_>, StoreError> {
-        Err(QueryError::unsupported("aggregate").into())
+    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        self.run_pipeline(ns, pipeline)
     }
 
     fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError> {
