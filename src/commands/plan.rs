@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use bson::{Bson, DateTime, doc};
 
-use super::gen_problem::{generate, read_domain};
+use super::gen_problem::{check, generate, read_domain};
 use super::{Context, UsageError};
 use crate::cli;
 use crate::exit::Exit;
@@ -51,7 +51,7 @@ fn pose(args: &cli::Plan, domain: &Domain, memory: &Memory, context: &mut Contex
         (None, Some(path)) => {
             let template = context.read(path)?;
             let generated = generate(&template, &args.options, memory, context)?;
-            let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
+            let problem = check(&generated, domain, &args.options)?;
             (problem, Some(template), Some(generated))
         }
         (None, None) => return Err(UsageError::new("expected --problem or --template").into()),
@@ -85,12 +85,7 @@ fn search(
         temporary: context.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into),
         interrupted: crate::interruptible(),
     };
-    let task = Task {
-        domain: domain.tree(),
-        problem: problem.tree(),
-        domain_source: domain.source(),
-        problem_source: problem.source(),
-    };
+    let task = Task { domain, problem };
     let start = Instant::now();
     let run = planner::run(planner, &task, &limits, &host);
     context.output.operation("plan", &run.planner, run.outcome.word(), start.elapsed());
@@ -166,14 +161,14 @@ fn answered(section: &SectionReport) -> Answered {
     Answered {
         name: section.name.clone(),
         namespace: section.namespace.to_string(),
-        query: section.query.clone(),
+        query: shell::relaxed(&section.query),
         count: section.matched,
     }
 }
 
 /// The memory's value for a name of the problem.
 fn value(name: &str) -> Bson {
-    names::restore(name).map_or_else(|| Bson::String(name.to_owned()), Bson::String)
+    Bson::String(names::restore(name))
 }
 
 /// Prints the plan; says why there is none.

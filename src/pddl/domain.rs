@@ -37,6 +37,8 @@ pub struct Action {
     parameters: Vec<Parameter>,
     span: Span,
     pub(super) variables: Vec<Variable>,
+    /// Whether it has `:vars`.
+    pub(super) has_locals: bool,
     pub(super) body: Body,
 }
 
@@ -287,7 +289,8 @@ fn read_action(action: &ast::Action, resolver: &mut Resolver<'_, '_, '_>) -> Act
     };
     resolver.scope.clear();
     let body = Body { duration: None, condition, effect };
-    Action { name: action.name.clone(), parameters, span: action.place.0, variables, body }
+    let has_locals = !action.locals.is_empty();
+    Action { name: action.name.clone(), parameters, span: action.place.0, variables, has_locals, body }
 }
 
 fn read_durative_action(action: &ast::DurativeAction, resolver: &mut Resolver<'_, '_, '_>) -> Action {
@@ -319,7 +322,7 @@ fn read_durative_action(action: &ast::DurativeAction, resolver: &mut Resolver<'_
     resolver.durative = false;
     resolver.scope.clear();
     let body = Body { duration: Some(duration), condition, effect };
-    Action { name: action.name.clone(), parameters, span: action.place.0, variables, body }
+    Action { name: action.name.clone(), parameters, span: action.place.0, variables, has_locals: false, body }
 }
 
 /// A parameter of a type other than `object` uses types.

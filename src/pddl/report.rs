@@ -17,6 +17,11 @@ impl<'a> Report<'a> {
         Self { source, errors: Vec::new(), warnings: Vec::new() }
     }
 
+    /// Whether further errors would not be kept; then there is no need to think about their hints.
+    pub(super) fn is_full(&self) -> bool {
+        self.errors.len() >= LIMIT
+    }
+
     /// Line and column, for a hint that points elsewhere.
     pub(super) fn position(&self, span: Span) -> String {
         let (line, column) = self.source.position(span.start);
@@ -29,7 +34,7 @@ impl<'a> Report<'a> {
 
     /// With a hint, unless that is empty.
     pub(super) fn error_with(&mut self, span: Span, message: impl Into<String>, hint: String) {
-        if self.errors.len() < LIMIT {
+        if !self.is_full() {
             self.errors.push(with_hint(Diagnostic::new(self.source, span, message), hint));
         }
     }

@@ -151,6 +151,9 @@ impl Resolver<'_, '_, '_> {
     }
 
     fn unknown_predicate(&mut self, name: &Name) {
+        if self.report.is_full() {
+            return;
+        }
         let known = &self.vocabulary.predicates;
         let hint = if self.function(name).is_some() {
             format!("`{name}` is a function; its value can be compared, as in (>= ({name} …) 1)")
@@ -210,6 +213,7 @@ impl Resolver<'_, '_, '_> {
                     let kind = self.scope.get(slot).map(|variable| variable.kind.clone());
                     (Arg::Slot(u32::try_from(slot).unwrap_or(u32::MAX)), kind)
                 }
+                None if self.report.is_full() => (Arg::Slot(0), None),
                 None => {
                     let near = nearest(name.as_str(), self.scope.iter().map(|variable| variable.name.as_str()));
                     let hint = suggestion(near);
@@ -233,6 +237,9 @@ impl Resolver<'_, '_, '_> {
     }
 
     fn unknown_object(&mut self, name: &Name) {
+        if self.report.is_full() {
+            return;
+        }
         let variable = format!("?{name}");
         let hint = if self.scope.iter().any(|known| known.name.is(&variable)) {
             format!("did you mean `{variable}`?")
@@ -260,6 +267,9 @@ impl Resolver<'_, '_, '_> {
     // Numbers
 
     fn unknown_function(&mut self, name: &Name) {
+        if self.report.is_full() {
+            return;
+        }
         let hint = suggestion(self.vocabulary.functions.nearest(name.as_str()));
         self.report.error_with(name.span(), format!("function `{name}` is not declared"), hint);
     }

@@ -1,5 +1,6 @@
 //! The type hierarchy.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::report::Report;
@@ -17,6 +18,9 @@ impl Named for Name {
         self
     }
 }
+
+/// How many types there may be: a hierarchy is walked for every argument.
+const LIMIT: usize = 10_000;
 
 /// All types of a domain; the first is `object`.
 #[derive(Debug, Clone)]
@@ -36,6 +40,10 @@ impl Types {
         }
         for kind in section.iter().filter_map(|typed| typed.kind.as_ref()) {
             kind.iter().for_each(|name| types.declare(name));
+        }
+        if let Some(typed) = section.last().filter(|_| types.parents.len() > LIMIT) {
+            report.error(typed.name.span(), format!("there are more than {LIMIT} types"));
+            return types;
         }
         for typed in section {
             let (Some(child), Some(kind)) = (types.table.find(typed.name.as_str()), &typed.kind) else { continue };
@@ -99,11 +107,10 @@ impl Types {
             .iter()
             .map(|name| {
                 self.table.find(name.as_str()).unwrap_or_else(|| {
-                    report.error_with(
-                        name.span(),
-                        format!("type `{name}` is not declared"),
-                        suggestion(self.table.nearest(name.as_str())),
-                    );
+                    if !report.is_full() {
+                        let hint = suggestion(self.table.nearest(name.as_str()));
+                        report.error_with(name.span(), format!("type `{name}` is not declared"), hint);
+                    }
                     OBJECT
                 })
             })
@@ -115,16 +122,15 @@ impl Types {
         if child == parent || parent == OBJECT {
             return true;
         }
-        let mut seen = vec![child];
-        let mut next = 0;
-        while let Some(current) = seen.get(next).copied() {
-            next += 1;
+        let mut seen = HashSet::from([child]);
+        let mut pending = vec![child];
+        while let Some(current) = pending.pop() {
             for above in self.parents.get(current as usize).into_iter().flatten() {
                 if *above == parent {
                     return true;
                 }
-                if !seen.contains(above) {
-                    seen.push(*above);
+                if seen.insert(*above) {
+                    pending.push(*above);
                 }
             }
         }

@@ -98,6 +98,9 @@ pub(super) fn check_doubles(variables: &[Variable], report: &mut Report<'_>) {
 
 /// Complains about a second declaration.
 pub(super) fn twice(what: &str, second: &Name, first: &Name, report: &mut Report<'_>) {
+    if report.is_full() {
+        return;
+    }
     let case = if second.as_str() == first.as_str() { "" } else { "; PDDL does not tell upper and lower case apart" };
     let place = report.position(first.span());
     report.error_with(

@@ -7,7 +7,9 @@
 mod document;
 mod lineage;
 mod print;
+mod spelling;
 
+use crate::formats::plan::{Action, PlanFile};
 use crate::pddl::Step;
 
 pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document};
@@ -28,5 +30,17 @@ impl Plan {
     #[must_use]
     pub fn is_temporal(&self) -> bool {
         self.steps.iter().any(|step| step.start.is_some())
+    }
+}
+
+impl From<PlanFile> for Plan {
+    fn from(file: PlanFile) -> Self {
+        let step = |action: Action| Step {
+            action: action.name,
+            arguments: action.arguments,
+            start: action.start,
+            duration: action.duration,
+        };
+        Self { steps: file.actions.into_iter().map(step).collect(), cost: file.cost }
     }
 }

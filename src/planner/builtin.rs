@@ -11,17 +11,22 @@ use std::thread;
 use ferroplan::types::{Domain, Effect, Formula, Problem};
 use ferroplan::{Mode, Options as Settings, Plan, Search, Solution, SolveError, Step};
 
-use super::feature::Feature;
 use super::host::Host;
 use super::process::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, ff};
+use crate::pddl::Feature;
 
 /// The version of the engine.
 const ENGINE: &str = "ferroplan 0.30.0";
 
 /// What the engine does not read, or refuses.
-const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::TimedConstraints];
+const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables];
+
+/// The engine takes settings from the environment. The child gets these and no other, so
+/// that the same task has the same plan everywhere: two searches for novelty, which the
+/// engine otherwise makes only where it is told a limit of time, and then by the clock.
+const SETTINGS: [(&str, &str); 2] = [("FF_NOVELTY", "1"), ("FF_NOVLIGHT", "1")];
 
 /// The engine grounds and searches with recursion over formulas.
 const STACK: usize = 64 << 20;
@@ -47,9 +52,8 @@ impl Planner for Builtin {
         vec![host.exe.clone().into(), "ff".into(), "-o".into(), DOMAIN.into(), "-f".into(), PROBLEM.into()]
     }
 
-    /// The engine takes settings from the environment; the same task has the same plan everywhere.
-    fn is_hermetic(&self) -> bool {
-        true
+    fn environment(&self) -> Option<&[(&str, &str)]> {
+        Some(&SETTINGS)
     }
 
     fn read(&self, output: &Output) -> Transcript {

@@ -4,7 +4,6 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use super::host::Host;
-use super::process::{DOMAIN, PLAN, PROBLEM};
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, Verdict, downward, ff, temporal};
 
@@ -36,11 +35,10 @@ pub struct Configured {
 
 impl Configured {
     fn word(&self, word: &str) -> OsString {
-        let filled = word.replace("{domain}", DOMAIN).replace("{problem}", PROBLEM).replace("{plan}", PLAN);
-        let path = self.folder.join(&filled);
-        match filled == word && (word.contains('/') || word.contains('.')) && path.is_file() {
+        let path = self.folder.join(word);
+        match (word.contains('/') || word.contains('.')) && path.is_file() {
             true => path.into_os_string(),
-            false => filled.into(),
+            false => word.into(),
         }
     }
 }
@@ -60,14 +58,14 @@ impl Planner for Configured {
             Dialect::Temporal => temporal::read(&output.plans, &output.stdout, &output.stderr),
             Dialect::Ff => {
                 let said = ff::read(&output.stdout, &output.stderr);
-                let filed = output.plans.iter().map(|plan| ff::read(plan.text(), ""));
-                let filed = filed.filter(|filed| said.verdict == Verdict::Unclear && filed.verdict == Verdict::Plan);
-                filed.last().unwrap_or(said)
+                let mut filed = output.plans.iter().rev().map(|plan| ff::read(plan.text(), ""));
+                let filed = filed.find(|filed| said.verdict == Verdict::Unclear && filed.verdict == Verdict::Plan);
+                filed.unwrap_or(said)
             }
         }
     }
 
-    fn proves(&self, features: &[super::Use]) -> bool {
+    fn proves(&self, features: &[crate::pddl::Feature]) -> bool {
         self.output != Dialect::Ff || super::Ff::default().proves(features)
     }
 

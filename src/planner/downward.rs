@@ -2,21 +2,22 @@
 
 use std::ffi::OsString;
 
-use super::feature::Feature;
 use super::host::Host;
 use super::process::{DOMAIN, PLAN, PROBLEM};
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, downward};
+use crate::pddl::Feature;
 
-const LACKS: [Feature; 8] = [
-    Feature::NumericFluents,
-    Feature::ObjectFluents,
+const LACKS: [Feature; 9] = [
     Feature::DurativeActions,
-    Feature::ContinuousEffects,
+    Feature::DurationInequalities,
     Feature::TimedInitialLiterals,
+    Feature::ContinuousEffects,
+    Feature::NumericFluents,
     Feature::Preferences,
-    Feature::TrajectoryConstraints,
-    Feature::TimedConstraints,
+    Feature::Constraints,
+    Feature::ObjectFluents,
+    Feature::ActionVariables,
 ];
 
 /// What its translator accepts, by its own words when it meets another.

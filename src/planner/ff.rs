@@ -2,22 +2,22 @@
 
 use std::ffi::OsString;
 
-use super::feature::{Feature, Use};
 use super::host::Host;
 use super::process::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, Verdict, ff};
+use crate::pddl::Feature;
 
 /// What FF 2.3 and Metric-FF 2.1 cannot do. That FF 2.3 knows no numbers it says itself.
 const LACKS: [Feature; 8] = [
-    Feature::ObjectFluents,
-    Feature::DerivedPredicates,
     Feature::DurativeActions,
-    Feature::ContinuousEffects,
+    Feature::DurationInequalities,
     Feature::TimedInitialLiterals,
+    Feature::ContinuousEffects,
+    Feature::DerivedPredicates,
     Feature::Preferences,
-    Feature::TrajectoryConstraints,
-    Feature::TimedConstraints,
+    Feature::Constraints,
+    Feature::ObjectFluents,
 ];
 
 /// The requirement keywords that both know; an unknown one is a syntax error to them.
@@ -79,8 +79,8 @@ impl Planner for Ff {
     }
 
     /// FF prunes where an action only deletes and the delete matters to a conditional effect.
-    fn proves(&self, features: &[Use]) -> bool {
-        !features.iter().any(|found| found.feature == Feature::ConditionalEffects)
+    fn proves(&self, features: &[Feature]) -> bool {
+        !features.contains(&Feature::ConditionalEffects)
     }
 
     fn install(&self) -> String {

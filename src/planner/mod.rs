@@ -13,7 +13,6 @@ pub mod warden;
 
 mod configured;
 mod downward;
-mod feature;
 mod ff;
 mod host;
 mod outcome;
@@ -23,7 +22,6 @@ mod run;
 pub use builtin::Builtin;
 pub use configured::{Configured, Dialect};
 pub use downward::FastDownward;
-pub use feature::{Feature, Use, features};
 pub use ff::Ff;
 pub use host::{Host, Limits};
 pub use outcome::Outcome;

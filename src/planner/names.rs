@@ -15,8 +15,8 @@ use crate::pddl::Step;
 /// The longest name that is sent; some planners have buffers of fixed size.
 const LONGEST: usize = 100;
 
-/// Names that planners add to a task themselves.
-const TAKEN: [&str; 3] = ["reach-goal", "traj-end", "object"];
+/// Names that planners add to a task themselves: a task that has them means something else.
+const ADDED: [&str; 2] = ["reach-goal", "traj-end"];
 
 /// A task as it is sent, and the way back.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +69,10 @@ impl Sent {
 /// Rewrites PDDL, word by word.
 struct Writer<'a> {
     known: Option<&'a [&'a str]>,
-    /// What applies to arguments: there a number is an object's name.
+    /// Names that read as numbers. They are names where a predicate or a function
+    /// applies to them, and in lists of names.
+    numbers: HashSet<String>,
+    /// What applies to arguments.
     applied: HashSet<String>,
     /// Lower-case names to what is sent for them, where that is something else.
     renamed: HashMap<String, String>,
@@ -83,11 +86,13 @@ impl<'a> Writer<'a> {
         let applied: HashSet<String> =
             predicates.chain(functions).map(|signature| signature.name.as_str().to_lowercase()).collect();
         let names = domain.types.iter().chain(&domain.constants).chain(&problem.objects).map(|typed| &typed.name);
+        let numbers = names.clone().map(|name| name.as_str().to_lowercase()).filter(|name| is_number(name)).collect();
         let actions = domain.actions.iter().map(|action| &action.name);
         let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
         let names = names.chain(actions).map(|name| name.as_str().to_lowercase()).chain(applied.iter().cloned());
-        let taken = names.filter(|name| is_plain(name)).chain(TAKEN.map(str::to_owned)).collect();
-        Self { known, applied, renamed: HashMap::new(), taken }
+        let taken =
+            names.filter(|name| is_plain(name)).chain(ADDED.map(str::to_owned)).chain(["object".to_owned()]).collect();
+        Self { known, numbers, applied, renamed: HashMap::new(), taken }
     }
 
     /// What is sent for a name that has been written.
@@ -152,19 +157,13 @@ impl<'a> Writer<'a> {
                 false => format!("?{}", self.rename(&lower)),
             };
         }
-        let names = head.is_some_and(|head| {
-            [":objects", ":constants", ":types", "either"].contains(&head)
-                || self.applied.contains(&head.to_lowercase())
-        });
-        if is_number(word) && !names || is_plain(&lower) && !self.is_added(&lower) {
+        let listed = || head.is_some_and(|head| [":objects", ":constants", ":types", "either"].contains(&head));
+        let applied = || head.is_some_and(|head| self.applied.contains(&head.to_lowercase()));
+        let number = is_number(word) && !(listed() || applied() && self.numbers.contains(&lower));
+        if number || is_plain(&lower) && !ADDED.contains(&lower.as_str()) {
             return lower;
         }
         self.rename(&lower)
-    }
-
-    /// Whether planners use the name themselves, and the task means something else by it.
-    fn is_added(&self, name: &str) -> bool {
-        name == "reach-goal" || name == "traj-end"
     }
 
     fn rename(&mut self, name: &str) -> String {
@@ -252,6 +251,19 @@ mod tests {
         assert!(sent.domain.contains("(:requirements :strips :typing)"), "{}", sent.domain);
         let sent = send(&domain, &problem, Some(&[":none"]));
         assert!(sent.domain.contains("(:requirements :strips)"), "{}", sent.domain);
+    }
+
+    #[test]
+    fn numbers_stay_numbers_and_names_of_digits_become_names() {
+        let (domain, problem) = task(
+            "(define (domain d) (:requirements :timed-initial-literals :fluents) (:predicates (at ?x) (open))
+               (:functions (f ?x)) (:action reach-goal :parameters (?a) :effect (increase (f ?a) 2)))",
+            "(define (problem n) (:domain d) (:objects 1a 7up) (:init (at 5 (open)) (= (f 1a) 5) (at 7up)) (:goal (open)))",
+        );
+        let sent = send(&domain, &problem, None);
+        assert!(!sent.problem.contains("1a 7up"), "{}", sent.problem);
+        assert!(sent.problem.contains("(at 5 (open))") && sent.problem.contains("(= (f n1a) 5)"), "{}", sent.problem);
+        assert!(sent.domain.contains("(:action reach-goal-2") && sent.domain.contains("(increase (f ?a) 2)"));
     }
 
     #[test]

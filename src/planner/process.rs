@@ -18,12 +18,15 @@ use super::host::{Host, Limits};
 use super::warden::GRACE;
 use crate::formats::Source;
 
-/// The domain's file in the run's directory.
-pub(super) const DOMAIN: &str = "domain.pddl";
-/// The problem's file in the run's directory.
-pub(super) const PROBLEM: &str = "problem.pddl";
-/// The file in the run's directory that a planner may write its plan to.
-pub(super) const PLAN: &str = "plan";
+/// What stands for the domain's file in a command.
+pub(super) const DOMAIN: &str = "{domain}";
+/// What stands for the problem's file in a command.
+pub(super) const PROBLEM: &str = "{problem}";
+/// What stands in a command for the file that a planner may write its plan to.
+pub(super) const PLAN: &str = "{plan}";
+
+/// The files in the run's directory for what stands in a command.
+const FILES: [(&str, &str); 3] = [(DOMAIN, "domain.pddl"), (PROBLEM, "problem.pddl"), (PLAN, "plan")];
 
 /// How often interruption, time and output are looked at.
 const LOOK: Duration = Duration::from_millis(20);
@@ -37,11 +40,11 @@ const LARGEST_PLAN: u64 = 256 << 20;
 /// A program to run on a domain and a problem, in a directory that has both.
 pub(super) struct Job<'a> {
     pub(super) program: &'a OsStr,
-    pub(super) arguments: Vec<OsString>,
+    pub(super) arguments: &'a [OsString],
     pub(super) domain: &'a str,
     pub(super) problem: &'a str,
-    /// Starts with an empty environment.
-    pub(super) hermetic: bool,
+    /// The whole environment, where it is not rmem's.
+    pub(super) environment: Option<&'a [(&'a str, &'a str)]>,
 }
 
 /// How a program ended.
@@ -102,8 +105,8 @@ pub(super) fn run(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Ended {
 
 fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended> {
     let directory = tempfile::Builder::new().prefix("rmem-plan-").tempdir_in(&host.temporary)?;
-    fs::write(directory.path().join(DOMAIN), job.domain)?;
-    fs::write(directory.path().join(PROBLEM), job.problem)?;
+    fs::write(directory.path().join("domain.pddl"), job.domain)?;
+    fs::write(directory.path().join("problem.pddl"), job.problem)?;
     let started = Instant::now();
     let mut warden = Warden::start(job, limits, host, directory)?;
     let (end, peak) = warden.wait(limits, host, started);
@@ -138,9 +141,10 @@ impl Warden {
         if let Some(bytes) = limits.memory {
             command.arg("--memory").arg(bytes.to_string());
         }
-        command.arg("--").arg(job.program).args(&job.arguments);
-        if job.hermetic {
-            command.env_clear();
+        command.arg("--").arg(located(job.program));
+        command.args(job.arguments.iter().map(|word| filled(word, directory.path())));
+        if let Some(environment) = job.environment {
+            command.env_clear().envs(environment.iter().copied());
         }
         command.current_dir(directory.path()).process_group(0);
         command.stdin(Stdio::from(OwnedFd::from(theirs)));
@@ -263,6 +267,27 @@ impl Drop for Warden {
     }
 }
 
+/// A program given as a relative path, as the caller's folder has it; the run has another.
+fn located(program: &OsStr) -> OsString {
+    let path = Path::new(program);
+    match path.components().count() > 1 {
+        true => std::path::absolute(path).map_or_else(|_| program.to_owned(), Into::into),
+        false => program.to_owned(),
+    }
+}
+
+/// A word of a command with the paths of the run's files in it. They are absolute, for the
+/// sake of wrappers that change the folder.
+fn filled(word: &OsStr, directory: &Path) -> OsString {
+    match word.to_str() {
+        Some(text) if text.contains('{') => {
+            let path = |file: &str| directory.join(file).to_string_lossy().into_owned();
+            FILES.iter().fold(text.to_owned(), |text, (mark, file)| text.replace(mark, &path(file))).into()
+        }
+        _ => word.to_owned(),
+    }
+}
+
 /// A file for a stream; appended to, so that a planner that seeks loses nothing.
 fn stream(directory: &Path, name: &str) -> io::Result<Stdio> {
     File::options().create(true).append(true).open(directory.join(name)).map(Stdio::from)
@@ -291,7 +316,7 @@ fn plans(directory: &Path) -> Vec<Source> {
 
 /// Where a plan file stands among the others: by its number, the one without before them.
 fn order(name: &str) -> Option<u64> {
-    let rest = [PLAN, "sas_plan"].into_iter().find_map(|stem| name.strip_prefix(stem))?;
+    let rest = ["plan", "sas_plan"].into_iter().find_map(|stem| name.strip_prefix(stem))?;
     let number = rest.trim_start_matches(['.', '_']).trim_end_matches(".SOL");
     match number {
         "" => Some(0),

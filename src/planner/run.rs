@@ -4,22 +4,21 @@ use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::time::Duration;
 
-use super::feature::{Feature, Use, features};
 use super::host::{Host, Limits};
 use super::names::{self, Sent};
 use super::outcome::Outcome;
 use super::process::{self, End, Ended, Job};
 use super::{Builtin, FastDownward, Ff};
-use crate::formats::pddl::ast::{Domain, Problem};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
+use crate::pddl::{Domain, Feature, Problem};
 use crate::plan::Plan;
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
 
 /// A program that plans.
-pub trait Planner {
+pub trait Planner: Send + Sync {
     /// What the user calls it.
     fn name(&self) -> &str;
 
@@ -28,7 +27,7 @@ pub trait Planner {
         None
     }
 
-    /// What it cannot do.
+    /// What it cannot do, what is most worth saying first.
     fn lacks(&self) -> &[Feature] {
         &[]
     }
@@ -38,8 +37,8 @@ pub trait Planner {
         None
     }
 
-    /// Program and arguments. The current directory has the task as `domain.pddl` and
-    /// `problem.pddl`; a plan may be written to `plan`.
+    /// Program and arguments. `{domain}`, `{problem}` and `{plan}` stand for files; the plan's
+    /// is not there until the planner writes it.
     fn command(&self, host: &Host<'_>) -> Vec<OsString>;
 
     /// Another command to try after such an answer to the first.
@@ -47,16 +46,16 @@ pub trait Planner {
         None
     }
 
-    /// Whether the program starts with an empty environment.
-    fn is_hermetic(&self) -> bool {
-        false
+    /// The program's whole environment, where it does not get rmem's.
+    fn environment(&self) -> Option<&[(&str, &str)]> {
+        None
     }
 
     /// What it has said.
     fn read(&self, output: &Output) -> Transcript;
 
     /// Whether its word that there is no plan is a proof for a task with these features.
-    fn proves(&self, _features: &[Use]) -> bool {
+    fn proves(&self, _features: &[Feature]) -> bool {
         true
     }
 
@@ -85,17 +84,13 @@ pub struct Output {
     pub plans: Vec<Source>,
 }
 
-/// What is to be planned, with the texts it was read from.
+/// What is to be planned.
 #[derive(Debug, Clone, Copy)]
 pub struct Task<'a> {
     /// The domain.
     pub domain: &'a Domain,
     /// The problem.
     pub problem: &'a Problem,
-    /// The domain's text.
-    pub domain_source: &'a Source,
-    /// The problem's text.
-    pub problem_source: &'a Source,
 }
 
 /// A planner's run on a task.
@@ -107,7 +102,7 @@ pub struct Run {
     pub planner: String,
     /// Its version, where known.
     pub version: Option<String>,
-    /// Program and arguments as they were called.
+    /// Program and arguments, with marks for the files of the run.
     pub command: Vec<String>,
     /// Wall time.
     pub time: Duration,
@@ -148,11 +143,10 @@ pub fn by_name(name: &str) -> Option<Box<dyn Planner>> {
 /// Runs a planner on a task. What it cannot do is refused before the run.
 #[must_use]
 pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Run {
-    let uses = features(task.domain, task.problem);
-    if let Some(refusal) = refuse(planner, task, &uses) {
+    if let Some(refusal) = refuse(planner, task) {
         return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
     }
-    let sent = names::send(task.domain, task.problem, planner.requirements());
+    let sent = names::send(task.domain.tree(), task.problem.tree(), planner.requirements());
     let mut command = planner.command(host);
     let (mut ended, mut answer) = ask(planner, &command, &sent, limits, host);
     if let Some(other) = planner.again(&answer, &command) {
@@ -162,15 +156,23 @@ pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<
         (ended, answer) = ask(planner, &command, &sent, &rest, host);
         ended.wall += first;
     }
-    let (outcome, message) = conclude(planner, &ended, answer, &sent, &uses, limits);
+    let (outcome, message) = conclude(planner, &ended, answer, &sent, task, limits);
     report(planner, outcome, message, &command, ended)
 }
 
-fn refuse(planner: &dyn Planner, task: &Task<'_>, uses: &[Use]) -> Option<Diagnostic> {
-    let found = uses.iter().find(|found| planner.lacks().contains(&found.feature))?;
-    let source = if found.in_problem { task.problem_source } else { task.domain_source };
-    let message = format!("the planner `{}` cannot handle {}", planner.name(), found.feature);
-    Some(Diagnostic::new(source, found.span, message).hint("name another planner with --planner"))
+fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
+    let domain = task.domain.features().iter().map(|used| (used, task.domain.source()));
+    let uses: Vec<_> = domain.chain(task.problem.features().iter().map(|used| (used, task.problem.source()))).collect();
+    let lacking = |lack: &Feature| uses.iter().find(|(used, _)| used.feature == *lack);
+    let (used, source) = planner.lacks().iter().find_map(lacking)?;
+    let message = format!("the planner `{}` cannot handle {}", planner.name(), used.feature);
+    Some(Diagnostic::new(source, used.span, message).hint("name another planner with --planner"))
+}
+
+impl Task<'_> {
+    fn features(&self) -> Vec<Feature> {
+        self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature).collect()
+    }
 }
 
 fn ask(
@@ -183,10 +185,10 @@ fn ask(
     let program = command.first().map_or(OsStr::new(""), OsString::as_os_str);
     let job = Job {
         program,
-        arguments: command.iter().skip(1).cloned().collect(),
+        arguments: command.get(1..).unwrap_or_default(),
         domain: &sent.domain,
         problem: &sent.problem,
-        hermetic: planner.is_hermetic(),
+        environment: planner.environment(),
     };
     let mut ended = process::run(&job, limits, host);
     let output = Output {
@@ -206,7 +208,7 @@ fn conclude(
     ended: &Ended,
     answer: Transcript,
     sent: &Sent,
-    uses: &[Use],
+    task: &Task<'_>,
     limits: &Limits,
 ) -> (Outcome, String) {
     match &ended.end {
@@ -220,13 +222,13 @@ fn conclude(
             return (Outcome::OutOfTime, format!("no plan within {time:?}"));
         }
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
-        End::Failed(words) => return (Outcome::Failed, words.clone()),
+        End::Failed(words) => return (Outcome::Failed, format!("it could not be run: {words}")),
         _ => {}
     }
     let crash = crash(&ended.end);
     match answer.verdict {
         Verdict::Plan if crash.is_none() => (Outcome::Plan(restored(answer, sent)), String::new()),
-        Verdict::Unsolvable if crash.is_none() => match planner.proves(uses) {
+        Verdict::Unsolvable if crash.is_none() => match planner.proves(&task.features()) {
             true => (Outcome::Unsolvable, answer.message),
             false => {
                 let doubt = "no proof for a task with conditional effects";

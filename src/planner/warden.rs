@@ -22,7 +22,7 @@
 use std::ffi::OsString;
 use std::fs;
 use std::io::{self, Read as _, Write as _};
-use std::os::fd::AsFd as _;
+use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::PathBuf;
@@ -101,7 +101,7 @@ impl Order {
         let lowered = setrlimit(Resource::As, Rlimit { current: Some(bytes), maximum: own.maximum });
         let started = command.spawn();
         if lowered.is_ok() {
-            setrlimit(Resource::As, own.clone())?;
+            setrlimit(Resource::As, own)?;
         }
         let child = match started {
             // The warden itself is larger than the limit.
@@ -149,6 +149,26 @@ impl Lifeline {
         None
     }
 
+    /// Waits until rmem says something, the program ends, or patience does; true where rmem
+    /// says something. Without `listening` it may say what it likes.
+    fn called(&self, program: Option<&OwnedFd>, patience: Option<Duration>, listening: bool) -> io::Result<bool> {
+        let mut waits = Vec::with_capacity(2);
+        waits.extend(program.map(|program| PollFd::new(program, PollFlags::IN)));
+        if listening {
+            waits.push(PollFd::new(&self.stream, PollFlags::IN));
+        }
+        // Without pidfds (old kernels) the program's end has to be looked for.
+        let patience = match program {
+            Some(_) => patience,
+            None => Some(patience.unwrap_or(LOOK).min(Duration::from_millis(2))),
+        };
+        match poll(&mut waits, patience.and_then(|patience| Timespec::try_from(patience).ok()).as_ref()) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+        Ok(listening && waits.last().is_some_and(|lifeline| !lifeline.revents().is_empty()))
+    }
+
     /// Waits until rmem needs nothing more; false when it died.
     fn released(&mut self) -> bool {
         while let Some(word) = self.hear() {
@@ -190,30 +210,7 @@ impl Ward {
             if let Some(status) = self.child.try_wait()? {
                 return Ok(status);
             }
-            let stopping = deadline.is_some();
-            let mut waits = Vec::with_capacity(2);
-            if let Some(pidfd) = &pidfd {
-                waits.push(PollFd::new(pidfd, PollFlags::IN));
-            }
-            if !stopping {
-                waits.push(PollFd::new(&lifeline.stream, PollFlags::IN));
-            }
-            let patience = match deadline {
-                Some(deadline) => Some(deadline.saturating_duration_since(Instant::now())),
-                None if self.limited => Some(LOOK),
-                None => None,
-            };
-            // Without pidfds (old kernels) the end is looked for.
-            let patience = match pidfd {
-                Some(_) => patience,
-                None => Some(patience.unwrap_or(LOOK).min(Duration::from_millis(2))),
-            };
-            let patience = patience.and_then(|patience| Timespec::try_from(patience).ok());
-            match poll(&mut waits, patience.as_ref()) {
-                Ok(_) | Err(Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
-            }
-            let called = !stopping && waits.last().is_some_and(|lifeline| !lifeline.revents().is_empty());
+            let called = lifeline.called(pidfd.as_ref(), self.patience(deadline), deadline.is_none())?;
             if called && lifeline.hear().is_none_or(|word| word == "stop") {
                 let _ = kill_process_group(group, Signal::TERM);
                 deadline = Some(Instant::now() + GRACE);
@@ -225,6 +222,14 @@ impl Ward {
             if self.limited {
                 self.look(group);
             }
+        }
+    }
+
+    /// How long to wait before looking again.
+    fn patience(&self, deadline: Option<Instant>) -> Option<Duration> {
+        match deadline {
+            Some(deadline) => Some(deadline.saturating_duration_since(Instant::now())),
+            None => self.limited.then_some(LOOK),
         }
     }
 

@@ -26,6 +26,20 @@ pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), Query
     Ok((id, body))
 }
 
+/// [`settle`] for many; where one is refused, the refusal says which.
+pub(crate) fn settle_all(documents: Vec<Document>) -> Result<Vec<(Bson, RawDocumentBuf)>, QueryError> {
+    let count = documents.len();
+    let settle_nth = |(index, document)| {
+        settle(document).map_err(|mut refusal: QueryError| {
+            if count > 1 {
+                refusal.message = format!("document {} of {count}: {}", index + 1, refusal.message);
+            }
+            refusal
+        })
+    };
+    documents.into_iter().enumerate().map(settle_nth).collect()
+}
+
 /// Checks a document that an update made, and gives its `_id`.
 pub(crate) fn vet(document: &RawDocument) -> Result<Bson, QueryError> {
     check_size(document)?;

@@ -30,8 +30,9 @@ pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreErr
 /// at a time, but several processes may use one database at once.
 pub trait Store: Send {
     /// Stores the documents in order, giving an ObjectId `_id` (as the first
-    /// key) to those that have none; stops at the first that cannot be stored.
-    /// Durable on return.
+    /// key) to those that have none. Where one is not acceptable, none is
+    /// stored; where a unique key is taken, those before it are, and the error
+    /// says which. Durable on return.
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError>;
 
     /// The documents that match, lazily.

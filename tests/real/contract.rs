@@ -20,7 +20,7 @@ const CASES: &[(&str, Case)] = cases![
     a_duplicate_stops_an_insert_and_what_was_before_it_stays,
     equal_numbers_of_different_types_are_the_same_id,
     some_ids_are_refused,
-    a_refused_document_stops_an_insert_and_what_was_before_it_stays,
+    nothing_is_stored_where_a_document_is_refused,
     inserting_nothing_is_fine,
     natural_order_is_the_order_of_insertion,
     an_empty_collection_has_no_documents,
@@ -184,10 +184,15 @@ fn some_ids_are_refused(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, [doc! { "_id": 1, "$price": 2, "a.b": 3, "": 4 }]);
 }
 
-fn a_refused_document_stops_an_insert_and_what_was_before_it_stays(store: &dyn Store, ns: &Namespace) {
+fn nothing_is_stored_where_a_document_is_refused(store: &dyn Store, ns: &Namespace) {
     let documents = vec![doc! { "_id": 1 }, doc! { "_id": [] }, doc! { "_id": 2 }];
-    assert_eq!(code(store.insert(ns, documents)), 53);
-    assert_eq!(ids(store, ns, doc! {}), [1]);
+    match store.insert(ns, documents) {
+        Err(StoreError::Query(error)) => {
+            assert_eq!((error.code, error.message.as_str()), (53, "document 2 of 3: the _id may not be an array"));
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(ids(store, ns, doc! {}), [0; 0]);
 }
 
 fn inserting_nothing_is_fine(store: &dyn Store, ns: &Namespace) {

@@ -185,3 +185,92 @@ fn a_large_problem_is_read_piece_by_piece() {
     let error = problem(&broken).expect_err("a complaint");
     assert!(error.starts_with("p.pddl:20000:1: in `:init`: expected"), "{error}");
 }
+
+const TOKENS: [&str; 24] = [
+    "(",
+    ")",
+    "((",
+    "))",
+    " ",
+    "-",
+    "?x",
+    ":action",
+    "(:init",
+    "and",
+    "not",
+    "(at 5",
+    "#t",
+    "1e999",
+    "5",
+    ";",
+    "//",
+    "\"",
+    "é",
+    "\u{feff}",
+    "=",
+    "(either",
+    "?duration",
+    "\n",
+];
+
+/// A fixture with a piece cut out and a token put in.
+fn damaged(path: &str) -> impl proptest::strategy::Strategy<Value = String> + use<> {
+    use proptest::prelude::*;
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/pddl").join(path);
+    let text = fs::read_to_string(file).expect("the fixture");
+    (any::<prop::sample::Index>(), 0..12_usize, prop::sample::select(TOKENS.as_slice())).prop_map(
+        move |(start, length, token)| {
+            let characters: Vec<char> = text.chars().collect();
+            let start = start.index(characters.len());
+            let end = (start + length).min(characters.len());
+            let parts: [String; 2] = [characters[..start].iter().collect(), characters[end..].iter().collect()];
+            parts.join(token)
+        },
+    )
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig { cases: 100, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn damaged_domains_are_read_or_complained_about(text in damaged("language/temporal_domain.pddl"), lenient: bool) {
+        let source = Source::new("d", text);
+        match read_domain(&source, Dialect { lenient }) {
+            Ok(tree) => {
+                let again = read_domain(&Source::new("again", tree.to_string()), Dialect { lenient });
+                proptest::prop_assert_eq!(again.map_err(|error| error.to_string()), Ok(tree));
+                let _ = rmem::pddl::Domain::read(&source, Dialect { lenient });
+            }
+            Err(error) => proptest::prop_assert!(error.to_string().starts_with("d:")),
+        }
+    }
+
+    #[test]
+    fn damaged_problems_are_read_or_complained_about(text in damaged("language/temporal_problem.pddl"), lenient: bool) {
+        let source = Source::new("p", text);
+        match read_problem(&source, Dialect { lenient }) {
+            Ok(tree) => {
+                let again = read_problem(&Source::new("again", tree.to_string()), Dialect { lenient });
+                proptest::prop_assert_eq!(again.map_err(|error| error.to_string()), Ok(tree));
+            }
+            Err(error) => proptest::prop_assert!(error.to_string().starts_with("p:")),
+        }
+    }
+
+    #[test]
+    fn facts_read_the_same_off_the_tokens_and_through_the_grammar(
+        words in proptest::collection::vec("[!#-'*->@-~é]{1,4}", 1..5)
+    ) {
+        let fact = format!("({})", words.join(" "));
+        let plain = problem(&format!("(define (problem p) (:init {fact}))"));
+        // What stands in a timed literal always goes through the grammar.
+        let timed = problem(&format!("(define (problem p) (:init (at 5 {fact})))"));
+        match (plain.map(|mut tree| tree.init.pop()), timed.map(|mut tree| tree.init.pop())) {
+            (Ok(Some(ast::Init::Atom(plain))), Ok(Some(ast::Init::At(_, true, timed)))) => {
+                proptest::prop_assert_eq!(plain, timed);
+            }
+            (Ok(Some(ast::Init::Value(..))), _) | (Err(_), Err(_)) => {}
+            (plain, timed) => proptest::prop_assert!(false, "{plain:?} {timed:?}"),
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document, doc};
 use rmem::formats::Source;
-use rmem::formats::pddl::{Dialect, ast, read_domain};
+use rmem::formats::pddl::{Dialect, ast, read_domain, read_problem};
 use rmem::formats::plan::{Spelling, read_plan};
 use rmem::pddl::Step;
 use rmem::plan::{Answered, Format, Layout, Lineage, Plan, Stored, failure, from_document, hash, print, to_document};
@@ -204,4 +204,13 @@ fn the_lineage_says_where_a_plan_comes_from() {
     stored.insert("_robmem_info", doc! { "lineage": document });
     let Ok(Stored::Plan(read)) = from_document(&stored, &name) else { panic!("{stored}") };
     assert_eq!((read.cost, read.steps.len()), (Some(2.0), 1));
+}
+
+#[test]
+fn an_imported_plan_gets_the_spelling_of_its_task() {
+    let text = "(define (problem n) (:domain d) (:objects Box-A b) (:init) (:goal (and)))";
+    let problem = read_problem(&Source::new("p", text), Dialect::default()).unwrap();
+    let file = read_plan(&Source::new("plan", "step    0: UNSTACK BOX-A B\n        1: FLY C\n")).unwrap();
+    let plan = Plan::from(file).spelled(&domain(), &problem);
+    assert_eq!(plan.steps, [step("unstack Box-A b"), step("FLY C")]);
 }

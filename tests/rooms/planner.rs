@@ -10,7 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use rmem::formats::Source;
-use rmem::formats::pddl::{Dialect as Spelling, ast, read_domain, read_problem};
+use rmem::formats::pddl::Dialect as Spelling;
+use rmem::pddl::{Domain, Problem};
 use rmem::planner::{Builtin, Configured, Dialect, Ff, Host, Limits, Outcome, Planner, Run, Task, run};
 use tempfile::TempDir;
 
@@ -22,8 +23,8 @@ const PROBLEM: &str = "(define (problem n) (:domain d) (:objects A b.c - t) (:in
 /// A planner's run in a place of its own, where nothing may be left afterwards.
 struct Place {
     directory: TempDir,
-    domain: (ast::Domain, Source),
-    problem: (ast::Problem, Source),
+    domain: Domain,
+    problem: Problem,
     interrupted: AtomicBool,
 }
 
@@ -33,13 +34,9 @@ impl Place {
     }
 
     fn with(domain: &str, problem: &str) -> Self {
-        let (domain, problem) = (Source::new("d.pddl", domain), Source::new("p.pddl", problem));
-        Self {
-            directory: tempfile::tempdir().unwrap(),
-            domain: (read_domain(&domain, Spelling::default()).unwrap(), domain),
-            problem: (read_problem(&problem, Spelling::default()).unwrap(), problem),
-            interrupted: AtomicBool::new(false),
-        }
+        let domain = Domain::read(&Source::new("d.pddl", domain), Spelling::default()).unwrap();
+        let problem = Problem::read(&Source::new("p.pddl", problem), &domain, Spelling::default()).unwrap();
+        Self { directory: tempfile::tempdir().unwrap(), domain, problem, interrupted: AtomicBool::new(false) }
     }
 
     fn fixture(domain: &str, problem: &str) -> Self {
@@ -68,12 +65,7 @@ impl Place {
     }
 
     fn task(&self) -> Task<'_> {
-        Task {
-            domain: &self.domain.0,
-            problem: &self.problem.0,
-            domain_source: &self.domain.1,
-            problem_source: &self.problem.1,
-        }
+        Task { domain: &self.domain, problem: &self.problem }
     }
 
     fn run(&self, planner: &dyn Planner, limits: &Limits) -> Run {
@@ -126,14 +118,14 @@ const FOUND: &str = "echo; echo 'ff: found legal plan as follows'; echo; echo 's
 fn a_plan_comes_back_in_the_problems_spelling() {
     let run = Place::new().ff(FOUND, &within(10.0));
     assert_eq!(steps(&run), ["Go A"]);
-    assert_eq!(run.command, ["ff", "-o", "domain.pddl", "-f", "problem.pddl"]);
+    assert_eq!(run.command, ["ff", "-o", "{domain}", "-f", "{problem}"]);
 }
 
 #[test]
 fn ff_gets_names_it_understands() {
     let place = Place::new();
     let seen = place.path("seen");
-    let body = format!("cat problem.pddl > {}; {}", seen.display(), FOUND.replace("GO A", "GO B_C"));
+    let body = format!("cd /; cat \"$4\" > {}; {}", seen.display(), FOUND.replace("GO A", "GO B_C"));
     assert_eq!(steps(&place.ff(&body, &within(10.0))), ["Go b.c"]);
     let sent = fs::read_to_string(seen).unwrap();
     assert!(sent.contains("b_c") && !sent.contains("b.c"), "{sent}");

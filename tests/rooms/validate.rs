@@ -513,3 +513,13 @@ fn the_first_wrong_step_is_named() {
     let Validation::Invalid(failure) = verdict(text, task, "(a)") else { panic!("not invalid") };
     assert_eq!(failure.step(), None);
 }
+
+#[test]
+fn very_many_mistakes_are_no_more_work_than_a_few() {
+    let domain = domain("(define (domain d) (:predicates (p ?x)))");
+    let objects: String = (0..20_000).map(|index| format!(" o{index} O{index}")).collect();
+    let facts: String = (0..20_000).map(|index| format!("(p x{index}) (q{index}) ")).collect();
+    let text = format!("(define (problem p) (:domain d) (:objects{objects}) (:init {facts}) (:goal (and)))");
+    let complaints = Problem::read(&Source::new("p", text), &domain, Dialect::default()).expect_err("complaints");
+    assert_eq!(complaints.len(), 50);
+}

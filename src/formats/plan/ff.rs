@@ -50,7 +50,7 @@ struct Reader {
 
 impl Reader {
     fn line(&mut self, line: Line<'_>) {
-        if line.text.len() > SENTENCE && self.place != Place::Plan {
+        if line.text.len() > SENTENCE {
             return;
         }
         if self.place == Place::Complaint {

@@ -5,8 +5,8 @@ use pest::error::{Error, ErrorVariant, InputLocation};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// The longest line that can be a sentence of a planner, in bytes. Longer ones
-/// are data that got onto the stream; steps are not held to it.
-pub(super) const SENTENCE: usize = 4096;
+/// are data that got onto the stream.
+pub(super) const SENTENCE: usize = 1 << 16;
 
 /// A line without its break.
 #[derive(Debug, Clone, Copy)]

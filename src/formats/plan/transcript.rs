@@ -118,7 +118,7 @@ impl Transcript {
 }
 
 /// What stands at the point of a syntax error when the planner is older than the language.
-const FEATURES: [&str; 26] = [
+const FEATURES: [&str; 27] = [
     ":strips",
     ":typing",
     ":equality",
@@ -145,6 +145,7 @@ const FEATURES: [&str; 26] = [
     ":preferences",
     ":constraints",
     ":functions",
+    ":metric",
 ];
 
 impl Complaint {

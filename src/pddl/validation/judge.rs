@@ -65,7 +65,7 @@ fn instances<'a>(domain: &'a Domain, problem: &Problem, steps: &[Step]) -> Resul
     for (index, step) in steps.iter().enumerate() {
         time += 1.0;
         let (action, objects) = look_up(domain, problem, index, step)?;
-        if has_locals(domain, action) {
+        if action.has_locals {
             return Err(Stop::Unjudged(format!("the `:vars` of action `{}` are not simulated", action.name())));
         }
         let start = if is_timed { step.start } else { Some(time) };
@@ -75,11 +75,6 @@ fn instances<'a>(domain: &'a Domain, problem: &Problem, steps: &[Step]) -> Resul
         instances.push(Instance { action, objects, start, duration, text });
     }
     Ok(instances)
-}
-
-fn has_locals(domain: &Domain, action: &Action) -> bool {
-    let tree = domain.tree();
-    tree.actions.iter().any(|known| known.name.is(action.name()) && !known.locals.is_empty())
 }
 
 /// When a step begins and how long it takes.

@@ -9,34 +9,28 @@ use crate::query::key;
 use crate::store::{Inserted, Namespace, StoreError, document};
 
 impl Embedded {
-    /// Stores the documents up to the first that cannot be; those before it stay.
+    /// Stores the documents up to the first whose key is taken; those before it stay.
     pub(super) fn insert_batch(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        let documents = document::settle_all(documents)?;
         let mut stored = Vec::with_capacity(documents.len());
         if documents.is_empty() {
             return Ok(Inserted { ids: stored });
         }
-        let refused = self.write(|| {
+        let taken = self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
-            for document in documents {
-                match self.insert_one(ns, collection, document) {
-                    Ok(id) => stored.push(id),
-                    Err(refusal) if is_refusal(&refusal) => return Ok(Some(refusal)),
+            for (id, body) in documents {
+                match self.add(ns, collection, &id, &body) {
+                    Ok(()) => stored.push(id),
+                    Err(StoreError::Duplicate { key, .. }) => return Ok(Some(key)),
                     Err(failure) => return Err(failure),
                 }
             }
             Ok(None)
         })?;
-        match refused {
+        match taken {
             None => Ok(Inserted { ids: stored }),
-            Some(StoreError::Duplicate { namespace, key, .. }) => Err(StoreError::Duplicate { namespace, key, stored }),
-            Some(other) => Err(other),
+            Some(key) => Err(StoreError::Duplicate { namespace: ns.clone(), key, stored }),
         }
-    }
-
-    fn insert_one(&self, ns: &Namespace, collection: Collection, document: Document) -> Result<Bson, StoreError> {
-        let (id, body) = document::settle(document)?;
-        self.add(ns, collection, &id, &body)?;
-        Ok(id)
     }
 
     /// Adds a settled document. In a write transaction only.
@@ -64,9 +58,4 @@ impl Embedded {
             Err(error) => Err(self.explain(&error)),
         }
     }
-}
-
-/// Whether an error is about one document, so that those before it are kept.
-fn is_refusal(error: &StoreError) -> bool {
-    matches!(error, StoreError::Duplicate { .. } | StoreError::Query(_))
 }

@@ -7,7 +7,7 @@ use mongodb::results::UpdateResult;
 use super::stamped::{is_replacement, with_stamps};
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::document::{settle, with_id_first};
+use crate::store::document::{settle_all, with_id_first};
 use crate::store::stamp;
 use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
 
@@ -16,26 +16,14 @@ const INTERNAL: [&str; 3] = ["admin", "config", "local"];
 
 impl Store for MongoDb {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
-        let (mut ids, mut bodies, mut refused) = (Vec::new(), Vec::new(), None);
-        for document in documents {
-            match settle(document) {
-                Ok((id, body)) => {
-                    ids.push(id);
-                    bodies.push(body);
-                }
-                Err(refusal) => {
-                    refused = Some(refusal);
-                    break;
-                }
-            }
-        }
+        let (ids, bodies): (Vec<_>, Vec<_>) = settle_all(documents)?.into_iter().unzip();
         if !bodies.is_empty() {
             self.collection(ns)
                 .insert_many(bodies)
                 .run()
                 .map_err(|e| failure::explain_insert(&self.address, ns, &ids, &e))?;
         }
-        refused.map_or(Ok(Inserted { ids }), |refusal| Err(refusal.into()))
+        Ok(Inserted { ids })
     }
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
