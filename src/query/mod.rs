@@ -27,6 +27,7 @@ mod zone;
 pub use compare::{compare, compare_values};
 pub use error::QueryError;
 pub use filter::Filter;
+pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched};
 pub use projection::Projection;
 pub use sort::Sort;
 pub use update::Update;

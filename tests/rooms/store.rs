@@ -33,7 +33,10 @@ fn documents_come_back_in_the_order_they_were_stored_in() {
 fn a_file_keeps_its_documents() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("robot.rmem");
-    Embedded::open(&path).unwrap().insert(&blocks(), vec![doc! { "_id": 1 }]).unwrap();
+    let store = Embedded::open(&path).unwrap();
+    store.insert(&blocks(), vec![doc! { "_id": 1 }]).unwrap();
+    assert!(folder.path().join("robot.rmem-wal").exists(), "writes go to a log, so that readers need not wait");
+    drop(store);
     assert_eq!(Embedded::open(&path).unwrap().count(&blocks(), &doc! {}).unwrap(), 1);
     let files: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name()).collect();
     assert_eq!(files, ["robot.rmem"], "a clean close leaves nothing beside the file");

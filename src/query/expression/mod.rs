@@ -29,7 +29,7 @@ use super::filter::Context;
 use super::view::Fields;
 pub(super) use boundary::{date_bin, date_step};
 pub(super) use operator::random;
-pub(super) use scope::{Environment, Scope, Variables};
+pub(super) use scope::{Environment, Scope, Variables, check_name};
 pub(super) use tree::{Expression, field_value};
 
 /// A value that may be missing.
@@ -68,4 +68,15 @@ impl Expression {
 pub(super) fn constant(expression: &Expression) -> Result<Value> {
     let (none, empty) = (Variables::default(), Document::new());
     expression.evaluate(&Environment::new((&empty).into(), &none, bson::DateTime::now()))
+}
+
+/// The value of what must be a constant expression.
+///
+/// # Errors
+/// Where it depends on a document.
+pub(super) fn constant_of(value: &Bson, scope: &Scope) -> Result<Bson> {
+    match Expression::parse_in(value, scope)? {
+        Expression::Constant(value) => Ok(value.unwrap_or(Bson::Null)),
+        _ => Err(super::error::QueryError::invalid(40_191, "the expression must be a constant")),
+    }
 }

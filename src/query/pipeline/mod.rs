@@ -1,4 +1,125 @@
-//! Aggregation pipelines.
+//! Aggregation pipelines: stages in a row, as lazy as they can be.
+//!
+//! A pipeline reads documents and gives documents. What it needs of other
+//! collections it asks of a function ([`Sources`]); where it ends in `$out` or
+//! `$merge`, [`Pipeline::output`] says what the store is to do with the results.
 
+mod accumulator;
+mod bucket;
+mod facet;
+mod graph;
+mod group;
+mod lookup;
+mod output;
+mod parse;
+mod redact;
 mod reshape;
+mod run;
+mod stage;
+mod unwind;
+
+use bson::{DateTime, Document, RawDocumentBuf};
+
+use super::error::{QueryError, Result};
+use super::expression::{Scope, Variables};
+use super::filter::Filter;
+pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
 pub(super) use reshape::Reshape;
+use run::Run;
+use stage::Stage;
+
+/// Documents on their way; the first error ends them.
+pub type Documents<'a, E> = Box<dyn Iterator<Item = std::result::Result<RawDocumentBuf, E>> + 'a>;
+
+/// Gives the documents of another collection, in natural order.
+pub type Sources<'a, E> = dyn Fn(&Origin) -> std::result::Result<Documents<'a, E>, E> + 'a;
+
+/// A collection that a stage names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Origin {
+    /// The database, where the stage names one; else that of the pipeline.
+    pub database: Option<String>,
+    /// The collection.
+    pub collection: String,
+}
+
+/// A compiled pipeline.
+#[derive(Debug)]
+pub struct Pipeline {
+    stages: Vec<Stage>,
+    output: Option<Output>,
+    variables: Variables,
+}
+
+impl Pipeline {
+    /// Reads a pipeline.
+    ///
+    /// # Errors
+    /// Where MongoDB refuses it, or rmem does not support a stage.
+    pub fn parse(stages: &[Document]) -> Result<Self> {
+        Self::parse_with(stages, &Document::new())
+    }
+
+    /// [`Pipeline::parse`] with constants its expressions can use as `$$name`.
+    ///
+    /// # Errors
+    /// As [`Pipeline::parse`].
+    pub fn parse_with(stages: &[Document], constants: &Document) -> Result<Self> {
+        let (scope, variables) = Scope::with_constants(constants)?;
+        let mut pipeline = Self::parse_in(stages, &scope, 0)?;
+        pipeline.variables = variables;
+        Ok(pipeline)
+    }
+
+    fn parse_in(stages: &[Document], scope: &Scope, depth: usize) -> Result<Self> {
+        let (stages, output) = parse::stages(stages, scope, depth)?;
+        if output.is_some() && depth > 0 {
+            return Err(QueryError::invalid(51_047, "$out and $merge are not allowed within another pipeline"));
+        }
+        Ok(Self { stages, output, variables: Variables::default() })
+    }
+
+    /// The filter of the first stage, where it is `$match`: an index may be used for it.
+    #[must_use]
+    pub fn first_match(&self) -> Option<&Filter> {
+        match self.stages.first() {
+            Some(Stage::Match(filter)) => Some(filter),
+            _ => None,
+        }
+    }
+
+    /// Whether the pipeline brings its own documents (`$documents`) and reads no collection.
+    #[must_use]
+    pub fn brings_documents(&self) -> bool {
+        matches!(self.stages.first(), Some(Stage::Documents(_)))
+    }
+
+    /// What to do with the results, where the last stage is `$out` or `$merge`.
+    #[must_use]
+    pub fn output(&self) -> Option<&Output> {
+        self.output.as_ref()
+    }
+
+    /// The documents that come out.
+    pub fn run<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        input: Documents<'a, E>,
+        now: DateTime,
+        sources: &'a Sources<'a, E>,
+    ) -> Documents<'a, E> {
+        self.run_with(input, Run::new(now, self.variables.clone(), sources))
+    }
+
+    fn run_with<'a, E: From<QueryError> + 'a>(&'a self, input: Documents<'a, E>, run: Run<'a, E>) -> Documents<'a, E> {
+        let mut documents = input;
+        let mut stages = self.stages.iter().peekable();
+        while let Some(stage) = stages.next() {
+            let limit = match (stage, stages.peek()) {
+                (Stage::Sort(_), Some(Stage::Limit(limit))) => Some(*limit),
+                _ => None,
+            };
+            documents = stage.run(documents, &run, limit);
+        }
+        documents
+    }
+}

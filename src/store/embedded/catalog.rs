@@ -42,13 +42,22 @@ impl Collection {
 
     /// How many documents there are.
     pub(super) fn size(self, connection: &Connection) -> Result<u64> {
-        let counted = connection
-            .prepare_cached(&format!("SELECT count(*) FROM {}", self.table()))
-            .and_then(|mut statement| statement.query_row([], |row| row.get::<_, i64>(0)))
-            .map(i64::unsigned_abs);
-        match counted {
+        self.number(connection, "count(*)").map(i64::unsigned_abs)
+    }
+
+    /// The position of the last document, where there is one.
+    pub(super) fn last(self, connection: &Connection) -> Result<i64> {
+        self.number(connection, "coalesce(max(position), 0)")
+    }
+
+    /// A number about the documents; 0 where another process dropped the collection meanwhile.
+    fn number(self, connection: &Connection, expression: &str) -> Result<i64> {
+        let asked = connection
+            .prepare_cached(&format!("SELECT {expression} FROM {}", self.table()))
+            .and_then(|mut statement| statement.query_row([], |row| row.get(0)));
+        match asked {
             Err(error) if failure::is_gone(&error) => Ok(0),
-            counted => counted,
+            asked => asked,
         }
     }
 

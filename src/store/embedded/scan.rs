@@ -4,7 +4,8 @@
 //! So a reader that takes its time holds no read transaction, which would keep
 //! the write-ahead log growing; memory stays flat; and an answer may be read
 //! while the same store writes. A document is seen at most once, in the state
-//! it has when its page is read, as with MongoDB's cursors.
+//! it has when its page is read, as with MongoDB's cursors; what is stored
+//! after the walk began is not seen, so that it ends.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -42,8 +43,8 @@ pub(super) struct Scan<'a> {
 
 /// What has not been looked at.
 enum Rest {
-    /// All documents behind a position.
-    After(i64),
+    /// The documents behind a position, up to another.
+    Between(i64, i64),
     /// The documents at these positions, for a filter that names its `_id`s.
     At(VecDeque<i64>),
     Nothing,
@@ -56,7 +57,7 @@ impl<'a> Scan<'a> {
     pub(super) fn new(store: &'a Embedded, collection: Collection, filter: Rc<Filter>) -> Result<Self, StoreError> {
         let rest = match filter.ids() {
             Some(ids) => Rest::At(positions(store, collection, &ids).map_err(|e| store.explain(&e))?),
-            None => Rest::After(i64::MIN),
+            None => Rest::Between(i64::MIN, collection.last(&store.connection).map_err(|e| store.explain(&e))?),
         };
         Ok(Self { store, collection, filter, rest, page: VecDeque::new(), page_documents: 1 })
     }
@@ -90,7 +91,7 @@ impl<'a> Scan<'a> {
     /// Shows matching documents to `take` until it has no room, or enough have been looked at.
     fn read(&mut self, take: &mut dyn FnMut(i64, &RawDocument) -> Room) -> Result<(), StoreError> {
         let read = match std::mem::replace(&mut self.rest, Rest::Nothing) {
-            Rest::After(position) => self.read_after(position, take),
+            Rest::Between(position, last) => self.read_between(position, last, take),
             Rest::At(positions) => self.read_at(positions, take),
             Rest::Nothing => Ok(Rest::Nothing),
         };
@@ -103,11 +104,16 @@ impl<'a> Scan<'a> {
         Ok(())
     }
 
-    fn read_after(&self, mut position: i64, take: &mut dyn FnMut(i64, &RawDocument) -> Room) -> Result<Rest, Trouble> {
-        let sql =
-            format!("SELECT position, body FROM {} WHERE position > ? ORDER BY position", self.collection.table());
+    fn read_between(
+        &self,
+        mut position: i64,
+        last: i64,
+        take: &mut dyn FnMut(i64, &RawDocument) -> Room,
+    ) -> Result<Rest, Trouble> {
+        let table = self.collection.table();
+        let sql = format!("SELECT position, body FROM {table} WHERE position > ? AND position <= ? ORDER BY position");
         let mut statement = self.store.connection.prepare_cached(&sql)?;
-        let mut rows = statement.query([position])?;
+        let mut rows = statement.query([position, last])?;
         for _ in 0..PAGE_ROWS {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
             position = row.get(0)?;
@@ -116,7 +122,7 @@ impl<'a> Scan<'a> {
                 break;
             }
         }
-        Ok(Rest::After(position))
+        Ok(Rest::Between(position, last))
     }
 
     fn read_at(

@@ -1,0 +1,309 @@
+//! Accumulators: what `$group` and its kin make of many values.
+
+use bson::{Bson, Document};
+
+use super::run::Run;
+use crate::query::compare::compare_values;
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope};
+use crate::query::key;
+use crate::query::number::Number;
+use crate::query::sort::Sort;
+use crate::query::statistics::{Deviation, Sum};
+use crate::query::view::Fields;
+
+/// The most values of `$firstN` and its kin.
+const MAX_N: usize = 1 << 24;
+
+/// An accumulator as a stage names it.
+#[derive(Debug)]
+pub(super) struct Accumulator {
+    kind: Kind,
+    input: Expression,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Sum,
+    Average,
+    Deviation {
+        sample: bool,
+    },
+    Extreme {
+        greatest: bool,
+    },
+    First,
+    Last,
+    Push,
+    AddToSet,
+    Merge,
+    /// `$firstN`, `$lastN`.
+    Some {
+        first: bool,
+        count: Expression,
+    },
+    /// `$minN`, `$maxN`.
+    Extremes {
+        greatest: bool,
+        count: Expression,
+    },
+    /// `$top`, `$bottom`, `$topN`, `$bottomN`.
+    Ranked {
+        sort: Sort,
+        bottom: bool,
+        count: Option<Expression>,
+    },
+}
+
+/// What an accumulator has so far.
+#[derive(Debug)]
+pub(super) enum State {
+    Sum(Sum),
+    Average(Sum, u64),
+    Deviation(Deviation),
+    One(Option<Bson>),
+    Many(Vec<Bson>),
+    Distinct(std::collections::BTreeMap<Vec<u8>, (usize, Bson)>),
+    Merged(Document),
+    Counted(usize, Vec<Bson>),
+    Ranked(usize, Vec<(Vec<u8>, Bson)>),
+}
+
+impl Accumulator {
+    /// Reads `{$sum: …}`.
+    pub(super) fn parse(spec: &Bson, scope: &Scope) -> Result<Self> {
+        let Bson::Document(spec) = spec else {
+            return Err(QueryError::invalid(40_234, "a computed field must be an accumulator object"));
+        };
+        let (Some((name, argument)), 1) = (spec.iter().next(), spec.len()) else {
+            return Err(QueryError::invalid(40_238, "a computed field must specify exactly one accumulator"));
+        };
+        let kind = match name.as_str() {
+            "$sum" => Kind::Sum,
+            "$avg" => Kind::Average,
+            "$stdDevPop" => Kind::Deviation { sample: false },
+            "$stdDevSamp" => Kind::Deviation { sample: true },
+            "$min" => Kind::Extreme { greatest: false },
+            "$max" => Kind::Extreme { greatest: true },
+            "$first" => Kind::First,
+            "$last" => Kind::Last,
+            "$push" => Kind::Push,
+            "$addToSet" => Kind::AddToSet,
+            "$mergeObjects" => Kind::Merge,
+            "$count" => {
+                if !matches!(argument, Bson::Document(argument) if argument.is_empty()) {
+                    return Err(QueryError::type_mismatch("$count takes no arguments, i.e. $count: {}"));
+                }
+                return Ok(Self { kind: Kind::Sum, input: Expression::Constant(Some(Bson::Int32(1))) });
+            }
+            "$firstN" | "$lastN" | "$minN" | "$maxN" => return Self::of_several(name, argument, scope),
+            "$top" | "$bottom" | "$topN" | "$bottomN" => return Self::ranked(name, argument, scope),
+            "$accumulator" => return Err(QueryError::unsupported(name)),
+            _ => return Err(QueryError::invalid(15_952, format!("unknown group operator '{name}'"))),
+        };
+        let argument = match argument {
+            Bson::Array(items) => match items.as_slice() {
+                [only] => only,
+                _ => return Err(QueryError::invalid(40_237, format!("the {name} accumulator is a unary operator"))),
+            },
+            other => other,
+        };
+        Ok(Self { kind, input: Expression::parse_in(argument, scope)? })
+    }
+
+    /// Counts documents.
+    pub(super) fn counting() -> Self {
+        Self { kind: Kind::Sum, input: Expression::Constant(Some(Bson::Int32(1))) }
+    }
+
+    fn of_several(name: &str, argument: &Bson, scope: &Scope) -> Result<Self> {
+        let fields = fields(name, argument, &["input", "n"])?;
+        let count = Expression::parse_in(fields.get("n").unwrap_or(&Bson::Null), scope)?;
+        let input = Expression::parse_in(fields.get("input").unwrap_or(&Bson::Null), scope)?;
+        let kind = match name {
+            "$firstN" | "$lastN" => Kind::Some { first: name == "$firstN", count },
+            _ => Kind::Extremes { greatest: name == "$maxN", count },
+        };
+        Ok(Self { kind, input })
+    }
+
+    fn ranked(name: &str, argument: &Bson, scope: &Scope) -> Result<Self> {
+        let several = name.ends_with('N');
+        let names: &[&str] = if several { &["output", "sortBy", "n"] } else { &["output", "sortBy"] };
+        let fields = fields(name, argument, names)?;
+        let Some(Bson::Document(pattern)) = fields.get("sortBy") else {
+            return Err(QueryError::invalid(5_788_004, format!("{name} needs an object as sortBy")));
+        };
+        let count =
+            if several { Some(Expression::parse_in(fields.get("n").unwrap_or(&Bson::Null), scope)?) } else { None };
+        let input = Expression::parse_in(fields.get("output").unwrap_or(&Bson::Null), scope)?;
+        Ok(Self {
+            kind: Kind::Ranked { sort: Sort::parse(pattern)?, bottom: name.starts_with("$bottom"), count },
+            input,
+        })
+    }
+
+    /// The state before the first document; `fields` is the group's `_id` for counts that depend on it.
+    pub(super) fn start<E>(&self, id: &Bson, run: &Run<'_, E>) -> Result<State> {
+        Ok(match &self.kind {
+            Kind::Sum => State::Sum(Sum::default()),
+            Kind::Average => State::Average(Sum::default(), 0),
+            Kind::Deviation { .. } => State::Deviation(Deviation::default()),
+            Kind::Extreme { .. } | Kind::First | Kind::Last => State::One(None),
+            Kind::Push => State::Many(Vec::new()),
+            Kind::AddToSet => State::Distinct(std::collections::BTreeMap::new()),
+            Kind::Merge => State::Merged(Document::new()),
+            Kind::Some { count, .. } | Kind::Extremes { count, .. } => {
+                State::Counted(limit(count, id, run)?, Vec::new())
+            }
+            Kind::Ranked { count: Some(count), .. } => State::Ranked(limit(count, id, run)?, Vec::new()),
+            Kind::Ranked { count: None, .. } => State::Ranked(1, Vec::new()),
+        })
+    }
+
+    /// Takes the next document in.
+    pub(super) fn add<E>(&self, state: &mut State, fields: Fields<'_>, run: &Run<'_, E>) -> Result<()> {
+        let value = self.input.evaluate(&run.environment(fields))?;
+        match (&self.kind, state) {
+            (Kind::Sum, State::Sum(sum)) => {
+                if let Some(number) = value.as_ref().and_then(Number::of) {
+                    sum.add(number);
+                }
+            }
+            (Kind::Average, State::Average(sum, count)) => {
+                if let Some(number) = value.as_ref().and_then(Number::of) {
+                    sum.add(number);
+                    *count += 1;
+                }
+            }
+            (Kind::Deviation { .. }, State::Deviation(deviation)) => {
+                if let Some(number) = value.as_ref().and_then(Number::of) {
+                    deviation.add(number);
+                }
+            }
+            (Kind::Extreme { greatest }, State::One(best)) => {
+                let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
+                let better = best.as_ref().is_none_or(|best| {
+                    let order = compare_values(&value, best);
+                    if *greatest { order.is_gt() } else { order.is_lt() }
+                });
+                if better {
+                    *best = Some(value);
+                }
+            }
+            (Kind::First, State::One(first)) => {
+                if first.is_none() {
+                    *first = Some(value.unwrap_or(Bson::Null));
+                }
+            }
+            (Kind::Last, State::One(last)) => *last = Some(value.unwrap_or(Bson::Null)),
+            (Kind::Push, State::Many(values)) => values.extend(value),
+            (Kind::AddToSet, State::Distinct(values)) => {
+                if let Some(value) = value {
+                    let place = values.len();
+                    values.entry(key::encode_value(&value)).or_insert((place, value));
+                }
+            }
+            (Kind::Merge, State::Merged(document)) => match value {
+                Some(Bson::Document(more)) => document.extend(more),
+                None => {}
+                Some(value) if is_null(&value) => {}
+                Some(_) => return Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs")),
+            },
+            (Kind::Some { first, .. }, State::Counted(limit, values)) => {
+                let value = value.unwrap_or(Bson::Null);
+                if !*first {
+                    values.push(value);
+                    if values.len() > *limit {
+                        values.remove(0);
+                    }
+                } else if values.len() < *limit {
+                    values.push(value);
+                }
+            }
+            (Kind::Extremes { greatest, .. }, State::Counted(limit, values)) => {
+                let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
+                let at = values.partition_point(|known| {
+                    let order = compare_values(known, &value);
+                    if *greatest { order.is_ge() } else { order.is_le() }
+                });
+                values.insert(at, value);
+                values.truncate(*limit);
+            }
+            (Kind::Ranked { sort, bottom, .. }, State::Ranked(limit, ranked)) => {
+                let key = sort.key_of(fields)?;
+                let at = ranked.partition_point(|(known, _)| *known <= key);
+                ranked.insert(at, (key, value.unwrap_or(Bson::Null)));
+                if ranked.len() > *limit {
+                    if *bottom {
+                        ranked.remove(0);
+                    } else {
+                        ranked.pop();
+                    }
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// What came of it.
+    pub(super) fn finish(&self, state: State) -> Bson {
+        match (&self.kind, state) {
+            (_, State::Sum(sum)) => sum.total().into(),
+            (_, State::Average(sum, count)) => sum.mean(count).map_or(Bson::Null, Bson::from),
+            (Kind::Deviation { sample }, State::Deviation(deviation)) => deviation.value(*sample),
+            (_, State::One(value)) => value.unwrap_or(Bson::Null),
+            (_, State::Many(values) | State::Counted(_, values)) => Bson::Array(values),
+            (_, State::Distinct(values)) => {
+                let mut values: Vec<_> = values.into_values().collect();
+                values.sort_by_key(|(place, _)| *place);
+                Bson::Array(values.into_iter().map(|(_, value)| value).collect())
+            }
+            (_, State::Merged(document)) => Bson::Document(document),
+            (Kind::Ranked { count: None, .. }, State::Ranked(_, ranked)) => {
+                ranked.into_iter().next().map_or(Bson::Null, |(_, value)| value)
+            }
+            (_, State::Ranked(_, ranked)) => Bson::Array(ranked.into_iter().map(|(_, value)| value).collect()),
+            (_, State::Deviation(deviation)) => deviation.value(false),
+        }
+    }
+}
+
+fn is_null(value: &Bson) -> bool {
+    matches!(value, Bson::Null | Bson::Undefined)
+}
+
+/// A count as an int, or a long where it must be.
+pub(super) fn count(count: i64) -> Bson {
+    i32::try_from(count).map_or(Bson::Int64(count), Bson::Int32)
+}
+
+fn limit<E>(count: &Expression, id: &Bson, run: &Run<'_, E>) -> Result<usize> {
+    let value = match id {
+        Bson::Document(id) => count.evaluate(&run.environment(id.into()))?,
+        _ => count.evaluate(&run.environment((&Document::new()).into()))?,
+    };
+    value
+        .as_ref()
+        .and_then(Number::of)
+        .and_then(Number::integral)
+        .filter(|limit| *limit > 0)
+        .and_then(|limit| usize::try_from(limit).ok())
+        .map(|limit| limit.min(MAX_N))
+        .ok_or_else(|| QueryError::invalid(5_787_908, "'n' must be a positive integral value"))
+}
+
+/// The arguments of an accumulator: exactly these names.
+fn fields<'a>(name: &str, argument: &'a Bson, names: &[&str]) -> Result<&'a Document> {
+    let Bson::Document(fields) = argument else {
+        return Err(QueryError::invalid(5_787_900, format!("{name} needs an object")));
+    };
+    if let Some(other) = fields.keys().find(|known| !names.contains(&known.as_str())) {
+        return Err(QueryError::invalid(5_787_901, format!("unknown argument to {name}: {other}")));
+    }
+    match names.iter().find(|wanted| !fields.contains_key(wanted)) {
+        Some(missing) => Err(QueryError::invalid(5_787_906, format!("missing value for '{missing}' of {name}"))),
+        None => Ok(fields),
+    }
+}

@@ -1,0 +1,196 @@
+//! `$bucket` and `$bucketAuto`.
+
+use bson::{Bson, Document, RawDocumentBuf};
+
+use super::Documents;
+use super::group::{Accumulators, Groups};
+use super::run::Run;
+use super::stage::encode;
+use crate::query::compare::{canonical_type, compare_values};
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope, constant_of};
+use crate::query::number::Number;
+
+/// A compiled `$bucket`.
+#[derive(Debug)]
+pub(super) struct Bucket {
+    by: Expression,
+    boundaries: Vec<Bson>,
+    default: Option<Bson>,
+    output: Accumulators,
+}
+
+fn output(spec: &Document, scope: &Scope) -> Result<Accumulators> {
+    match spec.get("output") {
+        None => Ok(Accumulators::counting()),
+        Some(Bson::Document(fields)) => Accumulators::parse(fields.iter(), scope),
+        Some(_) => Err(QueryError::invalid(40_196, "the output of a bucket must be an object")),
+    }
+}
+
+/// What documents are put in buckets by: a path or an expression.
+fn by(spec: &Document, scope: &Scope) -> Result<Expression> {
+    match spec.get("groupBy") {
+        Some(value @ Bson::String(path)) if path.starts_with('$') => Expression::parse_in(value, scope),
+        Some(value @ Bson::Document(inner)) if inner.keys().next().is_some_and(|name| name.starts_with('$')) => {
+            Expression::parse_in(value, scope)
+        }
+        Some(_) => Err(QueryError::invalid(40_202, "groupBy must be a $-path or an expression")),
+        None => Err(QueryError::invalid(40_198, "a bucket stage needs groupBy")),
+    }
+}
+
+fn known(stage: &str, spec: &Document, names: &[&str]) -> Result<()> {
+    match spec.keys().find(|name| !names.contains(&name.as_str())) {
+        Some(name) => Err(QueryError::invalid(40_197, format!("unrecognized option to {stage}: {name}"))),
+        None => Ok(()),
+    }
+}
+
+impl Bucket {
+    pub(super) fn parse(spec: &Document, scope: &Scope) -> Result<Self> {
+        known("$bucket", spec, &["groupBy", "boundaries", "default", "output"])?;
+        let by = by(spec, scope)?;
+        let Some(Bson::Array(items)) = spec.get("boundaries") else {
+            return Err(QueryError::invalid(40_200, "the boundaries of $bucket must be an array"));
+        };
+        let boundaries: Vec<Bson> = items.iter().map(|item| constant_of(item, scope)).collect::<Result<_>>()?;
+        if boundaries.len() < 2 {
+            return Err(QueryError::invalid(40_192, "$bucket needs at least two boundaries"));
+        }
+        for pair in boundaries.windows(2) {
+            if let [low, high] = pair {
+                if canonical_type(low.into()) != canonical_type(high.into()) {
+                    return Err(QueryError::invalid(40_193, "all boundaries of $bucket must have the same type"));
+                }
+                if compare_values(low, high).is_ge() {
+                    return Err(QueryError::invalid(40_194, "the boundaries of $bucket must be sorted and distinct"));
+                }
+            }
+        }
+        let default = spec.get("default").map(|default| constant_of(default, scope)).transpose()?;
+        if let (Some(default), Some(low), Some(high)) = (&default, boundaries.first(), boundaries.last())
+            && compare_values(default, low).is_ge()
+            && compare_values(default, high).is_lt()
+        {
+            return Err(QueryError::invalid(40_199, "the default of $bucket must lie outside of the boundaries"));
+        }
+        Ok(Self { by, boundaries, default, output: output(spec, scope)? })
+    }
+
+    pub(super) fn run<E: From<QueryError>>(
+        &self,
+        input: Documents<'_, E>,
+        run: &Run<'_, E>,
+    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+        let mut groups = Groups::new(&self.output);
+        for document in input {
+            let document = document?;
+            let value = self.by.evaluate(&run.environment((&*document).into()))?.unwrap_or(Bson::Null);
+            let id = self.bucket_of(&value)?;
+            groups.add(id, (&*document).into(), run)?;
+        }
+        let mut documents = groups.finish();
+        documents
+            .sort_by(|a, b| compare_values(a.get("_id").unwrap_or(&Bson::Null), b.get("_id").unwrap_or(&Bson::Null)));
+        Ok(documents.iter().map(encode).collect::<Result<_>>()?)
+    }
+
+    fn bucket_of(&self, value: &Bson) -> Result<Bson> {
+        let after = self.boundaries.partition_point(|boundary| compare_values(boundary, value).is_le());
+        let inside = after > 0 && after < self.boundaries.len();
+        match (after.checked_sub(1).and_then(|index| self.boundaries.get(index)).filter(|_| inside), &self.default) {
+            (Some(boundary), _) => Ok(boundary.clone()),
+            (None, Some(default)) => Ok(default.clone()),
+            (None, None) => {
+                Err(QueryError::invalid(40_066, "$bucket found a value outside of the boundaries, and has no default"))
+            }
+        }
+    }
+}
+
+/// A compiled `$bucketAuto`.
+#[derive(Debug)]
+pub(super) struct AutoBucket {
+    by: Expression,
+    buckets: usize,
+    output: Accumulators,
+}
+
+impl AutoBucket {
+    pub(super) fn parse(spec: &Document, scope: &Scope) -> Result<Self> {
+        known("$bucketAuto", spec, &["groupBy", "buckets", "output", "granularity"])?;
+        let by = by(spec, scope)?;
+        let buckets = spec
+            .get("buckets")
+            .and_then(Number::of)
+            .and_then(Number::integral_32)
+            .filter(|buckets| *buckets > 0)
+            .and_then(|buckets| usize::try_from(buckets).ok())
+            .ok_or_else(|| QueryError::invalid(40_241, "the buckets of $bucketAuto must be a positive integer"))?;
+        match spec.get("granularity") {
+            None => {}
+            Some(Bson::String(_)) => return Err(QueryError::unsupported("$bucketAuto with granularity")),
+            Some(_) => return Err(QueryError::invalid(40_261, "the granularity of $bucketAuto must be a string")),
+        }
+        Ok(Self { by, buckets, output: output(spec, scope)? })
+    }
+
+    pub(super) fn run<E: From<QueryError>>(
+        &self,
+        input: Documents<'_, E>,
+        run: &Run<'_, E>,
+    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+        let mut keyed = Vec::new();
+        for document in input {
+            let document = document?;
+            let value = self.by.evaluate(&run.environment((&*document).into()))?.unwrap_or(Bson::Null);
+            keyed.push((value, document));
+        }
+        keyed.sort_by(|a, b| compare_values(&a.0, &b.0));
+        let mut documents = Vec::new();
+        let mut rest = keyed.as_slice();
+        for bucket in 0..self.buckets {
+            if rest.is_empty() {
+                break;
+            }
+            let size = self.size(keyed.len(), bucket).clamp(1, rest.len());
+            let size = if bucket + 1 == self.buckets { rest.len() } else { with_equals(rest, size) };
+            let (now, later) = rest.split_at(size);
+            documents.push(self.document(now, later, run)?);
+            rest = later;
+        }
+        Ok(documents.iter().map(encode).collect::<Result<_>>()?)
+    }
+
+    /// Equal parts, rounded.
+    fn size(&self, count: usize, _: usize) -> usize {
+        (count + self.buckets / 2) / self.buckets
+    }
+
+    fn document<E>(
+        &self,
+        now: &[(Bson, RawDocumentBuf)],
+        later: &[(Bson, RawDocumentBuf)],
+        run: &Run<'_, E>,
+    ) -> Result<Document> {
+        let mut groups = Groups::new(&self.output);
+        for (_, document) in now {
+            groups.add(Bson::Null, (&**document).into(), run)?;
+        }
+        let mut id = Document::new();
+        let least = now.first().map_or(Bson::Null, |(value, _)| value.clone());
+        let greatest = later.first().or(now.last()).map_or(Bson::Null, |(value, _)| value.clone());
+        id.insert("min", least);
+        id.insert("max", greatest);
+        let mut document = groups.finish().pop().unwrap_or_default();
+        document.insert("_id", id);
+        Ok(document)
+    }
+}
+
+/// So many, and those that equal the last of them.
+fn with_equals(rest: &[(Bson, RawDocumentBuf)], size: usize) -> usize {
+    let Some((last, _)) = size.checked_sub(1).and_then(|index| rest.get(index)) else { return size };
+    rest.iter().skip(size).take_while(|(value, _)| compare_values(value, last).is_eq()).count() + size
+}

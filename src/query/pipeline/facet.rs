@@ -1,0 +1,61 @@
+//! `$facet`: several pipelines over one input.
+
+use bson::{Bson, Document, RawDocumentBuf};
+
+use super::parse::inner;
+use super::run::Run;
+use super::stage::{Stage, encode};
+use super::{Documents, Pipeline};
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::Scope;
+
+/// A compiled `$facet`.
+#[derive(Debug)]
+pub(super) struct Facet {
+    pipelines: Vec<(String, Pipeline)>,
+}
+
+impl Facet {
+    pub(super) fn parse(spec: &Document, scope: &Scope, depth: usize) -> Result<Self> {
+        if spec.is_empty() {
+            return Err(QueryError::invalid(40_169, "the $facet specification must be a non-empty object"));
+        }
+        let mut pipelines = Vec::new();
+        for (name, value) in spec {
+            if name.is_empty() || name.starts_with('$') || name.contains('.') {
+                return Err(QueryError::invalid(16_410, format!("'{name}' cannot be a facet's name")));
+            }
+            let stages = inner("$facet", value)?;
+            let pipeline = Pipeline::parse_in(&stages, scope, depth + 1)?;
+            if pipeline.stages.iter().any(|stage| matches!(stage, Stage::Facet(_) | Stage::Documents(_))) {
+                return Err(QueryError::invalid(40_600, "a stage is not allowed to be used within a $facet stage"));
+            }
+            pipelines.push((name.clone(), pipeline));
+        }
+        Ok(Self { pipelines })
+    }
+
+    pub(super) fn run<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        input: Documents<'a, E>,
+        run: &Run<'a, E>,
+    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+        let documents: Vec<RawDocumentBuf> = input.collect::<std::result::Result<_, E>>()?;
+        let mut results = Document::new();
+        for (name, pipeline) in &self.pipelines {
+            let copy: Vec<_> = documents.clone();
+            let output = pipeline.run_with(Box::new(copy.into_iter().map(Ok)), run.clone());
+            results.insert(name.clone(), array(output)?);
+        }
+        Ok(vec![encode(&results)?])
+    }
+}
+
+/// All documents as an array.
+pub(super) fn array<E: From<QueryError>>(documents: Documents<'_, E>) -> std::result::Result<Bson, E> {
+    let mut items = Vec::new();
+    for document in documents {
+        items.push(Bson::Document(Document::try_from(document?).map_err(QueryError::from)?));
+    }
+    Ok(Bson::Array(items))
+}

@@ -1,0 +1,259 @@
+//! `$lookup` and `$unionWith`: documents of other collections.
+
+use std::cell::OnceCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use bson::{Bson, Document, RawDocumentBuf};
+
+use super::facet::array;
+use super::parse::inner;
+use super::run::Run;
+use super::stage::{Stage, encode};
+use super::unwind::put;
+use super::{Documents, Origin, Pipeline};
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope, check_name};
+use crate::query::key;
+use crate::query::path::Path;
+use crate::query::view::{Fields, View};
+
+/// A compiled `$lookup`.
+#[derive(Debug)]
+pub(super) struct Lookup {
+    from: Option<Origin>,
+    fields: Option<(Path, Path)>,
+    bindings: Vec<(usize, Expression)>,
+    pipeline: Option<Pipeline>,
+    to: Vec<String>,
+}
+
+/// Documents by the values that a path reaches in them.
+pub(super) struct Index {
+    documents: Vec<RawDocumentBuf>,
+    places: HashMap<Vec<u8>, Vec<usize>>,
+}
+
+impl Index {
+    pub(super) fn build<E>(documents: Documents<'_, E>, path: &Path) -> std::result::Result<Self, E> {
+        let documents: Vec<RawDocumentBuf> = documents.collect::<std::result::Result<_, E>>()?;
+        let mut places: HashMap<Vec<u8>, Vec<usize>> = HashMap::new();
+        for (place, document) in documents.iter().enumerate() {
+            path.any((&**document).into(), true, &mut |value, _| {
+                let list = places.entry(key_of(value)).or_default();
+                if list.last() != Some(&place) {
+                    list.push(place);
+                }
+                false
+            });
+        }
+        Ok(Self { documents, places })
+    }
+
+    /// The documents that have one of the values, in their order.
+    pub(super) fn find(&self, keys: &[Vec<u8>]) -> Vec<RawDocumentBuf> {
+        let mut places: Vec<usize> = keys.iter().filter_map(|key| self.places.get(key)).flatten().copied().collect();
+        places.sort_unstable();
+        places.dedup();
+        places.into_iter().filter_map(|place| self.documents.get(place).cloned()).collect()
+    }
+}
+
+/// The key of a value; missing and undefined are null.
+fn key_of(value: Option<View<'_>>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let value = value.filter(|value| !matches!(value, View::Undefined)).unwrap_or(View::Null);
+    key::append(value, &mut bytes);
+    bytes
+}
+
+/// The keys of the values that a path reaches: of an array, those of its elements.
+fn local_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
+    let mut keys = Vec::new();
+    path.any(fields, false, &mut |value, _| {
+        match value {
+            Some(View::Array(items)) => keys.extend(items.iter().map(|item| key_of(Some(item)))),
+            value => keys.push(key_of(value)),
+        }
+        false
+    });
+    keys
+}
+
+fn text<'a>(stage: &str, spec: &'a Document, name: &str) -> Result<Option<&'a str>> {
+    match spec.get(name) {
+        None => Ok(None),
+        Some(Bson::String(text)) => Ok(Some(text)),
+        Some(_) => Err(QueryError::failed_to_parse(format!("the argument '{name}' to {stage} must be a string"))),
+    }
+}
+
+/// Reads a collection's name, perhaps with its database.
+pub(super) fn origin(stage: &str, value: &Bson) -> Result<Origin> {
+    let wrong = || QueryError::failed_to_parse(format!("{stage} 'from' must be a collection"));
+    match value {
+        Bson::String(name) if !name.is_empty() => Ok(Origin { database: None, collection: name.clone() }),
+        Bson::Document(fields) => match (fields.get("db"), fields.get("coll")) {
+            (Some(Bson::String(database)), Some(Bson::String(collection))) if fields.len() == 2 => {
+                Ok(Origin { database: Some(database.clone()), collection: collection.clone() })
+            }
+            _ => Err(wrong()),
+        },
+        _ => Err(wrong()),
+    }
+}
+
+/// Reads a path that results are put at.
+pub(super) fn target(stage: &str, spec: &Document) -> Result<Vec<String>> {
+    let to = text(stage, spec, "as")?
+        .ok_or_else(|| QueryError::failed_to_parse(format!("must specify 'as' field for a {stage}")))?;
+    if to.is_empty() || to.split('.').any(|part| part.is_empty() || part.starts_with('$')) {
+        return Err(QueryError::invalid(16_410, format!("'{to}' cannot be the 'as' of {stage}")));
+    }
+    Ok(to.split('.').map(str::to_owned).collect())
+}
+
+/// A path of documents as stages name it, without `$`.
+pub(super) fn plain_path(text: &str) -> Result<Path> {
+    if text.is_empty() || text.split('.').any(|part| part.is_empty() || part.starts_with('$')) {
+        return Err(QueryError::invalid(16_410, format!("the field path '{text}' is not valid")));
+    }
+    Path::parse(text)
+}
+
+impl Lookup {
+    pub(super) fn parse(spec: &Document, scope: &Scope, depth: usize) -> Result<Self> {
+        const KNOWN: [&str; 6] = ["from", "localField", "foreignField", "let", "pipeline", "as"];
+        if let Some(name) = spec.keys().find(|name| !KNOWN.contains(&name.as_str())) {
+            return Err(QueryError::failed_to_parse(format!("unknown argument to $lookup: {name}")));
+        }
+        let from = spec.get("from").map(|from| origin("$lookup", from)).transpose()?;
+        let fields = match (text("$lookup", spec, "localField")?, text("$lookup", spec, "foreignField")?) {
+            (Some(local), Some(foreign)) => Some((plain_path(local)?, plain_path(foreign)?)),
+            (None, None) => None,
+            _ => {
+                return Err(QueryError::failed_to_parse(
+                    "$lookup requires both or neither of 'localField' and 'foreignField'",
+                ));
+            }
+        };
+        let (mut inside, mut bindings) = (scope.clone(), Vec::new());
+        match spec.get("let") {
+            None => {}
+            Some(Bson::Document(variables)) => {
+                for (name, value) in variables {
+                    check_name(name)?;
+                    bindings.push((inside.add(name), Expression::parse_in(value, scope)?));
+                }
+            }
+            Some(_) => return Err(QueryError::failed_to_parse("the 'let' of $lookup must be an object")),
+        }
+        let pipeline =
+            spec.get("pipeline").map(|stages| Pipeline::parse_in(&inner("$lookup", stages)?, &inside, depth + 1));
+        let pipeline = pipeline.transpose()?;
+        if pipeline.is_none() && (fields.is_none() || spec.contains_key("let")) {
+            return Err(QueryError::failed_to_parse(
+                "$lookup needs 'pipeline', or 'localField' and 'foreignField' without 'let'",
+            ));
+        }
+        if from.is_none() && !pipeline.as_ref().is_some_and(Pipeline::brings_documents) {
+            return Err(QueryError::failed_to_parse("must specify 'from' field for a $lookup"));
+        }
+        Ok(Self { from, fields, bindings, pipeline, to: target("$lookup", spec)? })
+    }
+
+    pub(super) fn run<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        input: Documents<'a, E>,
+        run: Run<'a, E>,
+    ) -> Documents<'a, E> {
+        let index: Rc<OnceCell<Index>> = Rc::default();
+        Box::new(input.map(move |document| {
+            let document = document?;
+            let found = self.found(&document, &run, &index)?;
+            let mut document = Document::try_from(document).map_err(QueryError::from)?;
+            put(&mut document, &self.to, found);
+            Ok(encode(&document)?)
+        }))
+    }
+
+    fn found<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        document: &RawDocumentBuf,
+        run: &Run<'a, E>,
+        index: &OnceCell<Index>,
+    ) -> std::result::Result<Bson, E> {
+        let foreign: Documents<'a, E> = match (&self.fields, &self.from) {
+            (Some((local, foreign)), Some(from)) => {
+                if index.get().is_none() {
+                    let built = Index::build(run.source(from)?, foreign)?;
+                    let _ = index.set(built);
+                }
+                let keys = local_keys(local, (&**document).into());
+                let found = index.get().map(|index| index.find(&keys)).unwrap_or_default();
+                Box::new(found.into_iter().map(Ok))
+            }
+            (None, Some(from)) => run.source(from)?,
+            (_, None) => Box::new(std::iter::empty()),
+        };
+        let Some(pipeline) = &self.pipeline else { return array(foreign) };
+        let mut variables = (*run.variables).clone();
+        let environment = run.environment((&**document).into());
+        for (slot, expression) in &self.bindings {
+            variables.set(*slot, expression.evaluate(&environment)?);
+        }
+        array(pipeline.run_with(foreign, run.with(variables)))
+    }
+}
+
+/// A compiled `$unionWith`.
+#[derive(Debug)]
+pub(super) struct Union {
+    from: Option<Origin>,
+    pipeline: Option<Pipeline>,
+}
+
+impl Union {
+    pub(super) fn parse(argument: &Bson, scope: &Scope, depth: usize) -> Result<Self> {
+        match argument {
+            Bson::String(_) => Ok(Self { from: Some(origin("$unionWith", argument)?), pipeline: None }),
+            Bson::Document(spec) => {
+                if let Some(name) = spec.keys().find(|name| !matches!(name.as_str(), "coll" | "pipeline" | "db")) {
+                    return Err(QueryError::failed_to_parse(format!("unknown argument to $unionWith: {name}")));
+                }
+                let from = spec.get("coll").map(|from| origin("$unionWith", from)).transpose()?;
+                let pipeline = spec
+                    .get("pipeline")
+                    .map(|stages| Pipeline::parse_in(&inner("$unionWith", stages)?, scope, depth + 1));
+                let pipeline = pipeline.transpose()?;
+                let own = pipeline
+                    .as_ref()
+                    .is_some_and(|pipeline| matches!(pipeline.stages.first(), Some(Stage::Documents(_))));
+                if from.is_none() && !own {
+                    return Err(QueryError::failed_to_parse("$unionWith needs 'coll'"));
+                }
+                Ok(Self { from, pipeline })
+            }
+            _ => Err(QueryError::failed_to_parse("the $unionWith stage specification must be an object or string")),
+        }
+    }
+
+    pub(super) fn run<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        input: Documents<'a, E>,
+        run: Run<'a, E>,
+    ) -> Documents<'a, E> {
+        let more = std::iter::once(()).flat_map(move |()| {
+            let source = match &self.from {
+                Some(from) => run.source(from),
+                None => Ok(Box::new(std::iter::empty()) as Documents<'a, E>),
+            };
+            match (source, &self.pipeline) {
+                (Ok(source), Some(pipeline)) => pipeline.run_with(source, run.clone()),
+                (Ok(source), None) => source,
+                (Err(error), _) => Box::new(std::iter::once(Err(error))),
+            }
+        });
+        Box::new(input.chain(more))
+    }
+}

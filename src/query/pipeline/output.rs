@@ -1,0 +1,199 @@
+//! `$out` and `$merge`: what the store does with the results.
+
+use bson::{Bson, Document};
+
+use super::Origin;
+use super::lookup::origin;
+use super::parse::inner;
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope};
+
+/// What to do with the results.
+#[derive(Debug)]
+pub enum Output {
+    /// Replace the collection by them.
+    Out(Origin),
+    /// Merge them into a collection.
+    Merge(Merge),
+}
+
+/// A compiled `$merge`.
+#[derive(Debug)]
+pub struct Merge {
+    /// Where to.
+    pub into: Origin,
+    /// The fields that identify a document; there must be a unique index on them.
+    pub on: Vec<String>,
+    /// What happens where there is such a document.
+    pub when_matched: WhenMatched,
+    /// What happens where there is none.
+    pub when_not_matched: WhenNotMatched,
+    /// Constants and expressions of the result that the pipeline can use, as given.
+    pub variables: Option<Document>,
+}
+
+/// What `$merge` does with a document that is there.
+#[derive(Debug, Clone, PartialEq)]
+pub enum WhenMatched {
+    /// The new one takes its place.
+    Replace,
+    /// It stays.
+    KeepExisting,
+    /// It gets the new one's fields.
+    Merge,
+    /// An error.
+    Fail,
+    /// An update in pipeline form, with the new one as `$$new`.
+    Pipeline(Vec<Document>),
+}
+
+/// What `$merge` does with a document that is not there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WhenNotMatched {
+    /// It is inserted.
+    Insert,
+    /// It is dropped.
+    Discard,
+    /// An error.
+    Fail,
+}
+
+impl Output {
+    /// Reads a stage, where it is one of these.
+    pub(super) fn parse(name: &str, argument: &Bson, scope: &Scope) -> Result<Option<Self>> {
+        match name {
+            "$out" => Ok(Some(Self::Out(place("$out", argument)?))),
+            "$merge" => Ok(Some(Self::Merge(Merge::parse(argument, scope)?))),
+            _ => Ok(None),
+        }
+    }
+}
+
+fn place(stage: &str, value: &Bson) -> Result<Origin> {
+    let place = origin(stage, value)?;
+    if place.collection.starts_with("system.")
+        || place.collection.contains(['$', '\0'])
+        || place.collection.starts_with('.')
+    {
+        return Err(QueryError::invalid(73, format!("{stage} cannot write to '{}'", place.collection)));
+    }
+    Ok(place)
+}
+
+impl Merge {
+    fn parse(argument: &Bson, scope: &Scope) -> Result<Self> {
+        let mut merge = Self {
+            into: Origin { database: None, collection: String::new() },
+            on: vec!["_id".to_owned()],
+            when_matched: WhenMatched::Merge,
+            when_not_matched: WhenNotMatched::Insert,
+            variables: None,
+        };
+        let Bson::Document(spec) = argument else {
+            merge.into = place("$merge", argument)?;
+            return Ok(merge);
+        };
+        for (name, value) in spec {
+            match name.as_str() {
+                "into" => {
+                    merge.into = match value {
+                        Bson::Document(fields) if !fields.contains_key("db") => {
+                            place("$merge", fields.get("coll").unwrap_or(&Bson::Null))?
+                        }
+                        value => place("$merge", value)?,
+                    }
+                }
+                "on" => merge.on = fields(value)?,
+                "whenMatched" => merge.when_matched = matched(value)?,
+                "whenNotMatched" => merge.when_not_matched = not_matched(value)?,
+                "let" => merge.variables = variables(value, scope)?,
+                _ => return Err(QueryError::failed_to_parse(format!("unknown field of $merge: {name}"))),
+            }
+        }
+        if merge.into.collection.is_empty() {
+            return Err(QueryError::failed_to_parse("$merge needs 'into'"));
+        }
+        if merge.variables.is_some() && !matches!(merge.when_matched, WhenMatched::Pipeline(_)) {
+            return Err(QueryError::invalid(51_199, "'let' of $merge needs a pipeline as 'whenMatched'"));
+        }
+        if let WhenMatched::Pipeline(stages) = &merge.when_matched {
+            let mut constants = merge.variables.clone().unwrap_or_default();
+            constants.entry("new").or_insert_with(|| Bson::Document(Document::new()));
+            crate::query::Update::parse_pipeline_with(stages, &constants)?;
+        }
+        Ok(merge)
+    }
+}
+
+fn fields(value: &Bson) -> Result<Vec<String>> {
+    let wrong = || QueryError::invalid(51_186, "$merge 'on' must be a string or an array of different strings");
+    let fields = match value {
+        Bson::String(name) => vec![name.clone()],
+        Bson::Array(items) if !items.is_empty() => {
+            items.iter().map(|item| item.as_str().map(str::to_owned).ok_or_else(wrong)).collect::<Result<Vec<_>>>()?
+        }
+        _ => return Err(wrong()),
+    };
+    let mut sorted = fields.clone();
+    sorted.sort();
+    sorted.dedup();
+    if sorted.len() != fields.len() || fields.iter().any(|name| name.is_empty() || name.starts_with('$')) {
+        return Err(wrong());
+    }
+    Ok(fields)
+}
+
+fn matched(value: &Bson) -> Result<WhenMatched> {
+    match value {
+        Bson::Array(_) => Ok(WhenMatched::Pipeline(inner("$merge", value)?)),
+        Bson::String(name) => match name.as_str() {
+            "replace" => Ok(WhenMatched::Replace),
+            "keepExisting" => Ok(WhenMatched::KeepExisting),
+            "merge" => Ok(WhenMatched::Merge),
+            "fail" => Ok(WhenMatched::Fail),
+            _ => Err(QueryError::bad_value(format!("'{name}' is not a value for whenMatched"))),
+        },
+        _ => Err(QueryError::invalid(51_191, "whenMatched must be a string or an array")),
+    }
+}
+
+fn not_matched(value: &Bson) -> Result<WhenNotMatched> {
+    match value.as_str() {
+        Some("insert") => Ok(WhenNotMatched::Insert),
+        Some("discard") => Ok(WhenNotMatched::Discard),
+        Some("fail") => Ok(WhenNotMatched::Fail),
+        _ => Err(QueryError::bad_value("whenNotMatched must be insert, discard or fail")),
+    }
+}
+
+fn variables(value: &Bson, scope: &Scope) -> Result<Option<Document>> {
+    let Bson::Document(variables) = value else {
+        return Err(QueryError::type_mismatch("the 'let' of $merge must be an object"));
+    };
+    for (_, value) in variables {
+        Expression::parse_in(value, scope)?;
+    }
+    Ok(Some(variables.clone()))
+}
+
+impl Merge {
+    /// The constants that the update of [`WhenMatched::Pipeline`] sees for one result: `new`, and those of `let`.
+    ///
+    /// # Errors
+    /// Where an expression of `let` fails on the result.
+    pub fn constants(&self, result: &Document, now: bson::DateTime) -> Result<Document> {
+        let mut constants = Document::new();
+        if let Some(variables) = &self.variables {
+            let none = crate::query::expression::Variables::default();
+            let environment = crate::query::expression::Environment::new(result.into(), &none, now);
+            for (name, value) in variables {
+                let value = Expression::parse(value)?.evaluate(&environment)?;
+                constants.insert(name.clone(), value.unwrap_or(Bson::Null));
+            }
+        }
+        if !constants.contains_key("new") {
+            constants.insert("new", result.clone());
+        }
+        Ok(constants)
+    }
+}

@@ -1,0 +1,166 @@
+//! Stages from documents.
+
+use bson::{Bson, Document};
+
+use super::bucket::{AutoBucket, Bucket};
+use super::facet::Facet;
+use super::graph::GraphLookup;
+use super::group::Group;
+use super::lookup::{Lookup, Union};
+use super::output::Output;
+use super::redact::Redact;
+use super::reshape::{Reshape, object};
+use super::stage::Stage;
+use super::unwind::Unwind;
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope};
+use crate::query::filter::{Filter, Parser};
+use crate::query::number::Number;
+use crate::query::sort::Sort;
+
+/// The most stages of a pipeline.
+const MAX_STAGES: usize = 1000;
+/// How deep pipelines may contain pipelines.
+const MAX_DEPTH: usize = 20;
+
+/// Stages of MongoDB that rmem refuses by name.
+const REFUSED: [&str; 24] = [
+    "$changeStream",
+    "$changeStreamSplitLargeEvent",
+    "$collStats",
+    "$currentOp",
+    "$densify",
+    "$fill",
+    "$geoNear",
+    "$indexStats",
+    "$listCatalog",
+    "$listClusterCatalog",
+    "$listLocalSessions",
+    "$listSessions",
+    "$listSampledQueries",
+    "$planCacheStats",
+    "$search",
+    "$searchMeta",
+    "$setWindowFields",
+    "$vectorSearch",
+    "$querySettings",
+    "$queryStats",
+    "$rankFusion",
+    "$scoreFusion",
+    "$shardedDataDistribution",
+    "$operationMetrics",
+];
+
+/// Reads all stages; `$out` and `$merge` are given apart.
+pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Result<(Vec<Stage>, Option<Output>)> {
+    if documents.len() > MAX_STAGES {
+        return Err(QueryError::invalid(7_749_501, "a pipeline has more than 1000 stages"));
+    }
+    if depth > MAX_DEPTH {
+        return Err(QueryError::invalid(232, "the maximum number of nested sub-pipelines exceeded"));
+    }
+    let mut stages = Vec::with_capacity(documents.len());
+    let mut output = None;
+    for (index, document) in documents.iter().enumerate() {
+        let (Some((name, argument)), 1) = (document.iter().next(), document.len()) else {
+            let message = "a pipeline stage specification object must contain exactly one field";
+            return Err(QueryError::invalid(40_323, message));
+        };
+        if let Some(found) = Output::parse(name, argument, scope)? {
+            if index + 1 != documents.len() {
+                return Err(QueryError::invalid(40_601, format!("{name} can only be the final stage in the pipeline")));
+            }
+            output = Some(found);
+            continue;
+        }
+        if name == "$documents" && index > 0 {
+            return Err(QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline"));
+        }
+        stage(name, argument, scope, depth, &mut stages)?;
+    }
+    Ok((stages, output))
+}
+
+fn stage(name: &str, argument: &Bson, scope: &Scope, depth: usize, stages: &mut Vec<Stage>) -> Result<()> {
+    if let Some(reshape) = Reshape::parse(name, argument, scope)? {
+        stages.push(Stage::Reshape(reshape));
+        return Ok(());
+    }
+    let stage = match name {
+        "$match" => Stage::Match(Filter::parse_with(object(name, argument)?, &Parser::with_scope(scope))?),
+        "$sort" => {
+            let pattern = object(name, argument)?;
+            if pattern.is_empty() {
+                return Err(QueryError::invalid(15_976, "$sort stage must have at least one sort key"));
+            }
+            Stage::Sort(Sort::parse(pattern)?)
+        }
+        "$limit" => Stage::Limit(positive(name, argument, 1)?),
+        "$skip" => Stage::Skip(positive(name, argument, 0)?),
+        "$count" => Stage::Count(count_name(argument)?),
+        "$unwind" => Stage::Unwind(Unwind::parse(argument)?),
+        "$group" => Stage::Group(Group::parse(object(name, argument)?, scope)?),
+        "$sortByCount" => {
+            let key = match argument {
+                Bson::String(path) if path.starts_with('$') => argument,
+                Bson::Document(inner) if inner.keys().next().is_some_and(|key| key.starts_with('$')) => argument,
+                _ => {
+                    return Err(QueryError::invalid(40_149, "the sortByCount field must be a $-path or an expression"));
+                }
+            };
+            stages.push(Stage::Group(Group::counting(Expression::parse_in(key, scope)?)));
+            let mut pattern = Document::new();
+            pattern.insert("count", -1);
+            Stage::Sort(Sort::parse(&pattern)?)
+        }
+        "$bucket" => Stage::Bucket(Bucket::parse(object(name, argument)?, scope)?),
+        "$bucketAuto" => Stage::AutoBucket(AutoBucket::parse(object(name, argument)?, scope)?),
+        "$lookup" => Stage::Lookup(Box::new(Lookup::parse(object(name, argument)?, scope, depth)?)),
+        "$graphLookup" => Stage::GraphLookup(Box::new(GraphLookup::parse(object(name, argument)?, scope)?)),
+        "$unionWith" => Stage::Union(Union::parse(argument, scope, depth)?),
+        "$facet" => Stage::Facet(Facet::parse(object(name, argument)?, scope, depth)?),
+        "$sample" => Stage::Sample(sample_size(object(name, argument)?)?),
+        "$redact" => Stage::Redact(Redact::parse(argument, scope)?),
+        "$documents" => Stage::Documents(Expression::parse_in(argument, scope)?),
+        _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
+        _ => return Err(QueryError::invalid(40_324, format!("unrecognized pipeline stage name: '{name}'"))),
+    };
+    stages.push(stage);
+    Ok(())
+}
+
+/// The pipeline that a stage contains.
+pub(super) fn inner(stage: &str, value: &Bson) -> Result<Vec<Document>> {
+    let wrong = || QueryError::type_mismatch(format!("{stage} needs a pipeline: an array of objects"));
+    let Bson::Array(items) = value else { return Err(wrong()) };
+    items.iter().map(|item| item.as_document().cloned().ok_or_else(wrong)).collect()
+}
+
+fn positive(name: &str, argument: &Bson, least: i64) -> Result<u64> {
+    Number::of(argument)
+        .and_then(Number::integral)
+        .filter(|number| *number >= least)
+        .and_then(|number| u64::try_from(number).ok())
+        .ok_or_else(|| QueryError::invalid(5_107_200, format!("invalid argument to {name} stage: {argument}")))
+}
+
+fn count_name(argument: &Bson) -> Result<String> {
+    let Bson::String(name) = argument else {
+        return Err(QueryError::invalid(40_156, "the count field must be a non-empty string"));
+    };
+    if name.is_empty() || name.starts_with('$') || name.contains(['\0', '.']) || name == "_id" {
+        return Err(QueryError::invalid(
+            40_157,
+            "the count field cannot be empty, start with '$', or contain '.' or NUL",
+        ));
+    }
+    Ok(name.clone())
+}
+
+fn sample_size(argument: &Document) -> Result<usize> {
+    let size = argument.get("size").filter(|_| argument.len() == 1).and_then(Number::of);
+    size.map(Number::to_long)
+        .filter(|size| *size > 0)
+        .and_then(|size| usize::try_from(size).ok())
+        .ok_or_else(|| QueryError::invalid(28_747, "$sample needs a positive size"))
+}

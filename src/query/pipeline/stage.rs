@@ -1,0 +1,163 @@
+//! The stages, and how each makes documents of documents.
+
+use bson::{Document, RawDocumentBuf};
+
+use super::Documents;
+use super::bucket::{AutoBucket, Bucket};
+use super::facet::Facet;
+use super::graph::GraphLookup;
+use super::group::Group;
+use super::lookup::{Lookup, Union};
+use super::redact::Redact;
+use super::reshape::Reshape;
+use super::run::Run;
+use super::unwind::Unwind;
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, random};
+use crate::query::filter::{Context, Filter};
+use crate::query::sort::Sort;
+
+/// A compiled stage.
+#[derive(Debug)]
+pub(super) enum Stage {
+    Match(Filter),
+    Reshape(Reshape),
+    Sort(Sort),
+    Limit(u64),
+    Skip(u64),
+    Count(String),
+    Unwind(Unwind),
+    Group(Group),
+    Bucket(Bucket),
+    AutoBucket(AutoBucket),
+    Lookup(Box<Lookup>),
+    GraphLookup(Box<GraphLookup>),
+    Union(Union),
+    Facet(Facet),
+    Sample(usize),
+    Redact(Redact),
+    Documents(Expression),
+}
+
+/// Makes an iterator of a computation that needs all its input, begun when the first document is asked for.
+pub(super) fn deferred<'a, E: 'a>(
+    compute: impl FnOnce() -> std::result::Result<Vec<RawDocumentBuf>, E> + 'a,
+) -> Documents<'a, E> {
+    let mut compute = Some(compute);
+    let mut ready = Vec::new().into_iter();
+    Box::new(std::iter::from_fn(move || {
+        if let Some(compute) = compute.take() {
+            match compute() {
+                Ok(documents) => ready = documents.into_iter(),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+        ready.next().map(Ok)
+    }))
+}
+
+/// The bytes of a document.
+pub(super) fn encode(document: &Document) -> Result<RawDocumentBuf> {
+    Ok(RawDocumentBuf::try_from(document)?)
+}
+
+impl Stage {
+    /// The documents after this stage; `limit` says that no more are wanted of a sort.
+    pub(super) fn run<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        input: Documents<'a, E>,
+        run: &Run<'a, E>,
+        limit: Option<u64>,
+    ) -> Documents<'a, E> {
+        let run = run.clone();
+        match self {
+            Self::Match(filter) => Box::new(input.filter_map(move |document| match document {
+                Ok(document) => {
+                    let mut context = Context { position: None, now: Some(run.now), variables: Some(&run.variables) };
+                    match filter.matches_with((&*document).into(), &mut context) {
+                        Ok(true) => Some(Ok(document)),
+                        Ok(false) => None,
+                        Err(error) => Some(Err(error.into())),
+                    }
+                }
+                Err(error) => Some(Err(error)),
+            })),
+            Self::Reshape(reshape) => Box::new(input.map(move |document| {
+                let document = Document::try_from(document?).map_err(QueryError::from)?;
+                Ok(encode(&reshape.apply(document, &run.variables, run.now)?)?)
+            })),
+            Self::Sort(sort) => {
+                let limit = limit.and_then(|limit| usize::try_from(limit).ok());
+                deferred(move || sort.sort(input, limit))
+            }
+            Self::Limit(limit) => Box::new(input.take(usize::try_from(*limit).unwrap_or(usize::MAX))),
+            Self::Skip(skip) => {
+                let mut left = *skip;
+                Box::new(input.filter(move |document| {
+                    let skipped = left > 0 && document.is_ok();
+                    left = left.saturating_sub(1);
+                    !skipped
+                }))
+            }
+            Self::Count(name) => deferred(move || count(name, input)),
+            Self::Unwind(unwind) => unwind.run(input),
+            Self::Group(group) => deferred(move || group.run(input, &run)),
+            Self::Bucket(bucket) => deferred(move || bucket.run(input, &run)),
+            Self::AutoBucket(bucket) => deferred(move || bucket.run(input, &run)),
+            Self::Lookup(lookup) => lookup.run(input, run),
+            Self::GraphLookup(lookup) => lookup.run(input, run),
+            Self::Union(union) => union.run(input, run),
+            Self::Facet(facet) => deferred(move || facet.run(input, &run)),
+            Self::Sample(size) => deferred(move || sample(*size, input)),
+            Self::Redact(redact) => redact.run(input, run),
+            Self::Documents(expression) => deferred(move || documents(expression, &run)),
+        }
+    }
+}
+
+fn count<E: From<QueryError>>(name: &str, input: Documents<'_, E>) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+    let mut count = 0i64;
+    for document in input {
+        document?;
+        count += 1;
+    }
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let mut document = Document::new();
+    document.insert(name, super::accumulator::count(count));
+    Ok(vec![encode(&document)?])
+}
+
+/// So many at random, in random order (a reservoir, then a shuffle).
+fn sample<E: From<QueryError>>(size: usize, input: Documents<'_, E>) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+    let mut keyed: Vec<(f64, RawDocumentBuf)> = Vec::new();
+    for document in input {
+        keyed.push((random(), document?));
+        if keyed.len() >= size.saturating_mul(2).max(1024) {
+            keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+            keyed.truncate(size);
+        }
+    }
+    keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    keyed.truncate(size);
+    Ok(keyed.into_iter().map(|(_, document)| document).collect())
+}
+
+fn documents<E: From<QueryError>>(
+    expression: &Expression,
+    run: &Run<'_, E>,
+) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+    let empty = Document::new();
+    let value = expression.evaluate(&run.environment((&empty).into()))?;
+    let Some(bson::Bson::Array(items)) = value else {
+        return Err(QueryError::invalid(5_858_203, "$documents must be an array of objects").into());
+    };
+    items
+        .iter()
+        .map(|item| match item {
+            bson::Bson::Document(document) => Ok(encode(document)?),
+            _ => Err(QueryError::invalid(40_228, "an element of $documents is not an object").into()),
+        })
+        .collect()
+}
