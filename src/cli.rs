@@ -159,7 +159,7 @@ pub struct Insert {
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
     /// Documents in shell syntax or Extended JSON; none or - reads stdin
-    #[arg(value_name = "DOC", allow_hyphen_values = true)]
+    #[arg(value_name = "DOC")]
     pub documents: Vec<String>,
     /// Read documents from FILE
     #[arg(short, long, value_name = "FILE", conflicts_with = "documents")]

@@ -9,7 +9,7 @@ use crate::cli::{Definition, GenProblem, TemplateOptions, TemplateSyntax};
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
 use crate::memory::Memory;
-use crate::pddl::{Domain, Problem};
+use crate::pddl::Domain;
 use crate::problem::{self, Generated, Request, Syntax};
 
 pub(super) fn run(args: &GenProblem, context: &mut Context<'_>) -> anyhow::Result<Exit> {
@@ -18,7 +18,7 @@ pub(super) fn run(args: &GenProblem, context: &mut Context<'_>) -> anyhow::Resul
     let memory = context.memory()?;
     let generated = generate(&template, &args.options, &memory, context)?;
     if let Some(domain) = &domain {
-        check(&generated, domain, &args.options)?;
+        generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
     }
     context.output.write_file(&args.output, generated.text.as_bytes())?;
     Ok(Exit::Done)
@@ -52,12 +52,6 @@ pub(super) fn generate(
     let generated = problem::generate(&request, memory)?;
     report(&generated, options.strict, context)?;
     Ok(generated)
-}
-
-/// Checks a generated problem; complaints point at the template.
-pub(super) fn check(generated: &Generated, domain: &Domain, options: &TemplateOptions) -> Result<Problem, Diagnostics> {
-    Problem::read(&generated.source(), domain, Dialect { lenient: options.lenient })
-        .map_err(|complaints| Diagnostics(generated.explain(complaints)))
 }
 
 fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {

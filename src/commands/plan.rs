@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use bson::{Bson, DateTime, doc};
 
-use super::gen_problem::{check, generate, read_domain};
+use super::gen_problem::{generate, read_domain};
 use super::{Context, UsageError};
 use crate::cli;
 use crate::exit::Exit;
@@ -51,7 +51,7 @@ fn pose(args: &cli::Plan, domain: &Domain, memory: &Memory, context: &mut Contex
         (None, Some(path)) => {
             let template = context.read(path)?;
             let generated = generate(&template, &args.options, memory, context)?;
-            let problem = check(&generated, domain, &args.options)?;
+            let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
             (problem, Some(template), Some(generated))
         }
         (None, None) => return Err(UsageError::new("expected --problem or --template").into()),
@@ -161,14 +161,14 @@ fn answered(section: &SectionReport) -> Answered {
     Answered {
         name: section.name.clone(),
         namespace: section.namespace.to_string(),
-        query: shell::relaxed(&section.query),
+        query: section.query.clone(),
         count: section.matched,
     }
 }
 
 /// The memory's value for a name of the problem.
 fn value(name: &str) -> Bson {
-    Bson::String(names::restore(name))
+    Bson::String(names::restore(name).unwrap_or_else(|| name.to_owned()))
 }
 
 /// Prints the plan; says why there is none.

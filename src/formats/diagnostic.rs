@@ -165,6 +165,12 @@ impl Diagnostic {
         self
     }
 
+    /// What to do, line by line.
+    #[must_use]
+    pub fn hints(&self) -> &[String] {
+        &self.inner.hints
+    }
+
     /// The message without its place.
     #[must_use]
     pub fn message(&self) -> &str {

@@ -115,10 +115,27 @@ impl Generated {
     }
 
     /// Turns complaints about the problem into complaints about the template.
-    /// Each shows the generated line and names the document as hints.
+    /// Each shows the generated line and names the document as hints; what a
+    /// section got wrong for many documents is said once.
     #[must_use]
     pub fn explain(&self, complaints: Vec<Diagnostic>) -> Vec<Diagnostic> {
-        complaints.iter().map(|complaint| self.at_template(complaint)).collect()
+        let mut explained: Vec<(Diagnostic, usize)> = Vec::new();
+        for complaint in &complaints {
+            let complaint = self.at_template(complaint);
+            let same = |(other, _): &&mut (Diagnostic, usize)| {
+                other.span() == complaint.span() && other.message() == complaint.message()
+            };
+            match explained.iter_mut().find(same) {
+                Some((_, more)) => *more += 1,
+                None => explained.push((complaint, 0)),
+            }
+        }
+        let counted = |(complaint, more): (Diagnostic, usize)| match more {
+            0 => complaint,
+            1 => complaint.hint("and from 1 more place"),
+            _ => complaint.hint(format!("and from {more} more places")),
+        };
+        explained.into_iter().map(counted).collect()
     }
 
     fn at_template(&self, complaint: &Diagnostic) -> Diagnostic {
@@ -129,6 +146,7 @@ impl Generated {
         let short: String = line.chars().take(120).collect();
         let number = self.source().position(offset).0;
         let diagnostic = Diagnostic::new(&self.template, origin.span, complaint.message());
+        let diagnostic = complaint.hints().iter().fold(diagnostic, |diagnostic, hint| diagnostic.hint(hint.as_str()));
         let diagnostic = diagnostic.hint(format!("it became line {number} of the problem: {short}"));
         match &origin.document {
             Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
