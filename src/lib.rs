@@ -98,8 +98,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         process.executable,
         process.environment,
     );
-    let result = commands::run(&cli.command, &mut context)
-        .and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
+    let result = commands::run(&cli.command, &mut context);
+    context.output.tell_operations();
+    let result = result.and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
     match result {
         Ok(exit) => exit,
         Err(error) => report(&error, &mut context.output),
@@ -128,6 +129,12 @@ fn report(error: &anyhow::Error, output: &mut Output<'_>) -> Exit {
     }
     // What was found before the failure is still the product.
     let _ = output.flush();
+    if let Some(formats::Diagnostics(complaints)) = error.downcast_ref() {
+        for complaint in complaints {
+            output.error(&complaint.to_string());
+        }
+        return Exit::of(error);
+    }
     let mut text = error.to_string();
     for cause in error.chain().skip(1) {
         let cause = cause.to_string();

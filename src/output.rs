@@ -1,12 +1,16 @@
 //! What rmem says: the product on stdout, everything said about it on stderr,
 //! files whole or not at all.
 
+use std::cell::RefCell;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::Context as _;
+
+use crate::memory::{Observer, Operation};
 
 /// How documents are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, clap::ValueEnum)]
@@ -65,12 +69,20 @@ pub struct Output<'a> {
     verbosity: Verbosity,
     color: bool,
     log: Option<File>,
+    operations: Rc<RefCell<Vec<Operation>>>,
 }
 
 impl<'a> Output<'a> {
     /// Output on these streams: normal verbosity, no colour, no log.
     pub fn new(stdout: &'a mut dyn Write, stderr: &'a mut dyn Write) -> Self {
-        Self { stdout: BufWriter::new(stdout), stderr, verbosity: Verbosity::Normal, color: false, log: None }
+        Self {
+            stdout: BufWriter::new(stdout),
+            stderr,
+            verbosity: Verbosity::Normal,
+            color: false,
+            log: None,
+            operations: Rc::default(),
+        }
     }
 
     /// Sets what the settings say.
@@ -135,11 +147,29 @@ impl<'a> Output<'a> {
         self.say(&format!("{label} {text}"));
     }
 
-    /// Says what an operation did and how long it took, under `-v`, and logs it.
+    /// An observer for the memory, if operations are to be told or logged.
+    #[must_use]
+    pub fn observer(&self) -> Option<Observer> {
+        let wanted = self.verbosity >= Verbosity::Verbose || self.log.is_some();
+        let operations = Rc::clone(&self.operations);
+        wanted.then(|| -> Observer { Rc::new(move |operation| operations.borrow_mut().push(operation.clone())) })
+    }
+
+    /// Tells and logs the operations that were observed since the last call.
+    pub fn tell_operations(&mut self) {
+        for operation in self.operations.take() {
+            let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
+            let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| format!("{count} documents"));
+            self.operation(operation.name, &subject, &detail, operation.took);
+        }
+    }
+
+    /// Tells under `-v`, and logs, what an operation did and how long it took.
     pub fn operation(&mut self, name: &str, subject: &str, detail: &str, took: Duration) {
         let milliseconds = took.as_secs_f64() * 1e3;
         if self.verbosity >= Verbosity::Verbose {
-            self.say(&format!("{name} {subject}: {detail} in {milliseconds:.2} ms"));
+            let gap = if subject.is_empty() { "" } else { " " };
+            self.say(&format!("{name}{gap}{subject}: {detail} in {milliseconds:.2} ms"));
         }
         if let Some(log) = &mut self.log {
             let line = serde_json::json!({

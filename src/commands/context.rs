@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, Write as _};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use anyhow::Context as _;
 use bson::Document;
@@ -67,11 +68,15 @@ impl<'a> Context<'a> {
     /// # Errors
     /// Where a store cannot be opened or a world file is wrong.
     pub fn memory(&mut self) -> anyhow::Result<Memory> {
-        let memory = open(&self.settings)?;
+        let mut memory = open(&self.settings)?;
+        if let Some(observer) = self.output.observer() {
+            memory = memory.with_observer(observer);
+        }
         for path in self.settings.load.clone() {
+            let start = Instant::now();
             let source = self.read(&path)?;
             let loaded = world::load(&memory, &source).with_context(|| format!("loading {}", path.display()))?;
-            self.output.operation("load", source.name(), &loaded.to_string(), std::time::Duration::ZERO);
+            self.output.operation("load", source.name(), &loaded.to_string(), start.elapsed());
         }
         Ok(memory)
     }

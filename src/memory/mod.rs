@@ -6,9 +6,11 @@
 //! network works with what is its own.
 
 mod clock;
+mod journal;
 mod operations;
 mod route;
 pub mod world;
 
 pub use clock::Clock;
+pub use journal::{Observer, Operation};
 pub use operations::Memory;

@@ -16,8 +16,8 @@ use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
 
-/// How many steps a template may take: minutes of work, not hours.
-const FUEL: u64 = 4_000_000_000;
+/// How many steps of the engine a template may take: enough for millions of documents.
+const FUEL: u64 = 500_000_000;
 /// How deep macros may call each other.
 const RECURSION: usize = 200;
 /// The stack of the thread that renders, for that depth.
@@ -128,7 +128,7 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
         SectionReport {
             name: template.slice(span).split_whitespace().collect::<Vec<_>>().join(" "),
             namespace: asked.namespace.as_ref().clone(),
-            query: asked.query,
+            query: crate::formats::shell::relaxed(&asked.query),
             matched: asked.matched.load(Ordering::Relaxed),
             line: template.position(span.start).0,
         }

@@ -100,7 +100,7 @@ impl Context {
         }
         match value.kind() {
             ValueKind::String => Ok((self.plain(value.as_str().unwrap_or_default()), false)),
-            ValueKind::Bool => Ok((value.to_string(), false)),
+            ValueKind::Bool => Ok((if value.is_true() { "true" } else { "false" }.to_owned(), false)),
             ValueKind::Number if value.is_integer() => Ok((value.to_string(), true)),
             ValueKind::Number => match f64::try_from(value.clone())? {
                 number if !number.is_finite() => Err(invalid("NaN and infinity are no numbers in PDDL")),
@@ -222,7 +222,7 @@ struct Documents {
 
 #[derive(Debug, Clone)]
 enum Selection {
-    Find(Find),
+    Find(Box<Find>),
     Pipeline(Vec<Document>),
 }
 
@@ -279,7 +279,7 @@ impl Cursor {
         if let Some(selection) = self.open.take() {
             let ns = self.namespace.as_ref().clone();
             let question = match selection {
-                Selection::Find(find) => Question::Find(ns, find),
+                Selection::Find(find) => Question::Find(ns, *find),
                 Selection::Pipeline(pipeline) => Question::Aggregate(ns, pipeline),
             };
             if let Answer::Cursor(number) = self.context.ask(question)? {
@@ -391,7 +391,7 @@ fn query(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
     call.end()?;
     let matched = context.note(call.site, &namespace, &find.filter);
     let context = Arc::clone(context);
-    Ok(Value::from_object(Documents { context, namespace, asked: Selection::Find(find), matched }))
+    Ok(Value::from_object(Documents { context, namespace, asked: Selection::Find(Box::new(find)), matched }))
 }
 
 fn aggregate(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
@@ -410,7 +410,7 @@ fn find_one(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
     let find = Find { limit: 1, ..call.find(context)? };
     call.end()?;
     let (context, matched) = (Arc::clone(context), Arc::default());
-    let documents = Documents { context, namespace, asked: Selection::Find(find), matched };
+    let documents = Documents { context, namespace, asked: Selection::Find(Box::new(find)), matched };
     let document = documents.cursor().advance()?;
     Ok(document
         .map_or(Value::from(()), |document| Doc::value(document, &documents.namespace, &documents.context.looked)))

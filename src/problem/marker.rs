@@ -169,7 +169,7 @@ impl<'a> Expander<'a> {
         self.reports.push(SectionReport {
             name: section.name.clone(),
             namespace: ns.clone(),
-            query: asked,
+            query: shell::relaxed(&asked),
             matched: 0,
             line: template.position(section.span.start).0,
         });

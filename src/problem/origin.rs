@@ -5,7 +5,9 @@ use std::sync::Arc;
 use bson::Bson;
 
 use super::SectionReport;
+use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Source, Span};
+use crate::pddl::{Domain, Problem};
 use crate::store::Namespace;
 
 /// A document that a value was read from: its namespace and `_id`.
@@ -51,6 +53,14 @@ impl Generated {
     #[must_use]
     pub fn source(&self) -> Source {
         Source::new(format!("{} (generated)", self.template.name()), self.text.as_str())
+    }
+
+    /// Reads the problem and checks it against its domain.
+    ///
+    /// # Errors
+    /// What is wrong with it, each at the template's place.
+    pub fn check(&self, domain: &Domain, dialect: Dialect) -> Result<Problem, Vec<Diagnostic>> {
+        Problem::read(&self.source(), domain, dialect).map_err(|complaints| self.explain(complaints))
     }
 
     /// Where the byte at `offset` of the problem came from.

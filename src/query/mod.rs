@@ -8,6 +8,7 @@ mod arithmetic;
 mod calendar;
 mod compare;
 mod decimal;
+mod distinct;
 mod error;
 mod expression;
 mod filter;
@@ -25,6 +26,7 @@ mod wide;
 mod zone;
 
 pub use compare::{compare, compare_values};
+pub use distinct::distinct;
 pub use error::QueryError;
 pub use filter::Filter;
 pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched};

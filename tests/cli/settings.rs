@@ -46,3 +46,16 @@ fn credentials_are_never_shown() {
     assert!(!run.stderr.contains("s3cret"), "{run}");
     assert!(run.stderr.contains("127.0.0.1:1"), "{run}");
 }
+
+#[test]
+fn operations_are_told_under_v_and_logged() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.x", "{a: 1}", "{a: 2}", "-q"]).success();
+    let run = lab.rmem(&["query", "robmem.x", "-v", "--log", "rmem.log"]).exits(0);
+    assert!(run.stderr.contains("find robmem.x: 2 documents in "), "{run}");
+    let entry: serde_json::Value = serde_json::from_str(lab.read("rmem.log").trim()).unwrap();
+    assert_eq!((&entry["operation"], &entry["subject"]), (&"find".into(), &"robmem.x".into()));
+    assert!(entry["milliseconds"].is_f64());
+    let run = lab.rmem(&["query", "robmem.x", "-q"]).exits(0);
+    assert_eq!(run.stderr, "");
+}

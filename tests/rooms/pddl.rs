@@ -273,4 +273,16 @@ proptest::proptest! {
             (plain, timed) => proptest::prop_assert!(false, "{plain:?} {timed:?}"),
         }
     }
+
+    #[test]
+    fn values_read_the_same_off_the_tokens_and_through_the_grammar(word in "[-+.e0-9]{1,6}") {
+        let plain = problem(&format!("(define (problem p) (:init (= (f a) {word})))"));
+        // A variable always goes through the grammar.
+        let grammar = problem(&format!("(define (problem p) (:init (= (f ?a) {word})))"));
+        let value = |tree: ast::Problem| tree.init.into_iter().next().map(|element| match element {
+            ast::Init::Value(_, value) => value,
+            other => panic!("{other}"),
+        });
+        proptest::prop_assert_eq!(plain.map(value).ok(), grammar.map(value).ok());
+    }
 }

@@ -224,3 +224,52 @@ fn a_plan_file_that_is_cut_off_is_an_error_at_its_place() {
         "plan_syntax.txt:1:11: expected `)`, found the end of the text\n  |\n1 | (move r2 k\n  |           ^"
     );
 }
+
+proptest::proptest! {
+    #[test]
+    fn any_text_is_read(words in proptest::collection::vec(word(), 0..40), code in -1..300_i32) {
+        let text: String = words.concat();
+        let source = Source::new("plan", text.clone());
+        let _ = ff::read(&text, &text);
+        let _ = temporal::read(std::slice::from_ref(&source), &text, &text);
+        let _ = downward::read(std::slice::from_ref(&source), Some(code), &text, &text);
+        if let Err(error) = read_plan(&source) {
+            assert!(error.span().end <= text.len(), "{error}");
+        }
+    }
+}
+
+/// Pieces of what planners say, and anything else.
+fn word() -> impl proptest::strategy::Strategy<Value = String> {
+    use proptest::strategy::Strategy as _;
+    const PIECES: [&str; 24] = [
+        "\n",
+        " ",
+        "(",
+        ")",
+        ":",
+        "[",
+        "]",
+        ";",
+        "0",
+        "1.5",
+        "-",
+        "move",
+        "step ",
+        "é",
+        "\0",
+        "\r\n",
+        "ff: found legal plan as follows\n",
+        "time spent:",
+        "plan cost: ",
+        "; cost = ",
+        " (unit cost)",
+        "'",
+        "p.pddl: syntax error in line 3, '",
+        "REACH-GOAL",
+    ];
+    proptest::prop_oneof![
+        9 => proptest::sample::select(&PIECES[..]).prop_map(str::to_owned),
+        1 => ".{0,8}",
+    ]
+}

@@ -84,7 +84,7 @@ fn the_verdicts_are_those_of_val() {
     upper: the plan is valid, value 10
     timed: the plan is valid, value 10
     bad: the plan is invalid: step 6: (pick r2 cup k) cannot be taken: (at r2 k) is false
-    empty: the plan is invalid: the goal is not reached: (in cup b), (in ball b) is false
+    empty: the plan is invalid: the goal is not reached: (in cup b), (in ball b) are false
     goalnot: the plan is invalid: the goal is not reached: (in cup b) is false
     noaction: the plan is invalid: step 1: the domain has no action `fly`
     type: the plan is invalid: step 2: `ball` is of type `object`, but `pick` wants `robot` for `?r`
@@ -182,7 +182,7 @@ fn effects_happen_at_once() {
     assert_eq!(judge("(> (z) 0)", ""), "the plan is invalid: the goal cannot be computed: (z) has no value");
     assert_eq!(
         judge("(and (p) (q) (or (q) (> (x) 1)))", ""),
-        "the plan is invalid: the goal is not reached: (q), (or (q) (> (x) 1)) is false"
+        "the plan is invalid: the goal is not reached: (q), (or (q) (> (x) 1)) are false"
     );
 }
 
@@ -517,9 +517,79 @@ fn the_first_wrong_step_is_named() {
 #[test]
 fn very_many_mistakes_are_no_more_work_than_a_few() {
     let domain = domain("(define (domain d) (:predicates (p ?x)))");
-    let objects: String = (0..20_000).map(|index| format!(" o{index} O{index}")).collect();
+    let objects: String = (0..2_000).map(|index| format!(" o{index} O{index}")).collect();
     let facts: String = (0..20_000).map(|index| format!("(p x{index}) (q{index}) ")).collect();
     let text = format!("(define (problem p) (:domain d) (:objects{objects}) (:init {facts}) (:goal (and)))");
     let complaints = Problem::read(&Source::new("p", text), &domain, Dialect::default()).expect_err("complaints");
     assert_eq!(complaints.len(), 50);
+}
+
+#[test]
+fn every_recorded_task_is_accepted_or_its_mistake_is_named() {
+    let mut seen = Vec::new();
+    for (domain_name, problem_names) in [
+        ("dom", "p_arity p_disj p_exists p_goalfalse_static p_goalfalse_unreach p_goaltrue p_goaltrue_empty"),
+        ("dom", "p_init_typemismatch p_neg p_plan p_typemismatch p_undeclared_obj p_undeclared_pred p_unsolv_search"),
+        ("dom", "p_wrongdomain"),
+        ("dom_types", "p_plan"),
+        ("dom_undeclpred", ""),
+        ("dom_undeclvar", ""),
+        ("dom_unktype", ""),
+        ("acdom", "acp"),
+        ("adldom", "adlp"),
+        ("adl_m", "adl_mp"),
+        ("adl_neither", "adlp"),
+        ("adl_noforall", "adlp"),
+        ("adl_noimply", "adlp"),
+        ("durdom", "durp"),
+        ("ffbug_dom", "ffbug_p1 ffbug_p2 ffbug_p3"),
+        ("ffbug_dom2", "ffbug_p1 ffbug_p2 ffbug_p3"),
+        ("names_dom", "names_p names_p2 names_p3"),
+        ("ndom", "np np_unreach"),
+    ] {
+        let domain = match Domain::read(&source(&format!("tasks/{domain_name}.pddl")), Dialect::default()) {
+            Ok(domain) => domain,
+            Err(errors) => {
+                seen.extend(errors);
+                continue;
+            }
+        };
+        for name in problem_names.split_whitespace() {
+            let problem = Problem::read(&source(&format!("tasks/{name}.pddl")), &domain, Dialect::default());
+            seen.extend(problem.err().into_iter().flatten());
+        }
+    }
+    let seen: Vec<String> =
+        seen.iter().map(|error| format!("{}:{}: {}", error.name(), error.position().0, error.message())).collect();
+    insta::assert_snapshot!(seen.join("\n"), @r"
+    tasks/p_arity.pddl:4: predicate `in` takes 2 arguments, found 1
+    tasks/p_init_typemismatch.pddl:3: `cup` is of type `object`, but predicate `in` wants `room` for `?x`
+    tasks/p_typemismatch.pddl:4: `cup` is of type `object`, but predicate `in` wants `room` for `?x`
+    tasks/p_undeclared_obj.pddl:4: object `nosuch` is not declared
+    tasks/p_undeclared_pred.pddl:4: predicate `nopred` is not declared
+    tasks/p_wrongdomain.pddl:1: the problem is for domain `other`, but the domain is `robo`
+    tasks/dom_undeclpred.pddl:9: predicate `fre` is not declared
+    tasks/dom_undeclvar.pddl:9: variable `?zz` is not a parameter here
+    tasks/dom_unktype.pddl:4: type `objekt` is not declared
+    ");
+}
+
+#[test]
+fn depth_that_is_read_is_also_judged() {
+    let depth = rmem::formats::pddl::MAX_DEPTH - 4;
+    let plain = "(define (domain d) (:types t) (:predicates (p) (q)) (:derived (q) (p)) (:action a :effect (p)))";
+    for open in ["(not ", "(and ", "(forall (?x - t) ", "(exists (?x - t) "] {
+        let goal = format!("{}(q){}", open.repeat(depth), ")".repeat(depth));
+        let task = format!("(define (problem p) (:domain d) (:objects o - t) (:goal {goal}))");
+        assert!(verdict(plain, &task, "(a)").is_valid(), "{open}");
+        let failed = said(plain, &task, "");
+        assert!(failed.starts_with("the plan is invalid: the goal is not reached: ("), "{failed}");
+    }
+    let effect = format!("{}(p){}", "(when (and) ".repeat(depth), ")".repeat(depth));
+    let text = format!("(define (domain d) (:predicates (p)) (:action a :effect {effect}))");
+    assert!(verdict(&text, "(define (problem p) (:domain d) (:goal (p)))", "(a)").is_valid());
+    let rule = format!("{}(p){}", "(exists (?x) ".repeat(depth), ")".repeat(depth));
+    let text = format!("(define (domain d) (:predicates (p) (q)) (:derived (q) {rule}))");
+    let task = "(define (problem p) (:domain d) (:objects o) (:init (p)) (:goal (q)))";
+    assert!(verdict(&text, task, "").is_valid());
 }

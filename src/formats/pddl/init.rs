@@ -1,10 +1,10 @@
 //! `:init`, which may hold millions of elements.
 //!
-//! Most of them are a predicate and its objects; those are read off the tokens. The
-//! rest goes through the grammar, neighbours together, so that no pair tree is ever
+//! Most of them are a predicate and its objects, or a function with its number; those are
+//! read off the tokens. The rest goes through the grammar, neighbours together, so that no pair tree is ever
 //! larger than a stretch of the text.
 
-use super::ast::{Atom, Init, Name, Place, Term};
+use super::ast::{Atom, Expression, Init, Name, Place, Term};
 use super::grammar::Rule;
 use super::outline::{Token, Tokens};
 use super::section::Reader;
@@ -14,6 +14,22 @@ use crate::formats::{Diagnostic, Span};
 
 /// How much goes through the grammar at once, in bytes, unless a single element is larger.
 const STRETCH: usize = 32 * 1024;
+
+/// Words that no plain list begins with; the grammar knows what to do with them.
+const RESERVED: [&str; 12] = [
+    "not",
+    "and",
+    "or",
+    "imply",
+    "forall",
+    "exists",
+    "when",
+    "assign",
+    "increase",
+    "decrease",
+    "scale-up",
+    "scale-down",
+];
 
 impl Reader<'_> {
     /// Reads all elements of the section.
@@ -44,11 +60,11 @@ impl Reader<'_> {
                 self.stretch(&mut init, section, Span::new(start, end))?;
                 stretch = None;
             }
-            if let Some(atom) = self.plain_atom(&mut tokens, at) {
+            if let Some(element) = self.plain_element(&mut tokens, at) {
                 if let Some(start) = stretch.take() {
                     self.stretch(&mut init, section, Span::new(start, at))?;
                 }
-                init.push(Init::Atom(atom));
+                init.push(element);
             } else {
                 stretch.get_or_insert(at);
                 tokens = before;
@@ -61,11 +77,25 @@ impl Reader<'_> {
         Ok(init)
     }
 
-    /// The atom whose bracket opens at `open`, if nothing but plain names is in it.
-    fn plain_atom(&mut self, tokens: &mut Tokens<'_>, open: usize) -> Option<Atom> {
+    /// `(NAME NAME …)` or `(= (NAME NAME …) NUMBER)`, whose bracket opens at `open`.
+    fn plain_element(&mut self, tokens: &mut Tokens<'_>, open: usize) -> Option<Init> {
         let Token::Word(head) = tokens.next_token()? else { return None };
+        if self.source.slice(head) != "=" {
+            return self.plain_atom(tokens, open, head).map(Init::Atom);
+        }
+        let Token::Open(inner) = tokens.next_token()? else { return None };
+        let Token::Word(head) = tokens.next_token()? else { return None };
+        let function = self.plain_atom(tokens, inner, head)?;
+        let Token::Word(span) = tokens.next_token()? else { return None };
+        let number = Expression::Number(plain_number(self.source.slice(span))?, Place(span));
+        let Token::Close(_) = tokens.next_token()? else { return None };
+        Some(Init::Value(Term::Call(Box::new(function)), number))
+    }
+
+    /// The rest of a list that begins with `head`, if nothing but plain names is in it.
+    fn plain_atom(&mut self, tokens: &mut Tokens<'_>, open: usize, head: Span) -> Option<Atom> {
         let name = self.plain_name(head)?;
-        if name.is("not") || name.as_str().starts_with('=') {
+        if RESERVED.iter().any(|word| name.is(word)) || name.as_str().starts_with(['=', '<', '>']) {
             return None;
         }
         let mut arguments = Vec::new();
@@ -97,6 +127,12 @@ impl Reader<'_> {
         })
         .map_err(|flaw| explain(self.source, section, &flaw))
     }
+}
+
+/// A number as the grammar has it; other spellings that Rust knows are not for here.
+fn plain_number(word: &str) -> Option<f64> {
+    let is_plain = word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'.' | b'-'));
+    word.parse().ok().filter(|number: &f64| is_plain && number.is_finite())
 }
 
 /// Goes on behind the list that comes next.

@@ -245,8 +245,7 @@ impl<'a> Tokens<'a> {
                 }
                 _ => {
                     let rest = &self.bytes[at..];
-                    let length =
-                        rest.iter().position(|byte| b" \t\n\x0b\x0c\r();".contains(byte)).unwrap_or(rest.len());
+                    let length = rest.iter().position(|byte| ends_word(*byte)).unwrap_or(rest.len());
                     self.at += length;
                     return Some(Token::Word(Span::new(at, at + length)));
                 }
@@ -259,4 +258,8 @@ impl<'a> Tokens<'a> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         self.at += rest.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(rest.len());
     }
+}
+
+fn ends_word(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t'..=b'\r' | b'(' | b')' | b';')
 }

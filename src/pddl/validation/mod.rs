@@ -13,6 +13,7 @@ mod derive;
 mod happening;
 mod judge;
 mod state;
+mod stratum;
 mod text;
 mod truth;
 mod verdict;

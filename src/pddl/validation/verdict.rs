@@ -167,7 +167,10 @@ impl fmt::Display for Failure {
             Self::Interference { action, with, .. } => {
                 write!(f, "{action} cannot happen at the same time as {with}")
             }
-            Self::Goal { conditions } => write!(f, "the goal is not reached: {} is false", conditions.join(", ")),
+            Self::Goal { conditions } => {
+                let verb = if conditions.len() == 1 { "is" } else { "are" };
+                write!(f, "the goal is not reached: {} {verb} false", conditions.join(", "))
+            }
         }
     }
 }
