@@ -23,11 +23,6 @@ const ENGINE: &str = "ferroplan 0.30.0";
 /// What the engine does not read, or refuses.
 const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables];
 
-/// The engine takes settings from the environment. The child gets these and no other, so
-/// that the same task has the same plan everywhere: two searches for novelty, which the
-/// engine otherwise makes only where it is told a limit of time, and then by the clock.
-const SETTINGS: [(&str, &str); 2] = [("FF_NOVELTY", "1"), ("FF_NOVLIGHT", "1")];
-
 /// The engine grounds and searches with recursion over formulas.
 const STACK: usize = 64 << 20;
 
@@ -52,8 +47,10 @@ impl Planner for Builtin {
         vec![host.exe.clone().into(), "ff".into(), "-o".into(), DOMAIN.into(), "-f".into(), PROBLEM.into()]
     }
 
+    /// None: the engine takes settings from the environment, and the same task has the same
+    /// plan everywhere.
     fn environment(&self) -> Option<&[(&str, &str)]> {
-        Some(&SETTINGS)
+        Some(&[])
     }
 
     fn read(&self, output: &Output) -> Transcript {

@@ -128,7 +128,7 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
         SectionReport {
             name: template.slice(span).split_whitespace().collect::<Vec<_>>().join(" "),
             namespace: asked.namespace.as_ref().clone(),
-            query: crate::formats::shell::relaxed(&asked.query),
+            query: asked.query,
             matched: asked.matched.load(Ordering::Relaxed),
             line: template.position(span.start).0,
         }

@@ -1,7 +1,7 @@
 //! Makes a minijinja template say where it is.
 //!
 //! The engine tells neither a function nor the formatter which place of the
-//! template called it. So each `{{ x }}` becomes `{{ (x)|_at(n) }}`, and each
+//! template called it. So each `{{ x }}` becomes `{{( x )|_at(n)}}`, and each
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
 
@@ -124,7 +124,7 @@ fn raw_end(template: &str, from: usize) -> usize {
     template.len()
 }
 
-/// `{{ x }}` to `{{ (x)|_at(n) }}`.
+/// `{{ x }}` to `{{( x )|_at(n)}}`.
 fn expression(template: &str, tag: Span, result: &mut Instrumented) {
     let text = &template[tag.start..tag.end];
     let Some(inner) = text.strip_suffix("}}").filter(|inner| inner.len() > 2) else {
@@ -205,14 +205,14 @@ mod tests {
     #[test]
     fn numbers_expressions_and_calls() {
         for (template, wanted) in [
-            ("a {{ x }} b", "a {{( x )|_at(0) }} b"),
+            ("a {{ x }} b", "a {{( x )|_at(0)}} b"),
             ("{{- x -}}", "{{-( x )|_at(0)-}}"),
             ("{% for d in query('a.b', {'x': {'y': 1}}) %}", "{% for d in query(0, 'a.b', {'x': {'y': 1}}) %}"),
             ("{% if doc.count (1) or x|count() %}", "{% if doc.count (1) or x|count() %}"),
-            ("{{ count() }}", "{{( count(1) )|_at(0) }}"),
+            ("{{ count() }}", "{{( count(1) )|_at(0)}}"),
             ("{% raw %}{{ x }}{% endraw %}{# {{ x }} #}", "{% raw %}{{ x }}{% endraw %}{# {{ x }} #}"),
-            ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}} )|_at(0) }}"),
-            ("{{ 'count(' }}", "{{( 'count(' )|_at(0) }}"),
+            ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}} )|_at(0)}}"),
+            ("{{ 'count(' }}", "{{( 'count(' )|_at(0)}}"),
             ("{{ }} {{", "{{ }} {{"),
         ] {
             assert_eq!(instrument(template).text, wanted);

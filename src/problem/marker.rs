@@ -169,7 +169,7 @@ impl<'a> Expander<'a> {
         self.reports.push(SectionReport {
             name: section.name.clone(),
             namespace: ns.clone(),
-            query: shell::relaxed(&asked),
+            query: asked,
             matched: 0,
             line: template.position(section.span.start).0,
         });

@@ -1,6 +1,6 @@
 //! What is asked for, and what can go wrong.
 
-use bson::Bson;
+use bson::{Bson, Document};
 
 use super::{Generated, engine, goal, marker};
 use crate::formats::{Diagnostic, Source, Span};
@@ -43,8 +43,8 @@ pub struct SectionReport {
     pub name: String,
     /// What was queried.
     pub namespace: Namespace,
-    /// The query as Extended JSON: a filter, `{"pipeline": […]}`, or `{"distinct": field, "query": …}`.
-    pub query: String,
+    /// The query: a filter, `{pipeline: […]}`, or `{distinct: field, query: …}`.
+    pub query: Document,
     /// How many documents (or distinct values) the template took from it, over all times it was asked.
     pub matched: u64,
     /// The line of the template, from 1.

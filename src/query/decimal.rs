@@ -71,6 +71,9 @@ impl Decimal {
         if !value.is_finite() {
             return Self::from_double(value);
         }
+        if value == 0.0 {
+            return Self::Finite { negative: value.is_sign_negative(), coefficient: 0, exponent: 0 };
+        }
         let text = format!("{value:.14e}");
         Self::parse(&text).unwrap_or(Self::NaN)
     }
@@ -393,10 +396,36 @@ impl Decimal {
         Self::Finite { negative, coefficient, exponent }
     }
 
+    /// With all 34 digits written out, where the value is not zero.
+    pub(super) fn padded(self) -> Self {
+        match self {
+            Self::Finite { negative, coefficient, exponent } if coefficient != 0 => {
+                let missing = PRECISION - (coefficient.ilog10() + 1).min(PRECISION);
+                let room = (exponent - MIN_EXPONENT).unsigned_abs();
+                let steps = missing.min(room);
+                let exponent = exponent - i32::try_from(steps).unwrap_or(0);
+                Self::Finite { negative, coefficient: coefficient * 10u128.pow(steps), exponent }
+            }
+            other => other,
+        }
+    }
+
+    /// Whether all digits before the point fit the coefficient.
+    pub(super) fn has_unit_digit(self) -> bool {
+        match self {
+            Self::Finite { coefficient: 0, .. } => true,
+            Self::Finite { coefficient, exponent, .. } => {
+                exponent <= 0 || exponent.unsigned_abs() + coefficient.ilog10() < PRECISION
+            }
+            _ => false,
+        }
+    }
+
     /// The natural logarithm of a positive number, by Newton's method from that of the double.
     pub(super) fn logarithm(self) -> Self {
         match self {
             Self::Infinite { negative: false } => self,
+            Self::Finite { negative: false, .. } if self.compare(Self::ONE) == Ordering::Equal => Self::ZERO,
             Self::Finite { negative: false, coefficient, exponent } if coefficient != 0 => {
                 let digits = i32::try_from(coefficient.ilog10()).unwrap_or(0);
                 let scaled = Self::Finite { negative: false, coefficient, exponent: -digits };

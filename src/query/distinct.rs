@@ -2,7 +2,7 @@
 
 use bson::{Bson, RawDocument};
 
-use super::error::Result;
+use super::error::{QueryError, Result};
 use super::path::Path;
 use super::view::View;
 
@@ -11,6 +11,9 @@ use super::view::View;
 /// # Errors
 /// Where the path is not one.
 pub fn distinct(document: &RawDocument, path: &str, show: &mut dyn FnMut(Bson)) -> Result<()> {
+    if path.contains('\0') {
+        return Err(QueryError::invalid(31_032, "the key field cannot contain a NUL"));
+    }
     let path = Path::parse(path)?;
     path.any(document.into(), false, &mut |value, _| {
         match value {

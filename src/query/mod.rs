@@ -32,4 +32,4 @@ pub use filter::Filter;
 pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched};
 pub use projection::Projection;
 pub use sort::Sort;
-pub use update::Update;
+pub use update::{Update, prepare};

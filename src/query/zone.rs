@@ -120,7 +120,7 @@ fn offset(text: &str) -> Option<i64> {
     }
     let hours: i64 = digits.get(..2)?.parse().ok()?;
     let minutes: i64 = digits.get(2..).filter(|rest| !rest.is_empty()).map_or(Some(0), |rest| rest.parse().ok())?;
-    (minutes < 60).then_some(hours * 3600 + minutes * 60)
+    Some(hours * 3600 + minutes * 60)
 }
 
 /// Reads a file of the database (TZif, RFC 8536), its 64-bit part.

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
-use rmem::query::{Filter, QueryError, Update, key};
+use rmem::query::{Filter, QueryError, Update, key, prepare};
 
 #[derive(Default, Clone)]
 pub(crate) struct Collection {
@@ -21,17 +21,7 @@ pub(crate) struct Changed {
 
 impl Collection {
     pub(crate) fn insert(&mut self, document: &Document) -> Result<(), QueryError> {
-        let id = match document.get("_id") {
-            Some(Bson::Array(_) | Bson::RegularExpression(_) | Bson::Undefined) => {
-                return Err(QueryError { code: 53, operator: None, unsupported: false, message: "bad _id".to_owned() });
-            }
-            Some(id) => id.clone(),
-            None => Bson::ObjectId(bson::oid::ObjectId::new()),
-        };
-        let mut ordered = Document::new();
-        ordered.insert("_id", id);
-        ordered.extend(document.clone());
-        self.add(RawDocumentBuf::try_from(&ordered).map_err(invalid)?)
+        self.add(prepare(document, DateTime::now())?)
     }
 
     pub(crate) fn add(&mut self, document: RawDocumentBuf) -> Result<(), QueryError> {

@@ -44,7 +44,8 @@ pub(crate) struct Server {
 }
 
 /// Options of commands that rmem's stores have no word for.
-const OPTIONS: [&str; 20] = [
+const OPTIONS: [&str; 22] = [
+    "allowDiskUse", "bypassDocumentValidation",
     "collation",
     "readConcern",
     "writeConcern",
@@ -77,7 +78,7 @@ fn refuse_options(command: &Document) -> Result<(), Failure> {
 /// Refuses options that no command has.
 fn known(command: &Document, names: &[&str]) -> Result<(), Failure> {
     refuse_options(command)?;
-    const ALL: [&str; 6] = ["$db", "comment", "allowDiskUse", "cursor", "bypassDocumentValidation", "let"];
+    const ALL: [&str; 4] = ["$db", "comment", "cursor", "let"];
     match command.keys().skip(1).find(|name| !names.contains(&name.as_str()) && !ALL.contains(&name.as_str())) {
         Some(name) => Err(Failure::Failed(format!("unknown field {name}"))),
         None => Ok(()),
@@ -295,7 +296,7 @@ impl Server {
 
     fn aggregate(&mut self, namespace: &Name, command: &Document, recorded: &Document) -> Answer {
         known(command, &["pipeline"])?;
-        if !command.contains_key("pipeline") || !command.contains_key("cursor") {
+        if !command.contains_key("pipeline") || !matches!(command.get("cursor"), Some(Bson::Document(_))) {
             return Err(Failure::Failed("pipeline and cursor are needed".to_owned()));
         }
         let stages = documents(command, "pipeline")?;
@@ -382,6 +383,9 @@ impl Server {
 
     fn update(&mut self, namespace: &Name, command: &Document, recorded: &Document) -> Answer {
         known(command, &["updates", "ordered"])?;
+        if command.contains_key("let") {
+            return Err(Failure::Refused("option let".to_owned()));
+        }
         let now = DateTime::now();
         let upserted = recorded.get_array("upserted").cloned().unwrap_or_default();
         let (mut n, mut modified, mut errors) = (0, 0, Vec::new());
@@ -438,13 +442,23 @@ impl Server {
 
     fn delete(&mut self, namespace: &Name, command: &Document) -> Answer {
         known(command, &["deletes", "ordered"])?;
+        if command.contains_key("let") {
+            return Err(Failure::Refused("option let".to_owned()));
+        }
+        if !matches!(command.get("deletes"), Some(Bson::Array(deletes)) if !deletes.is_empty()) {
+            return Err(Failure::Failed("deletes is needed".to_owned()));
+        }
         let (mut n, mut errors) = (0, Vec::new());
         for one in documents(command, "deletes")? {
             refuse_options(&one)?;
+            let limit = whole(&one, "limit")?;
+            if !one.contains_key("q") || !matches!(limit, Some(0 | 1)) {
+                return Err(Failure::Failed("q and limit are needed".to_owned()));
+            }
             let removed = filter(&one, "q").and_then(|filter| {
                 let collection = self.collection(namespace);
                 let mut places = collection.matching(&filter)?;
-                if whole(&one, "limit")? == Some(1) {
+                if limit == Some(1) {
                     places.truncate(1);
                 }
                 collection.remove(&places);
@@ -453,7 +467,12 @@ impl Server {
             match removed {
                 Ok(removed) => n += removed as i32,
                 Err(Failure::Refused(name)) => return Err(Failure::Refused(name)),
-                Err(Failure::Failed(message)) => errors.push(Bson::String(message)),
+                Err(Failure::Failed(message)) => {
+                    errors.push(Bson::String(message));
+                    if !command.contains_key("ordered") || flag(command, "ordered")? {
+                        break;
+                    }
+                }
             }
         }
         Ok(reply(doc! {"n": n}, errors))

@@ -63,6 +63,7 @@ pub(crate) struct Subject {
 }
 
 /// The names of all cases over a store called `prefix`.
+#[cfg(feature = "mongodb")]
 pub(crate) fn names(prefix: &str) -> Vec<String> {
     CASES.iter().map(|(name, _)| format!("{prefix}::{name}")).collect()
 }

@@ -203,7 +203,7 @@ fn a_program_that_ignores_term_is_killed() {
     let run =
         place.ff(&format!("trap '' TERM; echo $$ > {}; while :; do sleep 0.05; done", pid.display()), &within(0.3));
     assert_eq!(run.outcome, Outcome::OutOfTime);
-    assert!(started.elapsed() < Duration::from_secs(4), "{:?}", started.elapsed());
+    assert!(started.elapsed() < Duration::from_secs(10), "{:?}", started.elapsed());
     dies(&fs::read_to_string(pid).unwrap());
 }
 
@@ -212,7 +212,7 @@ fn a_program_that_ends_on_term_is_not_waited_for() {
     let started = Instant::now();
     let run = Place::new().ff("exec sleep 60", &within(0.2));
     assert_eq!(run.outcome, Outcome::OutOfTime);
-    assert!(started.elapsed() < Duration::from_millis(1500), "{:?}", started.elapsed());
+    assert!(started.elapsed() < Duration::from_secs(10), "{:?}", started.elapsed());
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn an_interruption_stops_the_run() {
         place.ff(&format!("echo $$ > {}; exec sleep 60", pid.display()), &within(30.0))
     });
     assert_eq!(run.outcome, Outcome::Interrupted);
-    assert!(started.elapsed() < Duration::from_secs(3));
+    assert!(started.elapsed() < Duration::from_secs(10));
     assert!(!lives(&fs::read_to_string(pid).unwrap()));
 }
 

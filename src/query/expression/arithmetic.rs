@@ -142,15 +142,14 @@ fn difference(values: &[Value]) -> Result<Value> {
 
 fn product(values: &[Value]) -> Result<Value> {
     let mut result = Number::Int(1);
-    let mut null = false;
     for value in values {
         match value {
-            None => null = true,
-            Some(value) if is_null(value) => null = true,
+            None => return Ok(Some(Bson::Null)),
+            Some(value) if is_null(value) => return Ok(Some(Bson::Null)),
             Some(value) => result = multiply(result, numeric("$multiply", value)?, Overflow::Double)?,
         }
     }
-    Ok(Some(if null { Bson::Null } else { result.into() }))
+    Ok(Some(result.into()))
 }
 
 /// Both arguments as numbers; nothing where one is null.
@@ -234,6 +233,8 @@ fn whole(operator: &str, values: &[Value], double: fn(f64) -> f64, mode: Roundin
     let Some(number) = single(operator, values)? else { return Ok(Some(Bson::Null)) };
     Ok(Some(match number {
         Number::Double(value) => Bson::Double(double(value)),
+        // A decimal too large to have a digit for units is refused by the decimal library that MongoDB uses.
+        Number::Decimal(value) if !value.has_unit_digit() => Bson::Decimal128(Decimal::NaN.into()),
         Number::Decimal(value) => Bson::Decimal128(value.round_to(0, mode).into()),
         other => other.into(),
     }))
@@ -341,9 +342,12 @@ fn decimal_power(base: Decimal, exponent: Decimal) -> Bson {
             }
             if exponent < 0 { Decimal::ONE.over(result) } else { result }
         }
-        None => Decimal::from_double_15(base.to_double().powf(exponent.to_double())),
+        None if base.is_negative() || base.is_infinite() => {
+            Decimal::from_double_15(base.to_double().powf(exponent.to_double()))
+        }
+        None => base.logarithm().times(exponent).exponential(),
     };
-    Bson::Decimal128(result.into())
+    Bson::Decimal128(result.padded().into())
 }
 
 fn exponential(values: &[Value]) -> Result<Value> {
@@ -390,7 +394,6 @@ fn log(values: &[Value]) -> Result<Value> {
     }))
 }
 
-/// The sum of two numbers, as `$sum` and friends make it.
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,7 @@ use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Decimal128};
 
 use super::Value;
-use super::date::parse_iso;
+use super::date::{object_id_millis, parse_iso};
 use super::operator::{Arguments, Named, Operator, at, is_null, type_of};
 use crate::query::calendar::iso_text;
 use crate::query::decimal::Decimal;
@@ -106,20 +106,7 @@ fn failure(value: &Bson, why: &str) -> QueryError {
 fn converted(value: &Bson, target: Target) -> Result<Bson> {
     let unsupported = || failure(value, "no such conversion");
     match target {
-        Target::Bool => match value {
-            Bson::Document(_)
-            | Bson::Array(_)
-            | Bson::Binary(_)
-            | Bson::MinKey
-            | Bson::MaxKey
-            | Bson::RegularExpression(_)
-            | Bson::Timestamp(_)
-            | Bson::JavaScriptCode(_)
-            | Bson::JavaScriptCodeWithScope(_)
-            | Bson::Symbol(_)
-            | Bson::DbPointer(_) => Err(unsupported()),
-            value => Ok(Bson::Boolean(View::from(value).truthy())),
-        },
+        Target::Bool => Ok(Bson::Boolean(View::from(value).truthy())),
         Target::String => match value {
             Bson::Boolean(_)
             | Bson::Double(_)
@@ -150,7 +137,7 @@ fn to_date(value: &Bson) -> Result<i64> {
     match value {
         Bson::DateTime(moment) => Ok(moment.timestamp_millis()),
         Bson::Timestamp(timestamp) => Ok(i64::from(timestamp.time) * 1000),
-        Bson::ObjectId(id) => Ok(id.timestamp().timestamp_millis()),
+        Bson::ObjectId(id) => Ok(object_id_millis(id)),
         Bson::String(text) => parse_iso(text).ok_or_else(|| failure(value, "not a date")),
         Bson::Int64(millis) => Ok(*millis),
         Bson::Double(_) | Bson::Decimal128(_) => match to_integer(value, Target::Long)? {
@@ -199,7 +186,7 @@ fn to_double(value: &Bson) -> Result<f64> {
         #[expect(clippy::cast_precision_loss, reason = "the nearest double is meant")]
         Bson::DateTime(moment) => Ok(moment.timestamp_millis() as f64),
         Bson::String(text) => {
-            let double = parsed(text, |text| text.parse::<f64>().ok()).ok_or_else(|| failure(value, "not a number"))?;
+            let double = parsed(text, |text| text.parse::<f64>().ok().or_else(|| hexadecimal(text))).ok_or_else(|| failure(value, "not a number"))?;
             let named_infinite = text.trim_start_matches(['-', '+']).starts_with(['i', 'I']);
             if double.is_infinite() && !named_infinite { Err(failure(value, "out of range")) } else { Ok(double) }
         }
@@ -250,7 +237,7 @@ fn decimal_text(value: Decimal128) -> String {
     value.to_string()
 }
 
-/// Up to 16 significant digits, as C's `%.16g` writes them.
+/// The fewest digits that read back as the same double, with an exponent where it is long.
 pub(super) fn double_text(value: f64) -> String {
     if value.is_nan() {
         return "NaN".to_owned();
@@ -258,17 +245,54 @@ pub(super) fn double_text(value: f64) -> String {
     if value.is_infinite() {
         return if value < 0.0 { "-Infinity" } else { "Infinity" }.to_owned();
     }
-    if value == 0.0 {
-        return if value.is_sign_negative() { "-0" } else { "0" }.to_owned();
-    }
-    let scientific = format!("{value:.15e}");
+    let scientific = format!("{value:e}");
     let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     let exponent: i32 = exponent.parse().unwrap_or(0);
-    if (-4..16).contains(&exponent) {
-        let places = usize::try_from(15 - exponent).unwrap_or(0);
-        let text = format!("{value:.places$}");
-        return if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text };
-    }
-    let mantissa = if mantissa.contains('.') { mantissa.trim_end_matches('0').trim_end_matches('.') } else { mantissa };
+    if (-4..16).contains(&exponent) { format!("{value}") } else { with_exponent(mantissa, exponent) }
+}
+
+fn with_exponent(mantissa: &str, exponent: i32) -> String {
     format!("{mantissa}e{}{:02}", if exponent < 0 { '-' } else { '+' }, exponent.abs())
+}
+
+/// A double as C's `%g` writes it: what operators on strings take a double for.
+pub(super) fn short_double_text(value: f64) -> String {
+    if value.is_nan() {
+        return "nan".to_owned();
+    }
+    if value.is_infinite() {
+        return if value < 0.0 { "-inf" } else { "inf" }.to_owned();
+    }
+    let scientific = format!("{value:.5e}");
+    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let trimmed = |text: &str| {
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text.to_owned() }
+    };
+    if (-4..6).contains(&exponent) {
+        let places = usize::try_from(5 - exponent).unwrap_or(0);
+        return trimmed(&format!("{value:.places$}"));
+    }
+    with_exponent(&trimmed(mantissa), exponent)
+}
+
+/// Reads C's hexadecimal doubles, like `0x1.8p1`.
+fn hexadecimal(text: &str) -> Option<f64> {
+    let (negative, rest) = match text.strip_prefix('-') {
+        Some(rest) => (true, rest),
+        None => (false, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let rest = rest.strip_prefix("0x").or_else(|| rest.strip_prefix("0X"))?;
+    let (digits, power) = rest.split_once(['p', 'P']).unwrap_or((rest, "0"));
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    if whole.is_empty() && fraction.is_empty() {
+        return None;
+    }
+    let mut value = 0.0;
+    for digit in whole.chars().chain(fraction.chars()) {
+        value = value * 16.0 + f64::from(digit.to_digit(16)?);
+    }
+    let shift = power.parse::<i32>().ok()?.saturating_sub(i32::try_from(fraction.len()).ok()?.saturating_mul(4));
+    let value = value * 2f64.powi(shift);
+    Some(if negative { -value } else { value })
 }

@@ -110,9 +110,15 @@ fn moment(operator: &str, value: &Bson) -> Result<i64> {
     match value {
         Bson::DateTime(moment) => Ok(moment.timestamp_millis()),
         Bson::Timestamp(timestamp) => Ok(i64::from(timestamp.time) * 1000),
-        Bson::ObjectId(id) => Ok(id.timestamp().timestamp_millis()),
+        Bson::ObjectId(id) => Ok(object_id_millis(id)),
         other => Err(wrong_type(16_006, operator, "a date", other)),
     }
+}
+
+/// The moment in an ObjectId, whose seconds are signed.
+pub(super) fn object_id_millis(id: &bson::oid::ObjectId) -> i64 {
+    let [a, b, c, d, ..] = id.bytes();
+    i64::from(i32::from_be_bytes([a, b, c, d])) * 1000
 }
 
 /// The zone of an argument: UTC where it is not given, nothing where it is null.
@@ -376,7 +382,7 @@ impl<'a> Cursor<'a> {
 }
 
 fn scan_iso(text: &str) -> Option<Read> {
-    let mut cursor = Cursor { rest: text.trim() };
+    let mut cursor = Cursor { rest: text.trim_matches(|c: char| c.is_whitespace() || c == '\0') };
     let year = cursor.digits(4, 4)?;
     let dashed = cursor.eat("-");
     let month = cursor.digits(1, 2)?;
@@ -387,7 +393,7 @@ fn scan_iso(text: &str) -> Option<Read> {
     let (mut hour, mut minute, mut second, mut millisecond) = (0, 0, 0, 0);
     if cursor.eat("T")
         || cursor.eat("t")
-        || (cursor.rest.starts_with(' ') && cursor.rest.trim_start().starts_with(|c: char| c.is_ascii_digit()))
+        || (cursor.rest.starts_with([' ', '\t']) && cursor.rest.trim_start().starts_with(|c: char| c.is_ascii_digit()))
     {
         cursor.rest = cursor.rest.trim_start();
         hour = cursor.digits(1, 2)?;

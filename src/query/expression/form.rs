@@ -85,6 +85,15 @@ impl Form {
             }
             _ => false,
         };
+        // A constant that decides makes the rest superfluous.
+        let decided = match &self {
+            Self::And(items) => items.iter().any(|item| matches!(item, Expression::Constant(value) if !is_true(value))),
+            Self::Or(items) => items.iter().any(|item| matches!(item, Expression::Constant(value) if is_true(value))),
+            _ => false,
+        };
+        if decided {
+            return Ok(Expression::Constant(Some(Bson::Boolean(matches!(self, Self::Or(_))))));
+        }
         let form = Expression::Form(Box::new(self));
         if constants { Ok(Expression::Constant(constant(&form)?)) } else { Ok(form) }
     }

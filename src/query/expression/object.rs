@@ -22,7 +22,7 @@ pub(super) const OPERATORS: [Operator; 6] = [
 ];
 
 pub(super) const NAMED: [Named; 3] = [
-    Named { name: "$getField", fields: &[("field", true), ("input", false)], bare: true, call: get_field },
+    Named { name: "$getField", fields: &[("field", true), ("input", true)], bare: true, call: get_field },
     Named {
         name: "$setField",
         fields: &[("field", true), ("input", true), ("value", true)],

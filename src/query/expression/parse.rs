@@ -132,6 +132,7 @@ impl<'a> Reader<'a> {
             _ => return Err(QueryError::failed_to_parse(format!("{} needs an object as its argument", operator.name))),
         }
         if operator.name == "$getField"
+            && !is_names
             && let Some(input @ None) = arguments.get_mut(1)
         {
             *input = Some(self.variable("CURRENT", Vec::new())?);
@@ -169,7 +170,7 @@ impl<'a> Reader<'a> {
             "NOW" => Ok(Expression::Path(Source::Now, path)),
             "REMOVE" => Ok(Expression::Constant(None)),
             "KEEP" | "PRUNE" | "DESCEND" if self.scope.redacting => Ok(Expression::Constant(marker(name))),
-            "CLUSTER_TIME" => Err(QueryError::invalid(51_144, "builtin variable '$$CLUSTER_TIME' is not available")),
+            "CLUSTER_TIME" => Err(QueryError::unsupported("$$CLUSTER_TIME")),
             _ => {
                 let starts = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || !c.is_ascii());
                 let message = if starts { "use of undefined variable" } else { "not a valid name of a variable" };

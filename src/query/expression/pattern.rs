@@ -87,7 +87,7 @@ fn find(arguments: &Arguments) -> Result<Value> {
 fn find_all(arguments: &Arguments) -> Result<Value> {
     let Some((text, pattern)) = prepared(arguments)? else { return Ok(Some(Bson::Array(Vec::new()))) };
     let (mut all, mut from, mut counted, mut points) = (Vec::new(), 0, 0, 0);
-    while from <= text.len() {
+    while from < text.len() || all.is_empty() && from == 0 {
         let Some(groups) = pattern.groups(text, from)? else { break };
         let (start, end) = groups.first().copied().flatten().unwrap_or((from, from));
         points += text.get(counted..start).map_or(0, |between| between.chars().count());

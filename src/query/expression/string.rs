@@ -3,10 +3,12 @@
 use bson::{Bson, Document};
 
 use super::Value;
-use super::convert::text_of;
+use super::convert::{short_double_text, text_of};
 use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_nullish, type_of, wrong_type};
+use crate::query::calendar::Civil;
+use crate::query::decimal::Rounding;
 use crate::query::error::{QueryError, Result};
-use crate::query::number::Number;
+use crate::query::number::{Number, double_to_long};
 
 pub(super) const OPERATORS: [Operator; 12] = [
     Operator { name: "$concat", arity: (0, ANY), call: concatenated },
@@ -76,17 +78,29 @@ fn concatenated(values: &[Value]) -> Result<Value> {
 fn coerced(operator: &str, value: &Bson) -> Result<String> {
     match value {
         value if is_null(value) => Ok(String::new()),
+        Bson::Double(value) => Ok(short_double_text(*value)),
+        Bson::Timestamp(timestamp) => Ok(timestamp_text(*timestamp)),
         Bson::String(_)
         | Bson::Int32(_)
         | Bson::Int64(_)
-        | Bson::Double(_)
         | Bson::Decimal128(_)
         | Bson::DateTime(_)
-        | Bson::Timestamp(_)
         | Bson::Symbol(_)
         | Bson::JavaScriptCode(_) => text_of(value).ok_or_else(|| wrong_type(16_007, operator, "a string", value)),
         other => Err(wrong_type(16_007, operator, "a string", other)),
     }
+}
+
+/// A timestamp as `Jan  1 00:00:01:1`.
+fn timestamp_text(timestamp: bson::Timestamp) -> String {
+    const MONTHS: [&str; 12] =
+        ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+    let civil = Civil::from_millis(i64::from(timestamp.time) * 1000);
+    let month = usize::try_from(civil.month - 1).ok().and_then(|month| MONTHS.get(month)).unwrap_or(&"");
+    format!(
+        "{month} {:>2} {:02}:{:02}:{:02}:{}",
+        civil.day, civil.hour, civil.minute, civil.second, timestamp.increment
+    )
 }
 
 fn cased(operator: &str, values: &[Value], change: fn(&str) -> String) -> Result<Value> {
@@ -107,6 +121,9 @@ fn length(operator: &str, code: i32, values: &[Value], measure: fn(&str) -> usiz
 
 fn split(values: &[Value]) -> Result<Value> {
     let (text, separator) = (at(values, 0), at(values, 1));
+    if any_null(values) {
+        return Ok(Some(Bson::Null));
+    }
     let text = match text {
         value if is_null(value) => None,
         Bson::String(text) => Some(text),
@@ -126,9 +143,19 @@ fn split(values: &[Value]) -> Result<Value> {
 
 /// A number cut to an integer.
 fn integer(code: i32, operator: &str, value: &Bson) -> Result<i64> {
-    Number::of(value).map(Number::to_long).ok_or_else(|| {
+    let number = Number::of(value).ok_or_else(|| {
         QueryError::invalid(code, format!("{operator}: bounds must be numeric (is BSON type {})", type_of(value)))
-    })
+    })?;
+    match number {
+        Number::Double(double) => double_to_long(double)
+            .ok_or_else(|| QueryError::invalid(31_109, format!("can't coerce out of range value {double} to long"))),
+        // Decimals are rounded, and the least long stands for those out of range.
+        Number::Decimal(decimal) => {
+            let whole = decimal.round_to(0, Rounding::HalfEven).to_i128();
+            Ok(whole.and_then(|whole| i64::try_from(whole).ok()).unwrap_or(i64::MIN))
+        }
+        other => Ok(other.to_long()),
+    }
 }
 
 fn bytes_of(operator: &str, values: &[Value]) -> Result<Value> {
@@ -234,6 +261,9 @@ fn trim(arguments: &Arguments, left: bool, right: bool) -> Result<Value> {
         Bson::String(text) => Some(text.as_str()),
         other => return Err(wrong_type(50_699, arguments.operator, "a string as input", other)),
     };
+    if text.is_none() {
+        return Ok(Some(Bson::Null));
+    }
     let chars: Vec<char> = match arguments.get(1) {
         _ if !arguments.given(1) => BLANKS.to_vec(),
         value if is_null(value) => return Ok(Some(Bson::Null)),

@@ -4,6 +4,9 @@ use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 use crate::query::view::View;
 
+/// The deprecated subtype of binary data.
+const OLD: u8 = 2;
+
 /// Positions of bits and what is wanted of them.
 #[derive(Debug)]
 pub(super) struct Bits {
@@ -35,10 +38,16 @@ impl Bits {
                 let Some(number) = number.integral() else { return false };
                 self.test(|position| number >> position.min(63) & 1 == 1)
             }
-            View::Binary(_, bytes) => self.test(|position| {
-                let byte = bytes.get(position as usize / 8).copied().unwrap_or(0);
-                byte >> (position % 8) & 1 == 1
-            }),
+            View::Binary(subtype, bytes) => {
+                // The old subtype has its length within its bytes.
+                let length = u32::try_from(bytes.len()).unwrap_or(0).to_le_bytes();
+                let prefix: &[u8] = if subtype == OLD { &length } else { &[] };
+                self.test(|position| {
+                    let index = position as usize / 8;
+                    let byte = prefix.iter().chain(bytes).nth(index).copied().unwrap_or(0);
+                    byte >> (position % 8) & 1 == 1
+                })
+            }
             _ => false,
         }
     }

@@ -84,7 +84,7 @@ fn any(children: &[Node], fields: Fields<'_>, context: &mut Context<'_>) -> Resu
 
 impl Test {
     /// Whether what the path reaches in the document passes.
-    pub(super) fn on_path(&self, path: &Path, fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
+    pub(in crate::query) fn on_path(&self, path: &Path, fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
         match self {
             Self::And(tests) => {
                 for test in tests {

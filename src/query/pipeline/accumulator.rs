@@ -102,10 +102,9 @@ impl Accumulator {
             _ => return Err(QueryError::invalid(15_952, format!("unknown group operator '{name}'"))),
         };
         let argument = match argument {
-            Bson::Array(items) => match items.as_slice() {
-                [only] => only,
-                _ => return Err(QueryError::invalid(40_237, format!("the {name} accumulator is a unary operator"))),
-            },
+            Bson::Array(_) => {
+                return Err(QueryError::invalid(40_237, format!("the {name} accumulator is a unary operator")));
+            }
             other => other,
         };
         Ok(Self { kind, input: Expression::parse_in(argument, scope)? })

@@ -77,6 +77,9 @@ fn local_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
         }
         false
     });
+    if keys.is_empty() {
+        keys.push(key_of(None));
+    }
     keys
 }
 

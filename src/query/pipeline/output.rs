@@ -77,6 +77,17 @@ fn place(stage: &str, value: &Bson) -> Result<Origin> {
     {
         return Err(QueryError::invalid(73, format!("{stage} cannot write to '{}'", place.collection)));
     }
+    if let Some(database) = &place.database {
+        if matches!(database.as_str(), "admin" | "local" | "config") {
+            return Err(QueryError::invalid(31_320, format!("cannot {stage} to internal database: {database}")));
+        }
+        if database.is_empty() || database.len() > 63 || database.contains(|c| "/\\. \"$*<>:|?\0".contains(c)) {
+            return Err(QueryError::invalid(73, format!("'{database}' is not a name for a database")));
+        }
+    }
+    if place.collection.len() > 235 || place.collection.ends_with('.') || place.collection.contains("..") {
+        return Err(QueryError::invalid(73, format!("'{}' is not a name for a collection", place.collection)));
+    }
     Ok(place)
 }
 
@@ -106,7 +117,8 @@ impl Merge {
                 "on" => merge.on = fields(value)?,
                 "whenMatched" => merge.when_matched = matched(value)?,
                 "whenNotMatched" => merge.when_not_matched = not_matched(value)?,
-                "let" => merge.variables = variables(value, scope)?,
+                "let" if !matches!(value, Bson::Null) => merge.variables = variables(value, scope)?,
+                "let" => {}
                 _ => return Err(QueryError::failed_to_parse(format!("unknown field of $merge: {name}"))),
             }
         }

@@ -15,6 +15,7 @@ use super::unwind::Unwind;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Filter, Parser};
+use crate::query::decimal::Rounding;
 use crate::query::number::Number;
 use crate::query::sort::Sort;
 
@@ -159,7 +160,10 @@ fn count_name(argument: &Bson) -> Result<String> {
 
 fn sample_size(argument: &Document) -> Result<usize> {
     let size = argument.get("size").filter(|_| argument.len() == 1).and_then(Number::of);
-    size.map(Number::to_long)
+    size.and_then(|size| match size {
+        Number::Decimal(size) => size.round_to(0, Rounding::HalfEven).to_i128().and_then(|size| i64::try_from(size).ok()),
+        other => Some(other.to_long()),
+    })
         .filter(|size| *size > 0)
         .and_then(|size| usize::try_from(size).ok())
         .ok_or_else(|| QueryError::invalid(28_747, "$sample needs a positive size"))

@@ -102,7 +102,7 @@ impl Unwind {
 
 fn parts(path: &str) -> Result<Vec<String>> {
     let parts: Vec<String> = path.split('.').map(str::to_owned).collect();
-    if parts.iter().any(|part| part.is_empty() || part.starts_with('$')) || parts.len() > 200 {
+    if parts.iter().any(|part| part.is_empty() || part.starts_with('$') || part.contains('\0')) || parts.len() > 200 {
         return Err(QueryError::invalid(16_410, format!("the field path '{path}' is not valid")));
     }
     Ok(parts)

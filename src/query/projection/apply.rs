@@ -54,7 +54,7 @@ fn named_value(branch: &Branch, value: &Bson) -> Option<Bson> {
     match value {
         Bson::Document(document) => Some(Bson::Document(named(branch, document))),
         Bson::Array(items) => Some(Bson::Array(items.iter().filter_map(|item| named_value(branch, item)).collect())),
-        other => (branch.mode != Mode::Include).then(|| other.clone()),
+        other => (branch.mode != Mode::Include || branch.computes()).then(|| other.clone()),
     }
 }
 

@@ -77,6 +77,9 @@ impl Transform {
             }
             Kind::Positional => {
                 let parts: Vec<&str> = self.path.split('.').collect();
+                if !leads_through_array(&document, &parts) {
+                    return Ok(document);
+                }
                 let Some(index) = filter.position(whole.into(), now)? else {
                     let message = "executor error: the positional operator '.$' could not find a matching element";
                     return Err(QueryError::invalid(51_246, message));
@@ -123,6 +126,16 @@ fn sliced(items: &[Bson], skip: Option<i64>, limit: i64) -> Vec<Bson> {
     let start = usize::try_from(start).unwrap_or(0);
     let count = usize::try_from(count).unwrap_or(usize::MAX);
     items.iter().skip(start).take(count).cloned().collect()
+}
+
+/// Whether there is an array on a path.
+fn leads_through_array(document: &Document, parts: &[&str]) -> bool {
+    let Some((name, rest)) = parts.split_first() else { return false };
+    match document.get(name) {
+        Some(Bson::Array(_)) => true,
+        Some(Bson::Document(inner)) => leads_through_array(inner, rest),
+        _ => false,
+    }
 }
 
 /// Leaves only one element of the first array on the path.

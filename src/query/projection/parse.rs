@@ -115,6 +115,9 @@ fn flatten<'a>(
     for (name, value) in spec {
         let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         if policy == Policy::Find && path.ends_with(".$") {
+            if !matches!(value, Bson::Boolean(true)) && Number::of(value).is_none_or(Number::is_zero) {
+                return Err(QueryError::invalid(31_308, "positional projection cannot be used with a literal or exclusion"));
+            }
             let path = path.trim_end_matches(".$").to_owned();
             entries.push((path, Entry::Transform(Kind::Positional)));
             continue;
@@ -148,7 +151,7 @@ fn nested<'a>(
     if !first.starts_with('$') {
         return flatten(&path, inner, policy, entries, depth + 1);
     }
-    if inner.len() > 1 && policy == Policy::Stage {
+    if inner.len() > 1 {
         return Err(QueryError::failed_to_parse("an expression must have exactly one field"));
     }
     let entry = match (first.as_str(), policy) {
@@ -170,9 +173,6 @@ fn nested<'a>(
 
 /// Reads what `$addFields` takes: everything is an expression, nested documents are paths.
 pub(super) fn additions(spec: &Document, scope: &Scope) -> Result<Branch> {
-    if spec.is_empty() {
-        return Err(QueryError::invalid(40_177, "a specification must have at least one field"));
-    }
     let mut root = Branch::new(Mode::Add);
     add("", spec, scope, &mut root, 0)?;
     Ok(root)
@@ -185,6 +185,9 @@ fn add(prefix: &str, spec: &Document, scope: &Scope, root: &mut Branch, depth: u
     for (name, value) in spec {
         let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         check_path(&path)?;
+        if !prefix.is_empty() && name.contains('.') {
+            return Err(QueryError::invalid(40_183, format!("cannot use dotted field name '{name}' in a sub object")));
+        }
         match value {
             Bson::Document(inner) if inner.keys().next().is_some_and(|name| !name.starts_with('$')) => {
                 add(&path, inner, scope, root, depth + 1)?;

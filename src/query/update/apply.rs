@@ -1,5 +1,7 @@
 //! Following a path into a document and changing what is there.
 
+use std::cell::Cell;
+
 use bson::{Bson, DateTime, Document};
 
 use super::field;
@@ -22,6 +24,8 @@ pub(super) struct Application<'a> {
     pub(super) now: DateTime,
     /// Whether the document is being made by an upsert.
     pub(super) inserting: bool,
+    /// Whether something counts as changed even where it stayed the same.
+    pub(super) touched: Cell<bool>,
 }
 
 /// What an action leaves at a place.

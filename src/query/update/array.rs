@@ -10,6 +10,7 @@ use crate::query::compare::{compare_values, equal_values};
 use crate::query::error::{QueryError, Result};
 use crate::query::filter::{Context, Node, Parser, Test, is_operators};
 use crate::query::number::Number;
+use crate::query::path::Path;
 use crate::query::sort::Sort;
 
 /// `$push` with its modifiers.
@@ -222,7 +223,11 @@ impl Pull {
         match (self, item) {
             (Self::Matching(node), Bson::Document(document)) => node.matches(document.into(), &mut Context::default()),
             (Self::Matching(_), _) => Ok(false),
-            (Self::Passing(test), item) => test.on_value(item.into(), &mut Context::default()),
+            (Self::Passing(test), item) => {
+                let mut wrapped = Document::new();
+                wrapped.insert("", item.clone());
+                test.on_path(&Path::parse("")?, (&wrapped).into(), &mut Context::default())
+            }
             (Self::Equal(value), item) => Ok(compare_values(value, item) == Ordering::Equal),
         }
     }

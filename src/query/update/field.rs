@@ -21,18 +21,27 @@ pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Applic
         Action::Rename(_) => Outcome::Keep,
         Action::Increment(by) => match value {
             None => Outcome::Put((*by).into()),
-            Some(value) => Outcome::Put(add(numeric("$inc", value)?, *by, Overflow::Refuse)?.into()),
+            Some(value) => {
+                let sum = add(numeric("$inc", value)?, *by, Overflow::Refuse)?;
+                application.touched.set(application.touched.get() || sum.is_nan());
+                Outcome::Put(sum.into())
+            }
         },
         Action::Multiply(by) => {
             let value = value.map_or(Ok(Number::Int(0)), |value| numeric("$mul", value))?;
-            Outcome::Put(multiply(value, *by, Overflow::Refuse)?.into())
+            let product = multiply(value, *by, Overflow::Refuse)?;
+            application.touched.set(application.touched.get() || product.is_nan());
+            Outcome::Put(product.into())
         }
         Action::Least(new) => replace_if(value, new, Ordering::Less),
         Action::Greatest(new) => replace_if(value, new, Ordering::Greater),
         Action::CurrentDate { timestamp: true } => Outcome::Put(timestamp(application.now)),
         Action::CurrentDate { timestamp: false } => Outcome::Put(Bson::DateTime(application.now)),
         Action::Bits(operations) => bits(operations, value)?,
-        Action::Push(push) => push.apply(value)?,
+        Action::Push(push) => {
+            application.touched.set(true);
+            push.apply(value)?
+        }
         Action::AddToSet(new) => array::add_to_set(value, new)?,
         Action::Pop { first } => array::pop(value, *first)?,
         Action::Pull(pull) => array::without("$pull", value, |item| pull.takes(item))?,

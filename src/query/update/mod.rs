@@ -12,6 +12,8 @@ mod modifier;
 mod parse;
 mod upsert;
 
+use std::cell::Cell;
+
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 
 use super::compare::equal_values;
@@ -93,17 +95,21 @@ impl Update {
     pub fn apply(&self, document: &RawDocument, filter: &Filter, now: DateTime) -> Result<Option<RawDocumentBuf>> {
         let before = Document::try_from(document)?;
         let id = before.get("_id").cloned();
+        let mut touched = false;
         let mut after = match &self.kind {
             Kind::Replacement(replacement) => replaced(replacement, id.as_ref(), now),
             Kind::Pipeline(stages, variables) => reshaped(stages, variables, before, now)?,
             Kind::Operators(modifiers, filters) => {
                 let position = filter.position(document.into(), now)?;
-                Application { filters, position, now, inserting: false }.apply(modifiers, before)?
+                let application = Application { filters, position, now, inserting: false, touched: Cell::new(false) };
+                let after = application.apply(modifiers, before)?;
+                touched = application.touched.get();
+                after
             }
         };
         keep_id(&mut after, id)?;
         let after = encode(&after)?;
-        Ok((after.as_bytes() != document.as_bytes()).then_some(after))
+        Ok((touched || after.as_bytes() != document.as_bytes()).then_some(after))
     }
 
     /// The document to insert where nothing matched `filter`. It has an `_id`
@@ -118,7 +124,8 @@ impl Update {
             Kind::Replacement(replacement) => replaced(replacement, id.as_ref(), now),
             Kind::Pipeline(stages, variables) => reshaped(stages, variables, base, now)?,
             Kind::Operators(modifiers, filters) => {
-                Application { filters, position: None, now, inserting: true }.apply(modifiers, base)?
+                let touched = Cell::new(false);
+                Application { filters, position: None, now, inserting: true, touched }.apply(modifiers, base)?
             }
         };
         if id.is_some() {
@@ -126,6 +133,15 @@ impl Update {
         }
         encode(&id_first(document)?)
     }
+}
+
+/// A document as it is stored by an insert: `_id` first (a new ObjectId where
+/// there is none), empty timestamps at the top replaced by `now`.
+///
+/// # Errors
+/// Where it is nested too deeply, too large, or has an `_id` that cannot be one.
+pub fn prepare(document: &Document, now: DateTime) -> Result<RawDocumentBuf> {
+    encode(&id_first(replaced(document, None, now))?)
 }
 
 /// Runs the stages of a pipeline update.

@@ -87,6 +87,10 @@ pub(super) fn path(text: &str) -> Result<Vec<Segment>> {
             "$[]" => Segment::All,
             part => match part.strip_prefix("$[").and_then(|rest| rest.strip_suffix(']')) {
                 Some(name) => Segment::Filtered(name.to_owned()),
+                None if part.starts_with('$') && !crate::query::filter::is_reference_key(part) => {
+                    let message = format!("the dollar ($) prefixed field '{part}' in '{text}' is not valid for storage");
+                    return Err(QueryError::invalid(52, message));
+                }
                 None => Segment::Name(part.to_owned()),
             },
         });
