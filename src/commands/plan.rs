@@ -161,14 +161,14 @@ fn answered(section: &SectionReport) -> Answered {
     Answered {
         name: section.name.clone(),
         namespace: section.namespace.to_string(),
-        query: section.query.clone(),
+        query: shell::relaxed(&section.query),
         count: section.matched,
     }
 }
 
 /// The memory's value for a name of the problem.
 fn value(name: &str) -> Bson {
-    Bson::String(names::restore(name).unwrap_or_else(|| name.to_owned()))
+    Bson::String(names::restore(name))
 }
 
 /// Prints the plan; says why there is none.

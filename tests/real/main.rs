@@ -8,6 +8,7 @@
 mod contract;
 #[cfg(feature = "mongodb")]
 mod mongod;
+mod planner;
 mod processes;
 #[cfg(feature = "mongodb")]
 mod server;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials = contract::embedded();
     trials.extend(processes::trials());
+    trials.extend(planner::trials());
     let stop = with_servers(&arguments, &mut trials);
     let conclusion = libtest_mimic::run(&arguments, trials);
     stop();
