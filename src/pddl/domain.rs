@@ -1,5 +1,6 @@
 //! Domains: what was declared, resolved and checked.
 
+use super::axiom::first_changing;
 use super::feature::{Feature, REQUIREMENTS, Use, Uses};
 use super::model::{Body, Change, Formula, Rule, Variable};
 use super::report::Report;
@@ -130,6 +131,9 @@ impl Domain {
             is_constrained = resolver.condition(constraints, false).is_constraint();
         }
         let preferences = std::mem::take(&mut resolver.preferences);
+        if let Some(span) = first_changing(&tree) {
+            uses.note(Feature::ChangingDerivedPredicates, span);
+        }
         let features = uses.finish();
         check_announced(&tree.requirements, &features, &mut report);
         let warnings = report.finish()?;
@@ -239,7 +243,7 @@ pub(super) fn check_requirements(requirements: &[Name], report: &mut Report<'_>)
 fn check_announced(requirements: &[Name], features: &[Use], report: &mut Report<'_>) {
     for Use { feature, span } in features {
         let announced = requirements.iter().any(|name| feature.is_announced_by(name.as_str()));
-        if !announced && *feature != Feature::ActionVariables {
+        if !announced && !matches!(feature, Feature::ActionVariables | Feature::ChangingDerivedPredicates) {
             let requirement = feature.requirement();
             report.warning(*span, format!("this needs `:{requirement}`, which `:requirements` does not list"));
         }

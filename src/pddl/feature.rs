@@ -23,6 +23,8 @@ pub enum Feature {
     ConditionalEffects,
     /// `:derived`.
     DerivedPredicates,
+    /// `:derived` with rules that look at facts which actions change.
+    ChangingDerivedPredicates,
     /// `(increase (total-cost) …)` and no other arithmetic.
     ActionCosts,
     /// Numbers in conditions, or effects on them.
@@ -57,7 +59,7 @@ impl Feature {
             Self::ExistentialPreconditions => "existential-preconditions",
             Self::UniversalPreconditions => "universal-preconditions",
             Self::ConditionalEffects => "conditional-effects",
-            Self::DerivedPredicates => "derived-predicates",
+            Self::DerivedPredicates | Self::ChangingDerivedPredicates => "derived-predicates",
             Self::ActionCosts => "action-costs",
             Self::NumericFluents => "numeric-fluents",
             Self::ObjectFluents => "object-fluents",
@@ -84,7 +86,7 @@ impl Feature {
             Self::ExistentialPreconditions | Self::UniversalPreconditions => {
                 &["adl", "ucpop", "quantified-preconditions"]
             }
-            Self::DerivedPredicates => &["domain-axioms"],
+            Self::DerivedPredicates | Self::ChangingDerivedPredicates => &["domain-axioms"],
             Self::ActionCosts => &["fluents", "numeric-fluents"],
             Self::NumericFluents => &["fluents"],
             Self::ObjectFluents => &["fluents"],
@@ -97,7 +99,10 @@ impl Feature {
 
 impl fmt::Display for Feature {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.requirement().replace('-', " "))
+        match self {
+            Self::ChangingDerivedPredicates => f.write_str("derived predicates over facts that actions change"),
+            _ => f.write_str(&self.requirement().replace('-', " ")),
+        }
     }
 }
 

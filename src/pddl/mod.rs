@@ -5,6 +5,7 @@
 //! resolved. [`validate`] simulates a plan. Names compare without regard to case and
 //! keep the spelling they were declared with.
 
+mod axiom;
 mod domain;
 mod feature;
 mod model;

@@ -21,7 +21,38 @@ use crate::pddl::Feature;
 const ENGINE: &str = "ferroplan 0.30.0";
 
 /// What the engine does not read, or refuses.
-const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables];
+const LACKS: [Feature; 4] = [
+    Feature::ObjectFluents,
+    Feature::ContinuousEffects,
+    Feature::ActionVariables,
+    Feature::ChangingDerivedPredicates,
+];
+
+/// The requirements that the engine knows by name. Others announce what it may well
+/// be able to do: it reads `:derived` but not the keyword for it.
+const REQUIREMENTS: [&str; 21] = [
+    ":strips",
+    ":typing",
+    ":adl",
+    ":equality",
+    ":negation",
+    ":negative-preconditions",
+    ":disjunctive-preconditions",
+    ":existential-preconditions",
+    ":universal-preconditions",
+    ":quantified-preconditions",
+    ":conditional-effects",
+    ":fluents",
+    ":numeric-fluents",
+    ":action-costs",
+    ":preferences",
+    ":constraints",
+    ":goal-utilities",
+    ":durative-actions",
+    ":duration-inequalities",
+    ":timed-initial-literals",
+    ":time",
+];
 
 /// The engine grounds and searches with recursion over formulas.
 const STACK: usize = 64 << 20;
@@ -41,6 +72,10 @@ impl Planner for Builtin {
 
     fn lacks(&self) -> &[Feature] {
         &LACKS
+    }
+
+    fn requirements(&self) -> Option<&[&str]> {
+        Some(&REQUIREMENTS)
     }
 
     fn command(&self, host: &Host<'_>) -> Vec<OsString> {
@@ -80,7 +115,8 @@ pub fn child(domain: &str, problem: &str, options: Options) -> (String, i32) {
         match thread::Builder::new().stack_size(STACK).spawn_scoped(scope, work).map(|work| work.join()) {
             Ok(Ok(answer)) => answer,
             Ok(Err(_)) => ("\nthe engine crashed\n".to_owned(), 32),
-            Err(error) => (format!("\nthe engine cannot be started: {error}\n"), 32),
+            // A thread that cannot be had lacks the memory for its stack.
+            Err(error) => (format!("\nmemory allocation of {STACK} bytes for the engine failed: {error}\n"), 22),
         }
     })
 }

@@ -204,3 +204,94 @@ fn validate_says_yes_or_which_step_breaks() {
     let run = lab.rmem(&["validate", domain, "p.pddl", "cut.plan"]).exits(3);
     assert!(run.stderr.contains("cut.plan:1:"), "{run}");
 }
+
+/// The table of `fixtures/tasks/README.md`: task, and the exit codes that the built-in planner may end with.
+fn tasks() -> Vec<(String, Vec<i32>)> {
+    let table = std::fs::read_to_string(crate::lab::root().join("fixtures/tasks/README.md")).unwrap();
+    let rows = table.lines().filter(|line| line.starts_with("| `"));
+    rows.map(|row| {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        (cells[1].trim_matches('`').to_owned(), cells[5].split(" or ").map(|code| code.parse().unwrap()).collect())
+    })
+    .collect()
+}
+
+#[test]
+fn every_kind_of_task_ends_with_its_exit_code() {
+    let lab = Lab::new();
+    let tasks = tasks();
+    assert!(tasks.len() >= 13);
+    for (task, codes) in tasks {
+        let folder = format!("fixtures/tasks/{task}");
+        let (domain, problem) = (format!("{folder}/domain.pddl"), format!("{folder}/problem.pddl"));
+        // Tasks without end are cut off early; the others get all the time a busy machine may need.
+        let timeout = if codes.iter().any(|code| [22, 23].contains(code)) { "1s" } else { "60s" };
+        let limits = ["--timeout", timeout, "--memory-limit", "2G", "--no-store"];
+        let run = lab.rmem(&[&["plan", "-d", &domain, "-p", &problem], &limits[..]].concat());
+        assert!(codes.contains(&run.code), "{task}: {codes:?}\n{run}");
+        if run.code == 34 {
+            assert!(run.stderr.contains(&format!("{domain}:")), "{task}: {run}");
+        }
+    }
+}
+
+#[test]
+fn a_limit_of_memory_is_22() {
+    let (domain, problem) = ("fixtures/tasks/explosion/domain.pddl", "fixtures/tasks/explosion/problem.pddl");
+    let args = ["plan", "-d", domain, "-p", problem, "--memory-limit", "100M", "--timeout", "60s", "--no-store"];
+    let run = Lab::new().rmem(&args).exits(22);
+    assert!(run.stderr.contains("memory"), "{run}");
+}
+
+#[test]
+fn an_interruption_is_130_and_leaves_nothing_behind() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "[planner.sleeper]\ncommand = [\"sleep\", \"98.76\"]\noutput = \"ff\"\n");
+    std::fs::create_dir(lab.path().join("tmp")).unwrap();
+    let mut command = std::process::Command::new(crate::lab::rmem());
+    command.args([&["plan"], &TASK[..], &["--planner", "sleeper"]].concat());
+    lab.isolate(&mut command);
+    command.env("TMPDIR", lab.path().join("tmp")).stderr(std::process::Stdio::null());
+    let mut child = command.spawn().unwrap();
+    while sleepers(&lab) == 0 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before its planner started");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(sleepers(&lab), 0);
+    assert_eq!(std::fs::read_dir(lab.path().join("tmp")).unwrap().count(), 0);
+}
+
+#[test]
+fn a_killed_rmem_takes_its_planner_along() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "[planner.sleeper]\ncommand = [\"sleep\", \"98.76\"]\noutput = \"ff\"\n");
+    std::fs::create_dir(lab.path().join("tmp")).unwrap();
+    let mut command = std::process::Command::new(crate::lab::rmem());
+    command.args([&["plan"], &TASK[..], &["--planner", "sleeper"]].concat());
+    lab.isolate(&mut command);
+    command.env("TMPDIR", lab.path().join("tmp")).stderr(std::process::Stdio::null());
+    let mut child = command.spawn().unwrap();
+    while sleepers(&lab) == 0 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before its planner started");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // The warden notices by itself; how soon is the machine's business.
+    while sleepers(&lab) > 0 || std::fs::read_dir(lab.path().join("tmp")).unwrap().count() > 0 {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+}
+
+/// How many planners of this lab are running: their environment has the lab's folder in it.
+fn sleepers(lab: &Lab) -> usize {
+    let folder = lab.path().display().to_string();
+    let processes = std::fs::read_dir("/proc").unwrap().flatten().map(|entry| entry.path());
+    let of = |path: &std::path::Path, name: &str| {
+        String::from_utf8_lossy(&std::fs::read(path.join(name)).unwrap_or_default()).into_owned()
+    };
+    processes.filter(|path| of(path, "cmdline").starts_with("sleep\0") && of(path, "environ").contains(&folder)).count()
+}
