@@ -7,7 +7,6 @@ fn main() -> ExitCode {
     let _ = ctrlc::set_handler(|| {
         if let Some(exit) = rmem::interrupt() {
             // Nothing is half-written at any moment: files appear by renaming, stores commit.
-            #[expect(clippy::exit, reason = "an interrupted process ends here")]
             std::process::exit(exit.code().into());
         }
     });

@@ -21,12 +21,8 @@ use crate::pddl::Feature;
 const ENGINE: &str = "ferroplan 0.30.0";
 
 /// What the engine does not read, or refuses.
-const LACKS: [Feature; 4] = [
-    Feature::ObjectFluents,
-    Feature::ContinuousEffects,
-    Feature::ActionVariables,
-    Feature::ChangingDerivedPredicates,
-];
+const LACKS: [Feature; 4] =
+    [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables, Feature::ChangingDerivedPredicates];
 
 /// The requirements that the engine knows by name. Others announce what it may well
 /// be able to do: it reads `:derived` but not the keyword for it.

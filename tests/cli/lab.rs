@@ -6,30 +6,30 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A temporary folder with a home of its own; `domains`, `templates` and `fixtures` are at hand in it.
-pub struct Lab {
+pub(crate) struct Lab {
     folder: tempfile::TempDir,
     environment: Vec<(String, String)>,
 }
 
 /// How a run ended. Prints as stdout, stderr and exit code together, for snapshots.
-pub struct Finished {
-    pub stdout: String,
-    pub stderr: String,
-    pub code: i32,
+pub(crate) struct Finished {
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    pub(crate) code: i32,
 }
 
 /// The root of the project.
-pub fn root() -> &'static Path {
+pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
 /// The program under test.
-pub fn rmem() -> PathBuf {
+pub(crate) fn rmem() -> PathBuf {
     assert_cmd::cargo::cargo_bin!("rmem").to_path_buf()
 }
 
 impl Lab {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         for name in ["domains", "templates", "fixtures"] {
             std::os::unix::fs::symlink(root().join(name), folder.path().join(name)).unwrap();
@@ -38,37 +38,37 @@ impl Lab {
     }
 
     /// Sets an environment variable for the runs that follow.
-    pub fn env(mut self, name: &str, value: &str) -> Self {
+    pub(crate) fn env(mut self, name: &str, value: &str) -> Self {
         self.environment.push((name.to_owned(), value.to_owned()));
         self
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.folder.path()
     }
 
     /// Puts a file into the folder.
     #[track_caller]
-    pub fn write(&self, name: &str, text: &str) {
+    pub(crate) fn write(&self, name: &str, text: &str) {
         let path = self.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, text).unwrap();
     }
 
     #[track_caller]
-    pub fn read(&self, name: &str) -> String {
+    pub(crate) fn read(&self, name: &str) -> String {
         std::fs::read_to_string(self.path().join(name)).unwrap()
     }
 
     /// Runs `rmem` with these arguments and an empty stdin.
     #[track_caller]
-    pub fn rmem(&self, args: &[&str]) -> Finished {
+    pub(crate) fn rmem(&self, args: &[&str]) -> Finished {
         self.rmem_with(args, "")
     }
 
     /// Runs `rmem` with these arguments and this stdin.
     #[track_caller]
-    pub fn rmem_with(&self, args: &[&str], stdin: &str) -> Finished {
+    pub(crate) fn rmem_with(&self, args: &[&str], stdin: &str) -> Finished {
         let mut command = Command::new(rmem());
         command.args(args);
         self.finish(command, stdin)
@@ -76,14 +76,14 @@ impl Lab {
 
     /// Runs a shell line in which `rmem` is the program under test.
     #[track_caller]
-    pub fn shell(&self, line: &str) -> Finished {
+    pub(crate) fn shell(&self, line: &str) -> Finished {
         let mut command = Command::new("bash");
         command.args(["-o", "pipefail", "-c", line]);
         self.finish(command, "")
     }
 
     /// A command in this folder, cut off from the machine's settings.
-    pub fn isolate(&self, command: &mut Command) {
+    pub(crate) fn isolate(&self, command: &mut Command) {
         let programs = rmem().parent().unwrap().to_owned();
         command
             .current_dir(self.path())
@@ -115,14 +115,14 @@ impl Lab {
 impl Finished {
     /// Asserts success and gives stdout.
     #[track_caller]
-    pub fn success(self) -> String {
+    pub(crate) fn success(self) -> String {
         assert_eq!(self.code, 0, "{self}");
         self.stdout
     }
 
     /// Asserts the exit code.
     #[track_caller]
-    pub fn exits(self, code: i32) -> Self {
+    pub(crate) fn exits(self, code: i32) -> Self {
         assert_eq!(self.code, code, "{self}");
         self
     }
