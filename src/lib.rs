@@ -1,16 +1,168 @@
 //! rmem: a document-oriented robot memory on the command line.
+//!
+//! The story, in the order data flows: a command line ([`cli`]) and settings
+//! ([`settings`]) become a command ([`commands`]). It asks a [`memory`], which
+//! routes operations to [`store`]s that answer MongoDB's languages ([`query`]).
+//! Templates whose sections are queries become PDDL problems ([`problem`]),
+//! checked against a domain ([`pddl`]); a [`planner`] turns a problem into a
+//! [`plan`], which is simulated, stored as a document and printed. Text on
+//! either side is read and written in [`formats`]. What the user sees goes
+//! through [`output`], and a command ends with a code of [`exit`].
+//!
+//! The library is silent: it prints, reads the environment and exits only
+//! through what [`run`] is given.
+
+pub mod cli;
+pub mod settings;
+
+pub mod commands;
+
+pub mod memory;
+pub mod store;
+
+pub mod query;
+
+pub mod problem;
+
+pub mod pddl;
+
+pub mod planner;
+
+pub mod plan;
 
 pub mod formats;
 
-pub mod query;
-pub mod store;
+pub mod output;
 
-pub mod memory;
+pub mod exit;
 
-pub mod pddl;
-pub mod problem;
+use std::ffi::OsString;
+use std::io::{BufRead, Write};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-pub mod plan;
-pub mod planner;
+use clap::FromArgMatches as _;
 
-pub mod commands;
+use commands::Context;
+use exit::Exit;
+use output::Output;
+use settings::{Environment, Settings};
+
+/// What a process gives to [`run`]: its streams and surroundings, as values.
+pub struct Process<'a> {
+    /// Standard input.
+    pub stdin: &'a mut dyn BufRead,
+    /// Standard output: the product.
+    pub stdout: &'a mut dyn Write,
+    /// Standard error: what is said about it.
+    pub stderr: &'a mut dyn Write,
+    /// Whether stdout is a terminal: tables instead of JSON lines.
+    pub stdout_is_terminal: bool,
+    /// Whether stderr is a terminal: colours.
+    pub stderr_is_terminal: bool,
+    /// The environment variables.
+    pub environment: Environment,
+    /// The working directory.
+    pub directory: PathBuf,
+    /// The program itself, for child processes.
+    pub executable: PathBuf,
+}
+
+/// Runs a command line and says how it ended. Can be called any number of times.
+pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Exit {
+    let mut args = args.into_iter().peekable();
+    let program = args.next();
+    if args.peek().is_some_and(|word| word == planner::warden::COMMAND) {
+        return Exit::Passed(u8::try_from(planner::warden::run(args.skip(1))).unwrap_or(u8::MAX));
+    }
+    let args = program.into_iter().chain(args);
+    let mut output = Output::new(process.stdout, process.stderr);
+    let parsed = cli::command().try_get_matches_from(args).and_then(|matches| cli::Cli::from_arg_matches(&matches));
+    let cli = match parsed {
+        Ok(cli) => cli,
+        Err(error) => return explain(&error, &mut output),
+    };
+    let settings =
+        match Settings::resolve(&cli.global, &process.environment, &process.directory, process.stderr_is_terminal) {
+            Ok(settings) => settings,
+            Err(error) => return report(&error, &mut output),
+        };
+    if let Err(error) = output.configure(settings.verbosity, settings.color, settings.log.value.as_deref()) {
+        return report(&error, &mut output);
+    }
+    let mut context = Context::new(
+        settings,
+        output,
+        process.stdin,
+        process.stdout_is_terminal,
+        process.executable,
+        process.environment,
+    );
+    let result = commands::run(&cli.command, &mut context);
+    context.output.tell_operations();
+    let result = result.and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
+    match result {
+        Ok(exit) => exit,
+        Err(error) => report(&error, &mut context.output),
+    }
+}
+
+/// Help and version go to stdout; mistakes, to stderr.
+fn explain(error: &clap::Error, output: &mut Output<'_>) -> Exit {
+    let text = error.render();
+    if error.use_stderr() {
+        output.error(text.to_string().trim_start_matches("error: ").trim_end());
+        return Exit::Usage;
+    }
+    let written = output.stdout().write_all(text.to_string().as_bytes()).and_then(|()| output.flush());
+    match written {
+        Ok(()) => Exit::Done,
+        Err(error) => report(&error.into(), output),
+    }
+}
+
+/// Says what went wrong, its causes each on a line.
+fn report(error: &anyhow::Error, output: &mut Output<'_>) -> Exit {
+    if output::is_broken_pipe(error) {
+        // The reader of stdout has seen enough: a graceful end.
+        return Exit::Done;
+    }
+    // What was found before the failure is still the product.
+    let _ = output.flush();
+    if let Some(formats::Diagnostics(complaints)) = error.downcast_ref() {
+        for complaint in complaints {
+            output.error(&complaint.to_string());
+        }
+        return Exit::of(error);
+    }
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        let cause = cause.to_string();
+        if !text.contains(&cause) {
+            text.push_str("\n  caused by: ");
+            text.push_str(&cause);
+        }
+    }
+    output.error(&text);
+    Exit::of(error)
+}
+
+/// Whether the user interrupted the process.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Whether a command is at work that ends by itself when interrupted, because it has to clean up.
+static PATIENT: AtomicBool = AtomicBool::new(false);
+
+/// Notes an interruption. Gives the code to exit with at once, unless a command is
+/// cleaning up and will end by itself.
+pub fn interrupt() -> Option<Exit> {
+    let again = INTERRUPTED.swap(true, Ordering::SeqCst);
+    (again || !PATIENT.load(Ordering::SeqCst)).then_some(Exit::Interrupted)
+}
+
+/// The flag that [`interrupt`] sets; while it is borrowed through this function,
+/// an interruption leaves the process running.
+pub(crate) fn interruptible() -> &'static AtomicBool {
+    PATIENT.store(true, Ordering::SeqCst);
+    &INTERRUPTED
+}

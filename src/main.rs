@@ -1,1 +1,29 @@
-fn main() {}
+//! The binary: hands the process to the library, and its answer to the shell.
+
+use std::io::IsTerminal as _;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let _ = ctrlc::set_handler(|| {
+        if let Some(exit) = rmem::interrupt() {
+            // Nothing is half-written at any moment: files appear by renaming, stores commit.
+            std::process::exit(exit.code().into());
+        }
+    });
+    let exit = rmem::run(
+        std::env::args_os(),
+        rmem::Process {
+            stdin: &mut std::io::stdin().lock(),
+            stdout: &mut std::io::stdout(),
+            stderr: &mut std::io::stderr(),
+            stdout_is_terminal: std::io::stdout().is_terminal(),
+            stderr_is_terminal: std::io::stderr().is_terminal(),
+            environment: std::env::vars_os()
+                .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+                .collect(),
+            directory: std::env::current_dir().unwrap_or_default(),
+            executable: std::env::current_exe().unwrap_or_else(|_| "rmem".into()),
+        },
+    );
+    ExitCode::from(exit.code())
+}

@@ -1,1 +1,56 @@
-//! One file per subcommand.
+//! One file per subcommand; here the dispatch, and what they share.
+
+mod aggregate;
+mod collections;
+mod completions;
+mod config;
+mod count;
+mod delete;
+mod distinct;
+mod doctor;
+mod drop;
+mod dump;
+mod exit_codes;
+mod ff;
+mod gen_problem;
+mod insert;
+mod man;
+mod plan;
+mod query;
+mod update;
+mod validate;
+
+pub mod context;
+
+pub use context::{Context, UsageError, WrongInput};
+
+use crate::cli::Command;
+use crate::exit::Exit;
+
+/// Runs one command.
+///
+/// # Errors
+/// What went wrong; [`Exit::of`] gives it a code.
+pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    match command {
+        Command::Aggregate(args) => aggregate::run(args, context),
+        Command::Collections => collections::run(context),
+        Command::Completions(args) => completions::run(args, context),
+        Command::Config => config::run(context),
+        Command::Count(args) => count::run(args, context),
+        Command::Delete(args) => delete::run(args, context),
+        Command::Distinct(args) => distinct::run(args, context),
+        Command::Doctor => doctor::run(context),
+        Command::Drop(args) => drop::run(args, context),
+        Command::Dump(args) => dump::run(args, context),
+        Command::ExitCodes => exit_codes::run(context),
+        Command::Ff(args) => ff::run(args, context),
+        Command::GenProblem(args) => gen_problem::run(args, context),
+        Command::Insert(args) => insert::run(args, context),
+        Command::Man => man::run(context),
+        Command::Plan(args) => plan::run(args, context),
+        Command::Query(args) => query::run(args, context),
+        Command::Update(args) => update::run(args, context),
+        Command::Validate(args) => validate::run(args, context),
+    }
+}

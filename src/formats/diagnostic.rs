@@ -13,12 +13,18 @@ const LINE_WINDOW: usize = 100;
 pub struct Source {
     name: Arc<str>,
     text: Arc<str>,
+    first_line: usize,
 }
 
 impl Source {
     /// Names `text`.
     pub fn new(name: impl Into<Arc<str>>, text: impl Into<Arc<str>>) -> Self {
-        Self { name: name.into(), text: text.into() }
+        Self::starting_at(name, text, 1)
+    }
+
+    /// Names `text`, a part of a longer one, whose first line is number `first_line` there.
+    pub fn starting_at(name: impl Into<Arc<str>>, text: impl Into<Arc<str>>, first_line: usize) -> Self {
+        Self { name: name.into(), text: text.into(), first_line }
     }
 
     /// The name messages use.
@@ -47,7 +53,7 @@ impl Source {
             offset -= 1;
         }
         let before = &self.text[..offset];
-        let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
+        let line = before.bytes().filter(|byte| *byte == b'\n').count() + self.first_line;
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         (line, before[start..].chars().count() + 1)
     }
@@ -159,6 +165,12 @@ impl Diagnostic {
         self
     }
 
+    /// What to do, line by line.
+    #[must_use]
+    pub fn hints(&self) -> &[String] {
+        &self.inner.hints
+    }
+
     /// The message without its place.
     #[must_use]
     pub fn message(&self) -> &str {
@@ -189,10 +201,20 @@ impl Diagnostic {
         error: &pest::error::Error<R>,
         rename: impl Fn(&R) -> String,
     ) -> Self {
+        Self::from_pest_at(source, 0, error, rename)
+    }
+
+    /// The same for a parse of the part of `source` that begins at byte `base`.
+    pub(crate) fn from_pest_at<R: pest::RuleType>(
+        source: &Source,
+        base: usize,
+        error: &pest::error::Error<R>,
+        rename: impl Fn(&R) -> String,
+    ) -> Self {
         use pest::error::{ErrorVariant, InputLocation};
         let span = match error.location {
-            InputLocation::Pos(offset) => Span::at(offset),
-            InputLocation::Span((start, end)) => Span::new(start, end),
+            InputLocation::Pos(offset) => Span::at(base + offset),
+            InputLocation::Span((start, end)) => Span::new(base + start, base + end),
         };
         let message = match &error.variant {
             ErrorVariant::CustomError { message } => message.clone(),
@@ -280,6 +302,22 @@ impl fmt::Display for Diagnostic {
 }
 
 impl std::error::Error for Diagnostic {}
+
+/// Several complaints at once, shown one after another.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Diagnostics(pub Vec<Diagnostic>);
+
+impl fmt::Display for Diagnostics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, diagnostic) in self.0.iter().enumerate() {
+            let gap = if index == 0 { "" } else { "\n\n" };
+            write!(f, "{gap}{diagnostic}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Diagnostics {}
 
 #[cfg(test)]
 mod tests {

@@ -11,4 +11,4 @@ pub mod pddl;
 pub mod plan;
 pub mod shell;
 
-pub use diagnostic::{Diagnostic, Source, Span};
+pub use diagnostic::{Diagnostic, Diagnostics, Source, Span};

@@ -1,6 +1,26 @@
 //! What PDDL means: domains, problems, checks, and the simulation of plans.
 //!
-//! How it is spelled is [`crate::formats::pddl`]'s business.
+//! How it is spelled is [`crate::formats::pddl`]'s business. A [`Domain`] is read and
+//! checked by itself, a [`Problem`] against its domain; what passes has every name
+//! resolved. [`validate`] simulates a plan. Names compare without regard to case and
+//! keep the spelling they were declared with.
+
+mod axiom;
+mod domain;
+mod feature;
+mod model;
+mod problem;
+mod report;
+mod resolve;
+mod table;
+mod types;
+mod validation;
+mod vocabulary;
+
+pub use domain::{Action, Domain, Parameter, Predicate};
+pub use feature::{Feature, Use};
+pub use problem::{Object, Problem};
+pub use validation::{Failure, Validation, validate};
 
 /// One ground action of a plan, as a planner or a file named it.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,4 +33,10 @@ pub struct Step {
     pub start: Option<f64>,
     /// How long it takes, for durative actions.
     pub duration: Option<f64>,
+}
+
+impl From<crate::formats::plan::Action> for Step {
+    fn from(action: crate::formats::plan::Action) -> Self {
+        Self { action: action.name, arguments: action.arguments, start: action.start, duration: action.duration }
+    }
 }

@@ -1,1 +1,28 @@
 //! Planners: programs under limits, one file per planner.
+//!
+//! A [`Planner`] says how its program is called and how what it says is read.
+//! [`run`] does the rest, for all of them alike: it refuses what the planner cannot
+//! do, writes the task in names every planner understands ([`names`]), runs the program
+//! under [`Limits`] with nothing left behind ([`warden`]), and turns what comes
+//! back into a [`Run`] whose [`Outcome`] has an exit code and whose plan is in the
+//! domain's and the problem's own spelling.
+
+pub mod builtin;
+pub mod names;
+pub mod warden;
+
+mod configured;
+mod downward;
+mod ff;
+mod host;
+mod outcome;
+mod process;
+mod run;
+
+pub use builtin::Builtin;
+pub use configured::{Configured, Dialect};
+pub use downward::FastDownward;
+pub use ff::Ff;
+pub use host::{Host, Limits};
+pub use outcome::Outcome;
+pub use run::{Output, Planner, Run, Task, by_name, run};

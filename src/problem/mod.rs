@@ -1,1 +1,23 @@
-//! Templates to problems: gather (queries answered), render, check.
+//! Templates to problems: gather (queries answered) → render → check.
+//!
+//! [`generate`] takes a template in one of two spellings and a memory, and
+//! gives a PDDL problem together with where each part of it came from.
+//!
+//! No value can smuggle syntax in. Whatever comes out of a document, a
+//! parameter or an expression becomes (part of) one PDDL name or number; see
+//! [`names`]. Only the goal is PDDL text, and it must be balanced.
+
+mod answer;
+mod assembly;
+mod engine;
+mod function;
+mod goal;
+mod instrument;
+mod marker;
+pub mod names;
+mod origin;
+mod request;
+mod value;
+
+pub use origin::{Generated, Origin};
+pub use request::{ProblemError, Request, SectionReport, Syntax, generate};

@@ -5,11 +5,23 @@
 //! driver. Both answer MongoDB's query and update languages, and both pass one
 //! contract suite (`tests/real`).
 
+pub mod embedded;
+#[cfg(feature = "mongodb")]
+pub mod mongodb;
+
+mod document;
 pub mod namespace;
+pub mod stamp;
+pub mod uri;
 
+pub use document::{MAX_DEPTH, MAX_SIZE};
+pub use embedded::Embedded;
+#[cfg(feature = "mongodb")]
+pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
+pub use uri::{Role, StoreUri, UriError, open};
 
-use bson::{Bson, Document, RawDocumentBuf};
+use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
 /// Documents in answer to a query, produced as they are asked for.
 pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreError>> + 'a>;
@@ -18,8 +30,9 @@ pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreErr
 /// at a time, but several processes may use one database at once.
 pub trait Store: Send {
     /// Stores the documents in order, giving an ObjectId `_id` (as the first
-    /// key) to those that have none; stops at the first that cannot be stored.
-    /// Durable on return.
+    /// key) to those that have none. Where one is not acceptable, none is
+    /// stored; where a unique key is taken, those before it are, and the error
+    /// says which. Durable on return.
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError>;
 
     /// The documents that match, lazily.
@@ -35,8 +48,13 @@ pub trait Store: Send {
     /// The results of an aggregation pipeline.
     fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError>;
 
-    /// Changes the first match, or all with `many`. Atomic per document.
-    fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError>;
+    /// Changes the first match, or all with `many`. Atomic per document. With
+    /// a stamp, what is changed says so under [`stamp::INFO`].
+    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError>;
+
+    /// Stores documents, each in place of the one with its `_id` where there is
+    /// one; the stamp is as with [`Store::update`]. Durable on return.
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError>;
 
     /// Removes all matches, or the first only; returns how many.
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError>;
@@ -95,6 +113,17 @@ pub struct UpdateRequest {
 pub struct Inserted {
     /// The `_id`s, in the order of the documents.
     pub ids: Vec<Bson>,
+}
+
+/// What [`Store::put`] did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Put {
+    /// How many are new.
+    pub inserted: u64,
+    /// How many took the place of another.
+    pub replaced: u64,
+    /// How many were there already, the same.
+    pub same: u64,
 }
 
 /// What an update did.

@@ -1,1 +1,10 @@
-//! Tests.
+//! The command line as a user meets it: wiring, messages, exit codes, documentation.
+
+mod lab;
+
+mod documents;
+mod exit_codes;
+mod plans;
+mod problems;
+mod readme;
+mod settings;

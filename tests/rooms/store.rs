@@ -1,1 +1,192 @@
+//! The embedded store through its public interface: files, and what goes wrong with them.
 
+use std::path::Path;
+
+use bson::{Bson, doc};
+use rmem::store::{Embedded, Find, Namespace, Role, Store as _, StoreError, StoreUri, open};
+
+fn blocks() -> Namespace {
+    Namespace::parse("robmem.blocks").unwrap()
+}
+
+/// Why `path` cannot be opened, with the folder it is in left out.
+fn refusal(path: &Path) -> String {
+    match Embedded::open(path) {
+        Ok(_) => "opened".to_owned(),
+        Err(error) => {
+            let folder = path.parent().unwrap().display().to_string();
+            error.to_string().replace(&folder, "…")
+        }
+    }
+}
+
+#[test]
+fn documents_come_back_in_the_order_they_were_stored_in() {
+    let store = Embedded::in_memory().unwrap();
+    let documents: Vec<_> = (0..2_000).rev().map(|n| doc! { "_id": n, "pad": "x".repeat(300) }).collect();
+    let inserted = store.insert(&blocks(), documents).unwrap();
+    let ids = store.find(&blocks(), &Find::default()).unwrap().map(|found| found.unwrap().get_i32("_id").unwrap());
+    assert_eq!(ids.map(Bson::Int32).collect::<Vec<_>>(), inserted.ids);
+}
+
+#[test]
+fn a_file_keeps_its_documents() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    let store = Embedded::open(&path).unwrap();
+    store.insert(&blocks(), vec![doc! { "_id": 1 }]).unwrap();
+    assert!(folder.path().join("robot.rmem-wal").exists(), "writes go to a log, so that readers need not wait");
+    drop(store);
+    assert_eq!(Embedded::open(&path).unwrap().count(&blocks(), &doc! {}).unwrap(), 1);
+    let files: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name()).collect();
+    assert_eq!(files, ["robot.rmem"], "a clean close leaves nothing beside the file");
+}
+
+#[test]
+fn an_empty_file_becomes_a_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    std::fs::write(&path, "").unwrap();
+    Embedded::open(&path).unwrap().insert(&blocks(), vec![doc! {}]).unwrap();
+}
+
+#[test]
+fn a_file_that_is_no_memory_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notes.txt");
+    let text = "(define (domain blocks)) ".repeat(100);
+    std::fs::write(&path, &text).unwrap();
+    assert_eq!(refusal(&path), "file:…/notes.txt: is not an rmem memory; name another file");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+}
+
+#[test]
+fn a_database_of_another_program_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.db");
+    rusqlite::Connection::open(&path).unwrap().execute_batch("CREATE TABLE t (x)").unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let text = "file:…/other.db: is an SQLite database of another program, not an rmem memory; name another file";
+    assert_eq!(refusal(&path), text);
+    assert_eq!(std::fs::read(&path).unwrap(), bytes);
+}
+
+#[test]
+fn a_memory_of_a_newer_version_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    drop(Embedded::open(&path).unwrap());
+    rusqlite::Connection::open(&path).unwrap().pragma_update(None, "user_version", 99).unwrap();
+    let text = "file:…/robot.rmem: is a memory of version 99, this rmem reads version 1; use a newer rmem";
+    assert_eq!(refusal(&path), text);
+}
+
+#[test]
+fn a_directory_and_a_missing_folder_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    assert_eq!(refusal(&inner), "cannot reach file:…/inner: is a directory; name a file in it");
+    let text = "cannot reach file:…/robot.rmem: its folder … does not exist; create it first";
+    assert_eq!(refusal(&folder.path().join("missing/robot.rmem")), text);
+    std::fs::write(folder.path().join("file"), "x").unwrap();
+    assert!(refusal(&folder.path().join("file/robot.rmem")).starts_with("cannot reach file:…/robot.rmem: "));
+}
+
+#[test]
+fn a_damaged_file_is_an_error_and_no_crash() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    let documents = (0..500).map(|n| doc! { "_id": n, "pad": "x".repeat(400) }).collect();
+    Embedded::open(&path).unwrap().insert(&blocks(), documents).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    for start in (4_096..whole.len()).step_by(8_192) {
+        let mut bytes = whole.clone();
+        bytes.iter_mut().skip(start).take(1_500).for_each(|byte| *byte ^= 0x5A);
+        std::fs::write(&path, bytes).unwrap();
+        let Ok(store) = Embedded::open(&path) else { continue };
+        let read = store.find(&blocks(), &Find { filter: doc! { "pad": "y" }, ..Find::default() });
+        let _ = read.map(|documents| documents.map(|document| document.is_ok()).collect::<Vec<_>>());
+        let _ = store.delete(&blocks(), &doc! { "pad": { "$type": "string" } }, false);
+    }
+    std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    let shortened =
+        Embedded::open(&path).and_then(|store| store.find(&blocks(), &Find::default())?.collect::<Result<Vec<_>, _>>());
+    assert!(shortened.is_err_and(|error| error.to_string().contains("is damaged")));
+}
+
+#[test]
+fn a_file_that_cannot_be_written_can_be_read() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    Embedded::open(&path).unwrap().insert(&blocks(), vec![doc! { "_id": 1 }]).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o444)).unwrap();
+    let store = Embedded::open(&path).unwrap();
+    assert_eq!(store.count(&blocks(), &doc! { "_id": 1 }).unwrap(), 1);
+    // The superuser may write it all the same.
+    if let Err(error) = store.insert(&blocks(), vec![doc! {}]) {
+        assert!(error.to_string().contains("cannot be written; check the permissions"), "{error}");
+    }
+}
+
+#[test]
+fn a_write_that_fails_leaves_no_trace() {
+    let store = Embedded::in_memory().unwrap();
+    let documents = (0..10).map(|n| doc! { "_id": n, "n": if n == 7 { "text".into() } else { Bson::Int32(n) } });
+    store.insert(&blocks(), documents.collect()).unwrap();
+    let request = rmem::store::UpdateRequest {
+        filter: doc! {},
+        update: rmem::store::UpdateSpec::Document(doc! { "$inc": { "n": 100 } }),
+        array_filters: Vec::new(),
+        many: true,
+        upsert: false,
+    };
+    assert!(matches!(store.update(&blocks(), &request, None), Err(StoreError::Query(error)) if error.code == 14));
+    assert_eq!(store.count(&blocks(), &doc! { "n": { "$gte": 100 } }).unwrap(), 0);
+    store.insert(&blocks(), vec![doc! { "_id": 10 }]).unwrap();
+}
+
+#[test]
+fn an_answer_goes_on_while_its_collection_is_dropped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    let (reader, writer) = (Embedded::open(&path).unwrap(), Embedded::open(&path).unwrap());
+    writer.insert(&blocks(), (0..5_000).map(|n| doc! { "_id": n }).collect()).unwrap();
+    let mut answer = reader.find(&blocks(), &Find::default()).unwrap();
+    assert!(answer.next().unwrap().is_ok());
+    assert!(writer.drop(&blocks()).unwrap());
+    writer.insert(&blocks(), vec![doc! { "_id": "new" }]).unwrap();
+    assert!(answer.all(|document| document.is_ok_and(|document| document.get_i32("_id").is_ok())));
+    assert_eq!(reader.count(&blocks(), &doc! {}).unwrap(), 1);
+}
+
+#[test]
+fn an_interrupted_answer_keeps_no_lock() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    let (reader, writer) = (Embedded::open(&path).unwrap(), Embedded::open(&path).unwrap());
+    writer.insert(&blocks(), (0..5_000).map(|n| doc! { "_id": n }).collect()).unwrap();
+    let mut answer = reader.find(&blocks(), &Find::default()).unwrap();
+    assert!(answer.next().unwrap().is_ok());
+    assert_eq!(writer.delete(&blocks(), &doc! {}, false).unwrap(), 5_000);
+    reader.insert(&blocks(), vec![doc! {}]).unwrap();
+}
+
+#[test]
+fn a_uri_opens_its_store() {
+    let folder = tempfile::tempdir().unwrap();
+    let uri = StoreUri::parse(&format!("file:{}", folder.path().join("a.rmem").display())).unwrap();
+    open(&uri, Role::Local).unwrap().insert(&blocks(), vec![doc! {}]).unwrap();
+    let store = open(&uri, Role::Local).unwrap();
+    assert_eq!((store.count(&blocks(), &doc! {}).unwrap(), store.describe()), (1, uri.to_string()));
+    assert_eq!(open(&StoreUri::parse("mem:").unwrap(), Role::Local).unwrap().describe(), "mem:");
+}
+
+#[cfg(not(feature = "mongodb"))]
+#[test]
+fn without_mongodb_its_uris_are_refused_with_what_to_do() {
+    let uri = StoreUri::parse("mongodb://robot:secret@host").unwrap();
+    let error = open(&uri, Role::Local).err().unwrap().to_string();
+    assert!(error.starts_with("mongodb://host: this rmem was built without MongoDB; "), "{error}");
+}

@@ -1,1 +1,179 @@
+//! World files and the memory they are loaded into, through the public interface.
 
+use bson::{DateTime, Document, doc};
+use rmem::formats::Source;
+use rmem::memory::{Clock, Memory, world};
+use rmem::store::{Embedded, Find, Namespace, StoreUri, UpdateRequest, UpdateSpec};
+
+fn ns(text: &str) -> Namespace {
+    Namespace::parse(text).unwrap()
+}
+
+fn at(millis: i64) -> DateTime {
+    DateTime::from_millis(millis)
+}
+
+fn memory() -> Memory {
+    Memory::new(Box::new(Embedded::in_memory().unwrap()), None, Vec::new()).with_clock(Clock::Stopped(at(1_000)))
+}
+
+fn load(memory: &Memory, text: &str) -> String {
+    world::load(memory, &Source::new("world.json", text)).unwrap().to_string()
+}
+
+fn all(memory: &Memory, text: &str) -> Vec<Document> {
+    let documents = memory.find(&ns(text), &Find::default()).unwrap();
+    documents.map(|document| Document::try_from(&*document.unwrap()).unwrap()).collect()
+}
+
+const WORLD: &str = r#"{
+  "b.blocks": [
+    {"block": "B"},
+    {"block": "A"},
+    {"block": "A"},
+    {"_id": 1, "n": {"$numberLong": "5"}, "x": 1.0}
+  ],
+  "a.empty": []
+}"#;
+
+#[test]
+fn documents_are_loaded_in_the_order_of_the_file() {
+    let memory = memory();
+    assert_eq!(
+        load(&memory, WORLD),
+        "b.blocks: 4 new, 0 replaced, 0 unchanged; a.empty: 0 new, 0 replaced, 0 unchanged"
+    );
+    let blocks = all(&memory, "b.blocks");
+    let names: Vec<_> = blocks.iter().filter_map(|block| block.get_str("block").ok()).collect();
+    assert_eq!(names, ["B", "A", "A"]);
+    assert_eq!(blocks[3], doc! { "_id": 1, "n": 5_i64, "x": 1.0 });
+}
+
+#[test]
+fn loading_a_file_again_changes_nothing() {
+    let memory = memory();
+    load(&memory, WORLD);
+    let before = world::dump(&memory, &memory.collections().unwrap()).unwrap();
+    let memory = memory.with_clock(Clock::Stopped(at(2_000)));
+    assert_eq!(
+        load(&memory, WORLD),
+        "b.blocks: 0 new, 0 replaced, 4 unchanged; a.empty: 0 new, 0 replaced, 0 unchanged"
+    );
+    assert_eq!(world::dump(&memory, &memory.collections().unwrap()).unwrap(), before);
+    assert_eq!(memory.count(&ns("b.blocks"), &doc! { "_robmem_info.updated": { "$exists": true } }).unwrap(), 0);
+}
+
+#[test]
+fn a_document_with_an_id_takes_the_place_of_the_other() {
+    let memory = memory();
+    load(&memory, r#"{"a.b": [{"_id": 1, "x": 1}, {"_id": 2, "x": 2}]}"#);
+    assert_eq!(load(&memory, r#"{"a.b": [{"y": 3, "_id": 1}]}"#), "a.b: 0 new, 1 replaced, 0 unchanged");
+    assert_eq!(all(&memory, "a.b"), [doc! { "_id": 1, "y": 3 }, doc! { "_id": 2, "x": 2 }]);
+}
+
+#[test]
+fn a_dump_has_a_document_on_each_line() {
+    let memory = memory();
+    let documents = vec![
+        doc! { "_id": 2, "pose": { "x": 0.5 }, "n": 3_i64, "_robmem_info": { "persistent": false } },
+        doc! { "_id": 1, "name": "cup" },
+    ];
+    memory.insert(&ns("tidyup.objects"), documents).unwrap();
+    memory.insert(&ns("a.b"), vec![doc! { "_id": "x" }]).unwrap();
+    let namespaces = [ns("tidyup.objects"), ns("a.b"), ns("a.none")];
+    assert_eq!(
+        world::dump(&memory, &namespaces).unwrap(),
+        r#"{
+  "a.b": [
+    {"_id":"x"}
+  ],
+  "a.none": [],
+  "tidyup.objects": [
+    {"_id":1,"name":"cup"},
+    {"_id":2,"pose":{"x":0.5},"n":{"$numberLong":"3"},"_robmem_info":{"persistent":false}}
+  ]
+}
+"#
+    );
+}
+
+#[test]
+fn a_dump_that_is_loaded_dumps_the_same_bytes() {
+    let first = memory();
+    load(&first, WORLD);
+    let text = world::dump(&first, &first.collections().unwrap()).unwrap();
+    let second = memory().with_clock(Clock::Stopped(at(9)));
+    load(&second, &text);
+    assert_eq!(world::dump(&second, &second.collections().unwrap()).unwrap(), text);
+    assert_eq!(world::dump(&second, &[]).unwrap(), "{}\n");
+}
+
+#[test]
+fn a_wrong_namespace_is_an_error_at_its_place() {
+    let source = Source::new("world.json", "{\n  \"blocks\": []\n}");
+    let error = world::World::parse(&source).unwrap_err();
+    assert_eq!((error.name(), error.position()), ("world.json", (2, 3)));
+    assert!(error.message().contains("it has no dot"), "{error}");
+    assert!(world::load(&memory(), &source).is_err());
+}
+
+#[test]
+fn metadata_is_kept_and_hidden() {
+    let memory = memory();
+    let blocks = ns("robmem.blocks");
+    memory.insert(&blocks, vec![doc! { "_id": 1, "a": 1 }]).unwrap();
+    let memory = memory.with_clock(Clock::Stopped(at(2_000)));
+    let request = |update| UpdateRequest {
+        filter: doc! { "_id": 1 },
+        update: UpdateSpec::Document(update),
+        array_filters: Vec::new(),
+        many: false,
+        upsert: false,
+    };
+    memory.update(&blocks, &request(doc! { "$set": { "a": 1 } })).unwrap();
+    assert_eq!(memory.count(&blocks, &doc! { "_robmem_info.updated": { "$exists": true } }).unwrap(), 0);
+    memory.update(&blocks, &request(doc! { "b": 2 })).unwrap();
+    assert_eq!(all(&memory, "robmem.blocks"), [doc! { "_id": 1, "b": 2 }]);
+
+    let stamped = memory.find_with_metadata(&blocks, &Find::default()).unwrap().next().unwrap().unwrap();
+    let info = doc! { "inserted": at(1_000), "updated": at(2_000) };
+    assert_eq!(Document::try_from(&*stamped).unwrap(), doc! { "_id": 1, "b": 2, "_robmem_info": info });
+    assert_eq!(memory.count(&blocks, &doc! { "_robmem_info.inserted": at(1_000) }).unwrap(), 1);
+    assert!(memory.insert(&blocks, vec![doc! { "_robmem_info": 3 }]).is_err());
+}
+
+#[test]
+fn metadata_that_is_asked_for_is_shown() {
+    let memory = memory();
+    memory.insert(&ns("a.b"), vec![doc! { "_id": 1 }]).unwrap();
+    let find = Find { projection: doc! { "_robmem_info.inserted": 1 }, ..Find::default() };
+    let found = memory.find(&ns("a.b"), &find).unwrap().next().unwrap().unwrap();
+    assert_eq!(Document::try_from(&*found).unwrap(), doc! { "_id": 1, "_robmem_info": { "inserted": at(1_000) } });
+}
+
+#[test]
+fn shared_databases_live_in_the_other_store() {
+    let folder = tempfile::tempdir().unwrap();
+    let uri = |name: &str| StoreUri::file(folder.path().join(name));
+    let memory = Memory::at(uri("local"), uri("shared"), vec!["synced".to_owned()]);
+    memory.insert(&ns("own.x"), vec![doc! { "_id": 1 }]).unwrap();
+    memory.insert(&ns("synced.x"), vec![doc! { "_id": 2 }]).unwrap();
+    assert_eq!(memory.collections().unwrap(), [ns("own.x"), ns("synced.x")]);
+
+    let local = Memory::at(uri("local"), uri("local"), vec!["synced".to_owned()]);
+    assert_eq!(local.collections().unwrap(), [ns("own.x")]);
+    assert_eq!(all(&local, "synced.x"), []);
+}
+
+#[test]
+fn a_store_is_opened_when_it_is_needed() {
+    let folder = tempfile::tempdir().unwrap();
+    let uri = |name: &str| StoreUri::file(folder.path().join(name));
+    let nowhere = || uri("no/such/folder");
+    let memory = Memory::at(uri("local"), nowhere(), vec!["synced".to_owned()]);
+    memory.insert(&ns("own.x"), vec![doc! {}]).unwrap();
+    assert!(memory.insert(&ns("synced.x"), vec![doc! {}]).is_err());
+    let memory = Memory::at(nowhere(), uri("shared"), vec!["synced".to_owned()]);
+    memory.insert(&ns("synced.x"), vec![doc! {}]).unwrap();
+    assert!(memory.count(&ns("own.x"), &doc! {}).is_err());
+}

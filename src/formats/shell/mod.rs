@@ -1,1 +1,30 @@
+//! MongoDB's shell spelling and Extended JSON v2, as one language: text ⇄ BSON.
 //!
+//! Reading takes both spellings, mixed at will. Integers are Int32 where they
+//! fit, else Int64, else Double; a decimal point or an exponent makes a Double.
+//! A document with a key of Extended JSON (`$oid`, `$date`, `$numberLong`, …)
+//! is that type, or an error if it is malformed. `{$regex: …, $options: …}` is
+//! MongoDB's query operator and stays a document.
+//!
+//! Writing gives Extended JSON v2, [`canonical`] (every type survives) or
+//! [`relaxed`] (integers are plain numbers, so an Int64 that fits reads back as
+//! an Int32). Source: the Extended JSON specification v2.
+//!
+//! Values nest at most [`MAX_DEPTH`] deep; deeper text is an error, found
+//! before anything recurses.
+
+mod calendar;
+mod constructor;
+mod extended;
+mod literal;
+mod reader;
+mod scanner;
+mod stream;
+mod writer;
+
+pub use reader::{
+    parse_document, parse_document_in, parse_documents, parse_pipeline, parse_pipeline_in, parse_value, parse_world,
+};
+pub use scanner::MAX_DEPTH;
+pub use stream::{ReadError, Reader};
+pub use writer::{canonical, canonical_value, pretty, relaxed, relaxed_value, write_canonical, write_relaxed};

@@ -1,0 +1,474 @@
+//! The command line as types; no behaviour.
+//!
+//! The doc comment of a type is its help text. What a flag means beyond its
+//! spelling is decided in `commands/`; how it is layered over the environment
+//! and `rmem.toml`, in `settings`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+
+use crate::exit::TABLE;
+use crate::output::Format;
+use crate::settings::quantity;
+use crate::store::Namespace;
+
+/// A document-oriented robot memory: PDDL problems from queries, plans back into the memory
+#[derive(Debug, Parser)]
+#[command(name = "rmem", version, propagate_version = true, max_term_width = 100, disable_help_subcommand = false)]
+#[command(after_help = "Exit codes: rmem help exit-codes")]
+pub struct Cli {
+    /// What holds for every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The command line with the parts of its help that are computed.
+#[must_use]
+pub fn command() -> clap::Command {
+    let codes: Vec<String> = TABLE.iter().map(|(exit, meaning)| format!("{:>5}  {meaning}", exit.code())).collect();
+    Cli::command().mut_subcommand("exit-codes", |command| {
+        command.after_help(format!("{}\n\nExample:\n  rmem help exit-codes", codes.join("\n")))
+    })
+}
+
+/// What holds for every command.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Global options")]
+pub struct Global {
+    /// The local store: file:PATH, mem:, or mongodb://… [env: RMEM_MEMORY]
+    #[arg(long, global = true, value_name = "URI")]
+    pub memory: Option<String>,
+    /// The store of shared databases [env: RMEM_SHARED]
+    #[arg(long, global = true, value_name = "URI")]
+    pub shared: Option<String>,
+    /// Settings; else the nearest rmem.toml upwards, then the user's [env: RMEM_CONFIG]
+    #[arg(long, global = true, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Put a world file into the memory before the command runs (can be repeated)
+    #[arg(long, global = true, value_name = "WORLD")]
+    pub load: Vec<PathBuf>,
+    /// How results are printed [env: RMEM_FORMAT]
+    #[arg(long, global = true, value_name = "FORMAT", hide_possible_values = true)]
+    pub format: Option<Format>,
+    /// The namespace where none is given [env: RMEM_COLLECTION]
+    #[arg(long, global = true, value_name = "NS")]
+    pub collection: Option<String>,
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say each operation and how long it took
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+    /// Colour messages: auto, always, never [env: NO_COLOR]
+    #[arg(long, global = true, value_name = "WHEN", hide_possible_values = true)]
+    pub color: Option<Color>,
+    /// Append each operation to FILE as JSON lines [env: RMEM_LOG]
+    #[arg(long, global = true, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+}
+
+/// When to colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// On a terminal.
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+/// The commands, in the order of the help.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Store documents; prints their ids
+    #[command(after_help = "Example:\n  rmem insert robmem.worldmodel \"{relation: 'on-table', object: 'A'}\"")]
+    Insert(Insert),
+    /// Print the documents that match
+    #[command(after_help = "Example:\n  rmem query robmem.worldmodel \"{relation: 'on'}\" --sort '{object_top: 1}'")]
+    Query(Query),
+    /// Count the documents that match
+    #[command(after_help = "Example:\n  rmem count robmem.worldmodel \"{relation: 'on'}\"")]
+    Count(Count),
+    /// Print the distinct values of a field
+    #[command(after_help = "Example:\n  rmem distinct robmem.worldmodel object \"{relation: 'on-table'}\"")]
+    Distinct(Distinct),
+    /// Run an aggregation pipeline
+    #[command(
+        after_help = "Example:\n  rmem aggregate robmem.worldmodel \"[{\\$group: {_id: '\\$relation', n: {\\$sum: 1}}}]\""
+    )]
+    Aggregate(Aggregate),
+    /// Change documents: operators, a replacement, or a pipeline
+    #[command(
+        after_help = "Example:\n  rmem update robmem.worldmodel \"{object: 'A'}\" \"{\\$set: {color: 'red'}}\" --many"
+    )]
+    Update(Update),
+    /// Remove the documents that match
+    #[command(after_help = "Example:\n  rmem delete robmem.worldmodel \"{relation: 'holding'}\"")]
+    Delete(Delete),
+    /// List the collections
+    #[command(after_help = "Example:\n  rmem collections")]
+    Collections,
+    /// Remove a whole collection
+    #[command(after_help = "Example:\n  rmem drop robmem.worldmodel")]
+    Drop(Drop),
+    /// Write namespaces as a world file
+    #[command(after_help = "Example:\n  rmem dump robmem.worldmodel -o world.json")]
+    Dump(Dump),
+    /// Generate a PDDL problem from a template whose sections are queries
+    #[command(
+        after_help = "Example:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl"
+    )]
+    GenProblem(GenProblem),
+    /// Find a plan, check it, store it, print it
+    #[command(
+        after_help = "Examples:\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  rmem gen-problem --template problem.pddl.j2 | rmem plan --domain domain.pddl --problem -"
+    )]
+    Plan(Plan),
+    /// Run the built-in planner, speaking FF
+    #[command(after_help = "Example:\n  rmem ff -o domain.pddl -f problem.pddl")]
+    Ff(Ff),
+    /// Check a domain, a problem, and simulate a plan
+    #[command(after_help = "Example:\n  rmem validate domain.pddl problem.pddl plan.txt")]
+    Validate(Validate),
+    /// Print the settings in force, and where each came from
+    #[command(after_help = "Example:\n  rmem config")]
+    Config,
+    /// Say whether store, planners and settings are in order
+    #[command(after_help = "Example:\n  rmem doctor")]
+    Doctor,
+    /// Print a shell's completion script
+    #[command(after_help = "Example:\n  rmem completions bash > ~/.local/share/bash-completion/completions/rmem")]
+    Completions(Completions),
+    /// Print the manual page
+    #[command(after_help = "Example:\n  rmem man > rmem.1")]
+    Man,
+    /// Print the table of exit codes
+    ExitCodes,
+}
+
+/// `insert`
+#[derive(Debug, Args)]
+pub struct Insert {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Documents in shell syntax or Extended JSON; none or - reads stdin
+    #[arg(value_name = "DOC")]
+    pub documents: Vec<String>,
+    /// Read documents from FILE
+    #[arg(short, long, value_name = "FILE", conflicts_with = "documents")]
+    pub file: Option<PathBuf>,
+}
+
+/// `query`
+#[derive(Debug, Args)]
+pub struct Query {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Which documents; all where it is left out
+    #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub query: String,
+    /// Keys with 1 or -1
+    #[arg(long, value_name = "SORT")]
+    pub sort: Option<String>,
+    /// At most N documents
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub limit: u64,
+    /// Pass over the first N
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub skip: u64,
+    /// Which fields: {name: 1} or {name: 0}
+    #[arg(long, value_name = "PROJECTION")]
+    pub fields: Option<String>,
+    /// Show the memory's metadata, `_robmem_info`
+    #[arg(long)]
+    pub meta: bool,
+}
+
+/// `count`
+#[derive(Debug, Args)]
+pub struct Count {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Which documents; all where it is left out
+    #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub query: String,
+}
+
+/// `distinct`
+#[derive(Debug, Args)]
+pub struct Distinct {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// A field, or a path with dots
+    #[arg(value_name = "FIELD")]
+    pub field: String,
+    /// Among which documents; all where it is left out
+    #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub query: String,
+}
+
+/// `aggregate`
+#[derive(Debug, Args)]
+pub struct Aggregate {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// An array of stages
+    #[arg(value_name = "PIPELINE")]
+    pub pipeline: String,
+}
+
+/// `update`
+#[derive(Debug, Args)]
+pub struct Update {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Which documents
+    #[arg(value_name = "QUERY")]
+    pub query: String,
+    /// Operators, a replacement, or a pipeline
+    #[arg(value_name = "UPDATE")]
+    pub update: String,
+    /// All matches, not only the first
+    #[arg(long)]
+    pub many: bool,
+    /// Insert where nothing matches
+    #[arg(long)]
+    pub upsert: bool,
+    /// What `$[identifier]` stands for (can be repeated)
+    #[arg(long = "array-filter", value_name = "QUERY")]
+    pub array_filters: Vec<String>,
+}
+
+/// `delete`
+#[derive(Debug, Args)]
+pub struct Delete {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Which documents; an empty query needs --all
+    #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub query: String,
+    /// The first match only
+    #[arg(long)]
+    pub one: bool,
+    /// Really all documents of the collection
+    #[arg(long, conflicts_with = "one")]
+    pub all: bool,
+}
+
+/// `drop`
+#[derive(Debug, Args)]
+pub struct Drop {
+    /// Which collection: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+}
+
+/// `dump`
+#[derive(Debug, Args)]
+pub struct Dump {
+    /// Which collections
+    #[arg(value_name = "NS", required_unless_present = "all")]
+    pub namespaces: Vec<Namespace>,
+    /// Every collection
+    #[arg(long, conflicts_with = "namespaces")]
+    pub all: bool,
+    /// The world file to write
+    #[arg(short, long, value_name = "PATH", default_value = "-")]
+    pub output: PathBuf,
+}
+
+/// What a template needs; shared by `gen-problem` and `plan`.
+#[derive(Debug, Clone, Default, Args)]
+pub struct TemplateOptions {
+    /// The problem's goal, as PDDL
+    #[arg(long, value_name = "GOAL", allow_hyphen_values = true)]
+    pub goal: Option<String>,
+    /// A parameter: NAME=TEXT, or NAME:=JSON for other types (can be repeated)
+    #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = definition)]
+    pub definitions: Vec<Definition>,
+    /// How the template is spelled: auto, minijinja, marker
+    #[arg(long, value_name = "SYNTAX", default_value = "auto", hide_possible_values = true)]
+    pub syntax: TemplateSyntax,
+    /// Take what is wrong as the Fawkes original did: unknown keys are empty
+    #[arg(long)]
+    pub lenient: bool,
+    /// A section that matches no document is an error
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// How a template is spelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum TemplateSyntax {
+    /// By its content.
+    #[default]
+    Auto,
+    /// `{{ … }}`, `{% … %}`
+    Minijinja,
+    /// `<<#NAME|{query}>> … <</NAME>>`
+    Marker,
+}
+
+/// `-D NAME=TEXT` or `-D NAME:=JSON`
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Definition {
+    /// The parameter.
+    pub name: String,
+    /// Its value, as it was written.
+    pub value: String,
+    /// Whether the value is typed (`:=`).
+    pub typed: bool,
+}
+
+fn definition(text: &str) -> Result<Definition, String> {
+    let Some((name, value)) = text.split_once('=') else {
+        return Err("expected NAME=TEXT or NAME:=JSON".to_owned());
+    };
+    let (name, typed) = name.strip_suffix(':').map_or((name, false), |name| (name, true));
+    let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    if name.is_empty() || !name.chars().all(legal) || name.starts_with(|c: char| c.is_ascii_digit()) {
+        return Err(format!("`{name}` is not a parameter's name; expected letters, digits and _"));
+    }
+    Ok(Definition { name: name.to_owned(), value: value.to_owned(), typed })
+}
+
+/// `gen-problem`
+#[derive(Debug, Args)]
+pub struct GenProblem {
+    /// The template; - is stdin
+    #[arg(short, long, value_name = "FILE")]
+    pub template: PathBuf,
+    /// Check the problem against this domain
+    #[arg(short, long, value_name = "FILE")]
+    pub domain: Option<PathBuf>,
+    /// What the template is given.
+    #[command(flatten)]
+    pub options: TemplateOptions,
+    /// The problem file to write, whole or not at all
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+}
+
+/// `plan`
+#[derive(Debug, Args)]
+pub struct Plan {
+    /// The domain
+    #[arg(short, long, value_name = "FILE")]
+    pub domain: PathBuf,
+    /// A problem; - is stdin
+    #[arg(short, long, value_name = "FILE", required_unless_present = "template", conflicts_with = "template")]
+    pub problem: Option<PathBuf>,
+    /// A template to generate the problem from; - is stdin
+    #[arg(short, long, value_name = "FILE")]
+    pub template: Option<PathBuf>,
+    /// What the template is given.
+    #[command(flatten)]
+    pub options: TemplateOptions,
+    /// builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml
+    #[arg(long, value_name = "NAME", default_value = "builtin")]
+    pub planner: String,
+    /// How long the planner may run
+    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
+    pub timeout: Duration,
+    /// How much memory the planner may use
+    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    pub memory_limit: Option<u64>,
+    /// Where the plan is stored
+    #[arg(long, value_name = "NS", default_value = "robmem.plans")]
+    pub into: Namespace,
+    /// How the plan document is laid out: numbered, fawkes
+    #[arg(long, value_name = "LAYOUT", default_value = "numbered", hide_possible_values = true)]
+    pub layout: Layout,
+    /// Do not store the plan
+    #[arg(long)]
+    pub no_store: bool,
+}
+
+/// The layouts of a plan document.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Layout {
+    /// One numbered key a step.
+    #[default]
+    Numbered,
+    /// An array of actions, as Fawkes stores them.
+    Fawkes,
+}
+
+/// `ff`
+#[derive(Debug, Args)]
+pub struct Ff {
+    /// The domain (FF's operator file)
+    #[arg(short = 'o', value_name = "DOMAIN")]
+    pub domain: PathBuf,
+    /// The problem (FF's fact file)
+    #[arg(short = 'f', value_name = "PROBLEM")]
+    pub problem: PathBuf,
+}
+
+/// `validate`
+#[derive(Debug, Args)]
+pub struct Validate {
+    /// The domain
+    #[arg(value_name = "DOMAIN")]
+    pub domain: PathBuf,
+    /// A problem of it; - is stdin
+    #[arg(value_name = "PROBLEM")]
+    pub problem: Option<PathBuf>,
+    /// A plan for it; - is stdin
+    #[arg(value_name = "PLAN")]
+    pub plan: Option<PathBuf>,
+    /// Take `//` to the end of a line as a comment
+    #[arg(long)]
+    pub lenient: bool,
+}
+
+/// `completions`
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// bash, elvish, fish, powershell or zsh
+    #[arg(value_name = "SHELL", hide_possible_values = true)]
+    pub shell: clap_complete::Shell,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_an_example() {
+        for command in command().get_subcommands() {
+            let help = command.clone().render_long_help().to_string();
+            assert!(help.contains("Example"), "{} has no example", command.get_name());
+        }
+    }
+
+    #[test]
+    fn definitions_are_text_or_typed() {
+        assert_eq!(
+            definition("robot=R2=D2"),
+            Ok(Definition { name: "robot".into(), value: "R2=D2".into(), typed: false })
+        );
+        assert!(definition("n:=3").unwrap().typed);
+        for text in ["", "x", "=1", "1x=2", "a b=3", "a-b=1"] {
+            assert!(definition(text).is_err(), "{text}");
+        }
+    }
+}

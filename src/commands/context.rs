@@ -1,0 +1,215 @@
+//! What a command works with: settings, streams, and the memory once it is asked for.
+
+use std::io::{BufRead, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use bson::Document;
+
+use crate::formats::{Source, shell};
+use crate::memory::{Memory, world};
+use crate::output::{Format, Output};
+use crate::settings::{Environment, Origin, Settings};
+use crate::store::{StoreError, StoreUri};
+
+/// The command line asks for something that makes no sense.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct UsageError(String);
+
+impl UsageError {
+    /// Says what was wrong and what was expected.
+    pub fn new(text: impl Into<String>) -> Self {
+        Self(text.into())
+    }
+}
+
+/// An input is wrong as a whole, at no single place.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct WrongInput(String);
+
+impl WrongInput {
+    /// Says what was wrong and what was expected.
+    pub fn new(text: impl Into<String>) -> Self {
+        Self(text.into())
+    }
+}
+
+/// What a command works with.
+pub struct Context<'a> {
+    /// The settings in force.
+    pub settings: Settings,
+    /// Where the command speaks.
+    pub output: Output<'a>,
+    /// The environment variables, for programs that rmem looks for.
+    pub environment: Environment,
+    /// rmem itself, for child processes.
+    pub executable: PathBuf,
+    stdin: &'a mut dyn BufRead,
+    terminal: bool,
+}
+
+impl<'a> Context<'a> {
+    pub(crate) fn new(
+        settings: Settings,
+        output: Output<'a>,
+        stdin: &'a mut dyn BufRead,
+        terminal: bool,
+        executable: PathBuf,
+        environment: Environment,
+    ) -> Self {
+        Self { settings, output, environment, executable, stdin, terminal }
+    }
+
+    /// Opens the memory and puts the world files of `--load` into it.
+    ///
+    /// # Errors
+    /// Where a store cannot be opened or a world file is wrong.
+    pub fn memory(&mut self) -> anyhow::Result<Memory> {
+        let mut memory = open(&self.settings)?;
+        if let Some(observer) = self.output.observer() {
+            memory = memory.with_observer(observer);
+        }
+        for path in self.settings.load.clone() {
+            let start = Instant::now();
+            let source = self.read(&path)?;
+            let loaded = world::load(&memory, &source).with_context(|| format!("loading {}", path.display()))?;
+            self.output.operation("load", source.name(), &loaded.to_string(), start.elapsed());
+        }
+        Ok(memory)
+    }
+
+    /// Reads a whole text file, or stdin for `-`.
+    ///
+    /// # Errors
+    /// Where it cannot be read, or is not UTF-8.
+    pub fn read(&mut self, path: &Path) -> anyhow::Result<Source> {
+        let mut bytes = Vec::new();
+        let name = if path == Path::new("-") {
+            self.stdin.read_to_end(&mut bytes).context("cannot read stdin")?;
+            "<stdin>".to_owned()
+        } else {
+            bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+            path.display().to_string()
+        };
+        let text = String::from_utf8(bytes).map_err(|error| {
+            WrongInput::new(format!("{name}: byte {} is not UTF-8", error.utf8_error().valid_up_to()))
+        })?;
+        Ok(Source::new(name, text))
+    }
+
+    /// Standard input, to read as it comes.
+    pub fn stdin(&mut self) -> &mut dyn BufRead {
+        &mut *self.stdin
+    }
+
+    /// The format in force: what was set, else a table on a terminal, else JSON lines.
+    ///
+    /// # Errors
+    /// Where a format was set that this command does not print.
+    pub fn format(&self, allowed: &[Format]) -> Result<Format, UsageError> {
+        let Some(format) = self.settings.format.value else {
+            let table = self.terminal && allowed.contains(&Format::Table);
+            return Ok(if table { Format::Table } else { allowed[0] });
+        };
+        if allowed.contains(&format) {
+            return Ok(format);
+        }
+        let names: Vec<_> = allowed.iter().map(|format| format.name()).collect();
+        Err(UsageError::new(format!("this command has no format `{}`; it has {}", format.name(), names.join(", "))))
+    }
+
+    /// Prints documents as they come, in the format in force; returns how many.
+    ///
+    /// # Errors
+    /// Where a document cannot be had or stdout is gone.
+    pub fn print_documents(
+        &mut self,
+        documents: impl Iterator<Item = Result<Document, StoreError>>,
+    ) -> anyhow::Result<u64> {
+        let format = self.format(&[Format::Jsonl, Format::Json, Format::Canonical, Format::Table])?;
+        let stdout = self.output.stdout();
+        let mut count = 0;
+        let mut rows = Vec::new();
+        for document in documents {
+            let document = document?;
+            match format {
+                Format::Canonical => writeln!(stdout, "{}", shell::canonical(&document))?,
+                Format::Json => {
+                    let separator = if count == 0 { "[\n" } else { ",\n" };
+                    write!(stdout, "{separator}{}", shell::pretty(&document.into()))?;
+                }
+                Format::Table => rows.push(document),
+                _ => writeln!(stdout, "{}", shell::relaxed(&document))?,
+            }
+            count += 1;
+        }
+        match format {
+            Format::Json => writeln!(stdout, "{}", if count == 0 { "[]" } else { "\n]" })?,
+            Format::Table if !rows.is_empty() => writeln!(stdout, "{}", table(&rows)?)?,
+            _ => {}
+        }
+        Ok(count)
+    }
+}
+
+/// The stores that the settings name; each is contacted when it is first used.
+fn open(settings: &Settings) -> anyhow::Result<Memory> {
+    let local = settings.memory.value.as_deref().ok_or_else(|| {
+        UsageError::new("no memory is set and no data directory is known; expected --memory URI, like file:robot.rmem")
+    })?;
+    let parse = |uri: &str, origin: &Origin| {
+        StoreUri::parse(uri).map_err(|error| UsageError::new(format!("{error} (set by {origin})")))
+    };
+    let local = parse(local, &settings.memory.origin)?;
+    if settings.memory.origin == Origin::Default
+        && let Some(folder) = local.path().and_then(Path::parent)
+    {
+        // The user's data directory is rmem's to make; a folder that somebody named is not.
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    }
+    let shared = match &settings.shared.value {
+        Some(uri) => parse(uri, &settings.shared.origin)?,
+        None => local.clone(),
+    };
+    Ok(Memory::at(local, shared, settings.shared_databases.value.clone()))
+}
+
+/// Columns for people: a column a top-level key, in order of first appearance.
+fn table(rows: &[Document]) -> std::io::Result<String> {
+    let mut keys: Vec<&str> = Vec::new();
+    for key in rows.iter().flat_map(Document::keys) {
+        if !keys.contains(&key.as_str()) {
+            keys.push(key);
+        }
+    }
+    let mut text = keys.join("\t");
+    for row in rows {
+        let cells: Vec<String> = keys.iter().map(|key| row.get(key).map(cell).unwrap_or_default()).collect();
+        text.push('\n');
+        text.push_str(&cells.join("\t"));
+    }
+    let mut aligned = tabwriter::TabWriter::new(Vec::new());
+    aligned.write_all(text.as_bytes())?;
+    aligned.flush()?;
+    let aligned = aligned.into_inner().map_err(|error| std::io::Error::other(error.to_string()))?;
+    let text = String::from_utf8_lossy(&aligned).into_owned();
+    Ok(text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n"))
+}
+
+/// A value in a table: strings bare, the rest as JSON, line breaks and escapes made visible.
+fn cell(value: &bson::Bson) -> String {
+    match value {
+        bson::Bson::String(text) => text
+            .chars()
+            .flat_map(|c| {
+                let escaped: Vec<char> = if c.is_control() { c.escape_default().collect() } else { vec![c] };
+                escaped
+            })
+            .collect(),
+        bson::Bson::ObjectId(id) => id.to_hex(),
+        other => shell::relaxed_value(other),
+    }
+}

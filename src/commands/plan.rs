@@ -1,0 +1,230 @@
+//! `rmem plan`: a problem from the memory, a plan for it, and the plan into the memory.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use bson::{Bson, DateTime, doc};
+
+use super::gen_problem::{generate, read_domain};
+use super::{Context, UsageError};
+use crate::cli;
+use crate::exit::Exit;
+use crate::formats::{Diagnostics, Source, pddl::Dialect, shell};
+use crate::memory::Memory;
+use crate::output::Format;
+use crate::pddl::{Domain, Problem, Validation, validate};
+use crate::plan::{self, Answered, Lineage};
+use crate::planner::{self, Host, Limits, Outcome, Planner, Run, Task};
+use crate::problem::{Generated, SectionReport, names};
+use crate::store::stamp;
+
+pub(super) fn run(args: &cli::Plan, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let format = context.format(&[Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot])?;
+    let planner = choose(&args.planner, context)?;
+    let domain = read_domain(&args.domain, args.options.lenient, context)?;
+    let memory = context.memory()?;
+    let posed = pose(args, &domain, &memory, context)?;
+    let mut run = search(planner.as_ref(), &domain, &posed.problem, args, context);
+    simulate(&mut run, &domain, &posed.problem, context);
+    let id = if args.no_store { None } else { Some(store(&run, args, &domain, &posed, &memory, context)?) };
+    print(&run, &domain, format, id.as_deref().unwrap_or("plan"), args, context)
+}
+
+/// A problem, and what is known about where it came from.
+struct Posed {
+    problem: Problem,
+    template: Option<Source>,
+    generated: Option<Generated>,
+    started: DateTime,
+    took: Duration,
+}
+
+/// Reads the problem, or generates it from the template, and checks it against the domain.
+fn pose(args: &cli::Plan, domain: &Domain, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Posed> {
+    let (started, clock) = (DateTime::now(), Instant::now());
+    let dialect = Dialect { lenient: args.options.lenient };
+    let (problem, template, generated) = match (&args.problem, &args.template) {
+        (Some(path), _) => {
+            let source = context.read(path)?;
+            (Problem::read(&source, domain, dialect).map_err(Diagnostics)?, None, None)
+        }
+        (None, Some(path)) => {
+            let template = context.read(path)?;
+            let generated = generate(&template, &args.options, memory, context)?;
+            let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
+            (problem, Some(template), Some(generated))
+        }
+        (None, None) => return Err(UsageError::new("expected --problem or --template").into()),
+    };
+    Ok(Posed { problem, template, generated, started, took: clock.elapsed() })
+}
+
+/// The planner of that name: one of rmem's own or of the settings.
+fn choose(name: &str, context: &Context<'_>) -> Result<Box<dyn Planner>, UsageError> {
+    let configured = context.settings.planners.iter().find(|planner| planner.name == name);
+    if let Some(configured) = configured {
+        return Ok(Box::new(configured.clone()));
+    }
+    planner::by_name(name).ok_or_else(|| {
+        let mut known = vec!["builtin", "ff", "fast-downward"];
+        known.extend(context.settings.planners.iter().map(|planner| planner.name.as_str()));
+        UsageError::new(format!("there is no planner `{name}`; expected one of {}", known.join(", ")))
+    })
+}
+
+fn search(
+    planner: &dyn Planner,
+    domain: &Domain,
+    problem: &Problem,
+    args: &cli::Plan,
+    context: &mut Context<'_>,
+) -> Run {
+    let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, ..Limits::default() };
+    let host = Host {
+        exe: context.executable.clone(),
+        temporary: context.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into),
+        interrupted: crate::interruptible(),
+    };
+    let task = Task { domain, problem };
+    let start = Instant::now();
+    let run = planner::run(planner, &task, &limits, &host);
+    context.output.operation("plan", &run.planner, run.outcome.word(), start.elapsed());
+    run
+}
+
+/// A plan that does not reach the goal is none, whatever its planner says.
+fn simulate(run: &mut Run, domain: &Domain, problem: &Problem, context: &mut Context<'_>) {
+    let Outcome::Plan(plan) = &mut run.outcome else { return };
+    match validate(domain, problem, &plan.steps) {
+        Validation::Valid { value } => plan.cost = value.or(plan.cost),
+        Validation::Unjudged(reason) => context.output.warn(&format!("the plan was not simulated: {reason}")),
+        verdict @ Validation::Invalid(_) => {
+            run.message = format!("it returned a plan that is not valid: {verdict}");
+            run.outcome = Outcome::Failed;
+        }
+    }
+}
+
+/// Stores the plan, or that there is none, with its lineage.
+fn store(
+    run: &Run,
+    args: &cli::Plan,
+    domain: &Domain,
+    posed: &Posed,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> anyhow::Result<String> {
+    let layout = layout(args);
+    let mut document = match &run.outcome {
+        Outcome::Plan(plan) => plan::to_document(plan, domain.tree(), layout, &value),
+        other => plan::failure(other.word(), layout),
+    };
+    document.insert(stamp::INFO, doc! { "lineage": lineage(run, args, domain, posed).to_document() });
+    let inserted = memory.insert(&args.into, vec![document]).context("storing the plan")?;
+    let id = match inserted.ids.first() {
+        Some(Bson::ObjectId(id)) => id.to_hex(),
+        other => other.map(shell::relaxed_value).unwrap_or_default(),
+    };
+    context.output.note(&format!("stored in {} as {id}", args.into));
+    Ok(id)
+}
+
+fn layout(args: &cli::Plan) -> plan::Layout {
+    match args.layout {
+        cli::Layout::Numbered => plan::Layout::Numbered,
+        cli::Layout::Fawkes => plan::Layout::Fawkes,
+    }
+}
+
+fn lineage(run: &Run, args: &cli::Plan, domain: &Domain, posed: &Posed) -> Lineage {
+    let goal = args.options.goal.clone().unwrap_or_else(|| goal(&posed.problem));
+    let sections = posed.generated.iter().flat_map(|generated| &generated.sections);
+    let lineage = Lineage {
+        domain: plan::hash(domain.source().text()),
+        problem: plan::hash(posed.problem.source().text()),
+        template: posed.template.as_ref().map(|template| plan::hash(template.text())),
+        goal,
+        queries: sections.map(answered).collect(),
+        started: Some(posed.started),
+        times: vec![("pose".to_owned(), posed.took)],
+        ..Lineage::default()
+    };
+    lineage.with_run(run)
+}
+
+/// The goal as PDDL.
+fn goal(problem: &Problem) -> String {
+    problem.tree().goal.as_ref().map(ToString::to_string).unwrap_or_default()
+}
+
+fn answered(section: &SectionReport) -> Answered {
+    Answered {
+        name: section.name.clone(),
+        namespace: section.namespace.to_string(),
+        query: shell::relaxed(&section.query),
+        count: section.matched,
+    }
+}
+
+/// The memory's value for a name of the problem.
+fn value(name: &str) -> Bson {
+    Bson::String(names::restore(name))
+}
+
+/// Prints the plan; says why there is none.
+fn print(
+    run: &Run,
+    domain: &Domain,
+    format: Format,
+    id: &str,
+    args: &cli::Plan,
+    context: &mut Context<'_>,
+) -> anyhow::Result<Exit> {
+    let Outcome::Plan(found) = &run.outcome else {
+        let mut text = format!("{}: {}", run.planner, run.outcome.sentence());
+        if !run.message.is_empty() {
+            text = format!("{text}: {}", run.message);
+        }
+        if matches!(run.outcome, Outcome::Failed) && !run.tail().is_empty() {
+            text = format!("{text}\n  its last words:\n{}", indent(&run.tail()));
+        }
+        context.output.error(&text);
+        return Ok(exit(&run.outcome));
+    };
+    let text = match format {
+        Format::Json if args.layout == cli::Layout::Fawkes => {
+            shell::relaxed(&plan::to_document(found, domain.tree(), layout(args), &value)) + "\n"
+        }
+        _ => plan::print(found, spelling(format), domain.tree(), id, &value),
+    };
+    context.output.stdout().write_all(text.as_bytes())?;
+    Ok(Exit::Done)
+}
+
+fn spelling(format: Format) -> plan::Format {
+    match format {
+        Format::Json => plan::Format::Json,
+        Format::Clips => plan::Format::Clips,
+        Format::Ff => plan::Format::Ff,
+        Format::Dot => plan::Format::Dot,
+        _ => plan::Format::Text,
+    }
+}
+
+fn exit(outcome: &Outcome) -> Exit {
+    match outcome {
+        Outcome::Plan(_) => Exit::Done,
+        Outcome::Unsolvable => Exit::Unsolvable,
+        Outcome::GaveUp => Exit::GaveUp,
+        Outcome::OutOfMemory => Exit::OutOfMemory,
+        Outcome::OutOfTime => Exit::OutOfTime,
+        Outcome::Failed => Exit::PlannerBroken,
+        Outcome::Unsupported => Exit::Unsupported,
+        Outcome::NotFound => Exit::PlannerNotFound,
+        Outcome::Interrupted => Exit::Interrupted,
+    }
+}
+
+fn indent(text: &str) -> String {
+    text.lines().map(|line| format!("    {line}")).collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,134 @@
+//! The exit codes, and which error has which.
+//!
+//! The numbers are a contract with scripts and executives; 11 to 34 follow
+//! Fast Downward's bands.
+
+use crate::commands::{UsageError, WrongInput};
+use crate::formats::{Diagnostic, Diagnostics};
+use crate::query::QueryError;
+use crate::store::{NamespaceError, StoreError};
+
+/// How a command ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Exit {
+    /// Done; a plan was found (also an empty one).
+    Done,
+    /// A well-formed no: different, invalid plan, trigger timed out.
+    No,
+    /// The command line is wrong.
+    Usage,
+    /// A document, query, template, PDDL, CLIPS or world file is wrong.
+    BadInput,
+    /// A store is unreachable or failed; a file cannot be written.
+    Store,
+    /// A unique key or a lock is taken.
+    Conflict,
+    /// It is proven that no plan exists.
+    Unsolvable,
+    /// The planner gave up without proof.
+    GaveUp,
+    /// The planner ran into its memory limit.
+    OutOfMemory,
+    /// The planner ran into its time limit.
+    OutOfTime,
+    /// The planner crashed, or returned what is not a plan, or an invalid plan.
+    PlannerBroken,
+    /// The planner cannot handle a feature that the task uses.
+    Unsupported,
+    /// The planner program is not installed.
+    PlannerNotFound,
+    /// The user interrupted the command.
+    Interrupted,
+    /// The code of a program that was run on somebody's behalf, passed on.
+    Passed(u8),
+}
+
+/// Every code with its meaning, in order: the table of `rmem help exit-codes`.
+pub const TABLE: [(Exit, &str); 14] = [
+    (Exit::Done, "done; a plan was found (also an empty one)"),
+    (Exit::No, "a well-formed no: different, invalid plan, trigger timed out"),
+    (Exit::Usage, "usage"),
+    (Exit::BadInput, "bad input: document, query, template, PDDL, CLIPS, world file"),
+    (Exit::Store, "store unreachable or failed"),
+    (Exit::Conflict, "conflict: unique key, lock"),
+    (Exit::Unsolvable, "proven: no plan exists"),
+    (Exit::GaveUp, "the planner gave up without proof"),
+    (Exit::OutOfMemory, "out of memory limit"),
+    (Exit::OutOfTime, "out of time limit"),
+    (Exit::PlannerBroken, "the planner crashed, or returned what is not a plan, or an invalid plan"),
+    (Exit::Unsupported, "the planner cannot handle a feature the task uses"),
+    (Exit::PlannerNotFound, "planner program not found"),
+    (Exit::Interrupted, "interrupted"),
+];
+
+impl Exit {
+    /// The number a shell sees.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::No => 1,
+            Self::Usage => 2,
+            Self::BadInput => 3,
+            Self::Store => 4,
+            Self::Conflict => 5,
+            Self::Unsolvable => 11,
+            Self::GaveUp => 12,
+            Self::OutOfMemory => 22,
+            Self::OutOfTime => 23,
+            Self::PlannerBroken => 32,
+            Self::Unsupported => 34,
+            Self::PlannerNotFound => 127,
+            Self::Interrupted => 130,
+            Self::Passed(code) => code,
+        }
+    }
+
+    /// The code for an error, from the innermost error whose kind is known.
+    #[must_use]
+    pub fn of(error: &anyhow::Error) -> Self {
+        error.chain().filter_map(Self::of_cause).last().unwrap_or(Self::BadInput)
+    }
+
+    fn of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<Self> {
+        if let Some(store) = cause.downcast_ref::<StoreError>() {
+            return Some(match store {
+                StoreError::Duplicate { .. } => Self::Conflict,
+                StoreError::Query(_) => Self::BadInput,
+                StoreError::Unreachable { .. } | StoreError::Failed { .. } => Self::Store,
+            });
+        }
+        if cause.is::<Diagnostic>() || cause.is::<Diagnostics>() || cause.is::<QueryError>() || cause.is::<WrongInput>()
+        {
+            return Some(Self::BadInput);
+        }
+        if cause.is::<UsageError>() || cause.is::<NamespaceError>() {
+            return Some(Self::Usage);
+        }
+        if let Some(io) = cause.downcast_ref::<std::io::Error>() {
+            return Some(match io.kind() {
+                std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidData => Self::BadInput,
+                _ => Self::Store,
+            });
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_complete_and_sorted() {
+        let codes: Vec<u8> = TABLE.iter().map(|(exit, _)| exit.code()).collect();
+        assert_eq!(codes, [0, 1, 2, 3, 4, 5, 11, 12, 22, 23, 32, 34, 127, 130]);
+    }
+
+    #[test]
+    fn context_does_not_hide_the_kind_of_an_error() {
+        let error = anyhow::Error::from(StoreError::Failed { address: "file:x".into(), reason: "disk full".into() })
+            .context("storing the plan");
+        assert_eq!(Exit::of(&error), Exit::Store);
+    }
+}

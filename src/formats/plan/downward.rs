@@ -1,0 +1,251 @@
+//! Fast Downward: exit codes, plan files, and what it logs.
+
+use pest::Parser as _;
+use pest::iterators::Pair;
+
+use super::lines::{Line, SENTENCE, complain, lines};
+use super::transcript::{Action, Complaint, Transcript, Verdict};
+use crate::formats::{Diagnostic, Source, Span};
+
+use grammar::{Grammar, Rule};
+
+mod grammar {
+    #[derive(pest_derive::Parser)]
+    #[grammar = "grammars/downward.pest"]
+    pub(super) struct Grammar;
+}
+
+/// A plan file's content.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Steps {
+    /// The actions in order.
+    pub actions: Vec<Action>,
+    /// What `; cost = N` says; a file without that line may be truncated.
+    pub cost: Option<f64>,
+}
+
+/// Reads a plan file. A last line `; cost = N (unit cost)` gives the cost; whether it
+/// has to be there is the caller's business ([`whole`]).
+///
+/// # Errors
+///
+/// A line that is not steps and a comment, at its place.
+pub fn read_steps(source: &Source) -> Result<Steps, Diagnostic> {
+    let mut steps = Steps::default();
+    for line in lines(source.text()) {
+        let parsed = Grammar::parse(Rule::line, line.text).map_err(|error| complain(source, line, &error, word))?;
+        for part in parsed.flat_map(Pair::into_inner) {
+            match part.as_rule() {
+                Rule::step => steps.actions.extend(action(part, line)),
+                Rule::cost => steps.cost = number(part),
+                _ => {}
+            }
+        }
+    }
+    Ok(steps)
+}
+
+/// Reads a plan file that has to be whole: its last line gives the cost.
+///
+/// # Errors
+///
+/// As [`read_steps`], and where the cost is missing.
+pub fn whole(source: &Source) -> Result<Steps, Diagnostic> {
+    let steps = read_steps(source)?;
+    if steps.cost.is_none() {
+        let end = Span::at(source.text().trim_end().len());
+        return Err(Diagnostic::new(source, end, "expected `; cost = N (unit cost)`, found the end of the text")
+            .hint("a plan file without it is truncated"));
+    }
+    Ok(steps)
+}
+
+/// Reads a run: the plan files it left, the last of them the best, its exit code,
+/// and what it logged. Without a plan file, steps on standard output count.
+#[must_use]
+pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> Transcript {
+    let (verdict, message) = outcome(code);
+    let mut transcript = Transcript { verdict, message: message.to_owned(), ..Transcript::unclear() };
+    let said = last_words(stdout, stderr);
+    if !said.is_empty() && !matches!(verdict, Verdict::Plan) {
+        transcript.message = match message {
+            "" => said.clone(),
+            _ => format!("{message}: {said}"),
+        };
+    }
+    if said.contains("Invalid requirement") || said.contains("does not support") {
+        transcript.verdict = Verdict::Unsupported;
+    }
+    if verdict == Verdict::Rejected {
+        transcript.complaint = Some(Complaint { text: said, ..Complaint::default() });
+    }
+    if matches!(verdict, Verdict::Plan | Verdict::OutOfTime | Verdict::OutOfMemory | Verdict::Unclear) {
+        take_plan(&mut transcript, plans, stdout);
+    }
+    transcript
+}
+
+/// Takes the best whole plan there is.
+fn take_plan(transcript: &mut Transcript, plans: &[Source], stdout: &str) {
+    let mut broken = None;
+    for plan in plans.iter().rev() {
+        match whole(plan) {
+            Ok(steps) => return found(transcript, steps),
+            Err(error) => broken = broken.or(Some(error)),
+        }
+    }
+    if transcript.verdict != Verdict::Plan {
+        return;
+    }
+    match (broken, logged(stdout)) {
+        (None, Some(steps)) => found(transcript, steps),
+        (Some(error), _) => {
+            transcript.verdict = Verdict::Unclear;
+            transcript.message = error.to_string();
+        }
+        (None, None) => {
+            transcript.verdict = Verdict::Unclear;
+            transcript.message = "the planner ended well but wrote no plan".to_owned();
+        }
+    }
+}
+
+fn found(transcript: &mut Transcript, steps: Steps) {
+    *transcript = Transcript {
+        verdict: Verdict::Plan,
+        actions: steps.actions,
+        cost: steps.cost,
+        message: String::new(),
+        complaint: None,
+    };
+}
+
+/// What Fast Downward's exit codes mean (its documentation, "Exit codes").
+fn outcome(code: Option<i32>) -> (Verdict, &'static str) {
+    match code {
+        Some(0..=3) => (Verdict::Plan, ""),
+        Some(10 | 11) => (Verdict::Unsolvable, ""),
+        Some(12) => (Verdict::GaveUp, "the search was incomplete"),
+        Some(20 | 22) => (Verdict::OutOfMemory, ""),
+        Some(21 | 23 | 24) => (Verdict::OutOfTime, ""),
+        Some(31 | 33 | 36) => (Verdict::Rejected, ""),
+        Some(34 | 37) => (Verdict::Unsupported, ""),
+        _ => (Verdict::Unclear, ""),
+    }
+}
+
+/// The steps on standard output: as in a plan file, or as Fast Downward logs them.
+fn logged(stdout: &str) -> Option<Steps> {
+    let (mut steps, mut seen) = (Steps::default(), false);
+    for line in lines(stdout).filter(|line| line.text.len() <= SENTENCE) {
+        let plain = Grammar::parse(Rule::line, line.text).into_iter().flatten().flat_map(Pair::into_inner);
+        let noted = Grammar::parse(Rule::logged, line.text).into_iter().flatten();
+        for part in plain.chain(noted) {
+            match part.as_rule() {
+                Rule::cost => (steps.cost, seen) = (number(part), true),
+                Rule::step | Rule::logged => {
+                    steps.actions.extend(action(part, line));
+                    seen = true;
+                }
+                _ => {}
+            }
+        }
+    }
+    seen.then_some(steps)
+}
+
+/// What the log says last, without what it says of itself.
+fn last_words(stdout: &str, stderr: &str) -> String {
+    const OF_ITSELF: [&str; 12] = [
+        "INFO",
+        "[t=",
+        "\t",
+        "translate exit code",
+        "search exit code",
+        "Driver aborting",
+        "Peak memory",
+        "Parsing",
+        "Syntax:",
+        "Expected:",
+        "Remove intermediate",
+        "Translator",
+    ];
+    let mut words: Vec<&str> = Vec::new();
+    for text in [stderr, stdout] {
+        let said = text.lines().rev().filter(|line| !line.trim().is_empty() && line.len() <= SENTENCE);
+        let said = said.filter(|line| !OF_ITSELF.iter().any(|prefix| line.starts_with(prefix)));
+        words.extend(said.take(2 - words.len().min(2)));
+    }
+    words.reverse();
+    words.join(", ").trim_end_matches('.').to_owned()
+}
+
+fn action(step: Pair<'_, Rule>, line: Line<'_>) -> Option<Action> {
+    let mut names = step.into_inner().filter(|part| part.as_rule() == Rule::name).map(|name| name.as_str().to_owned());
+    let name = names.next()?;
+    Some(Action { name, arguments: names.collect(), start: None, duration: None, line: line.number })
+}
+
+fn number(cost: Pair<'_, Rule>) -> Option<f64> {
+    cost.into_inner().find(|part| part.as_rule() == Rule::number)?.as_str().parse().ok()
+}
+
+/// Rules in the user's words.
+fn word(rule: &Rule) -> &'static str {
+    match rule {
+        Rule::step | Rule::open | Rule::line | Rule::logged => "`(action argument …)`",
+        Rule::name => "a name",
+        Rule::number => "a number",
+        Rule::close => "`)`",
+        _ => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_that_is_cut_off_is_an_error_at_its_place() {
+        let error = read_steps(&Source::new("plan", "(move r2 k l)\n(move r2 k")).unwrap_err();
+        assert_eq!(error.position(), (2, 11));
+        assert!(error.message().ends_with("found the end of the text"), "{error}");
+    }
+
+    #[test]
+    fn a_file_without_its_last_line_is_truncated() {
+        let text = "(move r2 k l)\n(pick r2 cup k)\n";
+        assert_eq!(whole(&Source::new("plan", text)).unwrap_err().position(), (2, 16));
+        assert_eq!(whole(&Source::new("plan", format!("{text}; cost = 2 (unit cost)\n"))).unwrap().cost, Some(2.0));
+    }
+
+    #[test]
+    fn the_last_whole_plan_is_taken() {
+        let plans = [
+            Source::new("plan.1", "(a)\n(b)\n; cost = 2 (unit cost)\n"),
+            Source::new("plan.2", "(b)\n; cost = 1 (unit cost)\n"),
+            Source::new("plan.3", "(b"),
+        ];
+        let transcript = read(&plans, Some(3), "", "");
+        assert_eq!((transcript.verdict, transcript.cost), (Verdict::Plan, Some(1.0)));
+    }
+
+    #[test]
+    fn a_clean_end_without_a_plan_is_not_a_plan() {
+        assert_eq!(read(&[], Some(0), "", "").verdict, Verdict::Unclear);
+        assert_eq!(read(&[Source::new("plan", "(a)")], Some(0), "", "").verdict, Verdict::Unclear);
+    }
+
+    #[test]
+    fn a_crash_is_not_a_plan() {
+        assert_eq!(read(&[], None, "", "").verdict, Verdict::Unclear);
+        assert_eq!(read(&[], Some(139), "", "").verdict, Verdict::Unclear);
+    }
+
+    #[test]
+    fn steps_on_standard_output_count_where_there_is_no_file() {
+        let transcript = read(&[], Some(0), "Solution found!\nmove r2 k l (1)\npick r2 cup k (1)\nPlan cost: 2\n", "");
+        assert_eq!(transcript.verdict, Verdict::Plan);
+        assert_eq!(transcript.actions.len(), 2);
+    }
+}

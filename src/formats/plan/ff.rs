@@ -1,0 +1,268 @@
+//! What FF says: FF 2.3, Metric-FF 2.1, and the present-day `ff`.
+//!
+//! FF's exit codes say nothing, and its sentences come on either stream, so the
+//! text of both decides.
+
+use pest::Parser as _;
+use pest::iterators::Pair;
+
+use super::lines::{Line, SENTENCE, lines};
+use super::transcript::{Action, Complaint, Transcript, Verdict};
+
+use grammar::{Grammar, Rule};
+
+mod grammar {
+    #[derive(pest_derive::Parser)]
+    #[grammar = "grammars/ff.pest"]
+    pub(super) struct Grammar;
+}
+
+/// The action that some builds of FF add to reach a goal that is not a conjunction.
+const PSEUDO_ACTION: &str = "REACH-GOAL";
+
+/// Reads what an FF printed on its standard output and standard error.
+#[must_use]
+pub fn read(stdout: &str, stderr: &str) -> Transcript {
+    let mut reader = Reader { transcript: Transcript::unclear(), place: Place::Before };
+    for line in lines(stdout).chain(lines(stderr)) {
+        reader.line(line);
+    }
+    reader.transcript
+}
+
+/// Where in the output the reader is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// Before the plan, or where there is none.
+    Before,
+    /// In the plan.
+    Plan,
+    /// After it, where lines have colons too.
+    After,
+    /// On the line after a syntax error, which says what was expected.
+    Complaint,
+}
+
+struct Reader {
+    transcript: Transcript,
+    place: Place,
+}
+
+impl Reader {
+    fn line(&mut self, line: Line<'_>) {
+        if line.text.len() > SENTENCE {
+            return;
+        }
+        if self.place == Place::Complaint {
+            self.place = Place::Before;
+            return self.transcript.explain(line.text);
+        }
+        let Some(said) = said(line.text) else { return };
+        match said.as_rule() {
+            Rule::step | Rule::timed => self.step(said, line),
+            Rule::found => self.found(),
+            Rule::timing => self.leave_plan(),
+            Rule::cost => self.cost(said),
+            _ => self.sentence(said, line),
+        }
+    }
+
+    fn found(&mut self) {
+        self.transcript = Transcript { verdict: Verdict::Plan, ..Transcript::unclear() };
+        self.place = Place::Plan;
+    }
+
+    fn leave_plan(&mut self) {
+        if self.place == Place::Plan {
+            self.place = Place::After;
+        }
+    }
+
+    fn cost(&mut self, said: Pair<'_, Rule>) {
+        self.leave_plan();
+        self.transcript.cost = inner(said, Rule::number).and_then(|number| number.as_str().parse().ok());
+    }
+
+    fn step(&mut self, said: Pair<'_, Rule>, line: Line<'_>) {
+        if self.place != Place::Plan {
+            return;
+        }
+        match action(said, line.number) {
+            Some(action) if action.name.eq_ignore_ascii_case(PSEUDO_ACTION) => {}
+            Some(action) => self.transcript.actions.push(action),
+            None => {}
+        }
+    }
+
+    fn sentence(&mut self, said: Pair<'_, Rule>, line: Line<'_>) {
+        let text = line.text;
+        let transcript = &mut self.transcript;
+        match said.as_rule() {
+            Rule::proven | Rule::goal_false | Rule::undefined_goal => transcript.decide(Verdict::Unsolvable, text),
+            Rule::goal_true => transcript.decide(Verdict::Plan, ""),
+            Rule::capped | Rule::bailed | Rule::no_temporal => transcript.decide(Verdict::GaveUp, text),
+            Rule::no_criterion => transcript.decide(Verdict::NoCriterion, text),
+            Rule::limit | Rule::unsupported => transcript.decide(Verdict::Unsupported, text),
+            Rule::unknown_option => transcript.decide(Verdict::Rejected, text),
+            Rule::missing_file => transcript.reject(missing_file(said)),
+            Rule::parse_error => transcript.reject(parse_error(said)),
+            Rule::complaint => transcript.reject(Complaint { text: text.trim().to_owned(), ..Complaint::default() }),
+            Rule::syntax_error => {
+                if transcript.verdict == Verdict::Unclear {
+                    self.place = Place::Complaint;
+                }
+                transcript.reject(syntax_error(said));
+            }
+            _ => {
+                if text.trim_start().starts_with("usage of ff") {
+                    transcript.decide(Verdict::Rejected, "the planner printed its usage");
+                }
+            }
+        }
+    }
+}
+
+/// The sentence a line is.
+fn said(text: &str) -> Option<Pair<'_, Rule>> {
+    Grammar::parse(Rule::line, text).ok()?.next()?.into_inner().next()
+}
+
+/// The first part of `pair` that is a `rule`.
+fn inner(pair: Pair<'_, Rule>, rule: Rule) -> Option<Pair<'_, Rule>> {
+    pair.into_inner().find(|part| part.as_rule() == rule)
+}
+
+/// The action of a step; none where the step is empty.
+pub(super) fn action(step: Pair<'_, Rule>, line: usize) -> Option<Action> {
+    let timed = step.as_rule() == Rule::timed;
+    let (mut names, mut start, mut duration) = (Vec::new(), None, None);
+    for part in step.into_inner() {
+        match part.as_rule() {
+            Rule::name => names.push(part.as_str().to_owned()),
+            Rule::number if timed => start = part.as_str().parse().ok(),
+            Rule::duration => duration = part.as_str().parse().ok(),
+            _ => {}
+        }
+    }
+    let mut names = names.into_iter();
+    let name = names.next()?;
+    Some(Action { name, arguments: names.collect(), start, duration, line })
+}
+
+fn syntax_error(said: Pair<'_, Rule>) -> Complaint {
+    let mut complaint = Complaint { text: "syntax error".to_owned(), ..Complaint::default() };
+    for part in said.into_inner() {
+        match part.as_rule() {
+            Rule::file => complaint.file = Some(part.as_str().to_owned()),
+            Rule::integer => complaint.line = part.as_str().parse().ok(),
+            Rule::quoted => complaint.token = Some(part.as_str().to_owned()),
+            _ => {}
+        }
+    }
+    complaint
+}
+
+fn parse_error(said: Pair<'_, Rule>) -> Complaint {
+    let mut complaint = Complaint::default();
+    for part in said.into_inner() {
+        match part.as_rule() {
+            Rule::which => complaint.file = Some(part.as_str().to_owned()),
+            Rule::integer => complaint.line = part.as_str().parse().ok(),
+            Rule::rest => complaint.text = part.as_str().trim().to_owned(),
+            _ => {}
+        }
+    }
+    complaint
+}
+
+fn missing_file(said: Pair<'_, Rule>) -> Complaint {
+    let file = inner(said, Rule::file).map(|file| file.as_str().to_owned());
+    Complaint { file, text: "the planner cannot find its input file".to_owned(), ..Complaint::default() }
+}
+
+/// Whether a line of a plan file is FF's: `step    0: …` or `        1: …`.
+pub(super) fn is_step(text: &str) -> bool {
+    said(text).is_some_and(|said| said.as_rule() == Rule::step) || is_found(text)
+}
+
+/// Whether a line is the heading of FF's plan.
+pub(super) fn is_found(text: &str) -> bool {
+    text.contains("found legal plan as follows")
+}
+
+/// The action of one line of a file with FF's steps; the outer option is empty
+/// where the line is no step.
+pub(super) fn step_of(text: &str, line: usize) -> Option<Option<Action>> {
+    let said = said(text)?;
+    (said.as_rule() == Rule::step)
+        .then(|| action(said, line).filter(|action| !action.name.eq_ignore_ascii_case(PSEUDO_ACTION)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steps(text: &str) -> Vec<String> {
+        read(text, "")
+            .actions
+            .iter()
+            .map(|action| format!("{} {}", action.name, action.arguments.join(" ")).trim().to_owned())
+            .collect()
+    }
+
+    #[test]
+    fn stops_at_the_statistics_whose_lines_have_colons_too() {
+        let text = "ff: found legal plan as follows\n\nstep    0: MOVE A B\n        1: DROP\n     \n\
+                    time spent:    0.00 seconds\n  7: NOT A STEP\n";
+        assert_eq!(steps(text), ["MOVE A B", "DROP"]);
+    }
+
+    #[test]
+    fn drops_the_pseudo_action() {
+        assert_eq!(steps("ff: found legal plan as follows\nstep 0: GO A\n 1: REACH-GOAL\n"), ["GO A"]);
+    }
+
+    #[test]
+    fn reads_the_verdict_on_either_stream() {
+        let text = "best first search space empty! problem proven unsolvable.";
+        assert_eq!(read("", text).verdict, Verdict::Unsolvable);
+        assert_eq!(read(text, "").verdict, Verdict::Unsolvable);
+    }
+
+    #[test]
+    fn names_the_place_of_a_syntax_error() {
+        let transcript = read("", "/tmp/p.pddl: syntax error in line 3, '(':\n'define' expected");
+        assert_eq!(transcript.verdict, Verdict::Rejected);
+        assert_eq!(transcript.message, "/tmp/p.pddl:3: syntax error, 'define' expected at `(`");
+    }
+
+    #[test]
+    fn takes_an_unknown_requirement_for_a_feature_it_lacks() {
+        let transcript = read("d.pddl: syntax error in line 2, ':ACTION-COSTS':\ndomain definition expected", "");
+        assert_eq!(transcript.verdict, Verdict::Unsupported);
+    }
+
+    #[test]
+    fn takes_a_compiled_in_limit_for_what_it_cannot_do() {
+        let text = "\ntoo many constants! increase MAX_CONSTANTS (currently 2000)\n\n";
+        assert_eq!(read(text, "").verdict, Verdict::Unsupported);
+        assert!(read(text, "").message.contains("increase MAX_CONSTANTS"));
+    }
+
+    #[test]
+    fn reads_timed_steps_of_the_present_day_program() {
+        let text =
+            "\nff: found legal plan as follows\n0.000: (go a b) [5.000]\n5.001: (ring)\n\nplan makespan: 10.001\n";
+        let transcript = read(text, "");
+        assert_eq!(transcript.actions[0].start, Some(0.0));
+        assert_eq!(transcript.actions[0].duration, Some(5.0));
+        assert_eq!((transcript.actions[1].start, transcript.actions[1].duration), (Some(5.001), None));
+    }
+
+    #[test]
+    fn finds_nothing_in_anything_else() {
+        for text in ["", "Segmentation fault", "step 0: GO A", ":", "\0", "0: "] {
+            assert_eq!(read(text, text).verdict, Verdict::Unclear, "{text:?}");
+        }
+    }
+}

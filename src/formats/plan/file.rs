@@ -1,0 +1,153 @@
+//! Plan files, in whichever of the three spellings.
+
+use super::transcript::Action;
+use super::{downward, ff, lines, temporal};
+use crate::formats::{Diagnostic, Source, Span};
+
+/// How a plan file is spelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Spelling {
+    /// `step    0: MOVE R2 K L`, as FF prints it.
+    Ff,
+    /// `(move r2 k l)`, as in the planning competitions.
+    Ipc,
+    /// `0.001: (move r2 k l) [5.000]`.
+    Temporal,
+}
+
+/// A plan as it stands in a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanFile {
+    /// How it is spelled.
+    pub spelling: Spelling,
+    /// The actions, in the order of the file.
+    pub actions: Vec<Action>,
+    /// What `; cost = N` or `plan cost: N` says.
+    pub cost: Option<f64>,
+}
+
+/// Reads a plan file; the first line that is not empty and not a comment tells how it
+/// is spelled. An empty file is the empty plan. FF's plan may have all the rest of FF's
+/// output around it.
+///
+/// # Errors
+///
+/// What is not a step, at its place.
+pub fn read_plan(source: &Source) -> Result<PlanFile, Diagnostic> {
+    match spelling(source.text()) {
+        Spelling::Ff => read_ff(source),
+        Spelling::Ipc => {
+            let steps = downward::read_steps(source)?;
+            Ok(PlanFile { spelling: Spelling::Ipc, actions: steps.actions, cost: steps.cost })
+        }
+        Spelling::Temporal => {
+            let actions = temporal::read_steps(source)?;
+            Ok(PlanFile { spelling: Spelling::Temporal, actions, cost: None })
+        }
+    }
+}
+
+fn spelling(text: &str) -> Spelling {
+    if text.lines().any(ff::is_found) {
+        return Spelling::Ff;
+    }
+    let first = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with(';'));
+    match first {
+        Some(line) if temporal::is_step(line) => Spelling::Temporal,
+        Some(line) if ff::is_step(line) => Spelling::Ff,
+        _ => Spelling::Ipc,
+    }
+}
+
+/// FF's steps, within FF's output or alone.
+fn read_ff(source: &Source) -> Result<PlanFile, Diagnostic> {
+    let text = source.text();
+    if text.lines().any(ff::is_found) {
+        let transcript = ff::read(text, "");
+        let timed = transcript.actions.iter().any(|action| action.start.is_some());
+        let spelling = if timed { Spelling::Temporal } else { Spelling::Ff };
+        return Ok(PlanFile { spelling, actions: transcript.actions, cost: transcript.cost });
+    }
+    let mut actions = Vec::new();
+    for line in lines::lines(text) {
+        let said = line.text.trim();
+        if said.is_empty() || said.starts_with(';') {
+            continue;
+        }
+        match ff::step_of(line.text, line.number) {
+            Some(action) => actions.extend(action),
+            None => {
+                let start = line.offset + line.text.len() - line.text.trim_start().len();
+                let span = Span::new(start, start + said.len());
+                return Err(Diagnostic::new(source, span, "expected a step as FF writes it: `1: ACTION ARGUMENT …`"));
+            }
+        }
+    }
+    Ok(PlanFile { spelling: Spelling::Ff, actions, cost: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> PlanFile {
+        read_plan(&Source::new("plan", text)).unwrap()
+    }
+
+    #[test]
+    fn tells_the_three_spellings_apart() {
+        for (text, spelling) in [
+            ("(move r2 k l)\n", Spelling::Ipc),
+            ("; found in 2 s\n(move r2 k l)\n; cost = 1 (unit cost)\n", Spelling::Ipc),
+            ("step    0: MOVE R2 K L\n        1: DROP\n", Spelling::Ff),
+            ("0: MOVE R2 K L\n", Spelling::Ff),
+            ("0.000: (move r2 k l) [1]\n", Spelling::Temporal),
+            ("0: (move r2 k l)\n", Spelling::Temporal),
+        ] {
+            let plan = read(text);
+            assert_eq!(plan.spelling, spelling, "{text}");
+            assert_eq!(
+                plan.actions[0].arguments,
+                match spelling {
+                    Spelling::Ff => ["R2", "K", "L"],
+                    _ => ["r2", "k", "l"],
+                }
+            );
+        }
+    }
+
+    #[test]
+    fn an_empty_file_is_the_empty_plan() {
+        for text in ["", "\n\n", "; cost = 0 (unit cost)\n"] {
+            assert_eq!(read(text).actions, [], "{text:?}");
+        }
+    }
+
+    #[test]
+    fn steps_may_share_a_line() {
+        assert_eq!(read("(a) (b x)\n(c)").actions.len(), 3);
+    }
+
+    #[test]
+    fn what_is_not_a_plan_is_an_error_at_its_place() {
+        for (text, place) in [
+            ("hello", (1, 1)),
+            ("(a)\nhello", (2, 1)),
+            ("(a) b", (1, 5)),
+            ("()", (1, 2)),
+            ("(a (b))", (1, 4)),
+            ("0: GO A\n  what", (2, 3)),
+        ] {
+            let error = read_plan(&Source::new("plan", text)).unwrap_err();
+            assert_eq!(error.position(), place, "{error}");
+        }
+    }
+
+    #[test]
+    fn nesting_and_size_end_in_an_error() {
+        let deep = "(".repeat(100_000);
+        assert!(read_plan(&Source::new("plan", deep)).is_err());
+        let long = format!("(a {})", "x ".repeat(200_000));
+        assert_eq!(read(&long).actions[0].arguments.len(), 200_000);
+    }
+}

@@ -1,0 +1,239 @@
+//! Temporal planners: LPG, POPF, OPTIC, and plan files with times.
+//!
+//! Several plans may follow each other, each better than the one before.
+
+use pest::Parser as _;
+use pest::iterators::Pair;
+
+use super::lines::{Line, SENTENCE, complain, lines};
+use super::transcript::{Action, Complaint, Transcript, Verdict};
+use crate::formats::{Diagnostic, Source};
+
+use grammar::{Grammar, Rule};
+
+mod grammar {
+    #[derive(pest_derive::Parser)]
+    #[grammar = "grammars/temporal.pest"]
+    pub(super) struct Grammar;
+}
+
+/// Reads a plan file with times. Of several plans in it the last is taken.
+///
+/// # Errors
+///
+/// A line that is not timed steps and a comment, at its place.
+pub fn read_steps(source: &Source) -> Result<Vec<Action>, Diagnostic> {
+    let mut plans = Plans::default();
+    for line in lines(source.text()) {
+        let parsed = Grammar::parse(Rule::line, line.text).map_err(|error| complain(source, line, &error, word))?;
+        plans.line(parsed, line);
+    }
+    Ok(plans.actions)
+}
+
+/// Reads what a temporal planner printed, and the plan files it left, the last of
+/// them the best. Where there is a file with a plan, the file is taken: LPG's
+/// standard output leaves out the gaps between actions.
+#[must_use]
+pub fn read(plans: &[Source], stdout: &str, stderr: &str) -> Transcript {
+    let mut transcript = said(stdout, stderr);
+    let filed = plans.iter().rev().find_map(|plan| read_steps(plan).ok().filter(|actions| !actions.is_empty()));
+    if let Some(actions) = filed {
+        return Transcript { verdict: Verdict::Plan, actions, message: String::new(), complaint: None, ..transcript };
+    }
+    for line in plans.iter().flat_map(|plan| plan.text().lines()).filter(|line| line.len() <= SENTENCE) {
+        remark(&mut transcript, line);
+    }
+    transcript
+}
+
+fn said(stdout: &str, stderr: &str) -> Transcript {
+    let mut transcript = Transcript::unclear();
+    let mut plans = Plans::default();
+    let mut expected = false;
+    for line in lines(stdout).chain(lines(stderr)).filter(|line| line.text.len() <= SENTENCE) {
+        if std::mem::take(&mut expected) {
+            transcript.explain(line.text);
+            continue;
+        }
+        match Grammar::parse(Rule::line, line.text) {
+            Ok(parsed) if line.text.contains('(') && !line.text.trim_start().starts_with(';') => {
+                plans.line(parsed, line)
+            }
+            _ => {
+                plans.gap(line.text);
+                expected = remark(&mut transcript, line.text);
+            }
+        }
+    }
+    if !plans.actions.is_empty() {
+        transcript.verdict = Verdict::Plan;
+        transcript.message.clear();
+        transcript.complaint = None;
+        transcript.actions = plans.actions;
+    }
+    transcript
+}
+
+/// Takes what a sentence says; true where the next line belongs to it.
+fn remark(transcript: &mut Transcript, text: &str) -> bool {
+    let Some(said) = Grammar::parse(Rule::remark, text).ok().and_then(|mut pairs| pairs.next()?.into_inner().next())
+    else {
+        return false;
+    };
+    match said.as_rule() {
+        Rule::empty => transcript.decide(Verdict::Plan, ""),
+        Rule::unsolvable => transcript.decide(Verdict::Unsolvable, text),
+        Rule::unreachable | Rule::none => transcript.decide(Verdict::GaveUp, text),
+        Rule::complaint => transcript.reject(Complaint { text: text.trim().to_owned(), ..Complaint::default() }),
+        Rule::heading => transcript.cost = cost(said).or(transcript.cost),
+        Rule::syntax_error => {
+            let first = transcript.verdict == Verdict::Unclear;
+            transcript.reject(syntax_error(said));
+            return first;
+        }
+        _ => {}
+    }
+    false
+}
+
+/// The plans of a text, of which the last counts.
+///
+/// A new plan starts where, after a gap, time goes back to the start of the plan so
+/// far: before it, or, after a sentence that announces a plan, to the same moment.
+#[derive(Default)]
+struct Plans {
+    actions: Vec<Action>,
+    gap: bool,
+    announced: bool,
+}
+
+impl Plans {
+    fn gap(&mut self, text: &str) {
+        let heading = Grammar::parse(Rule::remark, text)
+            .ok()
+            .and_then(|mut pairs| pairs.next()?.into_inner().next())
+            .is_some_and(|said| said.as_rule() == Rule::heading);
+        self.gap = true;
+        self.announced |= heading;
+    }
+
+    fn line<'a>(&mut self, parsed: impl Iterator<Item = Pair<'a, Rule>>, line: Line<'_>) {
+        let mut steps = 0;
+        for part in parsed.flat_map(Pair::into_inner).filter(|part| part.as_rule() == Rule::step) {
+            if let Some(action) = action(part, line) {
+                self.push(action);
+                steps += 1;
+            }
+        }
+        if steps == 0 {
+            self.gap(line.text);
+        }
+    }
+
+    fn push(&mut self, action: Action) {
+        let first = self.actions.first().and_then(|first| first.start).zip(action.start);
+        let last = self.actions.last().and_then(|last| last.start).zip(action.start);
+        let back = last.is_some_and(|(last, start)| start < last) && first.is_some_and(|(first, start)| start <= first);
+        let again = self.announced && first.is_some_and(|(first, start)| start <= first);
+        if self.gap && (back || again) {
+            self.actions.clear();
+        }
+        (self.gap, self.announced) = (false, false);
+        self.actions.push(action);
+    }
+}
+
+fn action(step: Pair<'_, Rule>, line: Line<'_>) -> Option<Action> {
+    let (mut names, mut start, mut duration) = (Vec::new(), None, None);
+    for part in step.into_inner() {
+        match part.as_rule() {
+            Rule::name => names.push(part.as_str().to_owned()),
+            Rule::start => start = part.as_str().parse().ok(),
+            Rule::duration => duration = part.as_str().parse().ok(),
+            _ => {}
+        }
+    }
+    let mut names = names.into_iter();
+    let name = names.next()?;
+    Some(Action { name, arguments: names.collect(), start, duration, line: line.number })
+}
+
+fn cost(heading: Pair<'_, Rule>) -> Option<f64> {
+    let cost = heading.into_inner().find(|part| part.as_rule() == Rule::cost)?;
+    cost.into_inner().find(|part| part.as_rule() == Rule::number)?.as_str().parse().ok()
+}
+
+fn syntax_error(said: Pair<'_, Rule>) -> Complaint {
+    let mut complaint = Complaint { text: "syntax error".to_owned(), ..Complaint::default() };
+    for part in said.into_inner() {
+        match part.as_rule() {
+            Rule::file => complaint.file = Some(part.as_str().to_owned()),
+            Rule::integer => complaint.line = part.as_str().parse().ok(),
+            Rule::quoted => complaint.token = Some(part.as_str().to_owned()),
+            _ => {}
+        }
+    }
+    complaint
+}
+
+/// Whether a line starts like a timed step.
+pub(super) fn is_step(text: &str) -> bool {
+    let text = text.trim_start();
+    let digits = text.find(|c: char| !c.is_ascii_digit() && !"+-.eE".contains(c)).unwrap_or(text.len());
+    digits > 0 && text.get(digits..).is_some_and(|rest| rest.trim_start().starts_with(':') && rest.contains('('))
+}
+
+/// Rules in the user's words.
+fn word(rule: &Rule) -> &'static str {
+    match rule {
+        Rule::step | Rule::line => "`TIME: (action argument …) [DURATION]`",
+        Rule::name => "a name",
+        Rule::duration => "a duration",
+        Rule::start | Rule::number => "a time",
+        Rule::open => "`(`",
+        Rule::close => "`)`",
+        Rule::end => "`]`",
+        _ => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn starts(text: &str) -> Vec<f64> {
+        read(&[], text, "").actions.iter().filter_map(|action| action.start).collect()
+    }
+
+    #[test]
+    fn the_last_of_several_plans_is_taken() {
+        let text = "; Plan found with metric 9\n0.000: (a) [1.000]\n1.001: (b) [1.000]\n\n\
+                    ; Plan found with metric 3\n; Time 0.02\n0.000: (c) [1.000]\n";
+        assert_eq!(starts(text), [0.0]);
+        assert_eq!(read(&[], text, "").actions[0].name, "c");
+    }
+
+    #[test]
+    fn a_comment_within_a_plan_does_not_end_it() {
+        assert_eq!(starts("0.0: (a) [1]\n; meanwhile\n0.0: (b) [1]\n2: (c) [1]\n"), [0.0, 0.0, 2.0]);
+        assert_eq!(starts("0.0: (a) [1]\n\n1.0: (b) [1]\n"), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn reads_the_three_ways_of_lpg() {
+        for text in ["0.0002:   (GO A B) [5.0000])", " 0.0000: (go a b) [D:5.00; C:1.00]", "0:   (GO A B) [5]"] {
+            let transcript = read(&[], text, "");
+            assert_eq!(transcript.actions[0].duration, Some(5.0), "{text}");
+            assert_eq!(transcript.actions[0].arguments.len(), 2);
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_cut_off_is_an_error_at_its_place() {
+        let error = read_steps(&Source::new("plan", "0.001: (move r1 a b) [5.000]\n5.002: (move r1")).unwrap_err();
+        assert_eq!(error.position(), (2, 16));
+        let error = read_steps(&Source::new("plan", "0.001: (move r1 a b) [five]")).unwrap_err();
+        assert_eq!(error.position(), (1, 23), "{error}");
+    }
+}

@@ -1,0 +1,196 @@
+//! Documents from a stream, one at a time, for inputs larger than memory.
+
+use std::collections::VecDeque;
+use std::io::{self, BufRead};
+use std::sync::Arc;
+
+use bson::Document;
+
+use super::reader::parse_sequence;
+use super::scanner::{MAX_DEPTH, Scanner};
+use crate::formats::{Diagnostic, Source, Span};
+
+/// Why a stream gave no document.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The stream failed.
+    #[error("{name}: {error}")]
+    Io {
+        /// The name of the stream.
+        name: String,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// The text is not what it should be.
+    #[error(transparent)]
+    Text(#[from] Diagnostic),
+}
+
+/// Reads documents one after another, or the elements of one array, like
+/// [`super::parse_documents`], holding only the lines of the current document.
+///
+/// Each comes with the number of the line it starts on; errors say their line
+/// in the whole stream. After an error nothing more comes.
+#[derive(Debug)]
+pub struct Reader<R> {
+    name: Arc<str>,
+    input: R,
+    /// How many lines were read.
+    lines: usize,
+    array: Array,
+    done: bool,
+    ready: VecDeque<(usize, Document)>,
+}
+
+/// Whether the documents are the elements of an array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Array {
+    Unknown,
+    None,
+    Open,
+    Closed,
+}
+
+/// Whole lines of the stream, the brackets and commas of the outermost array blanked.
+struct Chunk {
+    first_line: usize,
+    bytes: Vec<u8>,
+    /// Something after the end of the array.
+    extra: Option<usize>,
+}
+
+impl<R: BufRead> Reader<R> {
+    /// A reader of `input`, which messages call `name`.
+    pub fn new(name: impl Into<Arc<str>>, input: R) -> Self {
+        let ready = VecDeque::new();
+        Self { name: name.into(), input, lines: 0, array: Array::Unknown, done: false, ready }
+    }
+
+    /// Lines until all brackets are closed; `None` at the end.
+    fn chunk(&mut self) -> Result<Option<Chunk>, ReadError> {
+        let mut chunk = Chunk { first_line: self.lines + 1, bytes: Vec::new(), extra: None };
+        let mut scanner = Scanner::new();
+        loop {
+            let start = chunk.bytes.len();
+            let read = self.input.read_until(b'\n', &mut chunk.bytes);
+            if read.map_err(|error| ReadError::Io { name: self.name.to_string(), error })? == 0 {
+                break;
+            }
+            self.lines += 1;
+            for (offset, byte) in chunk.bytes.iter_mut().enumerate().skip(start) {
+                if scanner.in_code() && scanner.depth() == 0 && self.outside(byte) {
+                    chunk.extra.get_or_insert(offset);
+                }
+                scanner.step(*byte);
+            }
+            if scanner.depth() > MAX_DEPTH || (scanner.in_code() && scanner.depth() == 0) {
+                break;
+            }
+        }
+        Ok(Some(chunk).filter(|chunk| !chunk.bytes.is_empty()))
+    }
+
+    /// Takes a byte that is in no document: blanks what belongs to the array.
+    /// Returns whether it should not be there.
+    fn outside(&mut self, byte: &mut u8) -> bool {
+        match *byte {
+            // White space, a comment's start, a byte order mark.
+            b' ' | b'\t' | b'\r' | b'\n' | b'/' | 0xEF | 0xBB | 0xBF => return false,
+            _ if self.array == Array::Closed => return true,
+            b'[' if self.array == Array::Unknown => {
+                self.array = Array::Open;
+                *byte = b' ';
+                return false;
+            }
+            b']' if self.array == Array::Open => {
+                self.array = Array::Closed;
+                *byte = b' ';
+            }
+            b',' if self.array != Array::Unknown => *byte = b' ',
+            _ => {}
+        }
+        if self.array == Array::Unknown {
+            self.array = Array::None;
+        }
+        false
+    }
+
+    /// Reads one chunk and what is in it; says whether there was one.
+    fn advance(&mut self) -> Result<bool, ReadError> {
+        let Some(chunk) = self.chunk()? else {
+            if self.array == Array::Open {
+                let message = "expected `]`, found the end of the text";
+                return Err(Diagnostic::at(&self.name, self.lines.max(1), 1, message).into());
+            }
+            return Ok(false);
+        };
+        let text = String::from_utf8(chunk.bytes).map_err(|error| {
+            let upto = error.utf8_error().valid_up_to();
+            let before = String::from_utf8_lossy(error.as_bytes().get(..upto).unwrap_or_default()).into_owned();
+            let (line, column) = Source::starting_at("", before, chunk.first_line).position(upto);
+            Diagnostic::at(&self.name, line, column, "expected UTF-8 text")
+        })?;
+        let source = Source::starting_at(self.name.clone(), text, chunk.first_line);
+        if let Some(offset) = chunk.extra {
+            let message = "expected nothing after the array of documents";
+            return Err(Diagnostic::new(&source, Span::at(offset), message).into());
+        }
+        // Documents come in order, so that lines are counted once.
+        let (mut line, mut counted) = (chunk.first_line, 0);
+        for (span, document) in parse_sequence(&source)? {
+            line += source.slice(Span::new(counted, span.start)).matches('\n').count();
+            counted = span.start;
+            self.ready.push_back((line, document));
+        }
+        Ok(true)
+    }
+}
+
+impl<R: BufRead> Iterator for Reader<R> {
+    type Item = Result<(usize, Document), ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.ready.is_empty() && !self.done {
+            match self.advance() {
+                Ok(more) => self.done = !more,
+                Err(error) => {
+                    self.done = true;
+                    return Some(Err(error));
+                }
+            }
+        }
+        self.ready.pop_front().map(Ok)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(text: &str) -> Vec<(usize, String)> {
+        let read = Reader::new("in", text.as_bytes()).map(|item| item.expect("readable"));
+        read.map(|(line, document)| (line, super::super::relaxed(&document))).collect()
+    }
+
+    #[test]
+    fn says_on_which_line_of_the_stream_each_document_starts() {
+        let wanted = [(1, r#"{"a":1}"#.to_owned()), (3, r#"{"b":[1,2]}"#.to_owned()), (5, r#"{"c":1}"#.to_owned())];
+        assert_eq!(lines("{a: 1}\n// one\n{b: [1,\n  2]},\n{c: 1}"), wanted);
+        assert_eq!(lines("[{a: 1},\n\n{b: [1,\n  2]},\n{c: 1}\n]\n"), wanted);
+    }
+
+    #[test]
+    fn counts_lines_through_the_stream_in_errors() {
+        for (text, place) in [
+            ("{a: 1}\n{a: 2}\n{a: x}\n", "in:3:5: expected a value, found `x`"),
+            ("[{a: 1}\n, {a: 2}", "in:2:1: expected `]`, found the end of the text"),
+            ("[{a: 1}]\n{a: 2}", "in:2:1: expected nothing after the array of documents"),
+            ("{a: 1}\n[{a: 2}]", "in:2:1: expected a document `{…}`, found an array"),
+        ] {
+            let error = Reader::new("in", text.as_bytes()).find_map(Result::err).expect("an error");
+            assert!(error.to_string().starts_with(place), "{error}");
+        }
+        let error = Reader::new("in", &b"{a: 1}\n{b: '\xff'}\n"[..]).find_map(Result::err).expect("an error");
+        assert_eq!(error.to_string(), "in:2:6: expected UTF-8 text");
+    }
+}

@@ -1,0 +1,95 @@
+//! What the memory did, operation by operation: for `-v` and `--log`.
+
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use crate::store::{Documents, Namespace, StoreError};
+
+/// One operation that is over.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Operation {
+    /// What was done: `find`, `insert`, ….
+    pub name: &'static str,
+    /// Where.
+    pub namespace: Option<Namespace>,
+    /// How many documents (or values) it concerned; none where it failed.
+    pub count: Option<u64>,
+    /// How long it took; for a query, until the last document that was asked for.
+    pub took: Duration,
+}
+
+/// Told of each operation when it is over.
+pub type Observer = Rc<dyn Fn(&Operation)>;
+
+/// The observer of a memory, if there is one.
+#[derive(Clone, Default)]
+pub(super) struct Journal(Option<Observer>);
+
+impl Journal {
+    pub(super) fn new(observer: Observer) -> Self {
+        Self(Some(observer))
+    }
+
+    /// Does something and notes it; `count` tells the size of its result.
+    pub(super) fn note<T>(
+        &self,
+        name: &'static str,
+        namespace: Option<&Namespace>,
+        count: impl Fn(&T) -> u64,
+        work: impl FnOnce() -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let Some(observer) = &self.0 else { return work() };
+        let start = Instant::now();
+        let result = work();
+        let count = result.as_ref().ok().map(count);
+        observer(&Operation { name, namespace: namespace.cloned(), count, took: start.elapsed() });
+        result
+    }
+
+    /// Notes a query when its documents are dropped.
+    pub(super) fn watch<'a>(
+        &self,
+        name: &'static str,
+        namespace: &Namespace,
+        start: Instant,
+        documents: Documents<'a>,
+    ) -> Documents<'a> {
+        let Some(observer) = &self.0 else { return documents };
+        let watched = Watched {
+            observer: observer.clone(),
+            operation: Operation { name, namespace: Some(namespace.clone()), count: Some(0), took: start.elapsed() },
+            documents,
+        };
+        Box::new(watched)
+    }
+}
+
+/// Documents that are counted, with the time spent on them alone.
+struct Watched<'a> {
+    observer: Observer,
+    operation: Operation,
+    documents: Documents<'a>,
+}
+
+impl Iterator for Watched<'_> {
+    type Item = <Documents<'static> as Iterator>::Item;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let start = Instant::now();
+        let next = self.documents.next();
+        let operation = &mut self.operation;
+        operation.took += start.elapsed();
+        match &next {
+            Some(Ok(_)) => operation.count = operation.count.map(|count| count + 1),
+            Some(Err(_)) => operation.count = None,
+            None => {}
+        }
+        next
+    }
+}
+
+impl Drop for Watched<'_> {
+    fn drop(&mut self) {
+        (self.observer)(&self.operation);
+    }
+}

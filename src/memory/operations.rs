@@ -1,0 +1,151 @@
+//! The operations, each on the store its namespace belongs to.
+
+use std::time::Instant;
+
+use bson::{Bson, Document};
+
+use super::clock::Clock;
+use super::journal::{Journal, Observer};
+use super::route::{Lazy, Routes};
+use crate::store::{
+    Documents, Find, Inserted, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated, stamp,
+};
+
+/// A local store and, perhaps, another one for shared databases.
+pub struct Memory {
+    routes: Routes,
+    clock: Clock,
+    journal: Journal,
+}
+
+impl Memory {
+    /// A memory over one store, or over two with databases named that go to `shared`.
+    #[must_use]
+    pub fn new(local: Box<dyn Store>, shared: Option<Box<dyn Store>>, shared_databases: Vec<String>) -> Self {
+        let routes = Routes::new(Lazy::open(local), shared.map(Lazy::open), shared_databases);
+        Self { routes, clock: Clock::System, journal: Journal::default() }
+    }
+
+    /// A memory over the stores at these addresses. Each is opened by the
+    /// first operation that needs it; equal addresses are one store.
+    #[must_use]
+    pub fn at(local: StoreUri, shared: StoreUri, shared_databases: Vec<String>) -> Self {
+        let shared = (local != shared).then(|| Lazy::at(shared, Role::Shared));
+        let routes = Routes::new(Lazy::at(local, Role::Local), shared, shared_databases);
+        Self { routes, clock: Clock::System, journal: Journal::default() }
+    }
+
+    /// The same memory with another clock.
+    #[must_use]
+    pub fn with_clock(self, clock: Clock) -> Self {
+        Self { clock, ..self }
+    }
+
+    /// The same memory, whose operations are told to `observer` as they end.
+    #[must_use]
+    pub fn with_observer(self, observer: Observer) -> Self {
+        Self { journal: Journal::new(observer), ..self }
+    }
+
+    /// What the stores are, for `-v` and `doctor`; opens nothing, never shows credentials.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        self.routes.describe()
+    }
+
+    /// Stores documents; see [`Store::insert`].
+    pub fn insert(&self, ns: &Namespace, mut documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        let now = self.clock.now();
+        for document in &mut documents {
+            stamp::insert(document, now)?;
+        }
+        self.journal.note(
+            "insert",
+            Some(ns),
+            |inserted: &Inserted| length(&inserted.ids),
+            || self.routes.of(ns)?.insert(ns, documents),
+        )
+    }
+
+    /// Stores documents in place of those with their `_id`s; see [`Store::put`].
+    pub fn put(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Put, StoreError> {
+        let count = length(&documents);
+        self.journal.note("put", Some(ns), |_| count, || self.routes.of(ns)?.put(ns, documents, Some(self.clock.now())))
+    }
+
+    /// Answers a query with documents as applications see them: without
+    /// metadata, unless the projection names some. See [`Store::find`].
+    pub fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        let documents = self.find_with_metadata(ns, find)?;
+        if find.projection.keys().any(|key| is_metadata(key)) {
+            return Ok(documents);
+        }
+        Ok(without_metadata(documents))
+    }
+
+    /// Answers a query with documents and their metadata.
+    pub fn find_with_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        let start = Instant::now();
+        Ok(self.journal.watch("find", ns, start, self.routes.of(ns)?.find(ns, find)?))
+    }
+
+    /// Counts matches; see [`Store::count`].
+    pub fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        self.journal.note("count", Some(ns), |count| *count, || self.routes.of(ns)?.count(ns, filter))
+    }
+
+    /// Distinct values; see [`Store::distinct`].
+    pub fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        self.journal.note(
+            "distinct",
+            Some(ns),
+            |values: &Vec<Bson>| length(values),
+            || self.routes.of(ns)?.distinct(ns, field, filter),
+        )
+    }
+
+    /// Runs a pipeline; its results are without metadata, see [`Store::aggregate`].
+    pub fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        Ok(without_metadata(self.aggregate_with_metadata(ns, pipeline)?))
+    }
+
+    /// Runs a pipeline; its results keep their metadata.
+    pub fn aggregate_with_metadata(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        let start = Instant::now();
+        Ok(self.journal.watch("aggregate", ns, start, self.routes.of(ns)?.aggregate(ns, pipeline)?))
+    }
+
+    /// Changes documents; see [`Store::update`].
+    pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
+        let work = || self.routes.of(ns)?.update(ns, update, Some(self.clock.now()));
+        self.journal.note("update", Some(ns), |updated: &Updated| updated.modified, work)
+    }
+
+    /// Removes documents; see [`Store::delete`].
+    pub fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        self.journal.note("delete", Some(ns), |count| *count, || self.routes.of(ns)?.delete(ns, filter, first_only))
+    }
+
+    /// Removes a collection; see [`Store::drop`].
+    pub fn drop_collection(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        self.journal.note("drop", Some(ns), |found| u64::from(*found), || self.routes.of(ns)?.drop(ns))
+    }
+
+    /// All collections of both stores, each where its database belongs, sorted.
+    pub fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        self.journal.note("collections", None, |found: &Vec<Namespace>| length(found), || self.routes.collections())
+    }
+}
+
+fn length<T>(items: &[T]) -> u64 {
+    u64::try_from(items.len()).unwrap_or(u64::MAX)
+}
+
+/// Whether a dotted path leads into the metadata.
+fn is_metadata(path: &str) -> bool {
+    path.split('.').next() == Some(stamp::INFO)
+}
+
+fn without_metadata(documents: Documents<'_>) -> Documents<'_> {
+    Box::new(documents.map(|document| Ok(stamp::hide(document?)?)))
+}

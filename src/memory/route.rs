@@ -1,0 +1,97 @@
+//! Which store a database is in, and opening it when it is needed.
+
+use std::cell::OnceCell;
+
+use crate::store::{self, Namespace, Role, Store, StoreError, StoreUri};
+
+/// A store that is opened by its first use.
+pub(super) struct Lazy {
+    uri: Option<StoreUri>,
+    role: Role,
+    store: OnceCell<Box<dyn Store>>,
+}
+
+impl Lazy {
+    pub(super) fn at(uri: StoreUri, role: Role) -> Self {
+        Self { uri: Some(uri), role, store: OnceCell::new() }
+    }
+
+    pub(super) fn open(store: Box<dyn Store>) -> Self {
+        Self { uri: None, role: Role::Local, store: OnceCell::from(store) }
+    }
+
+    pub(super) fn get(&self) -> Result<&dyn Store, StoreError> {
+        if let (None, Some(uri)) = (self.store.get(), &self.uri) {
+            let opened = store::open(uri, self.role)?;
+            // The cell is empty: nothing else of this thread can have filled it meanwhile.
+            let _ = self.store.set(opened);
+        }
+        match self.store.get() {
+            Some(store) => Ok(store.as_ref()),
+            None => Err(StoreError::Failed { address: self.describe(), reason: "is not open".to_owned() }),
+        }
+    }
+
+    pub(super) fn describe(&self) -> String {
+        match (self.store.get(), &self.uri) {
+            (Some(store), _) => store.describe(),
+            (None, Some(uri)) => uri.to_string(),
+            (None, None) => String::new(),
+        }
+    }
+}
+
+/// The stores, and the databases that are shared.
+pub(super) struct Routes {
+    local: Lazy,
+    shared: Option<Lazy>,
+    shared_databases: Vec<String>,
+}
+
+impl Routes {
+    /// Two stores; one where none is shared or both are the same.
+    pub(super) fn new(local: Lazy, shared: Option<Lazy>, shared_databases: Vec<String>) -> Self {
+        let shared = shared.filter(|shared| shared.uri.is_none() || shared.uri != local.uri);
+        Self { local, shared, shared_databases }
+    }
+
+    /// The store that a database is in.
+    pub(super) fn of(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
+        match &self.shared {
+            Some(shared) if self.is_shared(ns) => shared.get(),
+            _ => self.local.get(),
+        }
+    }
+
+    /// All collections, each in the store its database belongs to, sorted.
+    pub(super) fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        let mut all = self.local.get()?.collections()?;
+        if let Some(shared) = &self.shared {
+            all.retain(|ns| !self.is_shared(ns));
+            if !self.shared_databases.is_empty() {
+                all.extend(shared.get()?.collections()?.into_iter().filter(|ns| self.is_shared(ns)));
+            }
+            all.sort();
+        }
+        Ok(all)
+    }
+
+    /// What the stores are, without opening them.
+    pub(super) fn describe(&self) -> String {
+        match &self.shared {
+            None => self.local.describe(),
+            Some(shared) => {
+                format!(
+                    "{}, shared {} at {}",
+                    self.local.describe(),
+                    self.shared_databases.join(", "),
+                    shared.describe()
+                )
+            }
+        }
+    }
+
+    fn is_shared(&self, ns: &Namespace) -> bool {
+        self.shared_databases.contains(&ns.database)
+    }
+}

@@ -1,0 +1,284 @@
+//! What rmem says: the product on stdout, everything said about it on stderr,
+//! files whole or not at all.
+
+use std::cell::RefCell;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::Duration;
+
+use anyhow::Context as _;
+
+use crate::memory::{Observer, Operation};
+
+/// How documents are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, clap::ValueEnum)]
+pub enum Format {
+    /// One document a line, relaxed Extended JSON.
+    Jsonl,
+    /// One JSON array, indented.
+    Json,
+    /// One document a line, canonical Extended JSON: every type spelled out.
+    Canonical,
+    /// Columns for people.
+    Table,
+    /// A plan, one action a line, as the planning competitions write it.
+    Text,
+    /// CLIPS facts.
+    Clips,
+    /// What FF prints.
+    Ff,
+    /// A graph for Graphviz.
+    Dot,
+}
+
+impl Format {
+    /// The word on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Jsonl => "jsonl",
+            Self::Json => "json",
+            Self::Canonical => "canonical",
+            Self::Table => "table",
+            Self::Text => "text",
+            Self::Clips => "clips",
+            Self::Ff => "ff",
+            Self::Dot => "dot",
+        }
+    }
+}
+
+/// How much is said on stderr.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Verbosity {
+    /// Errors only.
+    Quiet,
+    /// Warnings and results worth a line.
+    #[default]
+    Normal,
+    /// Each operation with its duration.
+    Verbose,
+}
+
+/// The two streams, and the log.
+pub struct Output<'a> {
+    stdout: BufWriter<&'a mut dyn Write>,
+    stderr: &'a mut dyn Write,
+    verbosity: Verbosity,
+    color: bool,
+    log: Option<File>,
+    operations: Rc<RefCell<Vec<Operation>>>,
+}
+
+impl<'a> Output<'a> {
+    /// Output on these streams: normal verbosity, no colour, no log.
+    pub fn new(stdout: &'a mut dyn Write, stderr: &'a mut dyn Write) -> Self {
+        Self {
+            stdout: BufWriter::new(stdout),
+            stderr,
+            verbosity: Verbosity::Normal,
+            color: false,
+            log: None,
+            operations: Rc::default(),
+        }
+    }
+
+    /// Sets what the settings say.
+    ///
+    /// # Errors
+    /// Where the log cannot be opened.
+    pub fn configure(&mut self, verbosity: Verbosity, color: bool, log: Option<&Path>) -> anyhow::Result<()> {
+        self.verbosity = verbosity;
+        self.color = color;
+        self.log = match log {
+            None => None,
+            Some(path) => Some(
+                OpenOptions::new()
+                    .create(true)
+                    .append(true)
+                    .open(path)
+                    .with_context(|| format!("cannot open the log {}", path.display()))?,
+            ),
+        };
+        Ok(())
+    }
+
+    /// The product's stream, buffered.
+    pub fn stdout(&mut self) -> &mut dyn Write {
+        &mut self.stdout
+    }
+
+    /// Writes a line of the product.
+    ///
+    /// # Errors
+    /// Where stdout is gone; see [`is_broken_pipe`].
+    pub fn line(&mut self, line: &str) -> io::Result<()> {
+        writeln!(self.stdout, "{line}")
+    }
+
+    /// Pushes everything out.
+    ///
+    /// # Errors
+    /// Where stdout is gone.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.stdout.flush()
+    }
+
+    /// Says something worth a line.
+    pub fn note(&mut self, text: &str) {
+        if self.verbosity >= Verbosity::Normal {
+            self.say(text);
+        }
+    }
+
+    /// Warns.
+    pub fn warn(&mut self, text: &str) {
+        if self.verbosity >= Verbosity::Normal {
+            let label = self.paint("33", "warning:");
+            self.say(&format!("{label} {text}"));
+        }
+    }
+
+    /// Reports an error; said even under `-q`.
+    pub fn error(&mut self, text: &str) {
+        let label = self.paint("31", "error:");
+        self.say(&format!("{label} {text}"));
+    }
+
+    /// An observer for the memory, if operations are to be told or logged.
+    #[must_use]
+    pub fn observer(&self) -> Option<Observer> {
+        let wanted = self.verbosity >= Verbosity::Verbose || self.log.is_some();
+        let operations = Rc::clone(&self.operations);
+        wanted.then(|| -> Observer { Rc::new(move |operation| operations.borrow_mut().push(operation.clone())) })
+    }
+
+    /// Tells and logs the operations that were observed since the last call.
+    pub fn tell_operations(&mut self) {
+        for operation in self.operations.take() {
+            let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
+            let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| format!("{count} documents"));
+            self.operation(operation.name, &subject, &detail, operation.took);
+        }
+    }
+
+    /// Tells under `-v`, and logs, what an operation did and how long it took.
+    pub fn operation(&mut self, name: &str, subject: &str, detail: &str, took: Duration) {
+        let milliseconds = took.as_secs_f64() * 1e3;
+        if self.verbosity >= Verbosity::Verbose {
+            let gap = if subject.is_empty() { "" } else { " " };
+            self.say(&format!("{name}{gap}{subject}: {detail} in {milliseconds:.2} ms"));
+        }
+        if let Some(log) = &mut self.log {
+            let line = serde_json::json!({
+                "operation": name, "subject": subject, "detail": detail, "milliseconds": milliseconds,
+            });
+            // A log that cannot be written must not fail the command.
+            let _ = writeln!(log, "{line}");
+        }
+    }
+
+    fn paint(&self, code: &str, text: &str) -> String {
+        if self.color { format!("\u{1b}[1;{code}m{text}\u{1b}[0m") } else { text.to_owned() }
+    }
+
+    /// stderr gone is no reason to fail.
+    fn say(&mut self, text: &str) {
+        let _ = writeln!(self.stderr, "{text}");
+    }
+
+    /// Writes a product to a file, whole or not at all, or to stdout for `-`.
+    ///
+    /// # Errors
+    /// Where the file cannot be written; the old one is then as it was.
+    pub fn write_file(&mut self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+        if path == Path::new("-") {
+            self.stdout.write_all(bytes)?;
+            return Ok(());
+        }
+        write_atomically(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    }
+}
+
+/// Writes beside the target and renames. Devices and pipes are written directly;
+/// a symbolic link stays one; an existing file keeps its permissions.
+fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let existing = fs::metadata(&target).ok();
+    if existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
+        return OpenOptions::new().write(true).open(&target)?.write_all(bytes);
+    }
+    let folder = match target.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".rmem-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        builder.permissions(existing.as_ref().map_or(fs::Permissions::from_mode(0o666), fs::Metadata::permissions));
+    }
+    let mut file = builder.tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(&target).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Whether an error only says that the reader of stdout went away, which ends
+/// rmem quietly, as it ends every filter.
+#[must_use]
+pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|io| io.kind() == io::ErrorKind::BrokenPipe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_appear_whole_and_keep_their_permissions() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out");
+        write_atomically(&path, b"one").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+        write_atomically(&path, b"two").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"two");
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_symbolic_link_stays_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (target, link) = (folder.path().join("target"), folder.path().join("link"));
+        fs::write(&target, "old").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        write_atomically(&link, b"new").unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&target).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(write_atomically(&folder.path().join("missing/out"), b"x").is_err());
+        assert!(write_atomically(folder.path(), b"x").is_err());
+    }
+
+    #[test]
+    fn quiet_silences_all_but_errors() {
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let mut output = Output::new(&mut stdout, &mut stderr);
+        output.configure(Verbosity::Quiet, false, None).unwrap();
+        output.note("n");
+        output.warn("w");
+        output.error("e");
+        drop(output);
+        assert_eq!(String::from_utf8(stderr).unwrap(), "error: e\n");
+    }
+}

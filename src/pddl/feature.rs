@@ -1,0 +1,179 @@
+//! Parts of the language, and which of them a text really uses.
+
+use std::fmt;
+
+use crate::formats::Span;
+
+/// A part of PDDL that not every planner knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Feature {
+    /// Types other than `object`.
+    Typing,
+    /// `=` between objects.
+    Equality,
+    /// `not` in a condition, other than of `=`.
+    NegativePreconditions,
+    /// `or` and `imply`.
+    DisjunctivePreconditions,
+    /// `exists`.
+    ExistentialPreconditions,
+    /// `forall` in a condition.
+    UniversalPreconditions,
+    /// `when` and `forall` in an effect.
+    ConditionalEffects,
+    /// `:derived`.
+    DerivedPredicates,
+    /// `:derived` with rules that look at facts which actions change.
+    ChangingDerivedPredicates,
+    /// `(increase (total-cost) …)` and no other arithmetic.
+    ActionCosts,
+    /// Numbers in conditions, or effects on them.
+    NumericFluents,
+    /// Functions whose values are objects.
+    ObjectFluents,
+    /// `:durative-action`.
+    DurativeActions,
+    /// Durations that are not given by one `=`.
+    DurationInequalities,
+    /// `#t`.
+    ContinuousEffects,
+    /// `(at 5 (p))` in `:init`.
+    TimedInitialLiterals,
+    /// `preference`.
+    Preferences,
+    /// `:constraints`.
+    Constraints,
+    /// `:vars` of an action.
+    ActionVariables,
+}
+
+impl Feature {
+    /// The requirement that announces it, without its colon.
+    #[must_use]
+    pub fn requirement(self) -> &'static str {
+        match self {
+            Self::Typing => "typing",
+            Self::Equality => "equality",
+            Self::NegativePreconditions => "negative-preconditions",
+            Self::DisjunctivePreconditions => "disjunctive-preconditions",
+            Self::ExistentialPreconditions => "existential-preconditions",
+            Self::UniversalPreconditions => "universal-preconditions",
+            Self::ConditionalEffects => "conditional-effects",
+            Self::DerivedPredicates | Self::ChangingDerivedPredicates => "derived-predicates",
+            Self::ActionCosts => "action-costs",
+            Self::NumericFluents => "numeric-fluents",
+            Self::ObjectFluents => "object-fluents",
+            Self::DurativeActions => "durative-actions",
+            Self::DurationInequalities => "duration-inequalities",
+            Self::ContinuousEffects => "continuous-effects",
+            Self::TimedInitialLiterals => "timed-initial-literals",
+            Self::Preferences => "preferences",
+            Self::Constraints => "constraints",
+            Self::ActionVariables => "action-variables",
+        }
+    }
+
+    /// Whether a requirement, with its colon, announces it.
+    #[must_use]
+    pub fn is_announced_by(self, requirement: &str) -> bool {
+        let requirement = requirement.to_ascii_lowercase();
+        let Some(requirement) = requirement.strip_prefix(':') else { return false };
+        let wider: &[&str] = match self {
+            Self::Typing | Self::Equality | Self::DisjunctivePreconditions | Self::ConditionalEffects => {
+                &["adl", "ucpop"]
+            }
+            Self::NegativePreconditions => &["adl", "ucpop", "true-negation"],
+            Self::ExistentialPreconditions | Self::UniversalPreconditions => {
+                &["adl", "ucpop", "quantified-preconditions"]
+            }
+            Self::DerivedPredicates | Self::ChangingDerivedPredicates => &["domain-axioms"],
+            Self::ActionCosts => &["fluents", "numeric-fluents"],
+            Self::NumericFluents => &["fluents"],
+            Self::ObjectFluents => &["fluents"],
+            Self::DurativeActions => &["timed-initial-literals"],
+            _ => &[],
+        };
+        requirement == self.requirement() || wider.contains(&requirement)
+    }
+}
+
+impl fmt::Display for Feature {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ChangingDerivedPredicates => f.write_str("derived predicates over facts that actions change"),
+            _ => f.write_str(&self.requirement().replace('-', " ")),
+        }
+    }
+}
+
+/// A feature and the first place that uses it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Use {
+    /// What is used.
+    pub feature: Feature,
+    /// Where, in the text it was read from.
+    pub span: Span,
+}
+
+/// The features in use so far.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Uses(Vec<Use>);
+
+impl Uses {
+    pub(super) fn note(&mut self, feature: Feature, span: Span) {
+        if !self.0.iter().any(|used| used.feature == feature) {
+            self.0.push(Use { feature, span });
+        }
+    }
+
+    /// In the order of [`Feature`]; action costs are no feature of their own among numbers.
+    pub(super) fn finish(mut self) -> Vec<Use> {
+        if self.0.iter().any(|used| used.feature == Feature::NumericFluents) {
+            self.0.retain(|used| used.feature != Feature::ActionCosts);
+        }
+        self.0.sort_by_key(|used| used.feature);
+        self.0
+    }
+}
+
+/// The requirements that exist.
+pub(super) const REQUIREMENTS: [&str; 38] = [
+    ":strips",
+    ":typing",
+    ":equality",
+    ":negative-preconditions",
+    ":disjunctive-preconditions",
+    ":existential-preconditions",
+    ":universal-preconditions",
+    ":quantified-preconditions",
+    ":conditional-effects",
+    ":adl",
+    ":ucpop",
+    ":fluents",
+    ":numeric-fluents",
+    ":object-fluents",
+    ":action-costs",
+    ":goal-utilities",
+    ":durative-actions",
+    ":duration-inequalities",
+    ":continuous-effects",
+    ":time",
+    ":derived-predicates",
+    ":timed-initial-literals",
+    ":timed-initial-fluents",
+    ":timed-effects",
+    ":preferences",
+    ":constraints",
+    ":domain-axioms",
+    ":subgoals-through-axioms",
+    ":safety-constraints",
+    ":expression-evaluation",
+    ":open-world",
+    ":true-negation",
+    ":action-expansions",
+    ":foreach-expansions",
+    ":dag-expansions",
+    ":multi-agent",
+    ":no-moving-targets",
+    ":supply-demand",
+];

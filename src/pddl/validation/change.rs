@@ -1,0 +1,178 @@
+//! What an effect changes, collected before anything is changed.
+
+use std::collections::{HashMap, HashSet};
+
+use super::state::{Bindings, Ground, Trouble, World};
+use crate::formats::pddl::ast::{Assigner, Moment};
+use crate::pddl::model::{Change, Formula, Number};
+
+/// Changes that take place at once.
+#[derive(Debug, Default)]
+pub(super) struct Changes {
+    pub(super) adds: HashSet<Ground>,
+    pub(super) deletes: HashSet<Ground>,
+    pub(super) values: HashMap<Ground, Update>,
+}
+
+/// What happens to one number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Update {
+    Assign(f64),
+    /// Increased, or decreased where negative.
+    Shift(f64),
+    Scale(f64),
+}
+
+impl Changes {
+    /// Adds the changes of another action to these.
+    pub(super) fn join(&mut self, other: Self, world: &World<'_>) -> Result<(), Trouble> {
+        self.adds.extend(other.adds);
+        self.deletes.extend(other.deletes);
+        other.values.into_iter().try_for_each(|(fluent, update)| self.update(fluent, update, world))
+    }
+
+    fn update(&mut self, fluent: Ground, update: Update, world: &World<'_>) -> Result<(), Trouble> {
+        let joined = match (self.values.get(&fluent), update) {
+            (None, update) => update,
+            (Some(Update::Shift(one)), Update::Shift(other)) => Update::Shift(one + other),
+            (Some(Update::Scale(one)), Update::Scale(other)) => Update::Scale(one * other),
+            (Some(Update::Assign(one)), Update::Assign(other)) if *one == other => update,
+            _ => {
+                let text = world.ground_function_text(&fluent);
+                return Err(Trouble::Wrong(format!("{text} is changed in two ways at once")));
+            }
+        };
+        self.values.insert(fluent, joined);
+        Ok(())
+    }
+}
+
+impl World<'_> {
+    /// What `change` does in this state. With a moment, only what happens then.
+    pub(super) fn changes(
+        &self,
+        change: &Change,
+        moment: Option<Moment>,
+        bindings: &mut Bindings,
+    ) -> Result<Changes, Trouble> {
+        let mut changes = Changes::default();
+        // What names no moment happens at once: always in an action, at the end in a durative one.
+        let now = moment.is_none_or(|moment| moment == Moment::End);
+        self.collect(change, moment, now, bindings, &mut changes)?;
+        Ok(changes)
+    }
+
+    fn collect(
+        &self,
+        change: &Change,
+        moment: Option<Moment>,
+        now: bool,
+        bindings: &mut Bindings,
+        changes: &mut Changes,
+    ) -> Result<(), Trouble> {
+        match change {
+            Change::And(parts) => parts.iter().try_for_each(|part| self.collect(part, moment, now, bindings, changes)),
+            Change::Timed(when, inner) => self.collect(inner, moment, moment == Some(*when), bindings, changes),
+            Change::Forall(quantifier, inner) => self
+                .each(quantifier, bindings, |bindings| {
+                    self.collect(inner, moment, now, bindings, changes)?;
+                    Ok(false)
+                })
+                .map(drop),
+            Change::When(condition, inner) => {
+                if moment.is_some_and(|moment| looks_elsewhere(condition, moment)) {
+                    let reason = "conditional effects that look at another moment are not simulated";
+                    return Err(Trouble::Unjudged(reason.to_owned()));
+                }
+                if self.is_true(condition, bindings)? {
+                    self.collect(inner, moment, now, bindings, changes)?;
+                }
+                Ok(())
+            }
+            _ if !now => Ok(()),
+            Change::Add(fact) => {
+                changes.adds.insert(self.ground(fact.predicate, &fact.arguments, bindings)?);
+                Ok(())
+            }
+            Change::Delete(fact) => {
+                changes.deletes.insert(self.ground(fact.predicate, &fact.arguments, bindings)?);
+                Ok(())
+            }
+            Change::Assign(assigner, fluent, value) => {
+                let fluent = self.ground(fluent.function, &fluent.arguments, bindings)?;
+                let value = self.number(value, bindings)?;
+                changes.update(fluent, update(*assigner, value)?, self)
+            }
+            Change::AssignObject => Err(Trouble::Unjudged("object fluents are not simulated".to_owned())),
+        }
+    }
+
+    /// Lets changes happen; what is both added and deleted is there afterwards.
+    pub(super) fn apply(&mut self, changes: Changes) -> Result<(), Trouble> {
+        if !(changes.adds.is_empty() && changes.deletes.is_empty() && changes.values.is_empty()) {
+            self.derived.replace(None);
+        }
+        for fact in &changes.deletes {
+            self.facts.remove(fact);
+        }
+        self.facts.extend(changes.adds);
+        for (fluent, update) in changes.values {
+            let before = self.value_before(&fluent, update)?;
+            let after = match update {
+                Update::Assign(value) => value,
+                Update::Shift(value) => before + value,
+                Update::Scale(value) => before * value,
+            };
+            self.values.insert(fluent, after);
+        }
+        Ok(())
+    }
+
+    fn value_before(&self, fluent: &Ground, update: Update) -> Result<f64, Trouble> {
+        match (self.values.get(fluent), update) {
+            (Some(value), _) => Ok(*value),
+            (None, Update::Assign(_)) => Ok(0.0),
+            (None, _) => Err(Trouble::Wrong(format!("{} has no value", self.ground_function_text(fluent)))),
+        }
+    }
+}
+
+fn update(assigner: Assigner, value: f64) -> Result<Update, Trouble> {
+    Ok(match assigner {
+        Assigner::Assign => Update::Assign(value),
+        Assigner::Increase => Update::Shift(value),
+        Assigner::Decrease => Update::Shift(-value),
+        Assigner::ScaleUp => Update::Scale(value),
+        Assigner::ScaleDown if value == 0.0 => return Err(Trouble::Wrong("a division by zero".to_owned())),
+        Assigner::ScaleDown => Update::Scale(1.0 / value),
+    })
+}
+
+/// Whether a condition is about another moment than this.
+fn looks_elsewhere(condition: &Formula, moment: Moment) -> bool {
+    match condition {
+        Formula::Timed(other, _) => *other != moment,
+        Formula::And(parts) | Formula::Or(parts) => parts.iter().any(|part| looks_elsewhere(part, moment)),
+        Formula::Not(inner) | Formula::Forall(_, inner) | Formula::Exists(_, inner) => looks_elsewhere(inner, moment),
+        Formula::Imply(left, right) => looks_elsewhere(left, moment) || looks_elsewhere(right, moment),
+        _ => false,
+    }
+}
+
+/// Whether an effect happens little by little.
+pub(super) fn is_continuous(change: &Change) -> bool {
+    match change {
+        Change::And(parts) => parts.iter().any(is_continuous),
+        Change::Forall(_, inner) | Change::When(_, inner) | Change::Timed(_, inner) => is_continuous(inner),
+        Change::Assign(_, _, value) => has_elapsed(value),
+        _ => false,
+    }
+}
+
+fn has_elapsed(number: &Number) -> bool {
+    match number {
+        Number::Elapsed => true,
+        Number::Operation(_, operands) => operands.iter().any(has_elapsed),
+        _ => false,
+    }
+}

@@ -1,0 +1,149 @@
+//! From a plan to its verdict: look up, simulate, check the goal.
+
+use super::happening::{Instance, Stop, simulate};
+use super::state::{Bindings, Trouble, World};
+use super::verdict::{Failure, Validation};
+use crate::pddl::Step;
+use crate::pddl::domain::{Action, Domain};
+use crate::pddl::feature::Feature;
+use crate::pddl::problem::Problem;
+
+/// How many false conditions of a goal are listed.
+const GOAL_LIMIT: usize = 20;
+
+/// Simulates a plan and says whether it reaches the goal.
+///
+/// Names compare without regard to case. Preferences never make a plan invalid.
+#[must_use]
+pub fn validate(domain: &Domain, problem: &Problem, steps: &[Step]) -> Validation {
+    match judge(domain, problem, steps) {
+        Ok(value) => Validation::Valid { value },
+        Err(Stop::Failure(failure)) => Validation::Invalid(*failure),
+        Err(Stop::Unjudged(reason)) => Validation::Unjudged(reason),
+    }
+}
+
+fn judge(domain: &Domain, problem: &Problem, steps: &[Step]) -> Result<Option<f64>, Stop> {
+    let instances = instances(domain, problem, steps)?;
+    if domain.is_constrained || problem.is_constrained {
+        return Err(Stop::Unjudged("constraints are not simulated".to_owned()));
+    }
+    let fluents = domain.features().iter().chain(problem.features());
+    if fluents.into_iter().any(|used| used.feature == Feature::ObjectFluents) {
+        return Err(Stop::Unjudged("object fluents are not simulated".to_owned()));
+    }
+    let mut world = World::new(domain, problem);
+    simulate(&mut world, &instances)?;
+    check_goal(&world)?;
+    Ok(value(&world, steps.len()))
+}
+
+fn check_goal(world: &World<'_>) -> Result<(), Stop> {
+    let trouble = |trouble| match trouble {
+        Trouble::Unjudged(reason) => Stop::Unjudged(reason),
+        Trouble::Wrong(reason) => Stop::failure(Failure::Number { step: None, action: String::new(), reason }),
+    };
+    if world.is_true(&world.problem.goal, &mut Bindings::new()).map_err(trouble)? {
+        return Ok(());
+    }
+    let conditions = world.faults(&world.problem.goal, GOAL_LIMIT).map_err(trouble)?;
+    Err(Stop::failure(Failure::Goal { conditions }))
+}
+
+fn value(world: &World<'_>, steps: usize) -> Option<f64> {
+    match &world.problem.metric {
+        Some(metric) => world.number(metric, &Bindings::new()).ok(),
+        None => u32::try_from(steps).ok().map(f64::from),
+    }
+}
+
+/// The plan's steps with actions and objects looked up.
+fn instances<'a>(domain: &'a Domain, problem: &Problem, steps: &[Step]) -> Result<Vec<Instance<'a>>, Stop> {
+    let is_timed = steps.iter().any(|step| step.start.is_some());
+    let mut instances = Vec::with_capacity(steps.len());
+    let mut time = 0.0;
+    for (index, step) in steps.iter().enumerate() {
+        time += 1.0;
+        let (action, objects) = look_up(domain, problem, index, step)?;
+        if action.has_locals {
+            return Err(Stop::Unjudged(format!("the `:vars` of action `{}` are not simulated", action.name())));
+        }
+        let start = if is_timed { step.start } else { Some(time) };
+        let (start, duration) = times(action, start, step.duration, is_timed)
+            .map_err(|reason| Stop::failure(Failure::Time { step: index, action: action.name().to_owned(), reason }))?;
+        let text = text(problem, action, &objects);
+        instances.push(Instance { action, objects, start, duration, text });
+    }
+    Ok(instances)
+}
+
+/// When a step begins and how long it takes.
+fn times(
+    action: &Action,
+    start: Option<f64>,
+    duration: Option<f64>,
+    is_timed: bool,
+) -> Result<(f64, Option<f64>), &'static str> {
+    let Some(start) = start else { return Err("the plan says when other steps begin, but not this one") };
+    if !(start.is_finite() && start >= 0.0) {
+        return Err("it begins before time 0");
+    }
+    if !action.is_durative() {
+        return Ok((start, None));
+    }
+    match duration {
+        _ if !is_timed => Err("it takes time, but the plan does not say when it begins"),
+        Some(duration) if duration.is_finite() && duration >= 0.0 => Ok((start, Some(duration))),
+        Some(_) => Err("its duration is negative"),
+        None => Err("it takes time, but the plan does not say how long"),
+    }
+}
+
+fn look_up<'a>(
+    domain: &'a Domain,
+    problem: &Problem,
+    index: usize,
+    step: &Step,
+) -> Result<(&'a Action, Vec<u32>), Stop> {
+    let Some(action) = domain.action(&step.action) else {
+        let nearest = domain.nearest_action(&step.action).map(str::to_owned);
+        return Err(Stop::failure(Failure::UnknownAction { step: index, action: step.action.clone(), nearest }));
+    };
+    let (wanted, found) = (action.variables.len(), step.arguments.len());
+    if wanted != found {
+        return Err(Stop::failure(Failure::Arity { step: index, action: action.name().to_owned(), wanted, found }));
+    }
+    let mut objects = Vec::with_capacity(found);
+    for (argument, variable) in step.arguments.iter().zip(&action.variables) {
+        let Some(number) = problem.objects.find(argument) else {
+            let nearest = problem.objects.nearest(argument).map(str::to_owned);
+            let (action, object) = (action.name().to_owned(), argument.clone());
+            return Err(Stop::failure(Failure::UnknownObject { step: index, action, object, nearest }));
+        };
+        let types = &domain.vocabulary.types;
+        if let Some(object) = problem.objects.get(number)
+            && !types.fits(&object.kind, &variable.kind)
+        {
+            return Err(Stop::failure(Failure::ArgumentType {
+                step: index,
+                action: action.name().to_owned(),
+                parameter: variable.name.as_str().trim_start_matches('?').to_owned(),
+                object: object.name.as_str().to_owned(),
+                is: types.kind_text(&object.kind),
+                wanted: types.kind_text(&variable.kind),
+            }));
+        }
+        objects.push(number);
+    }
+    Ok((action, objects))
+}
+
+fn text(problem: &Problem, action: &Action, objects: &[u32]) -> String {
+    let mut text = format!("({}", action.name());
+    for object in objects {
+        text.push(' ');
+        text.push_str(problem.objects.get(*object).map_or("?", |object| object.name.as_str()));
+    }
+    text.push(')');
+    text
+}

@@ -1,0 +1,22 @@
+//! Plans, simulated: rmem's own judge, so that no planner vouches for itself.
+//!
+//! Only the plan's actions are instantiated, never the task. Conditions are looked up
+//! in a set of facts, quantifiers range over the objects of their types, and derived
+//! predicates are computed when a condition asks for them.
+//!
+//! A plan is a sequence of [`happening`]s: moments at which actions start, end, or
+//! take place, and timed initial literals come true. A sequential plan has one
+//! action per moment, at the times 1, 2, 3, …
+
+mod change;
+mod derive;
+mod happening;
+mod judge;
+mod state;
+mod stratum;
+mod text;
+mod truth;
+mod verdict;
+
+pub use judge::validate;
+pub use verdict::{Failure, Validation};

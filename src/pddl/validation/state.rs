@@ -1,0 +1,124 @@
+//! What is true, what has which value, and the objects there are.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{HashMap, HashSet};
+use std::rc::Rc;
+
+use crate::pddl::domain::Domain;
+use crate::pddl::model::Arg;
+use crate::pddl::problem::Problem;
+use crate::pddl::types::Kind;
+
+/// A predicate or function with its arguments, by their numbers.
+pub(super) type Ground = Box<[u32]>;
+
+/// The slot of a variable without a value.
+pub(super) const UNBOUND: u32 = u32::MAX;
+
+/// How far two numbers may be apart and still be equal.
+pub(super) const TOLERANCE: f64 = 1e-6;
+
+/// Values of variables, by slot.
+pub(super) type Bindings = Vec<u32>;
+
+/// Why a condition has no truth value.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Trouble {
+    /// The plan is wrong: a number is asked for that is not there.
+    Wrong(String),
+    /// The simulation does not know this part of PDDL.
+    Unjudged(String),
+}
+
+/// A state of the world, and the task it belongs to.
+pub(super) struct World<'a> {
+    pub(super) domain: &'a Domain,
+    pub(super) problem: &'a Problem,
+    pub(super) facts: HashSet<Ground>,
+    pub(super) values: HashMap<Ground, f64>,
+    /// What the rules derive from the facts, where a condition has asked.
+    pub(super) derived: RefCell<Option<HashSet<Ground>>>,
+    /// Whether the rules are being applied; then what they have derived so far is what holds.
+    pub(super) deriving: Cell<bool>,
+    members: RefCell<HashMap<Kind, Rc<[u32]>>>,
+    /// The duration of the action looked at.
+    pub(super) duration: Option<f64>,
+    /// When the last thing happened.
+    pub(super) time: f64,
+    /// How far two numbers may be apart and still be equal.
+    pub(super) tolerance: f64,
+}
+
+impl<'a> World<'a> {
+    /// The initial state. Costs begin at zero where nothing else is said, as for every planner that counts them.
+    pub(super) fn new(domain: &'a Domain, problem: &'a Problem) -> Self {
+        let functions = &domain.vocabulary.functions;
+        let mut values: HashMap<Ground, f64> = HashMap::new();
+        if let Some(cost) = functions.find("total-cost") {
+            values.insert([cost].into(), 0.0);
+        }
+        values.extend(problem.start.values.iter().cloned());
+        Self {
+            domain,
+            problem,
+            facts: problem.start.facts.iter().cloned().collect(),
+            values,
+            derived: RefCell::new(None),
+            deriving: Cell::new(false),
+            members: RefCell::new(HashMap::new()),
+            duration: None,
+            time: 0.0,
+            tolerance: TOLERANCE,
+        }
+    }
+
+    /// The objects of a kind.
+    pub(super) fn members(&self, kind: &Kind) -> Rc<[u32]> {
+        if let Some(known) = self.members.borrow().get(kind) {
+            return known.clone();
+        }
+        let types = &self.domain.vocabulary.types;
+        let members: Rc<[u32]> = (0_u32..)
+            .zip(self.problem.objects.items())
+            .filter(|(_, object)| types.fits(&object.kind, kind))
+            .map(|(number, _)| number)
+            .collect();
+        self.members.borrow_mut().insert(kind.clone(), members.clone());
+        members
+    }
+
+    /// Whether an object is of a kind.
+    pub(super) fn is_member(&self, object: u32, kind: &Kind) -> bool {
+        let object = self.problem.objects.get(object);
+        object.is_some_and(|object| self.domain.vocabulary.types.fits(&object.kind, kind))
+    }
+
+    /// A predicate or function with the values of its arguments.
+    pub(super) fn ground(&self, head: u32, arguments: &[Arg], bindings: &Bindings) -> Result<Ground, Trouble> {
+        let mut ground = Vec::with_capacity(arguments.len() + 1);
+        ground.push(head);
+        for argument in arguments {
+            ground.push(value(*argument, bindings)?);
+        }
+        Ok(ground.into_boxed_slice())
+    }
+
+    /// Whether a ground fact holds.
+    pub(super) fn holds(&self, fact: &Ground) -> Result<bool, Trouble> {
+        let is_derived = fact.first().is_some_and(|predicate| self.domain.derived.contains(predicate));
+        if !is_derived {
+            return Ok(self.facts.contains(fact));
+        }
+        self.derive()?;
+        Ok(self.derived.borrow().as_ref().is_some_and(|derived| derived.contains(fact)))
+    }
+}
+
+/// The object an argument stands for.
+pub(super) fn value(argument: Arg, bindings: &Bindings) -> Result<u32, Trouble> {
+    match argument {
+        Arg::Object(number) => Ok(number),
+        Arg::Slot(slot) => Ok(bindings.get(slot as usize).copied().unwrap_or(UNBOUND)),
+        Arg::Fluent => Err(Trouble::Unjudged("object fluents are not simulated".to_owned())),
+    }
+}

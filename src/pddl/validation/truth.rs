@@ -1,0 +1,190 @@
+//! Whether a condition holds, and which part of it does not.
+
+use super::state::{Bindings, Trouble, UNBOUND, World, value};
+use crate::formats::pddl::ast::{Comparator, Moment, Operator};
+use crate::pddl::model::{Formula, Number, Quantifier};
+
+impl World<'_> {
+    /// Whether `formula` holds with these values of its variables. Preferences always do.
+    pub(super) fn is_true(&self, formula: &Formula, bindings: &mut Bindings) -> Result<bool, Trouble> {
+        match formula {
+            Formula::Fact(fact) => self.holds(&self.ground(fact.predicate, &fact.arguments, bindings)?),
+            Formula::Same(left, right) => Ok(value(*left, bindings)? == value(*right, bindings)?),
+            Formula::Compare(comparator, left, right) => {
+                let (left, right) = (self.number(left, bindings)?, self.number(right, bindings)?);
+                Ok(compare(*comparator, left, right, self.tolerance))
+            }
+            Formula::Not(inner) => Ok(!self.is_true(inner, bindings)?),
+            Formula::And(parts) => {
+                for part in parts {
+                    if !self.is_true(part, bindings)? {
+                        return Ok(false);
+                    }
+                }
+                Ok(true)
+            }
+            Formula::Or(parts) => {
+                for part in parts {
+                    if self.is_true(part, bindings)? {
+                        return Ok(true);
+                    }
+                }
+                Ok(false)
+            }
+            Formula::Imply(left, right) => Ok(!self.is_true(left, bindings)? || self.is_true(right, bindings)?),
+            Formula::Forall(quantifier, inner) => {
+                Ok(!self.each(quantifier, bindings, |bindings| Ok(!self.is_true(inner, bindings)?))?)
+            }
+            Formula::Exists(quantifier, inner) => {
+                self.each(quantifier, bindings, |bindings| self.is_true(inner, bindings))
+            }
+            Formula::Timed(_, inner) => self.is_true(inner, bindings),
+            Formula::Preference(_) => Ok(true),
+            Formula::Modal => Err(Trouble::Unjudged("constraints are not simulated".to_owned())),
+        }
+    }
+
+    /// Calls `visit` with every choice of values for the variables until it returns true, and says whether it did.
+    pub(super) fn each(
+        &self,
+        quantifier: &Quantifier,
+        bindings: &mut Bindings,
+        mut visit: impl FnMut(&mut Bindings) -> Result<bool, Trouble>,
+    ) -> Result<bool, Trouble> {
+        let first = quantifier.first as usize;
+        let count = quantifier.variables.len();
+        let members: Vec<_> = quantifier.variables.iter().map(|variable| self.members(&variable.kind)).collect();
+        if members.iter().any(|members| members.is_empty()) {
+            return Ok(false);
+        }
+        if bindings.len() < first + count {
+            bindings.resize(first + count, UNBOUND);
+        }
+        let outer: Vec<u32> = bindings[first..first + count].to_vec();
+        let mut chosen = vec![0_usize; count];
+        let stopped = 'choices: loop {
+            for (offset, members) in members.iter().enumerate() {
+                bindings[first + offset] = members[chosen[offset]];
+            }
+            if visit(bindings)? {
+                break true;
+            }
+            for (choice, members) in chosen.iter_mut().zip(&members).rev() {
+                *choice += 1;
+                if *choice < members.len() {
+                    continue 'choices;
+                }
+                *choice = 0;
+            }
+            break false;
+        };
+        bindings[first..first + count].copy_from_slice(&outer);
+        Ok(stopped)
+    }
+
+    /// The value of an expression.
+    pub(super) fn number(&self, number: &Number, bindings: &Bindings) -> Result<f64, Trouble> {
+        match number {
+            Number::Constant(value) => Ok(*value),
+            Number::Fluent(fluent) => {
+                let ground = self.ground(fluent.function, &fluent.arguments, bindings)?;
+                match self.values.get(&ground) {
+                    Some(value) => Ok(*value),
+                    None => Err(Trouble::Wrong(format!("{} has no value", self.ground_function_text(&ground)))),
+                }
+            }
+            Number::Operation(operator, operands) => self.operation(*operator, operands, bindings),
+            Number::Duration => self
+                .duration
+                .ok_or_else(|| Trouble::Unjudged("`?duration` means nothing outside a durative action".to_owned())),
+            Number::TotalTime => Ok(self.time),
+            Number::Elapsed => Err(Trouble::Unjudged("continuous effects are not simulated".to_owned())),
+            Number::Violations(_) => Err(Trouble::Unjudged("preferences are not counted".to_owned())),
+        }
+    }
+
+    fn operation(&self, operator: Operator, operands: &[Number], bindings: &Bindings) -> Result<f64, Trouble> {
+        let mut values = Vec::with_capacity(operands.len());
+        for operand in operands {
+            values.push(self.number(operand, bindings)?);
+        }
+        Ok(match (operator, values.as_slice()) {
+            (Operator::Add, all) => all.iter().sum(),
+            (Operator::Multiply, all) => all.iter().product(),
+            (Operator::Subtract, [only]) => -only,
+            (Operator::Subtract, [left, right]) => left - right,
+            (Operator::Divide, [_, 0.0]) => return Err(Trouble::Wrong("a division by zero".to_owned())),
+            (Operator::Divide, [left, right]) => left / right,
+            _ => return Err(Trouble::Unjudged(format!("`{operator}` with {} operands", values.len()))),
+        })
+    }
+
+    /// The smallest part of a false condition that makes it false, as PDDL text.
+    pub(super) fn fault(&self, formula: &Formula, bindings: &mut Bindings) -> Result<String, Trouble> {
+        match formula {
+            Formula::And(parts) => {
+                for part in parts {
+                    if !self.is_true(part, bindings)? {
+                        return self.fault(part, bindings);
+                    }
+                }
+                Ok(self.text(formula, bindings))
+            }
+            Formula::Forall(quantifier, inner) => {
+                let mut fault = None;
+                self.each(quantifier, bindings, |bindings| {
+                    if !self.is_true(inner, bindings)? {
+                        fault = Some(self.fault(inner, bindings)?);
+                    }
+                    Ok(fault.is_some())
+                })?;
+                Ok(fault.unwrap_or_else(|| self.text(formula, bindings)))
+            }
+            Formula::Timed(_, inner) => self.fault(inner, bindings),
+            _ => Ok(self.text(formula, bindings)),
+        }
+    }
+
+    /// Every part of a conjunction that is false, as PDDL text.
+    pub(super) fn faults(&self, formula: &Formula, limit: usize) -> Result<Vec<String>, Trouble> {
+        let mut faults = Vec::new();
+        let mut pending = vec![formula];
+        while let Some(formula) = pending.pop() {
+            if faults.len() >= limit {
+                break;
+            }
+            match formula {
+                Formula::And(parts) => pending.extend(parts.iter().rev()),
+                other => {
+                    if !self.is_true(other, &mut Bindings::new())? {
+                        faults.push(self.fault(other, &mut Bindings::new())?);
+                    }
+                }
+            }
+        }
+        Ok(faults)
+    }
+}
+
+fn compare(comparator: Comparator, left: f64, right: f64, tolerance: f64) -> bool {
+    match comparator {
+        Comparator::Equal => (left - right).abs() <= tolerance,
+        Comparator::Less => left < right,
+        Comparator::AtMost => left <= right + tolerance,
+        Comparator::Greater => left > right,
+        Comparator::AtLeast => left >= right - tolerance,
+    }
+}
+
+/// The part of a condition that is about one moment of a durative action; what names no moment is about its start.
+pub(super) fn at_moment(formula: &Formula, moment: Moment) -> Formula {
+    match formula {
+        Formula::Timed(other, inner) if *other == moment => (**inner).clone(),
+        Formula::Timed(..) => Formula::truth(),
+        Formula::And(parts) => Formula::And(parts.iter().map(|part| at_moment(part, moment)).collect()),
+        Formula::Forall(quantifier, inner) => Formula::Forall(quantifier.clone(), Box::new(at_moment(inner, moment))),
+        Formula::Preference(_) => Formula::truth(),
+        other if moment == Moment::Start => other.clone(),
+        _ => Formula::truth(),
+    }
+}

@@ -1,0 +1,187 @@
+//! The verdict on a plan, and how it is said.
+
+use std::fmt;
+
+use crate::pddl::resolve::count;
+
+/// What the simulation of a plan says.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Validation {
+    /// Every action can be taken and the goal holds afterwards.
+    Valid {
+        /// The metric's value afterwards; without a metric, the number of actions. [`None`]
+        /// where the metric counts what is not simulated, such as preferences.
+        value: Option<f64>,
+    },
+    /// The plan is wrong, and where.
+    Invalid(Failure),
+    /// The plan needs a part of PDDL that is not simulated: neither valid nor invalid is claimed.
+    Unjudged(String),
+}
+
+/// What is wrong with a plan. Steps count from 0; names are spelled as the domain and the problem spell them.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Failure {
+    /// The domain has no such action.
+    UnknownAction {
+        /// Which step.
+        step: usize,
+        /// The name in the plan.
+        action: String,
+        /// A name of the domain that is like it.
+        nearest: Option<String>,
+    },
+    /// The wrong number of arguments.
+    Arity {
+        /// Which step.
+        step: usize,
+        /// The action.
+        action: String,
+        /// How many it takes.
+        wanted: usize,
+        /// How many the plan gives.
+        found: usize,
+    },
+    /// The problem has no such object.
+    UnknownObject {
+        /// Which step.
+        step: usize,
+        /// The action.
+        action: String,
+        /// The name in the plan.
+        object: String,
+        /// A name of the problem that is like it.
+        nearest: Option<String>,
+    },
+    /// An object of the wrong type.
+    ArgumentType {
+        /// Which step.
+        step: usize,
+        /// The action.
+        action: String,
+        /// The parameter, without its `?`.
+        parameter: String,
+        /// The object.
+        object: String,
+        /// Its type.
+        is: String,
+        /// The parameter's type.
+        wanted: String,
+    },
+    /// Times that make no plan: a durative action without them, or only some steps with them.
+    Time {
+        /// Which step.
+        step: usize,
+        /// The action.
+        action: String,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// A condition of an action is false when the action needs it.
+    Precondition {
+        /// Which step.
+        step: usize,
+        /// The action with its objects, as `(pick r1 ball)`.
+        action: String,
+        /// The smallest part that is false, as PDDL.
+        condition: String,
+    },
+    /// A number that is not there, or an impossible computation.
+    Number {
+        /// Which step; [`None`] in the goal.
+        step: Option<usize>,
+        /// The action with its objects.
+        action: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Two things happen at once that may not.
+    Interference {
+        /// Which step.
+        step: usize,
+        /// The action with its objects.
+        action: String,
+        /// The other one.
+        with: String,
+    },
+    /// Every action can be taken, but the goal does not hold.
+    Goal {
+        /// Conditions that are false, as PDDL; not all of very many.
+        conditions: Vec<String>,
+    },
+}
+
+impl Validation {
+    /// Whether the plan is known to be right.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        matches!(self, Self::Valid { .. })
+    }
+}
+
+impl Failure {
+    /// The first step that is wrong, counted from 0; [`None`] where the goal is.
+    #[must_use]
+    pub fn step(&self) -> Option<usize> {
+        match self {
+            Self::UnknownAction { step, .. }
+            | Self::Arity { step, .. }
+            | Self::UnknownObject { step, .. }
+            | Self::ArgumentType { step, .. }
+            | Self::Time { step, .. }
+            | Self::Precondition { step, .. }
+            | Self::Interference { step, .. } => Some(*step),
+            Self::Number { step, .. } => *step,
+            Self::Goal { .. } => None,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(step) = self.step() {
+            write!(f, "step {}: ", step + 1)?;
+        }
+        let maybe = |nearest: &Option<String>| {
+            nearest.as_ref().map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"))
+        };
+        match self {
+            Self::UnknownAction { action, nearest, .. } => {
+                write!(f, "the domain has no action `{action}`{}", maybe(nearest))
+            }
+            Self::Arity { action, wanted, found, .. } => {
+                write!(f, "action `{action}` takes {}, found {found}", count(*wanted))
+            }
+            Self::UnknownObject { action, object, nearest, .. } => {
+                write!(f, "action `{action}` names `{object}`, which is no object{}", maybe(nearest))
+            }
+            Self::ArgumentType { action, parameter, object, is, wanted, .. } => {
+                write!(f, "`{object}` is of type `{is}`, but `{action}` wants `{wanted}` for `?{parameter}`")
+            }
+            Self::Time { action, reason, .. } => write!(f, "action `{action}`: {reason}"),
+            Self::Precondition { action, condition, .. } => {
+                write!(f, "{action} cannot be taken: {condition} is false")
+            }
+            Self::Number { step: Some(_), action, reason } => write!(f, "{action} cannot be taken: {reason}"),
+            Self::Number { reason, .. } => write!(f, "the goal cannot be computed: {reason}"),
+            Self::Interference { action, with, .. } => {
+                write!(f, "{action} cannot happen at the same time as {with}")
+            }
+            Self::Goal { conditions } => {
+                let verb = if conditions.len() == 1 { "is" } else { "are" };
+                write!(f, "the goal is not reached: {} {verb} false", conditions.join(", "))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Validation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Valid { value: Some(value) } => write!(f, "the plan is valid, value {value}"),
+            Self::Valid { value: None } => f.write_str("the plan is valid"),
+            Self::Invalid(failure) => write!(f, "the plan is invalid: {failure}"),
+            Self::Unjudged(reason) => write!(f, "the plan cannot be judged: {reason}"),
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Where a stored plan comes from.
+
+use std::fmt::Write as _;
+use std::time::Duration;
+
+use bson::{Array, Bson, DateTime, Document, doc};
+use sha2::{Digest as _, Sha256};
+
+use crate::planner::Run;
+
+/// The SHA-256 of a text, in hexadecimal.
+#[must_use]
+pub fn hash(text: &str) -> String {
+    let mut hex = String::with_capacity(64);
+    for byte in Sha256::digest(text.as_bytes()) {
+        let _ = write!(hex, "{byte:02x}");
+    }
+    hex
+}
+
+/// A query that a template asked, and how many documents answered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answered {
+    /// The section or the call that asked.
+    pub name: String,
+    /// The namespace that was asked.
+    pub namespace: String,
+    /// The query as it was written.
+    pub query: String,
+    /// How many documents answered.
+    pub count: u64,
+}
+
+/// Where a plan comes from, for `_robmem_info.lineage`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Lineage {
+    /// The SHA-256 of the domain's text.
+    pub domain: String,
+    /// The SHA-256 of the problem's text.
+    pub problem: String,
+    /// The SHA-256 of the template's text, where the problem came from one.
+    pub template: Option<String>,
+    /// The goal as it was given or written.
+    pub goal: String,
+    /// The queries of the template, in the order they were asked.
+    pub queries: Vec<Answered>,
+    /// The planner's name.
+    pub planner: String,
+    /// Its version, where known.
+    pub version: Option<String>,
+    /// Program and arguments.
+    pub arguments: Vec<String>,
+    /// The outcome's word.
+    pub outcome: String,
+    /// The planner's word on the plan's cost.
+    pub cost: Option<f64>,
+    /// How many steps the plan has; none without a plan.
+    pub length: Option<usize>,
+    /// When planning began.
+    pub started: Option<DateTime>,
+    /// How long each part of the way took: `render`, `plan`, `validate`, ….
+    pub times: Vec<(String, Duration)>,
+}
+
+impl Lineage {
+    /// Notes a planner's run.
+    #[must_use]
+    pub fn with_run(mut self, run: &Run) -> Self {
+        self.planner.clone_from(&run.planner);
+        self.version.clone_from(&run.version);
+        self.arguments.clone_from(&run.command);
+        run.outcome.word().clone_into(&mut self.outcome);
+        self.cost = run.outcome.plan().and_then(|plan| plan.cost);
+        self.length = run.outcome.plan().map(|plan| plan.steps.len());
+        self.times.push(("plan".to_owned(), run.time));
+        self
+    }
+
+    /// The document; times are in milliseconds.
+    #[must_use]
+    pub fn to_document(&self) -> Document {
+        let queries = self.queries.iter().map(|asked| {
+            let count = i64::try_from(asked.count).unwrap_or(i64::MAX);
+            Bson::Document(doc! {
+                "name": &asked.name, "namespace": &asked.namespace, "query": &asked.query, "count": count,
+            })
+        });
+        let mut document = doc! { "domain": &self.domain, "problem": &self.problem };
+        insert(&mut document, "template", self.template.clone());
+        document.insert("goal", &self.goal);
+        document.insert("queries", queries.collect::<Array>());
+        document.insert("planner", &self.planner);
+        insert(&mut document, "version", self.version.clone());
+        document.insert("arguments", &self.arguments);
+        document.insert("outcome", &self.outcome);
+        insert(&mut document, "cost", self.cost);
+        insert(&mut document, "length", self.length.and_then(|length| i64::try_from(length).ok()));
+        insert(&mut document, "started", self.started);
+        let times = self.times.iter().map(|(name, time)| (name.clone(), Bson::Double(time.as_secs_f64() * 1000.0)));
+        document.insert("times", times.collect::<Document>());
+        document
+    }
+}
+
+fn insert(document: &mut Document, key: &str, value: Option<impl Into<Bson>>) {
+    if let Some(value) = value {
+        document.insert(key, value);
+    }
+}

@@ -1,0 +1,92 @@
+//! The external program `ff`: FF 2.3, Metric-FF 2.1, or the present-day one.
+
+use std::ffi::OsString;
+
+use super::host::Host;
+use super::process::{DOMAIN, PROBLEM};
+use super::run::{Output, Planner};
+use crate::formats::plan::{Transcript, Verdict, ff};
+use crate::pddl::Feature;
+
+/// What FF 2.3 and Metric-FF 2.1 cannot do. That FF 2.3 knows no numbers it says itself.
+const LACKS: [Feature; 8] = [
+    Feature::DurativeActions,
+    Feature::DurationInequalities,
+    Feature::TimedInitialLiterals,
+    Feature::ContinuousEffects,
+    Feature::DerivedPredicates,
+    Feature::Preferences,
+    Feature::Constraints,
+    Feature::ObjectFluents,
+];
+
+/// The requirement keywords that both know; an unknown one is a syntax error to them.
+const REQUIREMENTS: [&str; 11] = [
+    ":strips",
+    ":typing",
+    ":equality",
+    ":adl",
+    ":negative-preconditions",
+    ":disjunctive-preconditions",
+    ":existential-preconditions",
+    ":universal-preconditions",
+    ":quantified-preconditions",
+    ":conditional-effects",
+    ":fluents",
+];
+
+/// The external program `ff`.
+#[derive(Debug, Clone)]
+pub struct Ff {
+    /// The program, a name on the path or a path.
+    pub program: OsString,
+}
+
+impl Default for Ff {
+    fn default() -> Self {
+        Self { program: "ff".into() }
+    }
+}
+
+impl Planner for Ff {
+    fn name(&self) -> &str {
+        "ff"
+    }
+
+    fn lacks(&self) -> &[Feature] {
+        &LACKS
+    }
+
+    fn requirements(&self) -> Option<&[&str]> {
+        Some(&REQUIREMENTS)
+    }
+
+    fn command(&self, _host: &Host<'_>) -> Vec<OsString> {
+        vec![self.program.clone(), "-o".into(), DOMAIN.into(), "-f".into(), PROBLEM.into()]
+    }
+
+    /// Metric-FF 2.1 searches without a `:metric` only when told to; only it knows the option.
+    fn again(&self, answer: &Transcript, command: &[OsString]) -> Option<Vec<OsString>> {
+        (answer.verdict == Verdict::NoCriterion).then(|| {
+            let mut command = command.to_vec();
+            command.extend(["-s".into(), "0".into()]);
+            command
+        })
+    }
+
+    fn read(&self, output: &Output) -> Transcript {
+        ff::read(&output.stdout, &output.stderr)
+    }
+
+    /// FF prunes where an action only deletes and the delete matters to a conditional effect.
+    fn proves(&self, features: &[Feature]) -> bool {
+        !features.contains(&Feature::ConditionalEffects)
+    }
+
+    fn install(&self) -> String {
+        format!(
+            "there is no program `{}`; `cargo install ferroplan-cli` installs one, and `--planner builtin` needs none",
+            self.program.to_string_lossy()
+        )
+    }
+}

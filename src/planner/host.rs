@@ -1,0 +1,34 @@
+//! What a planner's run may use, and what it is allowed.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// What the process that runs planners lends them. The library reads no environment.
+#[derive(Debug, Clone)]
+pub struct Host<'a> {
+    /// The rmem executable: it starts itself again as `__warden` and as `ff`.
+    pub exe: PathBuf,
+    /// Where temporary directories are made.
+    pub temporary: PathBuf,
+    /// Becomes true on Ctrl-C; the run then stops with nothing left behind.
+    pub interrupted: &'a AtomicBool,
+}
+
+/// What a run is allowed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Wall time.
+    pub time: Option<Duration>,
+    /// Address space of each process of the planner, in bytes.
+    pub memory: Option<u64>,
+    /// What it may print on one stream, in bytes; a planner that prints more is stopped.
+    pub output: u64,
+}
+
+impl Default for Limits {
+    /// 60 s, no limit of memory, 64 MiB of output.
+    fn default() -> Self {
+        Self { time: Some(Duration::from_secs(60)), memory: None, output: 64 << 20 }
+    }
+}

@@ -1,0 +1,85 @@
+//! How a planner's run ended, and the exit codes for it.
+
+use crate::plan::Plan;
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outcome {
+    /// A plan; the empty one where the goal holds already.
+    Plan(Plan),
+    /// Proven: there is no plan.
+    Unsolvable,
+    /// The planner gave up without a proof.
+    GaveUp,
+    /// It ran into the limit of memory.
+    OutOfMemory,
+    /// It ran into the limit of time.
+    OutOfTime,
+    /// It crashed, or returned what is not a plan.
+    Failed,
+    /// It cannot handle a feature that the task uses.
+    Unsupported,
+    /// There is no such program.
+    NotFound,
+    /// rmem was interrupted.
+    Interrupted,
+}
+
+impl Outcome {
+    /// The exit code.
+    #[must_use]
+    pub fn code(&self) -> u8 {
+        match self {
+            Self::Plan(_) => 0,
+            Self::Unsolvable => 11,
+            Self::GaveUp => 12,
+            Self::OutOfMemory => 22,
+            Self::OutOfTime => 23,
+            Self::Failed => 32,
+            Self::Unsupported => 34,
+            Self::NotFound => 127,
+            Self::Interrupted => 130,
+        }
+    }
+
+    /// The word for it in documents.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Plan(_) => "plan",
+            Self::Unsolvable => "unsolvable",
+            Self::GaveUp => "gave-up",
+            Self::OutOfMemory => "out-of-memory",
+            Self::OutOfTime => "out-of-time",
+            Self::Failed => "failed",
+            Self::Unsupported => "unsupported",
+            Self::NotFound => "not-found",
+            Self::Interrupted => "interrupted",
+        }
+    }
+
+    /// The sentence for it in messages.
+    #[must_use]
+    pub fn sentence(&self) -> &'static str {
+        match self {
+            Self::Plan(_) => "a plan was found",
+            Self::Unsolvable => "proven: no plan exists",
+            Self::GaveUp => "the planner gave up without proof",
+            Self::OutOfMemory => "the planner ran out of memory",
+            Self::OutOfTime => "the planner ran out of time",
+            Self::Failed => "the planner crashed, or returned what is not a plan",
+            Self::Unsupported => "the planner cannot handle the task",
+            Self::NotFound => "the planner's program was not found",
+            Self::Interrupted => "interrupted",
+        }
+    }
+
+    /// The plan, where there is one.
+    #[must_use]
+    pub fn plan(&self) -> Option<&Plan> {
+        match self {
+            Self::Plan(plan) => Some(plan),
+            _ => None,
+        }
+    }
+}

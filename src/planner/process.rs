@@ -1,0 +1,376 @@
+//! The process side of a run: a temporary directory, a warden, limits, what is left.
+
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File};
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process_group};
+use tempfile::TempDir;
+
+use super::host::{Host, Limits};
+use super::warden::GRACE;
+use crate::formats::Source;
+
+/// What stands for the domain's file in a command.
+pub(super) const DOMAIN: &str = "{domain}";
+/// What stands for the problem's file in a command.
+pub(super) const PROBLEM: &str = "{problem}";
+/// What stands in a command for the file that a planner may write its plan to.
+pub(super) const PLAN: &str = "{plan}";
+
+/// The files in the run's directory for what stands in a command.
+const FILES: [(&str, &str); 3] = [(DOMAIN, "domain.pddl"), (PROBLEM, "problem.pddl"), (PLAN, "plan")];
+
+/// How often interruption, time and output are looked at.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// How long the warden may take beyond the grace before it is given up.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The largest plan file that is read, in bytes.
+const LARGEST_PLAN: u64 = 256 << 20;
+
+/// A program to run on a domain and a problem, in a directory that has both.
+pub(super) struct Job<'a> {
+    pub(super) program: &'a OsStr,
+    pub(super) arguments: &'a [OsString],
+    pub(super) domain: &'a str,
+    pub(super) problem: &'a str,
+    /// The whole environment, where it is not rmem's.
+    pub(super) environment: Option<&'a [(&'a str, &'a str)]>,
+}
+
+/// How a program ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum End {
+    Exited(i32),
+    Signalled(i32),
+    OutOfTime,
+    TooMuchOutput,
+    Interrupted,
+    /// There is no such program.
+    Missing,
+    /// It could not be run at all.
+    Failed(String),
+}
+
+/// A program that has ended.
+#[derive(Debug)]
+pub(super) struct Ended {
+    pub(super) end: End,
+    pub(super) stdout: String,
+    pub(super) stderr: String,
+    /// The plan files it left, the last of them the best.
+    pub(super) plans: Vec<Source>,
+    pub(super) wall: Duration,
+    /// It ran into the limit of memory.
+    pub(super) out_of_memory: bool,
+}
+
+impl Ended {
+    /// The exit code, where there is one.
+    pub(super) fn code(&self) -> Option<i32> {
+        match self.end {
+            End::Exited(code) => Some(code),
+            _ => None,
+        }
+    }
+}
+
+impl Default for Ended {
+    fn default() -> Self {
+        Self {
+            end: End::Failed(String::new()),
+            stdout: String::new(),
+            stderr: String::new(),
+            plans: Vec::new(),
+            wall: Duration::ZERO,
+            out_of_memory: false,
+        }
+    }
+}
+
+/// Runs a program to its end or its limits. When this returns, neither its processes
+/// nor its directory are left.
+pub(super) fn run(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Ended {
+    attempt(job, limits, host).unwrap_or_else(|error| Ended { end: End::Failed(error.to_string()), ..Ended::default() })
+}
+
+fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended> {
+    let directory = tempfile::Builder::new().prefix("rmem-plan-").tempdir_in(&host.temporary)?;
+    fs::write(directory.path().join("domain.pddl"), job.domain)?;
+    fs::write(directory.path().join("problem.pddl"), job.problem)?;
+    let started = Instant::now();
+    let mut warden = Warden::start(job, limits, host, directory)?;
+    let (end, peak) = warden.wait(limits, host, started);
+    let wall = started.elapsed();
+    let mut ended = warden.collect(limits)?;
+    ended.out_of_memory = limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
+    (ended.end, ended.wall) = (end, wall);
+    Ok(ended)
+}
+
+/// rmem's end of the warden.
+struct Warden {
+    process: Child,
+    lifeline: UnixStream,
+    pending: String,
+    /// The program's group.
+    group: Option<Pid>,
+    directory: Option<TempDir>,
+}
+
+/// What the warden has said.
+enum Word {
+    Nothing,
+    Ended(End, u64),
+}
+
+impl Warden {
+    fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>, directory: TempDir) -> io::Result<Self> {
+        let (ours, theirs) = UnixStream::pair()?;
+        let mut command = Command::new(&host.exe);
+        command.arg("__warden").arg("--directory").arg(directory.path());
+        if let Some(bytes) = limits.memory {
+            command.arg("--memory").arg(bytes.to_string());
+        }
+        command.arg("--").arg(located(job.program));
+        command.args(job.arguments.iter().map(|word| filled(word, directory.path())));
+        if let Some(environment) = job.environment {
+            command.env_clear().envs(environment.iter().copied());
+        }
+        command.current_dir(directory.path()).process_group(0);
+        command.stdin(Stdio::from(OwnedFd::from(theirs)));
+        command.stdout(stream(directory.path(), "stdout")?).stderr(stream(directory.path(), "stderr")?);
+        let process = command.spawn()?;
+        Ok(Self { process, lifeline: ours, pending: String::new(), group: None, directory: Some(directory) })
+    }
+
+    /// Waits for the end, and brings it about at a limit.
+    fn wait(&mut self, limits: &Limits, host: &Host<'_>, started: Instant) -> (End, u64) {
+        let mut stopped: Option<(End, Instant)> = None;
+        loop {
+            let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()));
+            let patience = rest.unwrap_or(LOOK).clamp(Duration::from_millis(1), LOOK);
+            match self.hear(patience) {
+                Ok(Word::Ended(end, peak)) => return (stopped.map_or(end, |(reason, _)| reason), peak),
+                Ok(Word::Nothing) => {}
+                Err(error) => {
+                    self.abandon();
+                    return (stopped.map_or(End::Failed(format!("its warden is gone: {error}")), |(end, _)| end), 0);
+                }
+            }
+            match &stopped {
+                None => {
+                    if let Some(reason) = self.reason(limits, host, rest) {
+                        let _ = self.lifeline.write_all(b"stop\n");
+                        stopped = Some((reason, Instant::now()));
+                    }
+                }
+                Some((reason, since)) if since.elapsed() > GRACE + PATIENCE => {
+                    let reason = reason.clone();
+                    self.abandon();
+                    return (reason, 0);
+                }
+                Some(_) => {}
+            }
+        }
+    }
+
+    /// Why the program has to stop now.
+    fn reason(&self, limits: &Limits, host: &Host<'_>, rest: Option<Duration>) -> Option<End> {
+        if host.interrupted.load(Ordering::Relaxed) {
+            return Some(End::Interrupted);
+        }
+        if rest.is_some_and(|rest| rest.is_zero()) {
+            return Some(End::OutOfTime);
+        }
+        let directory = self.directory.as_ref()?.path();
+        let length = |name: &str| fs::metadata(directory.join(name)).map_or(0, |file| file.len());
+        (length("stdout").max(length("stderr")) > limits.output).then_some(End::TooMuchOutput)
+    }
+
+    /// What the warden says within `patience`.
+    fn hear(&mut self, patience: Duration) -> io::Result<Word> {
+        if !self.pending.contains('\n') {
+            self.lifeline.set_read_timeout(Some(patience))?;
+            let mut buffer = [0; 256];
+            match self.lifeline.read(&mut buffer) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(read) => self.pending.push_str(&String::from_utf8_lossy(buffer.get(..read).unwrap_or_default())),
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
+                    ) =>
+                {
+                    return Ok(Word::Nothing);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        let Some((line, rest)) = self.pending.split_once('\n') else { return Ok(Word::Nothing) };
+        let (line, rest) = (line.to_owned(), rest.to_owned());
+        self.pending = rest;
+        Ok(self.understand(&line))
+    }
+
+    fn understand(&mut self, line: &str) -> Word {
+        let (verb, rest) = line.split_once(' ').unwrap_or((line, ""));
+        let mut numbers = rest.split(' ').map(|word| word.parse::<i64>().unwrap_or_default());
+        let mut number = || numbers.next().unwrap_or_default();
+        match verb {
+            "started" => {
+                self.group = i32::try_from(number()).ok().and_then(Pid::from_raw);
+                Word::Nothing
+            }
+            "exited" => Word::Ended(End::Exited(number() as i32), number() as u64),
+            "killed" => Word::Ended(End::Signalled(number() as i32), number() as u64),
+            "missing" => Word::Ended(End::Missing, 0),
+            _ => Word::Ended(End::Failed(rest.to_owned()), 0),
+        }
+    }
+
+    /// The last resort, when the warden does not answer.
+    fn abandon(&mut self) {
+        if let Some(group) = self.group {
+            let _ = kill_process_group(group, Signal::KILL);
+        }
+        let _ = kill_process_group(Pid::from_child(&self.process), Signal::KILL);
+    }
+
+    /// Reads what the program left, removes it, and lets the warden go.
+    fn collect(mut self, limits: &Limits) -> io::Result<Ended> {
+        let mut ended = Ended::default();
+        if let Some(directory) = self.directory.take() {
+            ended.stdout = text(&directory.path().join("stdout"), limits.output)?;
+            ended.stderr = text(&directory.path().join("stderr"), limits.output)?;
+            ended.plans = plans(directory.path());
+            directory.close()?;
+        }
+        Ok(ended)
+    }
+}
+
+impl Drop for Warden {
+    fn drop(&mut self) {
+        drop(self.directory.take());
+        let _ = self.lifeline.write_all(b"done\n");
+        let _ = self.process.wait();
+    }
+}
+
+/// A program given as a relative path, as the caller's folder has it; the run has another.
+fn located(program: &OsStr) -> OsString {
+    let path = Path::new(program);
+    match path.components().count() > 1 {
+        true => std::path::absolute(path).map_or_else(|_| program.to_owned(), Into::into),
+        false => program.to_owned(),
+    }
+}
+
+/// A word of a command with the paths of the run's files in it. They are absolute, for the
+/// sake of wrappers that change the folder.
+fn filled(word: &OsStr, directory: &Path) -> OsString {
+    match word.to_str() {
+        Some(text) if text.contains('{') => {
+            let path = |file: &str| directory.join(file).to_string_lossy().into_owned();
+            FILES.iter().fold(text.to_owned(), |text, (mark, file)| text.replace(mark, &path(file))).into()
+        }
+        _ => word.to_owned(),
+    }
+}
+
+/// A file for a stream; appended to, so that a planner that seeks loses nothing.
+fn stream(directory: &Path, name: &str) -> io::Result<Stdio> {
+    File::options().create(true).append(true).open(directory.join(name)).map(Stdio::from)
+}
+
+/// The first `limit` bytes of a file.
+fn text(path: &Path, limit: u64) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(limit).read_to_end(&mut bytes)?;
+    Ok(String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
+}
+
+/// The plan files in the run's directory: `plan`, `plan.1`, … as asked for, and what
+/// planners write unasked: `sas_plan`, `sas_plan.1`, `plan_1.SOL`.
+fn plans(directory: &Path) -> Vec<Source> {
+    let Ok(entries) = fs::read_dir(directory) else { return Vec::new() };
+    let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<(u64, String)> = names.filter_map(|name| Some((order(&name)?, name))).collect();
+    names.sort();
+    let texts = names.into_iter().filter_map(|(_, name)| {
+        let text = text(&directory.join(&name), LARGEST_PLAN).ok()?;
+        Some(Source::new(name, text))
+    });
+    texts.collect()
+}
+
+/// Where a plan file stands among the others: by its number, the one without before them.
+fn order(name: &str) -> Option<u64> {
+    let rest = ["plan", "sas_plan"].into_iter().find_map(|stem| name.strip_prefix(stem))?;
+    let number = rest.trim_start_matches(['.', '_']).trim_end_matches(".SOL");
+    match number {
+        "" => Some(0),
+        number => number.parse().ok(),
+    }
+}
+
+/// Whether a program ended for want of memory: it ended badly, and either says so or
+/// was seen close to the limit.
+fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
+    const COMPLAINTS: [&str; 11] = [
+        "out of memory",
+        "memory exhausted",
+        "no memory",
+        "bad_alloc",
+        "memoryerror",
+        "memory allocation",
+        "cannot allocate",
+        "can't allocate",
+        "out of space",
+        "not enough memory",
+        "insufficient memory",
+    ];
+    let badly = match end {
+        End::Exited(code) => *code != 0,
+        End::Signalled(_) => true,
+        End::Failed(_) => true,
+        _ => false,
+    };
+    let tail = |text: &str| {
+        let start = text.len().saturating_sub(4096);
+        let start = (start..=text.len()).find(|at| text.is_char_boundary(*at)).unwrap_or(0);
+        text.get(start..).unwrap_or_default().to_lowercase()
+    };
+    let words = format!("{}\n{}", tail(&ended.stdout), tail(&ended.stderr));
+    let said = COMPLAINTS.iter().any(|complaint| words.contains(complaint));
+    let close = matches!(end, End::Signalled(_)) && peak.saturating_mul(1024) >= limit / 10 * 8;
+    badly && (said || close)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plan_files_are_in_the_order_of_their_numbers() {
+        let mut names = ["plan.10", "plan.9", "plan", "problem.pddl", "plan.txt", "plan_2.SOL", "stdout"]
+            .into_iter()
+            .filter_map(|name| Some((order(name)?, name)))
+            .collect::<Vec<_>>();
+        names.sort_unstable();
+        assert_eq!(
+            names.iter().map(|(_, name)| *name).collect::<Vec<_>>(),
+            ["plan", "plan_2.SOL", "plan.9", "plan.10"]
+        );
+    }
+}

@@ -1,0 +1,289 @@
+//! The way from a task to an outcome, the same for every planner.
+
+use std::ffi::{OsStr, OsString};
+use std::path::Path;
+use std::time::Duration;
+
+use super::host::{Host, Limits};
+use super::names::{self, Sent};
+use super::outcome::Outcome;
+use super::process::{self, End, Ended, Job};
+use super::{Builtin, FastDownward, Ff};
+use crate::formats::plan::{Transcript, Verdict};
+use crate::formats::{Diagnostic, Source};
+use crate::pddl::{Domain, Feature, Problem};
+use crate::plan::Plan;
+
+/// How many of a planner's last lines an error message repeats.
+const TAIL: usize = 12;
+
+/// A program that plans.
+pub trait Planner: Send + Sync {
+    /// What the user calls it.
+    fn name(&self) -> &str;
+
+    /// Its version, where that is known without running it.
+    fn version(&self) -> Option<String> {
+        None
+    }
+
+    /// What it cannot do, what is most worth saying first.
+    fn lacks(&self) -> &[Feature] {
+        &[]
+    }
+
+    /// The requirement keywords it knows; none where it takes any.
+    fn requirements(&self) -> Option<&[&str]> {
+        None
+    }
+
+    /// Program and arguments. `{domain}`, `{problem}` and `{plan}` stand for files; the plan's
+    /// is not there until the planner writes it.
+    fn command(&self, host: &Host<'_>) -> Vec<OsString>;
+
+    /// Another command to try after such an answer to the first.
+    fn again(&self, _answer: &Transcript, _command: &[OsString]) -> Option<Vec<OsString>> {
+        None
+    }
+
+    /// The program's whole environment, where it does not get rmem's.
+    fn environment(&self) -> Option<&[(&str, &str)]> {
+        None
+    }
+
+    /// What it has said.
+    fn read(&self, output: &Output) -> Transcript;
+
+    /// Whether its word that there is no plan is a proof for a task with these features.
+    fn proves(&self, _features: &[Feature]) -> bool {
+        true
+    }
+
+    /// Whether a plan it left when its time ran out counts: it writes whole plans, each
+    /// better than the one before.
+    fn is_anytime(&self) -> bool {
+        false
+    }
+
+    /// How to get the program.
+    fn install(&self) -> String {
+        format!("install `{}`, or name another planner with --planner", self.name())
+    }
+}
+
+/// What a planner's program left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Output {
+    /// The exit code; none where a signal or a limit ended it.
+    pub code: Option<i32>,
+    /// Standard output.
+    pub stdout: String,
+    /// Standard error.
+    pub stderr: String,
+    /// Plan files, the last of them the best.
+    pub plans: Vec<Source>,
+}
+
+/// What is to be planned.
+#[derive(Debug, Clone, Copy)]
+pub struct Task<'a> {
+    /// The domain.
+    pub domain: &'a Domain,
+    /// The problem.
+    pub problem: &'a Problem,
+}
+
+/// A planner's run on a task.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The planner's name.
+    pub planner: String,
+    /// Its version, where known.
+    pub version: Option<String>,
+    /// Program and arguments, with marks for the files of the run.
+    pub command: Vec<String>,
+    /// Wall time.
+    pub time: Duration,
+    /// What is to be said about the outcome: the planner's own words, or what it lacks
+    /// and where, or how to install it. Empty for a plan.
+    pub message: String,
+    /// Standard output.
+    pub stdout: String,
+    /// Standard error.
+    pub stderr: String,
+}
+
+impl Run {
+    /// The last lines of what the planner printed, for messages.
+    #[must_use]
+    pub fn tail(&self) -> String {
+        let said =
+            |text: &str| text.lines().filter(|line| !line.trim().is_empty()).map(str::to_owned).collect::<Vec<_>>();
+        let mut lines = said(&self.stdout);
+        lines.extend(said(&self.stderr));
+        let start = lines.len().saturating_sub(TAIL);
+        let tail = lines.split_off(start);
+        tail.iter().map(|line| line.chars().take(200).collect::<String>()).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// One of the planners that need no configuration: `builtin`, `ff`, `fast-downward`.
+#[must_use]
+pub fn by_name(name: &str) -> Option<Box<dyn Planner>> {
+    match name {
+        "builtin" => Some(Box::new(Builtin)),
+        "ff" => Some(Box::new(Ff::default())),
+        "fast-downward" => Some(Box::new(FastDownward::default())),
+        _ => None,
+    }
+}
+
+/// Runs a planner on a task. What it cannot do is refused before the run.
+#[must_use]
+pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Run {
+    if let Some(refusal) = refuse(planner, task) {
+        return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
+    }
+    let sent = names::send(task.domain.tree(), task.problem.tree(), planner.requirements());
+    let mut command = planner.command(host);
+    let (mut ended, mut answer) = ask(planner, &command, &sent, limits, host);
+    if let Some(other) = planner.again(&answer, &command) {
+        let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..*limits };
+        let first = ended.wall;
+        command = other;
+        (ended, answer) = ask(planner, &command, &sent, &rest, host);
+        ended.wall += first;
+    }
+    let (outcome, message) = conclude(planner, &ended, answer, &sent, task, limits);
+    report(planner, outcome, message, &command, ended)
+}
+
+fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
+    let domain = task.domain.features().iter().map(|used| (used, task.domain.source()));
+    let uses: Vec<_> = domain.chain(task.problem.features().iter().map(|used| (used, task.problem.source()))).collect();
+    let lacking = |lack: &Feature| uses.iter().find(|(used, _)| used.feature == *lack);
+    let (used, source) = planner.lacks().iter().find_map(lacking)?;
+    let message = format!("the planner `{}` cannot handle {}", planner.name(), used.feature);
+    Some(Diagnostic::new(source, used.span, message).hint("name another planner with --planner"))
+}
+
+impl Task<'_> {
+    fn features(&self) -> Vec<Feature> {
+        self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature).collect()
+    }
+}
+
+fn ask(
+    planner: &dyn Planner,
+    command: &[OsString],
+    sent: &Sent,
+    limits: &Limits,
+    host: &Host<'_>,
+) -> (Ended, Transcript) {
+    let program = command.first().map_or(OsStr::new(""), OsString::as_os_str);
+    let job = Job {
+        program,
+        arguments: command.get(1..).unwrap_or_default(),
+        domain: &sent.domain,
+        problem: &sent.problem,
+        environment: planner.environment(),
+    };
+    let mut ended = process::run(&job, limits, host);
+    let output = Output {
+        code: ended.code(),
+        stdout: std::mem::take(&mut ended.stdout),
+        stderr: std::mem::take(&mut ended.stderr),
+        plans: std::mem::take(&mut ended.plans),
+    };
+    let answer = planner.read(&output);
+    (ended.stdout, ended.stderr) = (output.stdout, output.stderr);
+    (ended, answer)
+}
+
+/// What a run amounts to, and what is to be said about it.
+fn conclude(
+    planner: &dyn Planner,
+    ended: &Ended,
+    answer: Transcript,
+    sent: &Sent,
+    task: &Task<'_>,
+    limits: &Limits,
+) -> (Outcome, String) {
+    match &ended.end {
+        End::Missing => return (Outcome::NotFound, planner.install()),
+        End::Interrupted => return (Outcome::Interrupted, String::new()),
+        End::TooMuchOutput => {
+            return (Outcome::Failed, format!("it printed more than {} MiB", limits.output >> 20));
+        }
+        End::OutOfTime if !(planner.is_anytime() && answer.verdict == Verdict::Plan) => {
+            let time = limits.time.unwrap_or_default();
+            return (Outcome::OutOfTime, format!("no plan within {time:?}"));
+        }
+        End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
+        End::Failed(words) => return (Outcome::Failed, format!("it could not be run: {words}")),
+        _ => {}
+    }
+    let crash = crash(&ended.end);
+    match answer.verdict {
+        Verdict::Plan if crash.is_none() => (Outcome::Plan(restored(answer, sent)), String::new()),
+        Verdict::Unsolvable if crash.is_none() => match planner.proves(&task.features()) {
+            true => (Outcome::Unsolvable, answer.message),
+            false => {
+                let doubt = "no proof for a task with conditional effects";
+                (Outcome::GaveUp, format!("{} ({doubt})", answer.message))
+            }
+        },
+        Verdict::GaveUp if crash.is_none() => (Outcome::GaveUp, answer.message),
+        Verdict::Unsupported => (Outcome::Unsupported, answer.message),
+        Verdict::OutOfMemory => (Outcome::OutOfMemory, answer.message),
+        Verdict::OutOfTime => (Outcome::OutOfTime, answer.message),
+        _ if ended.out_of_memory => (Outcome::OutOfMemory, memory(limits)),
+        Verdict::Unclear if ended.end == End::Exited(127) => (Outcome::NotFound, planner.install()),
+        Verdict::Rejected => (Outcome::Failed, format!("it refused its input: {}", answer.message)),
+        Verdict::NoCriterion => (Outcome::Failed, answer.message),
+        _ => match crash {
+            Some(crash) => (Outcome::Failed, crash),
+            None if answer.message.is_empty() => (Outcome::Failed, "what it returned is not a plan".to_owned()),
+            None => (Outcome::Failed, answer.message),
+        },
+    }
+}
+
+fn memory(limits: &Limits) -> String {
+    format!("its limit was {} MiB", limits.memory.unwrap_or_default() >> 20)
+}
+
+/// A crash: a signal, also as a shell reports one.
+fn crash(end: &End) -> Option<String> {
+    match end {
+        End::Signalled(signal) => Some(format!("it was ended by signal {signal}")),
+        End::Exited(code @ 129..=165) => Some(format!("it was ended by signal {}", code - 128)),
+        _ => None,
+    }
+}
+
+fn restored(answer: Transcript, sent: &Sent) -> Plan {
+    let mut steps: Vec<_> = answer.actions.iter().map(|action| sent.restore(action)).collect();
+    steps.sort_by(|a, b| a.start.unwrap_or_default().total_cmp(&b.start.unwrap_or_default()));
+    Plan { steps, cost: answer.cost }
+}
+
+fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[OsString], ended: Ended) -> Run {
+    let shown = |(index, word): (usize, &OsString)| match index {
+        // The program by its name: where it is installed is nobody's business in a stored plan.
+        0 => Path::new(word).file_name().unwrap_or(word).to_string_lossy().into_owned(),
+        _ => word.to_string_lossy().into_owned(),
+    };
+    Run {
+        outcome,
+        planner: planner.name().to_owned(),
+        version: planner.version(),
+        command: command.iter().enumerate().map(shown).collect(),
+        time: ended.wall,
+        message,
+        stdout: ended.stdout,
+        stderr: ended.stderr,
+    }
+}

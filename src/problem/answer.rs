@@ -1,0 +1,130 @@
+//! How a template asks the memory.
+//!
+//! The engine's functions must be free of borrows and thread-safe, a memory is
+//! neither. So the template is rendered in a thread of its own that sends each
+//! question to the thread that has the memory, and waits for the answer.
+
+use std::collections::HashMap;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Mutex, PoisonError};
+
+use bson::{Bson, Document, RawDocumentBuf};
+
+use crate::memory::Memory;
+use crate::store::{Documents, Find, Namespace, StoreError};
+
+/// How many documents an answer holds at most: enough to make the way between
+/// the threads cheap, few enough to keep rendering lazy.
+const BATCH: usize = 256;
+
+/// A question to the memory.
+pub(super) enum Question {
+    Find(Namespace, Find),
+    Aggregate(Namespace, Vec<Document>),
+    /// More of the answer with this number.
+    Next(u64),
+    /// No more of it.
+    Close(u64),
+    /// The rendering is over.
+    End,
+    Count(Namespace, Document),
+    Distinct(Namespace, String, Document),
+}
+
+/// What the memory says.
+pub(super) enum Answer {
+    /// The number of an answer that is fetched by [`Question::Next`].
+    Cursor(u64),
+    /// Some documents; fewer than [`BATCH`] are the last.
+    Documents(Vec<RawDocumentBuf>, bool),
+    Count(u64),
+    Values(Vec<Bson>),
+    Closed,
+    Failed(StoreError),
+}
+
+/// The asking side.
+#[derive(Debug)]
+pub(super) struct Asker {
+    channel: Mutex<(Sender<Question>, Receiver<Answer>)>,
+}
+
+impl Asker {
+    /// Says that nothing more will be asked.
+    pub(super) fn end(&self) {
+        let channel = self.channel.lock().unwrap_or_else(PoisonError::into_inner);
+        let _ = channel.0.send(Question::End);
+    }
+
+    /// Asks, and waits for the answer; `None` if nobody answers any more.
+    pub(super) fn ask(&self, question: Question) -> Option<Answer> {
+        let channel = self.channel.lock().unwrap_or_else(PoisonError::into_inner);
+        channel.0.send(question).ok()?;
+        channel.1.recv().ok()
+    }
+}
+
+/// The answering side.
+pub(super) struct Answerer {
+    questions: Receiver<Question>,
+    answers: Sender<Answer>,
+}
+
+/// Both sides.
+pub(super) fn pair() -> (Asker, Answerer) {
+    let (question_sender, questions) = channel();
+    let (answers, answer_receiver) = channel();
+    (Asker { channel: Mutex::new((question_sender, answer_receiver)) }, Answerer { questions, answers })
+}
+
+impl Answerer {
+    /// Answers until it is told that there is no more to ask.
+    pub(super) fn serve(self, memory: &Memory) {
+        let mut cursors: HashMap<u64, Documents<'_>> = HashMap::new();
+        let mut opened = 0;
+        for question in &self.questions {
+            let answer = match question {
+                Question::End => break,
+                Question::Find(ns, find) => {
+                    memory.find(&ns, &find).map(|cursor| keep(cursor, &mut cursors, &mut opened))
+                }
+                Question::Aggregate(ns, pipeline) => {
+                    memory.aggregate(&ns, &pipeline).map(|cursor| keep(cursor, &mut cursors, &mut opened))
+                }
+                Question::Next(number) => Ok(more(number, &mut cursors)),
+                Question::Close(number) => {
+                    cursors.remove(&number);
+                    Ok(Answer::Closed)
+                }
+                Question::Count(ns, filter) => memory.count(&ns, &filter).map(Answer::Count),
+                Question::Distinct(ns, field, filter) => memory.distinct(&ns, &field, &filter).map(Answer::Values),
+            };
+            if self.answers.send(answer.unwrap_or_else(Answer::Failed)).is_err() {
+                break;
+            }
+        }
+    }
+}
+
+fn keep<'a>(cursor: Documents<'a>, cursors: &mut HashMap<u64, Documents<'a>>, opened: &mut u64) -> Answer {
+    *opened += 1;
+    cursors.insert(*opened, cursor);
+    Answer::Cursor(*opened)
+}
+
+fn more(number: u64, cursors: &mut HashMap<u64, Documents<'_>>) -> Answer {
+    let Some(cursor) = cursors.get_mut(&number) else { return Answer::Documents(Vec::new(), true) };
+    match cursor.take(BATCH).collect::<Result<Vec<_>, _>>() {
+        Ok(documents) => {
+            let last = documents.len() < BATCH;
+            if last {
+                cursors.remove(&number);
+            }
+            Answer::Documents(documents, last)
+        }
+        Err(error) => {
+            cursors.remove(&number);
+            Answer::Failed(error)
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Text and values become the problem; here every value is made a name or a number.
+
+use std::collections::HashMap;
+
+use super::names;
+use super::origin::{DocumentId, Placed, from_document};
+use crate::formats::{Diagnostic, Source, Span};
+
+/// A value on its way into the problem.
+#[derive(Debug, Clone)]
+pub(super) struct Emitted {
+    /// Its text, as yet not a name.
+    pub(super) text: String,
+    /// Whether it is a number, spelled as PDDL spells numbers.
+    pub(super) number: bool,
+    /// The place in the template.
+    pub(super) template: Span,
+    pub(super) document: Option<DocumentId>,
+}
+
+enum Part {
+    Text(String),
+    Value(Emitted),
+}
+
+/// A name as it was first written, and from where.
+struct Spelling {
+    name: String,
+    template: Span,
+    document: Option<DocumentId>,
+}
+
+/// Collects the problem token by token.
+pub(super) struct Assembler<'a> {
+    template: &'a Source,
+    out: String,
+    placed: Vec<Placed>,
+    /// The token under way; it holds a value, or is the text right before the end.
+    token: Vec<Part>,
+    /// Names by their folded case.
+    spellings: HashMap<String, Spelling>,
+}
+
+/// What ends a token.
+fn is_delimiter(c: char) -> bool {
+    c.is_whitespace() || matches!(c, '(' | ')' | ';' | '"')
+}
+
+impl<'a> Assembler<'a> {
+    pub(super) fn new(template: &'a Source) -> Self {
+        Self { template, out: String::new(), placed: Vec::new(), token: Vec::new(), spellings: HashMap::new() }
+    }
+
+    /// Adds text of the template.
+    pub(super) fn text(&mut self, text: &str) -> Result<(), Diagnostic> {
+        let mut rest = text;
+        if !self.token.is_empty() {
+            let end = rest.find(is_delimiter).unwrap_or(rest.len());
+            let (head, tail) = rest.split_at(end);
+            if !head.is_empty() {
+                self.token.push(Part::Text(head.to_owned()));
+            }
+            if tail.is_empty() {
+                return Ok(());
+            }
+            self.flush()?;
+            rest = tail;
+        }
+        let tail = rest.rfind(is_delimiter).map_or(0, |at| at + rest[at..].chars().next().map_or(1, char::len_utf8));
+        let (whole, open) = rest.split_at(tail);
+        self.out.push_str(whole);
+        if !open.is_empty() {
+            self.token.push(Part::Text(open.to_owned()));
+        }
+        Ok(())
+    }
+
+    /// Adds a value.
+    pub(super) fn value(&mut self, value: Emitted) {
+        self.token.push(Part::Value(value));
+    }
+
+    /// Ends the problem.
+    pub(super) fn finish(mut self) -> Result<(String, Vec<Placed>), Diagnostic> {
+        self.flush()?;
+        Ok((self.out, self.placed))
+    }
+
+    fn flush(&mut self) -> Result<(), Diagnostic> {
+        let parts = std::mem::take(&mut self.token);
+        let start = self.out.len();
+        let plain = is_number(&parts);
+        let mangle_all = !plain && names::looks_mangled(&joined(&parts));
+        let mut first: Option<(Span, Option<DocumentId>)> = None;
+        for part in parts {
+            match part {
+                Part::Text(text) => self.out.push_str(&text),
+                Part::Value(value) => {
+                    let at = self.out.len();
+                    let token = self.out.get(start..).unwrap_or_default().trim_start_matches(['?', ':']);
+                    let fits = names::is_inner(&value.text)
+                        && !value.text.is_empty()
+                        && (!token.is_empty() || names::is_legal(&value.text));
+                    if plain || (fits && !mangle_all) {
+                        self.out.push_str(&value.text);
+                    } else {
+                        self.out.push_str(&names::encode(&value.text));
+                    }
+                    if first.is_none() {
+                        first = Some((value.template, value.document.clone()));
+                    }
+                    let output = Span::new(at, self.out.len());
+                    self.placed.push(Placed { output, template: value.template, document: value.document });
+                }
+            }
+        }
+        match first {
+            Some((template, document)) if !plain => self.remember(start, template, document),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses a name that differs from an earlier one in case only.
+    fn remember(&mut self, start: usize, template: Span, document: Option<DocumentId>) -> Result<(), Diagnostic> {
+        let name = self.out.get(start..).unwrap_or_default();
+        let folded = name.to_ascii_lowercase();
+        match self.spellings.get(&folded) {
+            None => {
+                self.spellings.insert(folded, Spelling { name: name.to_owned(), template, document });
+                Ok(())
+            }
+            Some(known) if known.name == name => Ok(()),
+            Some(known) => {
+                let message =
+                    format!("`{}` and `{name}` are one name to PDDL, which takes no notice of case", known.name);
+                let (line, column) = self.template.position(known.template.start);
+                let from = |document: &Option<DocumentId>| {
+                    document
+                        .as_ref()
+                        .map_or(String::new(), |(namespace, id)| format!(" {}", from_document(namespace, id)))
+                };
+                Err(Diagnostic::new(self.template, template, message)
+                    .hint(format!("`{}` comes{} at {line}:{column}", known.name, from(&known.document)))
+                    .hint(format!("`{name}` comes{}", from(&document))))
+            }
+        }
+    }
+}
+
+fn joined(parts: &[Part]) -> String {
+    let text = |part: &Part| match part {
+        Part::Text(text) => text.clone(),
+        Part::Value(value) => value.text.clone(),
+    };
+    parts.iter().map(text).collect()
+}
+
+/// Whether the token is a number: its values are numbers, and so is the whole.
+fn is_number(parts: &[Part]) -> bool {
+    if !parts.iter().all(|part| matches!(part, Part::Text(_) | Part::Value(Emitted { number: true, .. }))) {
+        return false;
+    }
+    let text = joined(parts);
+    let digits = text.strip_prefix('-').unwrap_or(&text);
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, "0"));
+    let all_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    all_digits(whole) && all_digits(fraction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Text as itself, values between braces; a `#` makes one a number.
+    fn assemble(text: &str) -> Result<String, String> {
+        let source = Source::new("t", text);
+        let mut assembler = Assembler::new(&source);
+        let mut rest = text;
+        while let Some((before, after)) = rest.split_once('{') {
+            assembler.text(before).map_err(|error| error.to_string())?;
+            let (value, after) = after.split_once('}').expect("a closed brace");
+            let (number, value) = value.strip_prefix('#').map_or((false, value), |value| (true, value));
+            let template = Span::at(text.len() - after.len());
+            assembler.value(Emitted { text: value.to_owned(), number, template, document: None });
+            rest = after;
+        }
+        assembler.text(rest).map_err(|error| error.to_string())?;
+        assembler.finish().map(|(text, _)| text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_value_is_one_name_or_part_of_one() {
+        for (template, wanted) in [
+            ("(on {A} {b-1})", "(on A b-1)"),
+            ("(clear {A) (on B})", "(clear x--_41_29_20_28on_20_42--x)"),
+            ("(o O{#12} {RS}-I C{#2})", "(o O12 RS-I C2)"),
+            ("(o {1}-I {#1}-I)", "(o x--1--x-I x--1--x-I)"),
+            ("(o O{a b}-I)", "(o Ox--a_20b--x-I)"),
+            ("(= (cost) {#-2.5}) {#3}", "(= (cost) -2.5) 3"),
+            ("(n -{#3} {#1}.{#5} {3})", "(n -3 1.5 x--3--x)"),
+            ("(n {})", "(n x----x)"),
+            ("?{x} :{y}", "?x :y"),
+            ("{a}{b} a{}", "ab ax----x"),
+            ("{x--a--x} x{--a}", "x--x_2d_2da_2d_2dx--x xx--_2d_2da--x"),
+            ("; {a\nb}", "; x--a_0ab--x"),
+        ] {
+            assert_eq!(assemble(template).as_deref(), Ok(wanted), "{template}");
+        }
+    }
+
+    #[test]
+    fn names_that_differ_in_case_only_are_refused() {
+        let error = assemble("(on {Box} {box})").unwrap_err();
+        assert!(error.contains("`Box` and `box` are one name"), "{error}");
+        assert_eq!(assemble("{a b} {A B}").as_deref(), Ok("x--a_20b--x x--_41_20_42--x"));
+    }
+}

@@ -1,0 +1,313 @@
+//! Expands templates in the Fawkes spelling.
+
+use std::collections::{HashMap, HashSet};
+use std::rc::Rc;
+use std::sync::Arc;
+
+use bson::raw::RawBsonRef;
+use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
+
+use super::assembly::{Assembler, Emitted};
+use super::origin::DocumentId;
+use super::{Generated, ProblemError, Request, SectionReport};
+use crate::formats::marker::{self, Node, QueryKind, Section};
+use crate::formats::{Diagnostic, Span, shell};
+use crate::memory::Memory;
+use crate::store::{Documents, Find, Namespace, StoreError};
+
+/// What Fawkes writes for a value that it has no text for.
+const INVALID: &str = "INVALID_VALUE_TYPE";
+
+/// Renders the template over the memory.
+pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> Result<Generated, ProblemError> {
+    let template = marker::parse(&request.template)?;
+    let mut kept = HashSet::new();
+    find_kept(&template.nodes, false, &mut kept);
+    let parameters: Document = request.parameters.iter().cloned().collect();
+    let parameters = RawDocumentBuf::try_from(&parameters).map_err(|error| {
+        Diagnostic::new(&request.template, Span::default(), format!("a parameter cannot be used: {error}"))
+    })?;
+    let mut expander = Expander {
+        request,
+        goal,
+        memory,
+        parameters,
+        namespace: Arc::new(request.collection.clone()),
+        assembler: Assembler::new(&request.template),
+        reports: Vec::new(),
+        kept,
+        answered: HashMap::new(),
+        latest: HashMap::new(),
+    };
+    expander.nodes(&template.nodes, None)?;
+    let (text, placed) = expander.assembler.finish()?;
+    Ok(Generated { text, sections: expander.reports, template: request.template.clone(), placed })
+}
+
+/// The sections whose documents are needed more than once: those inside of others, and those used again by name.
+fn find_kept(nodes: &[Node], nested: bool, kept: &mut HashSet<String>) {
+    for node in nodes {
+        match node {
+            Node::Section(section) => {
+                if nested || section.query.is_none() {
+                    kept.insert(section.name.clone());
+                }
+                find_kept(&section.body, true, kept);
+            }
+            Node::Separator(body) => find_kept(body, true, kept),
+            Node::Text(_) | Node::Value { .. } => {}
+        }
+    }
+}
+
+/// The document of the innermost section.
+#[derive(Clone, Copy)]
+struct Scope<'a> {
+    document: &'a RawDocument,
+    last: bool,
+}
+
+struct Expander<'a> {
+    request: &'a Request,
+    goal: Option<&'a str>,
+    memory: &'a Memory,
+    parameters: RawDocumentBuf,
+    namespace: Arc<Namespace>,
+    assembler: Assembler<'a>,
+    reports: Vec<SectionReport>,
+    kept: HashSet<String>,
+    /// Documents of kept sections, by the place of their query.
+    answered: HashMap<usize, Rc<Vec<RawDocumentBuf>>>,
+    /// The same, by the section's name.
+    latest: HashMap<String, Rc<Vec<RawDocumentBuf>>>,
+}
+
+impl<'a> Expander<'a> {
+    /// The reader bounds how deep sections nest.
+    fn nodes(&mut self, nodes: &[Node], scope: Option<Scope<'_>>) -> Result<(), ProblemError> {
+        for node in nodes {
+            match node {
+                Node::Text(span) => self.assembler.text(self.request.template.slice(*span))?,
+                Node::Value { key, span } => self.value(key, *span, scope)?,
+                Node::Section(section) => self.section(section)?,
+                Node::Separator(body) if scope.is_some_and(|scope| !scope.last) => self.nodes(body, scope)?,
+                Node::Separator(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn section(&mut self, section: &Section) -> Result<(), ProblemError> {
+        if section.query.is_some() && !self.kept.contains(&section.name) {
+            return self.stream(section);
+        }
+        let Some(documents) = self.documents(section)? else { return Ok(()) };
+        for (index, document) in documents.iter().enumerate() {
+            let last = index + 1 == documents.len();
+            self.nodes(&section.body, Some(Scope { document, last }))?;
+        }
+        Ok(())
+    }
+
+    /// Expands a section that is used once, one document at a time.
+    fn stream(&mut self, section: &Section) -> Result<(), ProblemError> {
+        let (mut documents, report) = self.ask(section)?;
+        let mut matched = 0;
+        let mut next = documents.next();
+        while let Some(document) = next {
+            let document = document.map_err(|error| self.failed(section, error))?;
+            next = documents.next();
+            matched += 1;
+            self.nodes(&section.body, Some(Scope { document: &document, last: next.is_none() }))?;
+        }
+        self.reports.get_mut(report).into_iter().for_each(|report| report.matched = matched);
+        Ok(())
+    }
+
+    /// The documents of a section that is used more than once; `None` if there is no such section and that is fine.
+    fn documents(&mut self, section: &Section) -> Result<Option<Rc<Vec<RawDocumentBuf>>>, ProblemError> {
+        let Some(query) = &section.query else {
+            if let Some(documents) = self.latest.get(&section.name) {
+                return Ok(Some(Rc::clone(documents)));
+            }
+            if self.request.lenient {
+                return Ok(None);
+            }
+            let message = format!("there is no section `{}` with a query before this one", section.name);
+            return Err(Diagnostic::new(&self.request.template, section.span, message)
+                .hint(format!("write <<#{}|{{query}}>>", section.name))
+                .into());
+        };
+        if let Some(documents) = self.answered.get(&query.span.start) {
+            return Ok(Some(Rc::clone(documents)));
+        }
+        let (documents, report) = self.ask(section)?;
+        let documents = documents.collect::<Result<Vec<_>, _>>().map_err(|error| self.failed(section, error))?;
+        self.reports.get_mut(report).into_iter().for_each(|report| report.matched = documents.len() as u64);
+        let documents = Rc::new(documents);
+        self.answered.insert(query.span.start, Rc::clone(&documents));
+        self.latest.insert(section.name.clone(), Rc::clone(&documents));
+        Ok(Some(documents))
+    }
+
+    /// Asks a section's query; returns its answer and the number of its report.
+    fn ask(&mut self, section: &Section) -> Result<(Documents<'a>, usize), ProblemError> {
+        let template = &self.request.template;
+        let ns = &self.request.collection;
+        let Some(query) = &section.query else { return Ok((Box::new(std::iter::empty()), 0)) };
+        let (asked, answer) = match query.kind {
+            QueryKind::Find => {
+                let filter = shell::parse_document_in(template, query.span)?;
+                (filter.clone(), self.memory.find(ns, &Find { filter, ..Find::default() }))
+            }
+            QueryKind::Pipeline => {
+                let pipeline = shell::parse_pipeline_in(template, query.span)?;
+                (doc! { "pipeline": pipeline.clone() }, self.memory.aggregate(ns, &pipeline))
+            }
+        };
+        let documents = answer.map_err(|error| self.failed(section, error))?;
+        self.reports.push(SectionReport {
+            name: section.name.clone(),
+            namespace: ns.clone(),
+            query: asked,
+            matched: 0,
+            line: template.position(section.span.start).0,
+        });
+        Ok((documents, self.reports.len() - 1))
+    }
+
+    fn failed(&self, section: &Section, error: StoreError) -> ProblemError {
+        let span = section.query.as_ref().map_or(section.span, |query| query.span);
+        ProblemError::store(&self.request.template, span, error)
+    }
+
+    fn value(&mut self, key: &str, span: Span, scope: Option<Scope<'_>>) -> Result<(), ProblemError> {
+        let wrong = |message: String| Diagnostic::new(&self.request.template, span, message);
+        if let Some(value) = scope.and_then(|scope| resolve(scope.document, key)) {
+            let document = scope.and_then(|scope| document_id(&self.namespace, scope.document));
+            return self.emit(key, value, span, document);
+        }
+        if let (true, Some(goal)) = (key == "GOAL", self.goal) {
+            return Ok(self.assembler.text(goal)?);
+        }
+        let parameters = self.parameters.clone();
+        if let Some(value) = resolve(&parameters, key) {
+            return self.emit(key, value, span, None);
+        }
+        if self.request.lenient {
+            return Ok(());
+        }
+        let diagnostic = match (key, scope.and_then(|scope| document_id(&self.namespace, scope.document))) {
+            ("GOAL", _) => wrong("there is no goal for `<<GOAL>>`".to_owned()).hint("give one with --goal"),
+            (_, Some((namespace, id))) => wrong(format!("the document has no key `{key}`"))
+                .hint(super::origin::from_document(&namespace, &id))
+                .hint("--lenient leaves it empty, as Fawkes does"),
+            _ => wrong(format!("there is no value for `<<{key}>>`"))
+                .hint("outside of sections there are GOAL and what -D gives"),
+        };
+        Err(diagnostic.into())
+    }
+
+    /// Adds a value; of an array every element, each after a blank.
+    fn emit(
+        &mut self,
+        key: &str,
+        value: RawBsonRef<'_>,
+        template: Span,
+        document: Option<DocumentId>,
+    ) -> Result<(), ProblemError> {
+        if let RawBsonRef::Array(array) = value {
+            for element in array.into_iter().filter_map(Result::ok) {
+                self.assembler.text(" ")?;
+                self.scalar(key, element, template, document.clone())?;
+            }
+            return Ok(());
+        }
+        self.scalar(key, value, template, document)
+    }
+
+    fn scalar(
+        &mut self,
+        key: &str,
+        value: RawBsonRef<'_>,
+        template: Span,
+        document: Option<DocumentId>,
+    ) -> Result<(), ProblemError> {
+        if let Some((text, number)) = spell(value) {
+            self.assembler.value(Emitted { text, number, template, document });
+            return Ok(());
+        }
+        if self.request.lenient {
+            return Ok(self.assembler.text(INVALID)?);
+        }
+        let message = format!("the value of `{key}` is {}, which PDDL has no name for", kind(value));
+        let diagnostic = Diagnostic::new(&self.request.template, template, message);
+        let diagnostic = match document {
+            Some((namespace, id)) => diagnostic.hint(super::origin::from_document(&namespace, &id)),
+            None => diagnostic,
+        };
+        Err(diagnostic.hint(format!("--lenient writes {INVALID}, as Fawkes does")).into())
+    }
+}
+
+/// The `_id` of a document, for messages.
+fn document_id(namespace: &Arc<Namespace>, document: &RawDocument) -> Option<DocumentId> {
+    let id = document.get("_id").ok().flatten()?;
+    Some((Arc::clone(namespace), Bson::try_from(id).ok()?))
+}
+
+/// The value of a flattened key: `position_translation_0` is `position.translation[0]`.
+/// A key that is there as it is goes before one that is put together. The key's length bounds the depth.
+fn resolve<'a>(document: &'a RawDocument, key: &str) -> Option<RawBsonRef<'a>> {
+    if let Some(value) = document.get(key).ok().flatten() {
+        return Some(value).filter(|value| !matches!(value, RawBsonRef::Document(_)));
+    }
+    for (name, value) in document.iter().filter_map(Result::ok) {
+        let Some(rest) = key.strip_prefix(name.as_str()).and_then(|rest| rest.strip_prefix('_')) else { continue };
+        if let Some(found) = inside(value, rest) {
+            return Some(found);
+        }
+    }
+    None
+}
+
+fn inside<'a>(value: RawBsonRef<'a>, key: &str) -> Option<RawBsonRef<'a>> {
+    match value {
+        RawBsonRef::Document(document) => resolve(document, key),
+        RawBsonRef::Array(array) => {
+            let (index, rest) = key.split_once('_').map_or((key, None), |(index, rest)| (index, Some(rest)));
+            let canonical = index == "0" || !index.starts_with(['0', '+']);
+            let element = array.get(index.parse().ok().filter(|_| canonical)?).ok().flatten()?;
+            match rest {
+                Some(rest) => inside(element, rest),
+                None => Some(element).filter(|element| !matches!(element, RawBsonRef::Document(_))),
+            }
+        }
+        _ => None,
+    }
+}
+
+/// A scalar as the marker spelling writes it, and whether it is a number.
+fn spell(value: RawBsonRef<'_>) -> Option<(String, bool)> {
+    Some(match value {
+        RawBsonRef::String(text) | RawBsonRef::Symbol(text) => (text.to_owned(), false),
+        RawBsonRef::Int32(number) => (number.to_string(), true),
+        RawBsonRef::Int64(number) => (number.to_string(), true),
+        RawBsonRef::Double(number) if number.is_finite() => (format!("{number:.6}"), true),
+        RawBsonRef::Boolean(flag) => (u8::from(flag).to_string(), true),
+        RawBsonRef::ObjectId(id) => (id.to_hex(), false),
+        _ => return None,
+    })
+}
+
+fn kind(value: RawBsonRef<'_>) -> &'static str {
+    match value {
+        RawBsonRef::Null => "null",
+        RawBsonRef::DateTime(_) => "a date",
+        RawBsonRef::RegularExpression(_) => "a regular expression",
+        RawBsonRef::Array(_) => "an array in an array",
+        RawBsonRef::Document(_) => "a document",
+        RawBsonRef::Double(_) => "not a finite number",
+        _ => "of a type",
+    }
+}

@@ -1,0 +1,166 @@
+//! Where each part of a problem came from.
+
+use std::sync::Arc;
+
+use bson::Bson;
+
+use super::SectionReport;
+use crate::formats::pddl::Dialect;
+use crate::formats::{Diagnostic, Source, Span};
+use crate::pddl::{Domain, Problem};
+use crate::store::Namespace;
+
+/// A document that a value was read from: its namespace and `_id`.
+pub(super) type DocumentId = (Arc<Namespace>, Bson);
+
+/// Where a place of the problem came from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Origin {
+    /// The place in the template.
+    pub span: Span,
+    /// Its line, from 1.
+    pub line: usize,
+    /// Its column, from 1.
+    pub column: usize,
+    /// The namespace and `_id` of the document, where one was involved.
+    pub document: Option<(Namespace, Bson)>,
+}
+
+/// A stretch of the problem that a value made.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Placed {
+    /// In the problem.
+    pub(super) output: Span,
+    /// In the template.
+    pub(super) template: Span,
+    pub(super) document: Option<DocumentId>,
+}
+
+/// A problem, and how it came about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Generated {
+    /// The PDDL text.
+    pub text: String,
+    /// The queries of the template in the order in which they were first asked.
+    pub sections: Vec<SectionReport>,
+    pub(super) template: Source,
+    /// In the order of the output, without overlaps.
+    pub(super) placed: Vec<Placed>,
+}
+
+impl Generated {
+    /// The problem as a text to be read; it goes by the template's name.
+    #[must_use]
+    pub fn source(&self) -> Source {
+        Source::new(format!("{} (generated)", self.template.name()), self.text.as_str())
+    }
+
+    /// Reads the problem and checks it against its domain.
+    ///
+    /// # Errors
+    /// What is wrong with it, each at the template's place.
+    pub fn check(&self, domain: &Domain, dialect: Dialect) -> Result<Problem, Vec<Diagnostic>> {
+        Problem::read(&self.source(), domain, dialect).map_err(|complaints| self.explain(complaints))
+    }
+
+    /// Where the byte at `offset` of the problem came from.
+    #[must_use]
+    pub fn locate(&self, offset: usize) -> Origin {
+        let next = self.placed.partition_point(|placed| placed.output.end <= offset);
+        if let Some(inside) = self.placed.get(next).filter(|placed| placed.output.start <= offset) {
+            return self.origin(inside.template, inside.document.as_ref());
+        }
+        let before = next.checked_sub(1).and_then(|index| self.placed.get(index));
+        let after = self.placed.get(next);
+        let (start, at) = before.map_or((0, 0), |placed| (placed.output.end, placed.template.end));
+        let place = self
+            .same_after(start, at, offset)
+            .or_else(|| self.same_before(after, offset))
+            .unwrap_or_else(|| before.or(after).map_or(at, |placed| placed.template.start));
+        self.origin(Span::at(place), self.on_line(before, after, offset))
+    }
+
+    /// The template's offset if the text from `start` to `offset` is the template's from `at` on.
+    fn same_after(&self, start: usize, at: usize, offset: usize) -> Option<usize> {
+        let made = self.text.get(start..offset)?;
+        self.template.text().get(at..)?.starts_with(made).then(|| at + made.len())
+    }
+
+    /// The same from `offset` up to the value that comes next, or the end.
+    fn same_before(&self, after: Option<&Placed>, offset: usize) -> Option<usize> {
+        let (end, at) = after.map_or((self.text.len(), self.template.text().len()), |placed| {
+            (placed.output.start, placed.template.start)
+        });
+        let made = self.text.get(offset..end)?;
+        self.template.text().get(..at)?.ends_with(made).then(|| at - made.len())
+    }
+
+    /// The document of a value on the same line of the problem.
+    fn on_line<'a>(
+        &self,
+        before: Option<&'a Placed>,
+        after: Option<&'a Placed>,
+        offset: usize,
+    ) -> Option<&'a DocumentId> {
+        let unbroken = |start, end| self.text.get(start..end).is_some_and(|text| !text.contains('\n'));
+        let after = after.filter(|placed| unbroken(offset, placed.output.start));
+        let before = before.filter(|placed| unbroken(placed.output.end, offset));
+        after.and_then(|placed| placed.document.as_ref()).or(before.and_then(|placed| placed.document.as_ref()))
+    }
+
+    fn origin(&self, span: Span, document: Option<&DocumentId>) -> Origin {
+        let (line, column) = self.template.position(span.start);
+        let document = document.map(|(namespace, id)| (namespace.as_ref().clone(), id.clone()));
+        Origin { span, line, column, document }
+    }
+
+    /// Turns complaints about the problem into complaints about the template.
+    /// Each shows the generated line and names the document as hints; what a
+    /// section got wrong for many documents is said once.
+    #[must_use]
+    pub fn explain(&self, complaints: Vec<Diagnostic>) -> Vec<Diagnostic> {
+        let mut explained: Vec<(Diagnostic, usize)> = Vec::new();
+        for complaint in &complaints {
+            let complaint = self.at_template(complaint);
+            let same = |(other, _): &&mut (Diagnostic, usize)| {
+                other.span() == complaint.span() && other.message() == complaint.message()
+            };
+            match explained.iter_mut().find(same) {
+                Some((_, more)) => *more += 1,
+                None => explained.push((complaint, 0)),
+            }
+        }
+        let counted = |(complaint, more): (Diagnostic, usize)| match more {
+            0 => complaint,
+            1 => complaint.hint("and from 1 more place"),
+            _ => complaint.hint(format!("and from {more} more places")),
+        };
+        explained.into_iter().map(counted).collect()
+    }
+
+    fn at_template(&self, complaint: &Diagnostic) -> Diagnostic {
+        let offset = complaint.span().start.min(self.text.len());
+        let origin = self.locate(offset);
+        let start = self.text.get(..offset).and_then(|text| text.rfind('\n')).map_or(0, |newline| newline + 1);
+        let line = self.text.get(start..).and_then(|rest| rest.lines().next()).unwrap_or_default().trim();
+        let short: String = line.chars().take(120).collect();
+        let number = self.source().position(offset).0;
+        let diagnostic = Diagnostic::new(&self.template, origin.span, complaint.message());
+        let diagnostic = complaint.hints().iter().fold(diagnostic, |diagnostic, hint| diagnostic.hint(hint.as_str()));
+        let diagnostic = diagnostic.hint(format!("it became line {number} of the problem: {short}"));
+        match &origin.document {
+            Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
+            None => diagnostic,
+        }
+    }
+}
+
+/// `from document _id 7 of robmem.worldmodel`.
+pub(super) fn from_document(namespace: &Namespace, id: &Bson) -> String {
+    let mut text = String::new();
+    match id {
+        Bson::ObjectId(id) => text = id.to_hex(),
+        other => crate::formats::shell::write_relaxed(other, &mut text),
+    }
+    format!("from document _id {text} of {namespace}")
+}

@@ -1,0 +1,210 @@
+//! Documents as values of the template engine, read where they lie.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bson::raw::RawBsonRef;
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
+use minijinja::value::{DynObject, Enumerator, Object, ObjectRepr, Value, ValueKind};
+use minijinja::{Error, ErrorKind};
+
+use super::origin::DocumentId;
+use crate::formats::shell;
+use crate::store::Namespace;
+
+/// Brackets around the number of a value in rendered text. Unicode reserves
+/// these characters for programs; texts that hold them are refused.
+pub(super) const OPEN: char = '\u{FDD0}';
+/// See [`OPEN`].
+pub(super) const CLOSE: char = '\u{FDD1}';
+
+/// How deep a value may nest that goes into a query.
+const MAX_DEPTH: usize = 100;
+
+/// The document that the template looked into last.
+#[derive(Debug, Default)]
+pub(super) struct Looked(Mutex<Option<(Arc<Namespace>, Arc<RawDocumentBuf>)>>);
+
+impl Looked {
+    fn at(&self, namespace: &Arc<Namespace>, document: &Arc<RawDocumentBuf>) {
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *last = Some((Arc::clone(namespace), Arc::clone(document)));
+    }
+
+    /// Its `_id`; nothing the next time.
+    pub(super) fn take(&self) -> Option<DocumentId> {
+        let (namespace, document) = self.0.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        let id = document.get("_id").ok().flatten()?;
+        Some((namespace, Bson::try_from(id).ok()?))
+    }
+}
+
+/// A document, or one inside of it.
+pub(super) struct Doc {
+    raw: Arc<RawDocumentBuf>,
+    /// The document that is stored; `None` if there is none.
+    root: Option<Arc<RawDocumentBuf>>,
+    namespace: Arc<Namespace>,
+    looked: Arc<Looked>,
+}
+
+impl fmt::Debug for Doc {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let document = Document::try_from(self.raw()).unwrap_or_default();
+        f.write_str(&shell::relaxed(&document))
+    }
+}
+
+impl Doc {
+    /// A document as the memory gives it.
+    pub(super) fn value(raw: RawDocumentBuf, namespace: &Arc<Namespace>, looked: &Arc<Looked>) -> Value {
+        let raw = Arc::new(raw);
+        Value::from_object(Self {
+            root: Some(Arc::clone(&raw)),
+            raw,
+            namespace: Arc::clone(namespace),
+            looked: Arc::clone(looked),
+        })
+    }
+
+    fn raw(&self) -> &RawDocument {
+        &self.raw
+    }
+
+    fn document(&self) -> Result<Document, Error> {
+        Document::try_from(self.raw()).map_err(|error| Error::new(ErrorKind::InvalidOperation, error.to_string()))
+    }
+
+    fn convert(&self, value: RawBsonRef<'_>) -> Value {
+        match value {
+            RawBsonRef::Document(inner) => Value::from_object(Self {
+                raw: Arc::new(inner.to_owned()),
+                root: self.root.clone(),
+                namespace: Arc::clone(&self.namespace),
+                looked: Arc::clone(&self.looked),
+            }),
+            RawBsonRef::Array(array) => {
+                array.into_iter().filter_map(Result::ok).map(|element| self.convert(element)).collect()
+            }
+            RawBsonRef::String(text) | RawBsonRef::Symbol(text) => self::text(text),
+            RawBsonRef::Int32(number) => Value::from(number),
+            RawBsonRef::Int64(number) => Value::from(number),
+            RawBsonRef::Double(number) => Value::from(number),
+            RawBsonRef::Boolean(flag) => Value::from(flag),
+            RawBsonRef::Null => Value::from(()),
+            other => Bson::try_from(other).map_or(Value::UNDEFINED, |value| Value::from_object(Other(value))),
+        }
+    }
+}
+
+impl Object for Doc {
+    fn get_value(self: &Arc<Self>, key: &Value) -> Option<Value> {
+        self.get_value_by_str(key.as_str()?)
+    }
+
+    fn get_value_by_str(self: &Arc<Self>, key: &str) -> Option<Value> {
+        if let Some(root) = &self.root {
+            self.looked.at(&self.namespace, root);
+        }
+        self.raw.get(key).ok().flatten().map(|value| self.convert(value))
+    }
+
+    fn enumerate(self: &Arc<Self>) -> Enumerator {
+        let keys = self.raw.iter().filter_map(Result::ok).map(|(key, _)| Value::from(key.as_str()));
+        Enumerator::Values(keys.collect())
+    }
+
+    fn custom_cmp(self: &Arc<Self>, other: &DynObject) -> Option<Ordering> {
+        let other = other.downcast_ref::<Self>()?;
+        Some(self.raw.as_bytes().cmp(other.raw.as_bytes()))
+    }
+}
+
+/// A value that templates can compare, keep and put into queries, but that is no name: a date, an ObjectId.
+#[derive(Debug)]
+pub(super) struct Other(pub(super) Bson);
+
+impl Object for Other {
+    fn repr(self: &Arc<Self>) -> ObjectRepr {
+        ObjectRepr::Plain
+    }
+
+    fn custom_cmp(self: &Arc<Self>, other: &DynObject) -> Option<Ordering> {
+        let other = other.downcast_ref::<Self>()?;
+        match (&self.0, &other.0) {
+            (Bson::DateTime(one), Bson::DateTime(other)) => Some(one.cmp(other)),
+            (Bson::ObjectId(one), Bson::ObjectId(other)) => Some(one.cmp(other)),
+            _ => Some(self.0.to_string().cmp(&other.0.to_string())),
+        }
+    }
+
+    fn render(self: &Arc<Self>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Bson::ObjectId(id) => f.write_str(&id.to_hex()),
+            Bson::Decimal128(number) => write!(f, "{number}"),
+            other => {
+                let mut text = String::new();
+                shell::write_relaxed(other, &mut text);
+                f.write_str(&text)
+            }
+        }
+    }
+}
+
+/// A text from outside.
+pub(super) fn text(text: &str) -> Value {
+    if text.contains([OPEN, CLOSE]) {
+        let message = "a value holds U+FDD0 or U+FDD1, which are no characters";
+        return Value::from(Error::new(ErrorKind::InvalidOperation, message));
+    }
+    Value::from(text)
+}
+
+/// A parameter, or a distinct value.
+pub(super) fn from_bson(value: &Bson, namespace: &Arc<Namespace>) -> Value {
+    let Ok(raw) = RawDocumentBuf::try_from(&bson::doc! { "value": value.clone() }) else { return Value::UNDEFINED };
+    let doc = Doc { raw: Arc::new(raw), root: None, namespace: Arc::clone(namespace), looked: Arc::default() };
+    doc.raw.get("value").ok().flatten().map_or(Value::UNDEFINED, |value| doc.convert(value))
+}
+
+/// A value of the template as BSON, for queries. `plain` takes the numbers of values out of rendered text.
+pub(super) fn to_bson(value: &Value, plain: &dyn Fn(&str) -> String) -> Result<Bson, Error> {
+    nested(value, plain, 0)
+}
+
+fn nested(value: &Value, plain: &dyn Fn(&str) -> String, depth: usize) -> Result<Bson, Error> {
+    let wrong = |message: String| Err(Error::new(ErrorKind::InvalidOperation, message));
+    if depth > MAX_DEPTH {
+        return wrong(format!("a query nests deeper than {MAX_DEPTH} levels"));
+    }
+    if let Some(Other(value)) = value.downcast_object_ref::<Other>() {
+        return Ok(value.clone());
+    }
+    if let Some(doc) = value.downcast_object_ref::<Doc>() {
+        return doc.document().map(Bson::Document);
+    }
+    match value.kind() {
+        ValueKind::None => Ok(Bson::Null),
+        ValueKind::Bool => Ok(Bson::Boolean(value.is_true())),
+        ValueKind::Number => match value.as_i64().filter(|_| value.is_integer()) {
+            Some(number) => Ok(i32::try_from(number).map_or(Bson::Int64(number), Bson::Int32)),
+            None => f64::try_from(value.clone()).map(Bson::Double),
+        },
+        ValueKind::String => Ok(Bson::String(plain(value.as_str().unwrap_or_default()))),
+        ValueKind::Seq | ValueKind::Iterable => {
+            let elements = value.try_iter()?.checked().map(|element| nested(&element?, plain, depth + 1));
+            elements.collect::<Result<_, _>>().map(Bson::Array)
+        }
+        ValueKind::Map => {
+            let mut document = Document::new();
+            for key in value.try_iter()?.checked() {
+                let key = key?;
+                document.insert(key.to_string(), nested(&value.get_item(&key)?, plain, depth + 1)?);
+            }
+            Ok(Bson::Document(document))
+        }
+        ValueKind::Undefined => wrong("a query holds an undefined value".to_owned()),
+        kind => wrong(format!("a query cannot hold a value of type {kind}")),
+    }
+}

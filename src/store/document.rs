@@ -1,0 +1,188 @@
+//! What may be stored, and in which form: MongoDB 6's rules.
+
+use bson::oid::ObjectId;
+use bson::raw::{RawBsonRef, RawElement};
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
+
+use crate::query::QueryError;
+
+/// The most bytes of a document, in BSON.
+pub const MAX_SIZE: usize = 16 << 20;
+/// How deep documents and arrays may be nested, the document itself included.
+pub const MAX_DEPTH: usize = 100;
+
+/// The document as it is stored: `_id` first, made up where there was none.
+pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
+    check_depth(&document)?;
+    let id = match document.get("_id") {
+        Some(id) => id.clone(),
+        None => Bson::ObjectId(ObjectId::new()),
+    };
+    check_id(&id)?;
+    let settled = with_id_first(document, &id);
+    let body = RawDocumentBuf::try_from(&settled)
+        .map_err(|error| QueryError::invalid(2, format!("the document cannot be stored: {error}")))?;
+    check_size(&body)?;
+    Ok((id, body))
+}
+
+/// [`settle`] for many; where one is refused, the refusal says which.
+pub(crate) fn settle_all(documents: Vec<Document>) -> Result<Vec<(Bson, RawDocumentBuf)>, QueryError> {
+    let count = documents.len();
+    let settle_nth = |(index, document)| {
+        settle(document).map_err(|mut refusal: QueryError| {
+            if count > 1 {
+                refusal.message = format!("document {} of {count}: {}", index + 1, refusal.message);
+            }
+            refusal
+        })
+    };
+    documents.into_iter().enumerate().map(settle_nth).collect()
+}
+
+/// Checks a document that an update made, and gives its `_id`.
+pub(crate) fn vet(document: &RawDocument) -> Result<Bson, QueryError> {
+    check_size(document)?;
+    check_raw_depth(document)?;
+    let Some(id) = document.get("_id")? else {
+        return Err(QueryError::invalid(2, "the document has no _id"));
+    };
+    let id = Bson::try_from(id)?;
+    check_id(&id)?;
+    Ok(id)
+}
+
+/// The document with `id` as its first key.
+pub(crate) fn with_id_first(document: Document, id: &Bson) -> Document {
+    if document.keys().next().is_some_and(|first| first == "_id") {
+        return document;
+    }
+    let mut settled = Document::new();
+    settled.insert("_id", id.clone());
+    settled.extend(document.into_iter().filter(|(key, _)| key != "_id"));
+    settled
+}
+
+fn check_size(document: &RawDocument) -> Result<(), QueryError> {
+    let size = document.as_bytes().len();
+    if size <= MAX_SIZE {
+        return Ok(());
+    }
+    Err(QueryError::invalid(10334, format!("the document has {size} bytes, more than the {MAX_SIZE} that are allowed")))
+}
+
+fn check_id(id: &Bson) -> Result<(), QueryError> {
+    let kind = match id {
+        Bson::Array(_) => "an array",
+        Bson::RegularExpression(_) => "a regular expression",
+        Bson::Undefined => "undefined",
+        Bson::Document(inner) => {
+            return match inner.keys().find(|key| key.starts_with('$')) {
+                Some(key) => Err(QueryError::invalid(52, format!("the _id may not have a field `{key}`"))),
+                None => Ok(()),
+            };
+        }
+        _ => return Ok(()),
+    };
+    Err(QueryError::invalid(53, format!("the _id may not be {kind}")))
+}
+
+/// Refuses what is nested too deeply, before anything walks it by recursion.
+fn check_depth(document: &Document) -> Result<(), QueryError> {
+    let mut level: Vec<&Bson> = document.values().collect();
+    for _ in 0..MAX_DEPTH {
+        level = level.into_iter().flat_map(children).collect();
+        if level.is_empty() {
+            return Ok(());
+        }
+    }
+    Err(too_deep())
+}
+
+fn children(value: &Bson) -> Box<dyn Iterator<Item = &Bson> + '_> {
+    match value {
+        Bson::Document(document) => Box::new(document.values()),
+        Bson::Array(values) => Box::new(values.iter()),
+        Bson::JavaScriptCodeWithScope(code) => Box::new(code.scope.values()),
+        _ => Box::new(std::iter::empty()),
+    }
+}
+
+fn check_raw_depth(document: &RawDocument) -> Result<(), QueryError> {
+    let mut level = vec![document.iter_elements()];
+    for _ in 0..MAX_DEPTH {
+        let mut deeper = Vec::new();
+        for element in level.into_iter().flatten() {
+            deeper.extend(inside(&element?)?);
+        }
+        if deeper.is_empty() {
+            return Ok(());
+        }
+        level = deeper;
+    }
+    Err(too_deep())
+}
+
+/// The elements of a value that has some.
+fn inside<'a>(element: &RawElement<'a>) -> Result<Option<bson::raw::RawIter<'a>>, QueryError> {
+    use bson::spec::ElementType::{Array, EmbeddedDocument};
+    if !matches!(element.element_type(), Array | EmbeddedDocument) {
+        return Ok(None);
+    }
+    Ok(match element.value()? {
+        RawBsonRef::Document(document) => Some(document.iter_elements()),
+        RawBsonRef::Array(array) => Some(array.iter_elements()),
+        _ => None,
+    })
+}
+
+fn too_deep() -> QueryError {
+    QueryError::invalid(15, format!("the document is nested more than {MAX_DEPTH} levels deep"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::doc;
+
+    #[test]
+    fn the_id_comes_first() {
+        let (id, body) = settle(doc! { "a": 1, "_id": 7 }).unwrap();
+        assert_eq!(id, Bson::Int32(7));
+        let keys: Vec<_> = body.iter().map(|element| element.unwrap().0.to_string()).collect();
+        assert_eq!(keys, ["_id", "a"]);
+    }
+
+    #[test]
+    fn an_id_is_made_where_there_is_none() {
+        let (first, _) = settle(doc! {}).unwrap();
+        let (second, _) = settle(doc! {}).unwrap();
+        assert!(matches!((&first, &second), (Bson::ObjectId(_), Bson::ObjectId(_))));
+        assert_ne!(first, second);
+    }
+
+    #[test]
+    fn refuses_ids_that_mongodb_refuses() {
+        let regex = bson::Regex { pattern: "a".try_into().unwrap(), options: "".try_into().unwrap() };
+        for id in [Bson::Array(vec![]), Bson::Undefined, Bson::RegularExpression(regex), doc! { "$a": 1 }.into()] {
+            assert!(settle(doc! { "_id": id.clone() }).is_err(), "{id}");
+        }
+    }
+
+    #[test]
+    fn refuses_a_hundred_levels_and_more() {
+        let nested = |levels: usize| (1..levels).fold(doc! { "_id": 1 }, |inner, _| doc! { "_id": 1, "a": inner });
+        assert!(settle(nested(MAX_DEPTH)).is_ok());
+        assert_eq!(settle(nested(MAX_DEPTH + 1)).unwrap_err().code, 15);
+        assert!(vet(&RawDocumentBuf::try_from(&nested(MAX_DEPTH)).unwrap()).is_ok());
+        assert_eq!(vet(&RawDocumentBuf::try_from(&nested(MAX_DEPTH + 1)).unwrap()).unwrap_err().code, 15);
+    }
+
+    #[test]
+    fn refuses_sixteen_mebibytes_and_more() {
+        let sized = |bytes: usize| doc! { "_id": 1, "a": "x".repeat(bytes) };
+        let around = settle(sized(0)).unwrap().1.as_bytes().len();
+        assert!(settle(sized(MAX_SIZE - around)).is_ok());
+        assert_eq!(settle(sized(MAX_SIZE - around + 1)).unwrap_err().code, 10334);
+    }
+}

@@ -1,0 +1,76 @@
+//! Which collections there are.
+
+use rusqlite::{Connection, OptionalExtension as _, Result, params};
+
+use super::failure;
+use crate::store::Namespace;
+
+/// A collection of an embedded store: the number its table is called by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Collection(i64);
+
+impl Collection {
+    /// The collection called `ns`, where there is one.
+    pub(super) fn find(connection: &Connection, ns: &Namespace) -> Result<Option<Self>> {
+        connection
+            .prepare_cached("SELECT id FROM collections WHERE database = ? AND name = ?")?
+            .query_row(params![ns.database, ns.collection], |row| row.get(0).map(Self))
+            .optional()
+    }
+
+    /// The collection called `ns`, created where there is none. In a write transaction only.
+    pub(super) fn ensure(connection: &Connection, ns: &Namespace) -> Result<Self> {
+        if let Some(collection) = Self::find(connection, ns)? {
+            return Ok(collection);
+        }
+        connection
+            .prepare_cached("INSERT INTO collections (database, name) VALUES (?, ?)")?
+            .execute(params![ns.database, ns.collection])?;
+        let collection = Self(connection.last_insert_rowid());
+        connection.execute_batch(&format!(
+            "CREATE TABLE {} (position INTEGER PRIMARY KEY, key BLOB NOT NULL UNIQUE, body BLOB NOT NULL) STRICT",
+            collection.table()
+        ))?;
+        Ok(collection)
+    }
+
+    /// Removes the collection and its documents. In a write transaction only.
+    pub(super) fn drop(self, connection: &Connection) -> Result<()> {
+        connection.prepare_cached("DELETE FROM collections WHERE id = ?")?.execute([self.0])?;
+        connection.execute_batch(&format!("DROP TABLE {}", self.table()))
+    }
+
+    /// How many documents there are.
+    pub(super) fn size(self, connection: &Connection) -> Result<u64> {
+        self.number(connection, "count(*)").map(i64::unsigned_abs)
+    }
+
+    /// The position of the last document, where there is one.
+    pub(super) fn last(self, connection: &Connection) -> Result<i64> {
+        self.number(connection, "coalesce(max(position), 0)")
+    }
+
+    /// A number about the documents; 0 where another process dropped the collection meanwhile.
+    fn number(self, connection: &Connection, expression: &str) -> Result<i64> {
+        let asked = connection
+            .prepare_cached(&format!("SELECT {expression} FROM {}", self.table()))
+            .and_then(|mut statement| statement.query_row([], |row| row.get(0)));
+        match asked {
+            Err(error) if failure::is_gone(&error) => Ok(0),
+            asked => asked,
+        }
+    }
+
+    /// All collections, sorted.
+    pub(super) fn all(connection: &Connection) -> Result<Vec<Namespace>> {
+        let mut statement =
+            connection.prepare_cached("SELECT database, name FROM collections ORDER BY database, name")?;
+        let rows = statement.query_map([], |row| Ok(Namespace { database: row.get(0)?, collection: row.get(1)? }))?;
+        rows.collect()
+    }
+
+    /// The name of the table that holds the documents.
+    pub(super) fn table(self) -> String {
+        format!("documents_{}", self.0)
+    }
+}

@@ -1,0 +1,199 @@
+//! Changing documents: update, upsert, replace by `_id`, delete.
+
+use std::rc::Rc;
+
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
+use rusqlite::{OptionalExtension as _, params};
+
+use super::Embedded;
+use super::catalog::Collection;
+use super::scan::{Found, Scan};
+use crate::query::{Filter, QueryError, Update, key};
+use crate::store::{Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, stamp};
+
+/// MongoDB's code for an attempt to change an `_id`.
+const IMMUTABLE_FIELD: i32 = 66;
+
+impl Embedded {
+    /// Applies an update in one transaction: where one document cannot be
+    /// changed, none is. (MongoDB keeps what was changed before.)
+    pub(super) fn change(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        stamp: Option<DateTime>,
+    ) -> Result<Updated, StoreError> {
+        let change = Change::parse(request, stamp)?;
+        self.write(|| {
+            let collection = self.collection(ns)?;
+            let mut done = Updated::default();
+            if let Some(collection) = collection {
+                let most = if request.many { usize::MAX } else { 1 };
+                for found in Scan::new(self, collection, Rc::clone(&change.filter))?.take(most) {
+                    done.matched += 1;
+                    done.modified += u64::from(self.change_one(collection, &found?, &change)?);
+                }
+            }
+            if done.matched == 0 && request.upsert {
+                done.upserted = Some(self.upsert(ns, request, &change)?);
+            }
+            Ok(done)
+        })
+    }
+
+    fn change_one(&self, collection: Collection, found: &Found, change: &Change) -> Result<bool, StoreError> {
+        let Some(body) = change.apply(&found.body)? else { return Ok(false) };
+        document::vet(&body)?;
+        if id_key(&body)? != id_key(&found.body)? {
+            return Err(QueryError::invalid(IMMUTABLE_FIELD, "the _id of a document cannot change").into());
+        }
+        self.rewrite(collection, found.position, &body)?;
+        Ok(true)
+    }
+
+    fn upsert(&self, ns: &Namespace, request: &UpdateRequest, change: &Change) -> Result<Bson, StoreError> {
+        let mut body = change.update.upsert(&request.filter, change.now)?;
+        if let Some(at) = change.stamp {
+            body = stamp::upsert(&body, at)?;
+        }
+        let id = document::vet(&body)?;
+        let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+        self.add(ns, collection, &id, &body)?;
+        Ok(id)
+    }
+
+    /// Stores documents in one transaction, each in place of the one with its `_id`.
+    pub(super) fn put_all(
+        &self,
+        ns: &Namespace,
+        documents: Vec<Document>,
+        stamp: Option<DateTime>,
+    ) -> Result<Put, StoreError> {
+        if documents.is_empty() {
+            return Ok(Put::default());
+        }
+        self.write(|| {
+            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            let mut done = Put::default();
+            for document in documents {
+                self.put_one(ns, collection, document, stamp, &mut done)?;
+            }
+            Ok(done)
+        })
+    }
+
+    fn put_one(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        mut document: Document,
+        stamp: Option<DateTime>,
+        done: &mut Put,
+    ) -> Result<(), StoreError> {
+        let Some(found) = self.with_id_of(collection, &document)? else {
+            if let Some(at) = stamp {
+                stamp::insert(&mut document, at)?;
+            }
+            let (id, body) = document::settle(document)?;
+            done.inserted += 1;
+            return self.add(ns, collection, &id, &body);
+        };
+        let (_, body) = document::settle(document)?;
+        match settle_change(&found.body, body, true, stamp)? {
+            Some(body) => {
+                done.replaced += 1;
+                self.rewrite(collection, found.position, &body)
+            }
+            None => {
+                done.same += 1;
+                Ok(())
+            }
+        }
+    }
+
+    /// The stored document with the `_id` of `document`.
+    fn with_id_of(&self, collection: Collection, document: &Document) -> Result<Option<Found>, StoreError> {
+        let Some(id) = document.get("_id") else { return Ok(None) };
+        let sql = format!("SELECT position, body FROM {} WHERE key = ?", collection.table());
+        let row = self
+            .connection
+            .prepare_cached(&sql)
+            .and_then(|mut statement| {
+                let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Vec<u8>>(1)?));
+                statement.query_row([key::encode_value(id)], row).optional()
+            })
+            .map_err(|e| self.explain(&e))?;
+        let Some((position, bytes)) = row else { return Ok(None) };
+        Ok(Some(Found { position, body: RawDocumentBuf::from_bytes(bytes).map_err(QueryError::from)? }))
+    }
+
+    fn rewrite(&self, collection: Collection, position: i64, body: &RawDocument) -> Result<(), StoreError> {
+        let sql = format!("UPDATE {} SET body = ? WHERE position = ?", collection.table());
+        self.connection
+            .prepare_cached(&sql)
+            .and_then(|mut statement| statement.execute(params![body.as_bytes(), position]))
+            .map(|_| ())
+            .map_err(|e| self.explain(&e))
+    }
+
+    pub(super) fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        let filter = Rc::new(Filter::parse(filter)?);
+        self.write(|| {
+            let Some(collection) = self.collection(ns)? else { return Ok(0) };
+            let sql = format!("DELETE FROM {} WHERE position = ?", collection.table());
+            let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
+            let mut deleted = 0;
+            for found in Scan::new(self, collection, filter)?.take(if first_only { 1 } else { usize::MAX }) {
+                statement.execute([found?.position]).map_err(|e| self.explain(&e))?;
+                deleted += 1;
+            }
+            Ok(deleted)
+        })
+    }
+}
+
+/// An update request, understood.
+struct Change {
+    filter: Rc<Filter>,
+    update: Update,
+    now: DateTime,
+    stamp: Option<DateTime>,
+}
+
+impl Change {
+    fn parse(request: &UpdateRequest, stamp: Option<DateTime>) -> Result<Self, QueryError> {
+        let update = match &request.update {
+            UpdateSpec::Document(update) => Update::parse(update, &request.array_filters)?,
+            UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages)?,
+        };
+        if request.many && update.is_replacement() {
+            return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
+        }
+        let filter = Rc::new(Filter::parse(&request.filter)?);
+        Ok(Self { filter, update, now: stamp.unwrap_or_else(DateTime::now), stamp })
+    }
+
+    fn apply(&self, old: &RawDocument) -> Result<Option<RawDocumentBuf>, QueryError> {
+        match self.update.apply(old, &self.filter, self.now)? {
+            None => Ok(None),
+            Some(new) => settle_change(old, new, self.update.is_replacement(), self.stamp),
+        }
+    }
+}
+
+/// What is stored in place of `old`, where it is different.
+fn settle_change(
+    old: &RawDocument,
+    new: RawDocumentBuf,
+    replacement: bool,
+    stamp: Option<DateTime>,
+) -> Result<Option<RawDocumentBuf>, QueryError> {
+    match stamp {
+        Some(at) => stamp::update(old, &new, replacement, at),
+        None => Ok(Some(new).filter(|new| new.as_bytes() != old.as_bytes())),
+    }
+}
+
+fn id_key(document: &RawDocument) -> Result<Option<Vec<u8>>, QueryError> {
+    Ok(document.get("_id")?.map(key::encode))
+}

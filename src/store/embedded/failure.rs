@@ -1,0 +1,67 @@
+//! SQLite's errors in the user's words: what happened where, and what to do.
+
+use rusqlite::{Error, ErrorCode, ffi};
+
+use super::Place;
+use crate::store::StoreError;
+
+/// Puts what SQLite says into words.
+pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
+    let reason = match error.sqlite_error_code() {
+        Some(ErrorCode::NotADatabase) => "is not an rmem memory; name another file".to_owned(),
+        Some(ErrorCode::DatabaseCorrupt) => {
+            format!("is damaged ({error}); restore it from a dump, or copy it and try `sqlite3 FILE .recover`")
+        }
+        Some(ErrorCode::DiskFull) => {
+            "the disk is full; make room and repeat, nothing of this write was kept".to_owned()
+        }
+        Some(ErrorCode::ReadOnly) => {
+            "cannot be written; check the permissions of the file and of its folder".to_owned()
+        }
+        Some(ErrorCode::PermissionDenied) => "permission denied; check the file's owner and mode".to_owned(),
+        Some(ErrorCode::CannotOpen) => return unreachable(place, cannot_open(place)),
+        Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => format!(
+            "another process has been writing for {} s; end it or try again",
+            super::patience::PATIENCE.as_secs()
+        ),
+        Some(ErrorCode::TooBig) => "the document is too large for the file".to_owned(),
+        Some(ErrorCode::SystemIoFailure) => format!("reading or writing failed ({error}); check the disk"),
+        _ => error.to_string(),
+    };
+    StoreError::Failed { address: place.to_string(), reason }
+}
+
+fn unreachable(place: &Place, reason: String) -> StoreError {
+    StoreError::Unreachable { address: place.to_string(), reason }
+}
+
+/// Asks the file system why SQLite could not open the file.
+fn cannot_open(place: &Place) -> String {
+    let Place::File(path) = place else { return "out of memory".to_owned() };
+    if path.is_dir() {
+        return "is a directory; name a file in it".to_owned();
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => std::path::Path::new("."),
+    };
+    match std::fs::metadata(folder) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            format!("its folder {} does not exist; create it first", folder.display())
+        }
+        Err(error) => format!("its folder {} cannot be used: {error}", folder.display()),
+        Ok(kind) if !kind.is_dir() => format!("{} is not a folder", folder.display()),
+        Ok(_) => "no permission to open or create it; check the file's and the folder's permissions".to_owned(),
+    }
+}
+
+/// Whether a statement failed because its table is gone: another process dropped the collection.
+pub(super) fn is_gone(error: &Error) -> bool {
+    matches!(error, Error::SqliteFailure(_, Some(message)) if message.starts_with("no such table"))
+        || matches!(error, Error::SqlInputError { msg, .. } if msg.starts_with("no such table"))
+}
+
+/// Whether a unique key is taken.
+pub(super) fn is_duplicate(error: &Error) -> bool {
+    matches!(error.sqlite_error(), Some(ffi::Error { extended_code: ffi::SQLITE_CONSTRAINT_UNIQUE, .. }))
+}

@@ -1,0 +1,136 @@
+//! The file: how it is told from other files, opened, and laid out.
+//!
+//! `application_id` says that an SQLite file is a memory, `user_version` which
+//! layout it has. The layout of version 1:
+//!
+//! - `collections`: one row per collection; ids are never used again.
+//! - `documents_ID`, one per collection: `position` (order of insertion, which
+//!   is MongoDB's natural order), `key` (the `_id` as comparable bytes, unique),
+//!   `body` (the document as BSON). A table of its own keeps a collection's
+//!   documents side by side on the disk, and dropping it is one step.
+
+use std::path::Path;
+
+use rusqlite::{Connection, OpenFlags};
+
+use super::{Embedded, Place, failure, patience};
+use crate::store::StoreError;
+
+/// The layout this rmem writes, and the newest it reads.
+pub const VERSION: i32 = 1;
+/// `rmem` in ASCII: what `file` and SQLite show as the application id.
+const APPLICATION: i32 = 0x726D_656D;
+
+const LAYOUT: &str = "
+CREATE TABLE collections (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    database TEXT NOT NULL,
+    name TEXT NOT NULL,
+    UNIQUE (database, name)
+) STRICT;";
+
+impl Embedded {
+    /// Opens the memory in the file `path`, creating it where there is none
+    /// (its folder has to exist).
+    ///
+    /// # Errors
+    /// Where the file cannot be opened, is not a memory, or is one of a newer rmem.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, StoreError> {
+        let path = path.as_ref();
+        let place = Place::File(path.to_owned());
+        if path.is_dir() {
+            return Err(StoreError::Unreachable {
+                address: place.to_string(),
+                reason: "is a directory; name a file in it".to_owned(),
+            });
+        }
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
+            | OpenFlags::SQLITE_OPEN_CREATE
+            | OpenFlags::SQLITE_OPEN_NO_MUTEX
+            | OpenFlags::SQLITE_OPEN_EXRESCODE;
+        let connection = Connection::open_with_flags(path, flags).map_err(|e| failure::explain(&place, &e))?;
+        Self::prepare(connection, place)
+    }
+
+    /// A memory that is gone when it is dropped.
+    ///
+    /// # Errors
+    /// Where there is not enough memory.
+    pub fn in_memory() -> Result<Self, StoreError> {
+        let connection = Connection::open_in_memory().map_err(|e| failure::explain(&Place::Memory, &e))?;
+        Self::prepare(connection, Place::Memory)
+    }
+
+    fn prepare(mut connection: Connection, place: Place) -> Result<Self, StoreError> {
+        let explain = |error| failure::explain(&place, &error);
+        patience::teach(&mut connection).map_err(explain)?;
+        connection.set_prepared_statement_cache_capacity(64);
+        match patience::retry(|| Marks::read(&connection)).map_err(explain)? {
+            Marks { application: APPLICATION, version: VERSION, .. } => {}
+            Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
+            Marks { application: 0, version: 0, blank: true } => lay_out(&connection).map_err(explain)?,
+            _ => return Err(foreign(&place)),
+        }
+        tune(&connection).map_err(explain)?;
+        Ok(Self { connection, place })
+    }
+}
+
+/// What tells a memory from other files, read at one moment.
+struct Marks {
+    application: i32,
+    version: i32,
+    blank: bool,
+}
+
+impl Marks {
+    fn read(connection: &Connection) -> rusqlite::Result<Self> {
+        let sql = "SELECT application_id, user_version, (SELECT count(*) FROM sqlite_schema) = 0
+                   FROM pragma_application_id, pragma_user_version";
+        connection
+            .query_row(sql, [], |row| Ok(Self { application: row.get(0)?, version: row.get(1)?, blank: row.get(2)? }))
+    }
+}
+
+/// Makes a blank file a memory. Several processes may do so at the same time; one of them does.
+fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
+    patience::retry(|| connection.pragma_update(None, "journal_mode", "WAL"))?;
+    connection.execute_batch("BEGIN IMMEDIATE")?;
+    let laid_out = Marks::read(connection).and_then(|marks| {
+        if !marks.blank {
+            return Ok(());
+        }
+        connection.execute_batch(LAYOUT)?;
+        connection.pragma_update(None, "application_id", APPLICATION)?;
+        connection.pragma_update(None, "user_version", VERSION)
+    });
+    connection.execute_batch(if laid_out.is_ok() { "COMMIT" } else { "ROLLBACK" })?;
+    laid_out
+}
+
+/// Settings of a connection; those of the file are set once, in [`lay_out`].
+///
+/// FULL makes every commit wait for the disk, so that not even a loss of power
+/// takes back what was acknowledged. The log is folded into the file every
+/// 1000 pages by whoever commits then, and cut to 64 MiB after a long reader
+/// let it grow.
+fn tune(connection: &Connection) -> rusqlite::Result<()> {
+    connection.pragma_update(None, "synchronous", "FULL")?;
+    connection.pragma_update(None, "journal_size_limit", 64 << 20)?;
+    connection.pragma_update(None, "cache_size", -(16 << 10))?;
+    connection.pragma_update(None, "trusted_schema", "OFF")
+}
+
+fn wrong_version(place: &Place, version: i32) -> StoreError {
+    StoreError::Failed {
+        address: place.to_string(),
+        reason: format!("is a memory of version {version}, this rmem reads version {VERSION}; use a newer rmem"),
+    }
+}
+
+fn foreign(place: &Place) -> StoreError {
+    StoreError::Failed {
+        address: place.to_string(),
+        reason: "is an SQLite database of another program, not an rmem memory; name another file".to_owned(),
+    }
+}

@@ -1,0 +1,83 @@
+//! Waiting for another process to finish its write.
+//!
+//! SQLite's own busy handler sleeps in steps that grow to 100 ms, so a writer
+//! among writers stalls for much longer than any write takes. This one starts
+//! with a fraction of a write's duration and never sleeps longer than
+//! [`LONGEST`]; the jitter keeps two waiting processes out of step.
+
+use std::time::{Duration, Instant};
+
+use rusqlite::Connection;
+
+/// How long a process waits for its turn before it gives up.
+pub(super) const PATIENCE: Duration = Duration::from_secs(30);
+const SHORTEST: Duration = Duration::from_micros(100);
+const LONGEST: Duration = Duration::from_millis(8);
+
+/// Makes `connection` wait for locks of other processes, patiently and briefly.
+pub(super) fn teach(connection: &mut Connection) -> rusqlite::Result<()> {
+    let mut since = Instant::now();
+    connection.busy_handler(Some(move |attempt: i32| {
+        if attempt == 0 {
+            since = Instant::now();
+        }
+        wait(since, attempt.unsigned_abs())
+    }))
+}
+
+/// Runs `attempt` until it is not refused for a lock, within [`PATIENCE`].
+///
+/// For the few statements for which SQLite asks no busy handler, such as the
+/// change of the journal mode.
+pub(super) fn retry<T>(mut attempt: impl FnMut() -> rusqlite::Result<T>) -> rusqlite::Result<T> {
+    let since = Instant::now();
+    let mut attempts = 0;
+    loop {
+        match attempt() {
+            Err(error) if is_busy(&error) && wait(since, attempts) => attempts += 1,
+            result => return result,
+        }
+    }
+}
+
+fn is_busy(error: &rusqlite::Error) -> bool {
+    use rusqlite::ErrorCode::{DatabaseBusy, DatabaseLocked};
+    matches!(error.sqlite_error_code(), Some(DatabaseBusy | DatabaseLocked))
+}
+
+/// Sleeps a little before the next attempt; false once patience has run out.
+fn wait(since: Instant, attempt: u32) -> bool {
+    let waited = since.elapsed();
+    if waited >= PATIENCE {
+        return false;
+    }
+    let step = SHORTEST.saturating_mul(1 << attempt.min(10)).min(LONGEST);
+    std::thread::sleep(step.mul_f64(0.5 + jitter(waited)));
+    true
+}
+
+/// A number below 1 that two processes hardly share: the noise of the clock.
+fn jitter(waited: Duration) -> f64 {
+    let noise = waited.subsec_nanos() ^ std::process::id().wrapping_mul(0x9E37_79B9);
+    f64::from(noise.wrapping_mul(0x85EB_CA6B) >> 16) / f64::from(1 << 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jitter_lies_between_nothing_and_one() {
+        for nanos in [0, 1, 999, 123_456_789] {
+            let jitter = jitter(Duration::from_nanos(nanos));
+            assert!((0.0..1.0).contains(&jitter), "{jitter}");
+        }
+    }
+
+    #[test]
+    fn gives_up_when_patience_has_run_out() {
+        let Some(long_ago) = Instant::now().checked_sub(PATIENCE) else { return };
+        assert!(!wait(long_ago, 3));
+        assert!(wait(Instant::now(), 3));
+    }
+}

@@ -1,0 +1,48 @@
+//! Aggregation: a collection through a pipeline.
+
+use std::rc::Rc;
+
+use bson::{DateTime, Document};
+
+use super::Embedded;
+use super::scan::Scan;
+use crate::query::{Filter, Origin, Output, Pipeline, QueryError};
+use crate::store::{Documents, Namespace, StoreError};
+
+impl Embedded {
+    /// Runs a pipeline to its end: its results are held in memory, what they
+    /// are made from is not.
+    pub(super) fn run_pipeline(&self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'_>, StoreError> {
+        let pipeline = Pipeline::parse(stages)?;
+        match pipeline.output() {
+            Some(Output::Out(_)) => return Err(QueryError::unsupported("$out").into()),
+            Some(Output::Merge(_)) => return Err(QueryError::unsupported("$merge").into()),
+            None => {}
+        }
+        let input = match pipeline.brings_documents() {
+            true => Box::new(std::iter::empty()),
+            false => self.matches(ns, &first_filter(stages))?,
+        };
+        let sources = |origin: &Origin| self.matches(&named(origin, ns), &Document::new());
+        let results: Vec<_> = pipeline.run(input, DateTime::now(), &sources).collect::<Result<_, StoreError>>()?;
+        Ok(Box::new(results.into_iter().map(Ok)))
+    }
+
+    /// The documents that match, in natural order.
+    fn matches(&self, ns: &Namespace, filter: &Document) -> Result<Documents<'_>, StoreError> {
+        let filter = Rc::new(Filter::parse(filter)?);
+        let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
+        Ok(Box::new(Scan::new(self, collection, filter)?.map(|found| found.map(|found| found.body))))
+    }
+}
+
+/// The filter of a `$match` in front: only what it matches needs to be read.
+fn first_filter(stages: &[Document]) -> Document {
+    let first = stages.first().and_then(|stage| stage.get_document("$match").ok());
+    first.cloned().unwrap_or_default()
+}
+
+fn named(origin: &Origin, ns: &Namespace) -> Namespace {
+    let database = origin.database.as_ref().unwrap_or(&ns.database);
+    Namespace { database: database.clone(), collection: origin.collection.clone() }
+}

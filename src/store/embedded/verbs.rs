@@ -1,0 +1,89 @@
+//! The operations of [`Store`], each in a few lines.
+
+use bson::{Bson, DateTime, Document};
+
+use super::catalog::Collection;
+use super::{Embedded, failure};
+use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
+
+impl Store for Embedded {
+    fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        self.insert_batch(ns, documents)
+    }
+
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
+        self.put_all(ns, documents, stamp)
+    }
+
+    fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        self.answer(ns, find)
+    }
+
+    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        self.tally(ns, filter)
+    }
+
+    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        self.values(ns, field, filter)
+    }
+
+    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        self.run_pipeline(ns, pipeline)
+    }
+
+    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError> {
+        self.change(ns, update, stamp)
+    }
+
+    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        self.remove(ns, filter, first_only)
+    }
+
+    fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        self.write(|| match self.collection(ns)? {
+            Some(collection) => collection.drop(&self.connection).map(|()| true).map_err(|e| self.explain(&e)),
+            None => Ok(false),
+        })
+    }
+
+    fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        Collection::all(&self.connection).map_err(|e| self.explain(&e))
+    }
+
+    fn describe(&self) -> String {
+        self.place.to_string()
+    }
+}
+
+impl Embedded {
+    /// Runs `work` in a write transaction: all of it is kept, or, where it fails, nothing.
+    pub(super) fn write<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+        self.run("BEGIN IMMEDIATE")?;
+        let result = work().and_then(|value| self.run("COMMIT").map(|()| value));
+        if result.is_err() && !self.connection.is_autocommit() {
+            // A failing rollback leaves nothing to do: closing rolls back too.
+            let _ = self.run("ROLLBACK");
+        }
+        result
+    }
+
+    fn run(&self, sql: &str) -> Result<(), StoreError> {
+        self.connection
+            .prepare_cached(sql)
+            .and_then(|mut statement| statement.execute([]))
+            .map(|_| ())
+            .map_err(|e| self.explain(&e))
+    }
+
+    pub(super) fn collection(&self, ns: &Namespace) -> Result<Option<Collection>, StoreError> {
+        Collection::find(&self.connection, ns).map_err(|e| self.explain(&e))
+    }
+
+    pub(super) fn explain(&self, error: &rusqlite::Error) -> StoreError {
+        failure::explain(&self.place, error)
+    }
+
+    pub(super) fn fail(&self, reason: &str) -> StoreError {
+        StoreError::Failed { address: self.place.to_string(), reason: reason.to_owned() }
+    }
+}

@@ -1,0 +1,142 @@
+//! The connection: its time limits, what a write waits for, where reads go.
+
+use std::sync::mpsc;
+use std::time::Duration;
+
+use bson::RawDocumentBuf;
+use mongodb::options::{Acknowledgment, ClientOptions, ReadPreference, SelectionCriteria, WriteConcern};
+use mongodb::sync::{Client, Collection};
+
+use super::{MongoDb, failure};
+use crate::store::uri::Role;
+use crate::store::{Namespace, StoreError};
+
+/// How long a server is looked for, unless the URI says otherwise.
+const SELECTION: Duration = Duration::from_secs(4);
+/// How long a write waits for a majority, unless the URI says otherwise.
+const MAJORITY: Duration = Duration::from_secs(10);
+
+impl MongoDb {
+    /// A store over the server or replica set at `uri`; `address` is what messages call it.
+    ///
+    /// # Errors
+    /// Where the driver does not accept the URI, or (`mongodb+srv`) the name does not resolve.
+    pub fn open(uri: &str, address: String, role: Role) -> Result<Self, StoreError> {
+        let mut options = parse(uri, &address)?;
+        options.app_name.get_or_insert_with(|| "rmem".to_owned());
+        options.server_selection_timeout.get_or_insert(SELECTION);
+        options.connect_timeout.get_or_insert(SELECTION);
+        options.write_concern = Some(durable(options.write_concern.take()));
+        if role == Role::Shared {
+            options.selection_criteria.get_or_insert(SelectionCriteria::ReadPreference(ReadPreference::nearest(None)));
+        }
+        let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
+        Ok(Self { client, address })
+    }
+
+    pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {
+        self.client.database(&ns.database).collection(&ns.collection)
+    }
+
+    pub(super) fn client(&self) -> &Client {
+        &self.client
+    }
+
+    pub(super) fn explain(&self, error: &mongodb::error::Error) -> StoreError {
+        failure::explain(&self.address, error)
+    }
+}
+
+/// A majority and its journals, where the URI does not ask for something else.
+fn durable(asked: Option<WriteConcern>) -> WriteConcern {
+    let mut concern = asked.unwrap_or_default();
+    concern.w.get_or_insert(Acknowledgment::Majority);
+    concern.journal.get_or_insert(true);
+    concern.w_timeout.get_or_insert(MAJORITY);
+    concern
+}
+
+/// Reads the URI. For `mongodb+srv` that asks the name service, which is given
+/// as much time as a server.
+fn parse(uri: &str, address: &str) -> Result<ClientOptions, StoreError> {
+    if !uri.starts_with("mongodb+srv:") {
+        return ClientOptions::parse(uri).run().map_err(|_| refused(uri, address));
+    }
+    let (sender, receiver) = mpsc::channel();
+    let asked = uri.to_owned();
+    std::thread::spawn(move || {
+        // Nobody listens any more where the time was up.
+        let _ = sender.send(ClientOptions::parse(asked).run());
+    });
+    match receiver.recv_timeout(SELECTION) {
+        Ok(Ok(options)) => Ok(options),
+        Ok(Err(error)) => Err(StoreError::Unreachable {
+            address: address.to_owned(),
+            reason: match *error.kind {
+                mongodb::error::ErrorKind::DnsResolve { message, .. } => {
+                    format!("the name does not resolve: {message}")
+                }
+                _ => return Err(refused(uri, address)),
+            },
+        }),
+        Err(_) => Err(StoreError::Unreachable {
+            address: address.to_owned(),
+            reason: format!("the name service did not answer within {} s", SELECTION.as_secs()),
+        }),
+    }
+}
+
+/// Why the driver refuses a URI, without repeating what may be a password:
+/// it is asked again about the URI without credentials.
+fn refused(uri: &str, address: &str) -> StoreError {
+    let reason = match without_credentials(uri).map(|bare| ClientOptions::parse(bare).run()) {
+        Some(Err(error)) => failure::brief(&error),
+        _ => "a user name, password or option in the URI is not acceptable; \
+              special characters are written with %, like %2F for /"
+            .to_owned(),
+    };
+    StoreError::Failed { address: address.to_owned(), reason }
+}
+
+/// The URI without credentials, where it then holds no secret (options may).
+fn without_credentials(uri: &str) -> Option<String> {
+    let (scheme, rest) = uri.split_once("://")?;
+    if scheme != "mongodb" || rest.to_ascii_lowercase().contains("password") || rest.contains("authMechanism") {
+        return None;
+    }
+    let hosts = rest.rsplit_once('@').map_or(rest, |(_, hosts)| hosts);
+    Some(format!("{scheme}://{hosts}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn failure_of(uri: &str) -> String {
+        match MongoDb::open(uri, "mongodb://host".to_owned(), Role::Local) {
+            Ok(_) => "opened".to_owned(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn a_refused_uri_does_not_show_its_password() {
+        for uri in [
+            "mongodb://robot:sec%ret@host/",
+            "mongodb://robot:sec:ret@host/",
+            "mongodb://robot:secret@host/?readPreference=sideways",
+            "mongodb://robot:secret@host:port/",
+        ] {
+            let shown = failure_of(uri);
+            assert!(shown != "opened" && !shown.contains("sec") && !shown.contains("ret@"), "{uri}: {shown}");
+        }
+    }
+
+    #[test]
+    fn the_uri_may_ask_for_another_write_concern() {
+        let asked = WriteConcern::builder().w(Acknowledgment::Nodes(1)).build();
+        assert_eq!(durable(Some(asked)).w, Some(Acknowledgment::Nodes(1)));
+        assert_eq!(durable(None).w, Some(Acknowledgment::Majority));
+        assert_eq!(durable(None).journal, Some(true));
+    }
+}

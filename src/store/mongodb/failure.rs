@@ -1,0 +1,123 @@
+//! The driver's errors in the words of [`StoreError`].
+
+use bson::Bson;
+use mongodb::error::{Error, ErrorKind, WriteFailure};
+
+use crate::query::QueryError;
+use crate::store::{Namespace, StoreError};
+
+/// The server's code for a taken unique key.
+const DUPLICATE: i32 = 11000;
+
+/// Codes that speak of the server's state, not of what it was asked.
+const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
+
+/// Puts an error into words; a duplicate needs [`explain_write`].
+pub(super) fn explain(address: &str, error: &Error) -> StoreError {
+    let unreachable = |reason| StoreError::Unreachable { address: address.to_owned(), reason };
+    match error.kind.as_ref() {
+        ErrorKind::ServerSelection { message, .. } => unreachable(selection(message)),
+        ErrorKind::Io(error) => unreachable(error.to_string()),
+        ErrorKind::DnsResolve { message, .. } | ErrorKind::ConnectionPoolCleared { message, .. } => {
+            unreachable(message.clone())
+        }
+        ErrorKind::Command(command) => coded(address, command.code, &command.message),
+        ErrorKind::Write(WriteFailure::WriteError(write)) => coded(address, write.code, &write.message),
+        ErrorKind::Write(WriteFailure::WriteConcernError(concern)) => unconfirmed(address, &concern.message),
+        ErrorKind::InsertMany(many) => match (&many.write_errors, &many.write_concern_error) {
+            (Some(errors), _) if let [first, ..] = errors.as_slice() => coded(address, first.code, &first.message),
+            (_, Some(concern)) => unconfirmed(address, &concern.message),
+            _ => failed(address, brief(error)),
+        },
+        ErrorKind::Bson(error) => QueryError::invalid(22, format!("invalid BSON: {error}")).into(),
+        _ => failed(address, brief(error)),
+    }
+}
+
+/// Puts the error of a write to `ns` into words.
+pub(super) fn explain_write(address: &str, ns: &Namespace, error: &Error) -> StoreError {
+    match error.kind.as_ref() {
+        ErrorKind::Write(WriteFailure::WriteError(write)) if write.code == DUPLICATE => {
+            StoreError::Duplicate { namespace: ns.clone(), key: key(&write.message), stored: Vec::new() }
+        }
+        ErrorKind::Command(command) if command.code == DUPLICATE => {
+            StoreError::Duplicate { namespace: ns.clone(), key: key(&command.message), stored: Vec::new() }
+        }
+        _ => explain(address, error),
+    }
+}
+
+/// Puts the error of an ordered insert of documents with `ids` into words.
+pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error: &Error) -> StoreError {
+    let ErrorKind::InsertMany(many) = error.kind.as_ref() else { return explain_write(address, ns, error) };
+    let Some(first) = many.write_errors.as_ref().and_then(|errors| errors.first()) else {
+        return explain(address, error);
+    };
+    if first.code != DUPLICATE {
+        return explain(address, error);
+    }
+    let stored = ids.get(..first.index).unwrap_or_default().to_vec();
+    let key = match ids.get(first.index) {
+        Some(id) if first.message.contains("index: _id_ ") => format!("_id: {id}"),
+        _ => key(&first.message),
+    };
+    StoreError::Duplicate { namespace: ns.clone(), key, stored }
+}
+
+/// The driver's message without its debug output.
+pub(super) fn brief(error: &Error) -> String {
+    error.kind.to_string()
+}
+
+fn coded(address: &str, code: i32, message: &str) -> StoreError {
+    if STATE.contains(&code) {
+        return failed(address, format!("{message} (code {code})"));
+    }
+    QueryError::invalid(code, message).into()
+}
+
+fn unconfirmed(address: &str, message: &str) -> StoreError {
+    failed(address, format!("the write was done, but not confirmed by a majority of the members: {message}"))
+}
+
+fn failed(address: &str, reason: String) -> StoreError {
+    StoreError::Failed { address: address.to_owned(), reason }
+}
+
+/// `_id: 7` out of `E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: 7 }`.
+fn key(message: &str) -> String {
+    let behind = message.split_once("dup key: {").map_or(message, |(_, behind)| behind);
+    behind.trim().trim_end_matches('}').trim().to_owned()
+}
+
+/// What is worth knowing of the driver's account of the servers it tried.
+fn selection(message: &str) -> String {
+    let cause = message
+        .split_once("I/O error: ")
+        .map(|(_, behind)| behind.split_once(", labels").map_or(behind, |(cause, _)| cause));
+    match cause {
+        Some(cause) => format!("no server answers ({cause}); is it running?"),
+        None if message.contains("None of the available servers") => {
+            "no server takes this operation (is there a primary? does replicaSet in the URI fit?)".to_owned()
+        }
+        None => "no server answers; is it running?".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_key_is_found_in_the_servers_words() {
+        let message = "E11000 duplicate key error collection: a.b index: name_1 dup key: { name: \"x}\" }";
+        assert_eq!(key(message), "name: \"x}\"");
+    }
+
+    #[test]
+    fn the_cause_is_found_in_the_drivers_words() {
+        let message = "Server selection timeout: No available servers. Topology: { Type: Unknown, Servers: [ { \
+            Address: 127.0.0.1:1, Type: Unknown, Error: Kind: I/O error: Connection refused (os error 111), labels: {} } ] }";
+        assert_eq!(selection(message), "no server answers (Connection refused (os error 111)); is it running?");
+    }
+}

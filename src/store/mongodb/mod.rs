@@ -1,0 +1,19 @@
+//! The MongoDB store: a server or replica set, through the official driver.
+//!
+//! The only room that names the driver. Operations go to the server as they
+//! are, so the languages mean what the server says they mean. Writes are
+//! acknowledged by a majority, with journal.
+
+mod client;
+mod failure;
+mod stamped;
+mod verbs;
+
+use mongodb::sync::Client;
+
+/// A MongoDB server or replica set. Nothing is contacted before the first operation.
+pub struct MongoDb {
+    client: Client,
+    /// The URI without credentials and options.
+    address: String,
+}

@@ -1,0 +1,202 @@
+//! The operations of [`Store`], each one call of the driver.
+
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use mongodb::options::UpdateModifications;
+use mongodb::results::UpdateResult;
+
+use super::stamped::{is_replacement, with_stamps};
+use super::{MongoDb, failure};
+use crate::query::QueryError;
+use crate::store::document::{settle_all, with_id_first};
+use crate::store::stamp;
+use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
+
+/// The server's own databases.
+const INTERNAL: [&str; 3] = ["admin", "config", "local"];
+
+impl Store for MongoDb {
+    fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        let (ids, bodies): (Vec<_>, Vec<_>) = settle_all(documents)?.into_iter().unzip();
+        if !bodies.is_empty() {
+            self.collection(ns)
+                .insert_many(bodies)
+                .run()
+                .map_err(|e| failure::explain_insert(&self.address, ns, &ids, &e))?;
+        }
+        Ok(Inserted { ids })
+    }
+
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
+        let (mut done, mut rest) = (Put::default(), documents);
+        while !rest.is_empty() {
+            let inserted = match self.insert(ns, stamped(&rest, stamp)?) {
+                Ok(inserted) => inserted.ids.len(),
+                Err(StoreError::Duplicate { stored, .. }) => stored.len(),
+                Err(error) => return Err(error),
+            };
+            done.inserted += inserted as u64;
+            let mut taken = rest.split_off(inserted.min(rest.len()));
+            std::mem::swap(&mut taken, &mut rest);
+            if !rest.is_empty() {
+                let changed = self.put_over(ns, rest.remove(0), stamp)?;
+                done.replaced += changed;
+                done.same += 1 - changed;
+            }
+        }
+        Ok(done)
+    }
+
+    fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        let collection = self.collection(ns);
+        let mut action = collection.find(find.filter.clone());
+        if !find.sort.is_empty() {
+            action = action.sort(find.sort.clone());
+        }
+        if !find.projection.is_empty() {
+            action = action.projection(find.projection.clone());
+        }
+        if find.skip > 0 {
+            action = action.skip(find.skip);
+        }
+        if find.limit > 0 {
+            action = action.limit(i64::try_from(find.limit).unwrap_or(i64::MAX));
+        }
+        let cursor = action.run().map_err(|e| self.explain(&e))?;
+        Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
+    }
+
+    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        self.collection(ns).count_documents(filter.clone()).run().map_err(|e| self.explain(&e))
+    }
+
+    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        self.collection(ns).distinct(field, filter.clone()).run().map_err(|e| self.explain(&e))
+    }
+
+    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        let cursor = self
+            .collection(ns)
+            .aggregate(pipeline.to_vec())
+            .with_type::<RawDocumentBuf>()
+            .run()
+            .map_err(|e| self.explain(&e))?;
+        Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
+    }
+
+    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError> {
+        let is_replacement = matches!(&update.update, UpdateSpec::Document(document) if is_replacement(document));
+        if update.many && is_replacement {
+            let refusal = "a replacement document cannot be applied to many documents";
+            return Err(QueryError::failed_to_parse(refusal).into());
+        }
+        let spec = match stamp {
+            Some(at) => with_stamps(&update.update, at)?,
+            None => update.update.clone(),
+        };
+        let changed = match spec {
+            UpdateSpec::Document(document) if is_replacement => self.replace(ns, update, &document)?,
+            UpdateSpec::Document(document) => self.modify(ns, update, document.into())?,
+            UpdateSpec::Pipeline(stages) => self.modify(ns, update, stages.into())?,
+        };
+        let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
+        Ok(Updated { matched, modified, upserted })
+    }
+
+    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        let collection = self.collection(ns);
+        let deleted = match first_only {
+            true => collection.delete_one(filter.clone()).run(),
+            false => collection.delete_many(filter.clone()).run(),
+        };
+        deleted.map(|result| result.deleted_count).map_err(|e| self.explain(&e))
+    }
+
+    fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        let database = self.client().database(&ns.database);
+        let names = database.list_collection_names();
+        let there = names.filter(doc! { "name": &ns.collection }).run().map_err(|e| self.explain(&e))?;
+        self.collection(ns).drop().run().map_err(|e| self.explain(&e))?;
+        Ok(!there.is_empty())
+    }
+
+    fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        let mut all = Vec::new();
+        for database in self.client().list_database_names().run().map_err(|e| self.explain(&e))? {
+            if INTERNAL.contains(&database.as_str()) {
+                continue;
+            }
+            let names =
+                self.client().database(&database).list_collection_names().run().map_err(|e| self.explain(&e))?;
+            let own = names.into_iter().filter(|name| !name.starts_with("system."));
+            all.extend(own.map(|collection| Namespace { database: database.clone(), collection }));
+        }
+        all.sort();
+        Ok(all)
+    }
+
+    fn describe(&self) -> String {
+        self.address.clone()
+    }
+}
+
+/// The documents as they are inserted.
+fn stamped(documents: &[Document], stamp: Option<DateTime>) -> Result<Vec<Document>, QueryError> {
+    let mut documents = documents.to_vec();
+    if let Some(at) = stamp {
+        for document in &mut documents {
+            stamp::insert(document, at)?;
+        }
+    }
+    Ok(documents)
+}
+
+impl MongoDb {
+    /// Replaces the document that has the `_id` of this one; says how many changed.
+    fn put_over(&self, ns: &Namespace, document: Document, stamp: Option<DateTime>) -> Result<u64, StoreError> {
+        let id = document.get("_id").cloned().unwrap_or(Bson::Null);
+        let request = UpdateRequest {
+            filter: doc! { "_id": { "$eq": &id } },
+            update: UpdateSpec::Document(with_id_first(document, &id)),
+            array_filters: Vec::new(),
+            many: false,
+            upsert: true,
+        };
+        Ok(self.update(ns, &request, stamp)?.modified.min(1))
+    }
+
+    fn modify(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        changes: UpdateModifications,
+    ) -> Result<UpdateResult, StoreError> {
+        let collection = self.collection(ns);
+        let mut action = match update.many {
+            true => collection.update_many(update.filter.clone(), changes),
+            false => collection.update_one(update.filter.clone(), changes),
+        };
+        if !update.array_filters.is_empty() {
+            action = action.array_filters(update.array_filters.clone());
+        }
+        action.upsert(update.upsert).run().map_err(|e| failure::explain_write(&self.address, ns, &e))
+    }
+
+    fn replace(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        replacement: &Document,
+    ) -> Result<UpdateResult, StoreError> {
+        if update.many {
+            return Err(
+                QueryError::failed_to_parse("a replacement document cannot be applied to many documents").into()
+            );
+        }
+        let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
+        self.collection(ns)
+            .replace_one(update.filter.clone(), body)
+            .upsert(update.upsert)
+            .run()
+            .map_err(|e| failure::explain_write(&self.address, ns, &e))
+    }
+}

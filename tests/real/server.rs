@@ -1,0 +1,80 @@
+//! What needs a MongoDB server, and what needs one that is not there.
+
+use std::net::{Ipv4Addr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use bson::doc;
+use libtest_mimic::{Failed, Trial};
+use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
+
+use crate::contract;
+use crate::mongod::Mongod;
+
+/// The one server of this run, started by the first test that needs it.
+static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
+
+const PREFIX: &str = "contract::mongodb";
+
+/// The names of the tests that need a server.
+pub(crate) fn names() -> Vec<String> {
+    contract::names(PREFIX)
+}
+
+/// The tests; those that need a server are ignored where there is no program.
+pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
+    let missing = program.is_none();
+    let trials = contract::trials(PREFIX, move || match &program {
+        Some(program) => connect(program),
+        None => Err("there is no mongod".into()),
+    });
+    let mut trials: Vec<_> = trials.into_iter().map(|trial| trial.with_ignored_flag(missing)).collect();
+    trials.push(Trial::test("mongodb::an_unreachable_server_is_named_within_seconds", unreachable));
+    trials.push(Trial::test("mongodb::a_server_that_does_not_answer_is_named_within_seconds", silent));
+    trials
+}
+
+fn connect(program: &Path) -> Result<contract::Subject, Failed> {
+    let mut server = SERVER.lock().unwrap_or_else(PoisonError::into_inner);
+    if server.is_none() {
+        *server = Some(Mongod::start(program)?);
+    }
+    let uri = server.as_ref().map(|server| server.uri.clone()).unwrap_or_default();
+    let store = open(&StoreUri::parse(&uri)?, Role::Shared)?;
+    Ok(contract::Subject { store, folder: None })
+}
+
+/// Stops the server, where one was started.
+pub(crate) fn stop() {
+    drop(SERVER.lock().unwrap_or_else(PoisonError::into_inner).take());
+}
+
+fn unreachable() -> Result<(), Failed> {
+    let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?.port();
+    fails_soon(port)
+}
+
+fn silent() -> Result<(), Failed> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+    fails_soon(listener.local_addr()?.port())
+}
+
+/// Every operation fails, in much less time than the driver's own 30 s, and
+/// says where the server was looked for but not who asked.
+fn fails_soon(port: u16) -> Result<(), Failed> {
+    let uri = StoreUri::parse(&format!("mongodb://robot:secret@127.0.0.1:{port}/?replicaSet=shared"))?;
+    let store = open(&uri, Role::Shared)?;
+    let ns = Namespace::parse("robmem.blocks")?;
+    let since = Instant::now();
+    let error = match store.find(&ns, &Find::default()) {
+        Ok(_) => return Err("it answered".into()),
+        Err(error) => error,
+    };
+    assert!(since.elapsed() < Duration::from_secs(10), "took {:?}", since.elapsed());
+    assert!(matches!(error, StoreError::Unreachable { .. }), "{error:?}");
+    assert!(error.to_string().starts_with(&format!("cannot reach mongodb://127.0.0.1:{port}: ")), "{error}");
+    assert!(!format!("{error} {error:?} {}", store.describe()).contains("secret"), "{error:?}");
+    assert!(store.insert(&ns, vec![doc! {}]).is_err());
+    Ok(())
+}
