@@ -32,7 +32,8 @@ pub struct Cli {
 pub fn command() -> clap::Command {
     let codes: Vec<String> = TABLE.iter().map(|(exit, meaning)| format!("{:>5}  {meaning}", exit.code())).collect();
     Cli::command().mut_subcommand("exit-codes", |command| {
-        command.after_help(format!("{}\n\nExample:\n  rmem help exit-codes", codes.join("\n")))
+        let about = format!("Print the table of exit codes\n\n{}", codes.join("\n"));
+        command.long_about(about).after_help("Example:\n  rmem help exit-codes")
     })
 }
 
@@ -59,10 +60,10 @@ pub struct Global {
     #[arg(long, global = true, value_name = "NS")]
     pub collection: Option<String>,
     /// Say nothing but errors
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, conflicts_with = "verbose", overrides_with = "quiet")]
     pub quiet: bool,
     /// Say each operation and how long it took
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, overrides_with = "verbose")]
     pub verbose: bool,
     /// Colour messages: auto, always, never [env: NO_COLOR]
     #[arg(long, global = true, value_name = "WHEN", hide_possible_values = true)]

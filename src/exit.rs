@@ -5,6 +5,7 @@
 
 use crate::commands::{UsageError, WrongInput};
 use crate::formats::{Diagnostic, Diagnostics};
+use crate::output::WriteError;
 use crate::query::QueryError;
 use crate::store::{NamespaceError, StoreError};
 
@@ -105,13 +106,7 @@ impl Exit {
         if cause.is::<UsageError>() || cause.is::<NamespaceError>() {
             return Some(Self::Usage);
         }
-        if let Some(io) = cause.downcast_ref::<std::io::Error>() {
-            return Some(match io.kind() {
-                std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidData => Self::BadInput,
-                _ => Self::Store,
-            });
-        }
-        None
+        (cause.is::<WriteError>() || cause.is::<std::io::Error>()).then_some(Self::Store)
     }
 }
 

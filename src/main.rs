@@ -18,8 +18,9 @@ fn main() -> ExitCode {
             stderr: &mut std::io::stderr(),
             stdout_is_terminal: std::io::stdout().is_terminal(),
             stderr_is_terminal: std::io::stderr().is_terminal(),
+            // What is not UTF-8 keeps a mark of it, which the settings refuse.
             environment: std::env::vars_os()
-                .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+                .map(|(name, value)| (name.to_string_lossy().into_owned(), value.to_string_lossy().into_owned()))
                 .collect(),
             directory: std::env::current_dir().unwrap_or_default(),
             executable: std::env::current_exe().unwrap_or_else(|_| "rmem".into()),

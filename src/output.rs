@@ -8,8 +8,6 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Duration;
 
-use anyhow::Context as _;
-
 use crate::memory::{Observer, Operation};
 
 /// How documents are printed.
@@ -64,24 +62,26 @@ pub enum Verbosity {
 
 /// The two streams, and the log.
 pub struct Output<'a> {
-    stdout: BufWriter<&'a mut dyn Write>,
+    stdout: BufWriter<Stdout<'a>>,
     stderr: &'a mut dyn Write,
     verbosity: Verbosity,
     color: bool,
     log: Option<File>,
     operations: Rc<RefCell<Vec<Operation>>>,
+    deaf: bool,
 }
 
 impl<'a> Output<'a> {
     /// Output on these streams: normal verbosity, no colour, no log.
     pub fn new(stdout: &'a mut dyn Write, stderr: &'a mut dyn Write) -> Self {
         Self {
-            stdout: BufWriter::new(stdout),
+            stdout: BufWriter::new(Stdout(stdout)),
             stderr,
             verbosity: Verbosity::Normal,
             color: false,
             log: None,
             operations: Rc::default(),
+            deaf: false,
         }
     }
 
@@ -99,7 +99,7 @@ impl<'a> Output<'a> {
                     .create(true)
                     .append(true)
                     .open(path)
-                    .with_context(|| format!("cannot open the log {}", path.display()))?,
+                    .map_err(|error| WriteError(format!("cannot open the log {}: {error}", path.display())))?,
             ),
         };
         Ok(())
@@ -116,6 +116,34 @@ impl<'a> Output<'a> {
     /// Where stdout is gone; see [`is_broken_pipe`].
     pub fn line(&mut self, line: &str) -> io::Result<()> {
         writeln!(self.stdout, "{line}")
+    }
+
+    /// Writes a line that tells of work which goes on whether or not somebody listens.
+    ///
+    /// # Errors
+    /// Where stdout fails; that its reader went away is no failure.
+    pub fn tell(&mut self, line: &str) -> io::Result<()> {
+        let told = if self.deaf { Ok(()) } else { self.line(line) };
+        self.heard(told)
+    }
+
+    /// Pushes out what was told.
+    ///
+    /// # Errors
+    /// Where stdout fails; that its reader went away is no failure.
+    pub fn flush_told(&mut self) -> io::Result<()> {
+        let told = if self.deaf { Ok(()) } else { self.stdout.flush() };
+        self.heard(told)
+    }
+
+    fn heard(&mut self, told: io::Result<()>) -> io::Result<()> {
+        match told {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+                self.deaf = true;
+                Ok(())
+            }
+            told => told,
+        }
     }
 
     /// Pushes everything out.
@@ -194,11 +222,37 @@ impl<'a> Output<'a> {
     /// # Errors
     /// Where the file cannot be written; the old one is then as it was.
     pub fn write_file(&mut self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-        if path == Path::new("-") {
+        if path == Path::new("-") || path == Path::new("/dev/stdout") {
             self.stdout.write_all(bytes)?;
             return Ok(());
         }
-        write_atomically(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+        write_atomically(path, bytes)
+            .map_err(|error| WriteError(format!("cannot write {}: {error}", path.display())).into())
+    }
+}
+
+/// A product could not be written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct WriteError(String);
+
+/// Standard output, which says its name when it fails.
+struct Stdout<'a>(&'a mut dyn Write);
+
+impl Write for Stdout<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes).map_err(named)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush().map_err(named)
+    }
+}
+
+fn named(error: io::Error) -> io::Error {
+    match error.kind() {
+        io::ErrorKind::Interrupted | io::ErrorKind::BrokenPipe => error,
+        kind => io::Error::new(kind, format!("cannot write to stdout: {error}")),
     }
 }
 
@@ -207,8 +261,12 @@ impl<'a> Output<'a> {
 fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let existing = fs::metadata(&target).ok();
-    if existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
-        return OpenOptions::new().write(true).open(&target)?.write_all(bytes);
+    let special = existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir());
+    if special || path.starts_with("/dev/fd") || path.starts_with("/proc") {
+        return OpenOptions::new().append(true).open(path)?.write_all(bytes);
+    }
+    if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
+        return Err(io::ErrorKind::IsADirectory.into());
     }
     let folder = match target.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -219,10 +277,14 @@ fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;
-        builder.permissions(existing.as_ref().map_or(fs::Permissions::from_mode(0o666), fs::Metadata::permissions));
+        builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    let mut file = builder.tempfile_in(folder)?;
-    file.write_all(bytes)?;
+    // The name of the temporary file is nobody's business in a message.
+    let mut file = builder.tempfile_in(folder).map_err(|error| io::Error::from(error.kind()))?;
+    file.write_all(bytes).map_err(|error| io::Error::from(error.kind()))?;
+    if let Some(existing) = existing {
+        file.as_file().set_permissions(existing.permissions())?;
+    }
     file.as_file().sync_all()?;
     file.persist(&target).map_err(|error| error.error)?;
     Ok(())

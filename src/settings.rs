@@ -15,7 +15,7 @@ use clap::ValueEnum as _;
 
 use crate::cli::{Color, Global};
 use crate::commands::UsageError;
-use crate::formats::Source;
+use crate::commands::context::{decode, unreadable};
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::store::Namespace;
@@ -114,6 +114,10 @@ impl Settings {
         directory: &Path,
         terminal: bool,
     ) -> anyhow::Result<Self> {
+        let garbled = |(name, value): &(&String, &String)| name.starts_with("RMEM_") && value.contains('\u{fffd}');
+        if let Some((name, _)) = environment.iter().find(garbled) {
+            return Err(UsageError::new(format!("the environment variable {name} is not UTF-8")).into());
+        }
         let path = find_file(flags, environment, directory)?;
         let file = match &path {
             Some(path) => read_file(path)?,
@@ -141,7 +145,7 @@ impl Settings {
 
         let mut shared_databases = Setting::default(Vec::new());
         if let Some(databases) = &file.shared_databases {
-            shared_databases.layer(Some(databases.get_ref().clone()), at(file.line(databases.span())));
+            shared_databases.layer(Some(names(databases.get_ref())), at(file.line(databases.span())));
         }
 
         let mut collection = Setting::default(DEFAULT_COLLECTION.to_owned());
@@ -160,7 +164,8 @@ impl Settings {
             format.layer(Some(Some(parse_format(name.get_ref())?)), at(file.line(name.span())));
         }
         if let Some(name) = variable("RMEM_FORMAT") {
-            format.layer(Some(Some(parse_format(&name)?)), || Origin::Environment("RMEM_FORMAT"));
+            let format_of = parse_format(&name).context("set by the environment variable RMEM_FORMAT")?;
+            format.layer(Some(Some(format_of)), || Origin::Environment("RMEM_FORMAT"));
         }
         format.layer(flags.format.map(Some), || Origin::Flag("--format"));
 
@@ -198,6 +203,10 @@ impl Settings {
             file: path,
         })
     }
+}
+
+fn names(names: &[toml::Spanned<String>]) -> Vec<String> {
+    names.iter().map(|name| name.get_ref().clone()).collect()
 }
 
 fn parse_format(name: &str) -> Result<Format, UsageError> {
@@ -239,6 +248,7 @@ fn find_file(flags: &Global, environment: &Environment, directory: &Path) -> any
 }
 
 fn read_file(path: &Path) -> anyhow::Result<File> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read settings {}", path.display()))?;
-    Ok(File::parse(&Source::new(path.display().to_string(), text))?)
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|error| unreadable(&format!("the settings {name}"), &error))?;
+    Ok(File::parse(&decode(&name, bytes)?)?)
 }

@@ -2,33 +2,44 @@
 
 use super::Context;
 use crate::exit::Exit;
+use crate::settings::Origin;
 use crate::store::StoreUri;
 
 pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let settings = &context.settings;
-    let address = |value: &Option<String>| value.as_deref().map_or_else(|| "none".to_owned(), address);
     let file = settings.file.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
-    let format = settings.format.value.map_or("by command", crate::output::Format::name);
-    let log = settings.log.value.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
     let mut lines = vec![
-        format!("settings file: {file}"),
-        format!("memory = {:?}  # {}", address(&settings.memory.value), settings.memory.origin),
-        format!("shared = {:?}  # {}", address(&settings.shared.value), settings.shared.origin),
+        format!("# settings file: {file}"),
+        line("memory", settings.memory.value.as_deref().map(address), &settings.memory.origin),
+        line("shared", settings.shared.value.as_deref().map(address), &settings.shared.origin),
         format!("shared_databases = {:?}  # {}", settings.shared_databases.value, settings.shared_databases.origin),
         format!("collection = {:?}  # {}", settings.collection.value.to_string(), settings.collection.origin),
-        format!("format = {format:?}  # {}", settings.format.origin),
-        format!("log = {log:?}  # {}", settings.log.origin),
+        line("format", settings.format.value.map(|format| format.name().to_owned()), &settings.format.origin),
+        line("log", settings.log.value.as_ref().map(|path| path.display().to_string()), &settings.log.origin),
     ];
     for planner in &settings.planners {
         lines.push(format!("planner.{} = {:?}", planner.name, planner.command));
     }
     for computable in &settings.computables {
-        lines.push(format!("computable {} on {}: {}", computable.name, computable.collection, computable.spec));
+        lines.push(format!(
+            "computable {} on {}: {}",
+            computable.name,
+            computable.collection.get_ref(),
+            computable.spec.get_ref()
+        ));
     }
     for line in lines {
         context.output.line(&line)?;
     }
     Ok(Exit::Done)
+}
+
+/// A setting as it would stand in `rmem.toml`; a comment where there is none.
+fn line(key: &str, value: Option<String>, origin: &Origin) -> String {
+    match value {
+        Some(value) => format!("{key} = {value:?}  # {origin}"),
+        None => format!("# {key} is not set"),
+    }
 }
 
 /// A URI without credentials.

@@ -7,11 +7,11 @@ use std::time::Instant;
 use anyhow::Context as _;
 use bson::Document;
 
-use crate::formats::{Source, shell};
+use crate::formats::{Diagnostic, Source, shell};
 use crate::memory::{Memory, world};
 use crate::output::{Format, Output};
 use crate::settings::{Environment, Origin, Settings};
-use crate::store::{StoreError, StoreUri};
+use crate::store::StoreUri;
 
 /// The command line asks for something that makes no sense.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -47,7 +47,7 @@ pub struct Context<'a> {
     pub environment: Environment,
     /// rmem itself, for child processes.
     pub executable: PathBuf,
-    stdin: &'a mut dyn BufRead,
+    stdin: Option<&'a mut dyn BufRead>,
     terminal: bool,
 }
 
@@ -60,7 +60,7 @@ impl<'a> Context<'a> {
         executable: PathBuf,
         environment: Environment,
     ) -> Self {
-        Self { settings, output, environment, executable, stdin, terminal }
+        Self { settings, output, environment, executable, stdin: Some(stdin), terminal }
     }
 
     /// Opens the memory and puts the world files of `--load` into it.
@@ -88,21 +88,24 @@ impl<'a> Context<'a> {
     pub fn read(&mut self, path: &Path) -> anyhow::Result<Source> {
         let mut bytes = Vec::new();
         let name = if path == Path::new("-") {
-            self.stdin.read_to_end(&mut bytes).context("cannot read stdin")?;
+            self.take_stdin()?.read_to_end(&mut bytes).map_err(|error| unreadable("stdin", &error))?;
             "<stdin>".to_owned()
         } else {
-            bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-            path.display().to_string()
+            let name = path.display().to_string();
+            bytes = std::fs::read(path).map_err(|error| unreadable(&name, &error))?;
+            name
         };
-        let text = String::from_utf8(bytes).map_err(|error| {
-            WrongInput::new(format!("{name}: byte {} is not UTF-8", error.utf8_error().valid_up_to()))
-        })?;
-        Ok(Source::new(name, text))
+        Ok(decode(&name, bytes)?)
     }
 
-    /// Standard input, to read as it comes.
-    pub fn stdin(&mut self) -> &mut dyn BufRead {
-        &mut *self.stdin
+    /// Standard input for itself, so that results can be printed while it is read.
+    ///
+    /// # Errors
+    /// Where something else has read it already.
+    pub fn take_stdin(&mut self) -> Result<&'a mut dyn BufRead, UsageError> {
+        self.stdin
+            .take()
+            .ok_or_else(|| UsageError::new("stdin can be read only once; expected `-` for one input at most"))
     }
 
     /// The format in force: what was set, else a table on a terminal, else JSON lines.
@@ -117,6 +120,10 @@ impl<'a> Context<'a> {
         if allowed.contains(&format) {
             return Ok(format);
         }
+        if !matches!(self.settings.format.origin, Origin::Flag(_)) {
+            // A format that is set for good is meant for the commands that have it.
+            return Ok(allowed[0]);
+        }
         let names: Vec<_> = allowed.iter().map(|format| format.name()).collect();
         Err(UsageError::new(format!("this command has no format `{}`; it has {}", format.name(), names.join(", "))))
     }
@@ -127,14 +134,22 @@ impl<'a> Context<'a> {
     /// Where a document cannot be had or stdout is gone.
     pub fn print_documents(
         &mut self,
-        documents: impl Iterator<Item = Result<Document, StoreError>>,
+        documents: impl Iterator<Item = anyhow::Result<Document>>,
     ) -> anyhow::Result<u64> {
         let format = self.format(&[Format::Jsonl, Format::Json, Format::Canonical, Format::Table])?;
         let stdout = self.output.stdout();
         let mut count = 0;
         let mut rows = Vec::new();
         for document in documents {
-            let document = document?;
+            let document = match document {
+                Ok(document) => document,
+                Err(error) => {
+                    if format == Format::Json && count > 0 {
+                        writeln!(stdout)?;
+                    }
+                    return Err(error);
+                }
+            };
             match format {
                 Format::Canonical => writeln!(stdout, "{}", shell::canonical(&document))?,
                 Format::Json => {
@@ -153,6 +168,21 @@ impl<'a> Context<'a> {
         }
         Ok(count)
     }
+}
+
+/// An input that cannot be read, whatever the reason, is bad input.
+pub(crate) fn unreadable(name: &str, error: &std::io::Error) -> WrongInput {
+    WrongInput::new(format!("cannot read {name}: {error}"))
+}
+
+/// A text from bytes; what is not UTF-8 is shown by its line and column.
+pub(crate) fn decode(name: &str, bytes: Vec<u8>) -> Result<Source, Diagnostic> {
+    String::from_utf8(bytes).map(|text| Source::new(name, text)).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let before = String::from_utf8_lossy(&error.as_bytes()[..valid]).into_owned();
+        let (line, column) = Source::new(name, before).position(valid);
+        Diagnostic::at(name, line, column, "expected UTF-8 text, found bytes that are none")
+    })
 }
 
 /// The stores that the settings name; each is contacted when it is first used.

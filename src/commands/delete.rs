@@ -1,6 +1,7 @@
 //! `rmem delete NS QUERY`: remove the documents that match.
 
-use super::{Context, UsageError, query::argument};
+use super::query::{argument, blame};
+use super::{Context, UsageError};
 use crate::cli::Delete;
 use crate::exit::Exit;
 
@@ -13,7 +14,8 @@ pub(super) fn run(args: &Delete, context: &mut Context<'_>) -> anyhow::Result<Ex
         ))
         .into());
     }
-    let deleted = context.memory()?.delete(&args.namespace, &filter, args.one)?;
+    let deleted = context.memory()?.delete(&args.namespace, &filter, args.one);
+    let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&deleted.to_string())?;
     Ok(Exit::Done)
 }

@@ -1,45 +1,130 @@
 //! `rmem insert NS [DOC…|--file F|-]`: store documents; print their ids.
+//!
+//! Documents are stored as they come, in batches that grow, so that a slow
+//! producer's documents are in the memory soon and a long file is read once.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use bson::Document;
 
-use super::Context;
+use super::context::unreadable;
+use super::query::blame;
+use super::{Context, WrongInput};
 use crate::cli::Insert;
 use crate::exit::Exit;
-use crate::formats::{Source, shell};
+use crate::formats::Source;
+use crate::formats::shell::{self, ReadError, Reader};
+use crate::memory::Memory;
 use crate::store::StoreError;
 
-/// How many documents are stored, and acknowledged, at once.
-const BATCH: usize = 1_000;
+/// How many documents are stored, and acknowledged, at once at the most.
+const LARGEST_BATCH: usize = 1_000;
+
+/// How old a document may get before it is stored with those that came by then.
+const PATIENCE: Duration = Duration::from_millis(50);
 
 pub(super) fn run(args: &Insert, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
-    let mut documents = Vec::new();
-    for text in &args.documents {
-        let source = if text == "-" { context.read(Path::new("-"))? } else { Source::new("<argument>", text.as_str()) };
-        documents.extend(shell::parse_documents(&source)?.into_iter().map(|(_, document)| document));
+    let mut batch = Batch::new(args);
+    for (index, text) in args.documents.iter().enumerate() {
+        if text == "-" {
+            read_stdin(&mut batch, &memory, context)?;
+            continue;
+        }
+        let name =
+            if args.documents.len() == 1 { "<argument>".to_owned() } else { format!("<argument {}>", index + 1) };
+        let source = Source::new(name, text.as_str());
+        let documents = shell::parse_documents(&source)?;
+        if documents.is_empty() {
+            return Err(WrongInput::new(format!("{}: expected a document, found nothing", source.name())).into());
+        }
+        for (_, document) in documents {
+            batch.add(document, &memory, context)?;
+        }
     }
-    if args.documents.is_empty() {
-        let source = context.read(args.file.as_deref().unwrap_or(Path::new("-")))?;
-        documents.extend(shell::parse_documents(&source)?.into_iter().map(|(_, document)| document));
+    match &args.file {
+        Some(path) if path != Path::new("-") => {
+            let name = path.display().to_string();
+            let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
+            for document in Reader::new(name, BufReader::new(file)) {
+                batch.add(document.map_err(readable)?.1, &memory, context)?;
+            }
+        }
+        None if !args.documents.is_empty() => {}
+        _ => read_stdin(&mut batch, &memory, context)?,
     }
-    let total = documents.len();
-    let mut stored = 0;
-    while !documents.is_empty() {
-        let rest = documents.split_off(documents.len().min(BATCH));
-        let result = memory.insert(&args.namespace, std::mem::replace(&mut documents, rest));
+    batch.store(&memory, context)?;
+    context.output.note(&format!("{} stored in {}", batch.stored, args.namespace));
+    Ok(Exit::Done)
+}
+
+fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+    // The ids are printed while stdin is read: the two are apart from here on.
+    let mut stdin = context.take_stdin()?;
+    for document in Reader::new("<stdin>", &mut stdin) {
+        batch.add(document.map_err(readable)?.1, memory, context)?;
+    }
+    Ok(())
+}
+
+/// An input that cannot be read is bad input, as is one that is read and wrong.
+fn readable(error: ReadError) -> anyhow::Error {
+    match error {
+        ReadError::Io { name, error } => unreadable(&name, &error).into(),
+        wrong => wrong.into(),
+    }
+}
+
+/// The documents that are read and not yet stored.
+struct Batch<'a> {
+    args: &'a Insert,
+    documents: Vec<Document>,
+    began: Instant,
+    size: usize,
+    stored: usize,
+}
+
+impl<'a> Batch<'a> {
+    fn new(args: &'a Insert) -> Self {
+        Self { args, documents: Vec::new(), began: Instant::now(), size: 1, stored: 0 }
+    }
+
+    fn add(&mut self, document: Document, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+        if self.documents.is_empty() {
+            self.began = Instant::now();
+        }
+        self.documents.push(document);
+        if self.documents.len() >= self.size || self.began.elapsed() > PATIENCE {
+            self.size = (self.size * 2).min(LARGEST_BATCH);
+            self.store(memory, context)?;
+        }
+        Ok(())
+    }
+
+    /// Stores the batch and tells the ids, also of those before one that is refused.
+    fn store(&mut self, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+        if self.documents.is_empty() {
+            return Ok(());
+        }
+        let result = memory.insert(&self.args.namespace, std::mem::take(&mut self.documents));
         let ids = match &result {
             Ok(inserted) => inserted.ids.as_slice(),
             Err(StoreError::Duplicate { stored, .. }) => stored,
             Err(_) => &[],
         };
+        self.stored += ids.len();
         for id in ids {
-            context.output.line(&shell::relaxed_value(id))?;
+            context.output.tell(&shell::relaxed_value(id))?;
         }
-        stored += ids.len();
-        result.with_context(|| format!("stored {stored} of {total} documents; the next one was refused"))?;
+        context.output.flush_told()?;
+        let stored = self.stored;
+        result
+            .map_err(|error| blame(error, &[]))
+            .with_context(|| format!("{stored} documents were stored before this"))?;
+        Ok(())
     }
-    context.output.note(&format!("{stored} stored in {}", args.namespace));
-    Ok(Exit::Done)
 }

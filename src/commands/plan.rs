@@ -181,10 +181,11 @@ fn print(
     context: &mut Context<'_>,
 ) -> anyhow::Result<Exit> {
     let Outcome::Plan(found) = &run.outcome else {
-        let mut text = format!("{}: {}", run.planner, run.outcome.sentence());
-        if !run.message.is_empty() {
-            text = format!("{text}: {}", run.message);
-        }
+        let mut text = match (&run.outcome, run.message.as_str()) {
+            (Outcome::Failed, said) if !said.is_empty() => format!("{}: {said}", run.planner),
+            (outcome, "") => format!("{}: {}", run.planner, outcome.sentence()),
+            (outcome, said) => format!("{}: {}: {said}", run.planner, outcome.sentence()),
+        };
         if matches!(run.outcome, Outcome::Failed) && !run.tail().is_empty() {
             text = format!("{text}\n  its last words:\n{}", indent(&run.tail()));
         }
@@ -225,6 +226,11 @@ fn exit(outcome: &Outcome) -> Exit {
     }
 }
 
+/// A planner's words, with control characters made visible: they are not for this terminal to obey.
 fn indent(text: &str) -> String {
-    text.lines().map(|line| format!("    {line}")).collect::<Vec<_>>().join("\n")
+    let visible = |c: char| if c.is_control() && c != '\t' { c.escape_debug().to_string() } else { c.to_string() };
+    text.lines()
+        .map(|line| format!("    {}", line.chars().map(visible).collect::<String>()))
+        .collect::<Vec<_>>()
+        .join("\n")
 }

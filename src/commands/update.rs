@@ -2,7 +2,8 @@
 
 use bson::{Bson, Document};
 
-use super::{Context, query::argument};
+use super::Context;
+use super::query::{argument, blame};
 use crate::cli::Update;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
@@ -20,7 +21,8 @@ pub(super) fn run(args: &Update, context: &mut Context<'_>) -> anyhow::Result<Ex
         many: args.many,
         upsert: args.upsert,
     };
-    let updated = context.memory()?.update(&args.namespace, &request)?;
+    let updated = context.memory()?.update(&args.namespace, &request);
+    let updated = updated.map_err(|error| blame(error, &[("<update>", &args.update), ("<query>", &args.query)]))?;
     let mut result = bson::doc! { "matched": count(updated.matched), "modified": count(updated.modified) };
     if let Some(id) = updated.upserted {
         result.insert("upserted", id);

@@ -8,8 +8,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::quantity;
-use crate::formats::{Diagnostic, Source, Span};
+use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::planner::{Configured, Dialect};
+use crate::store::Namespace;
 
 /// The settings file as it is written; an unknown key or a wrong type is an error.
 #[derive(Debug, Default, Deserialize)]
@@ -20,7 +21,7 @@ pub struct File {
     /// URI of the store of shared databases.
     pub shared: Option<Spanned<String>>,
     /// Which databases go to `shared`.
-    pub shared_databases: Option<Spanned<Vec<String>>>,
+    pub shared_databases: Option<Spanned<Vec<Spanned<String>>>>,
     /// The namespace where none is given.
     pub collection: Option<Spanned<String>>,
     /// How documents are printed.
@@ -29,7 +30,7 @@ pub struct File {
     pub log: Option<Spanned<String>>,
     /// `[planner.NAME]`
     #[serde(default)]
-    planner: BTreeMap<String, PlannerTable>,
+    planner: BTreeMap<Spanned<String>, PlannerTable>,
     /// `[[computable]]`
     #[serde(default, rename = "computable")]
     pub computables: Vec<Computable>,
@@ -43,7 +44,7 @@ pub struct File {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlannerTable {
-    command: Vec<String>,
+    command: Spanned<Vec<String>>,
     output: DialectName,
 }
 
@@ -66,9 +67,9 @@ pub struct Computable {
     /// What messages call it.
     pub name: String,
     /// The namespace it computes for.
-    pub collection: String,
+    pub collection: Spanned<String>,
     /// The query that asked queries are matched against.
-    pub spec: String,
+    pub spec: Spanned<String>,
     /// Higher runs first.
     #[serde(default)]
     pub priority: i64,
@@ -116,13 +117,55 @@ impl File {
     /// # Errors
     /// Where TOML, a key or a type is wrong.
     pub fn parse(source: &Source) -> Result<Self, Diagnostic> {
+        let shown = Source::new(source.name(), masked(source.text()));
+        let complain =
+            |span: Range<usize>, message: String| Diagnostic::new(&shown, Span::new(span.start, span.end), message);
         let mut file: Self = toml::from_str(source.text()).map_err(|error| {
-            let span = error.span().unwrap_or_default();
-            let message = error.message().lines().next().unwrap_or_default().to_owned();
-            Diagnostic::new(source, Span::new(span.start, span.end), message)
+            let message = error.message().lines().next().unwrap_or_default();
+            complain(error.span().unwrap_or_default(), masked(message))
         })?;
+        file.check().map_err(|(span, message)| complain(span, message))?;
         source.text().clone_into(&mut file.text);
         Ok(file)
+    }
+
+    /// What TOML cannot know: the place of the first mistake and what it is.
+    fn check(&self) -> Result<(), (Range<usize>, String)> {
+        if let Some(name) = &self.collection {
+            Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
+        }
+        if let Some(name) = &self.format {
+            super::parse_format(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
+        }
+        for database in self.shared_databases.iter().flat_map(|databases| databases.get_ref()) {
+            let name = database.get_ref();
+            Namespace::parse(&format!("{name}.x"))
+                .ok()
+                .filter(|namespace| namespace.database == *name)
+                .ok_or_else(|| (database.span(), format!("`{name}` is not the name of a database")))?;
+        }
+        for (name, table) in &self.planner {
+            if crate::planner::by_name(name.get_ref()).is_some() {
+                return Err((
+                    name.span(),
+                    format!("`{}` is a planner of rmem's own; name yours otherwise", name.get_ref()),
+                ));
+            }
+            if table.command.get_ref().is_empty() {
+                return Err((
+                    table.command.span(),
+                    "expected a program and its arguments, found an empty list".to_owned(),
+                ));
+            }
+        }
+        for computable in &self.computables {
+            let spec = &computable.spec;
+            shell::parse_document(&Source::new("spec", spec.get_ref().as_str()))
+                .map_err(|error| (spec.span(), format!("this is no query: {}", error.message())))?;
+            let name = &computable.collection;
+            Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
+        }
+        Ok(())
     }
 
     /// The line of a key's value.
@@ -134,9 +177,9 @@ impl File {
     /// The configured planners; relative paths in their commands are relative to `folder`.
     #[must_use]
     pub fn planners(&self, folder: &Path) -> Vec<Configured> {
-        let planner = |(name, table): (&String, &PlannerTable)| Configured {
-            name: name.clone(),
-            command: table.command.clone(),
+        let planner = |(name, table): (&Spanned<String>, &PlannerTable)| Configured {
+            name: name.get_ref().clone(),
+            command: table.command.get_ref().clone(),
             output: match table.output {
                 DialectName::Ff => Dialect::Ff,
                 DialectName::Downward => Dialect::Downward,
@@ -146,6 +189,23 @@ impl File {
         };
         self.planner.iter().map(planner).collect()
     }
+}
+
+/// The same text, of the same length, with `*` for what may be credentials: what stands
+/// between `://` and the last `@` before a quote, a blank or the end of the line.
+fn masked(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(start) = rest.find("//") {
+        let (before, after) = rest.split_at(start + 2);
+        out.push_str(before);
+        let end = after.find(|c: char| c.is_whitespace() || "\"',".contains(c)).unwrap_or(after.len());
+        let secret = after[..end].rfind('@').unwrap_or(0);
+        out.push_str(&"*".repeat(secret));
+        out.push_str(&after[secret..end]);
+        rest = &after[end..];
+    }
+    out + rest
 }
 
 #[cfg(test)]
@@ -170,5 +230,32 @@ mod tests {
         assert!(text.starts_with("rmem.toml:3:10: unknown variant `lpg`"), "{text}");
         let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{}'\ncache = '5 apples'\n");
         assert!(text.contains("is not a duration"), "{text}");
+    }
+
+    #[test]
+    fn credentials_are_masked_in_every_excerpt() {
+        for text in [
+            "memory = \"mongodb://u:s3cret@h\"  x",
+            "memroy = \"mongodb://u:s3cret@h\"",
+            "memory = [\"mongodb://u:s3@cret@h\"]",
+            "memory = 'mongodb://u:s3cret@h\n",
+        ] {
+            let complaint = complaint(text);
+            assert!(!complaint.contains("cret") && complaint.starts_with("rmem.toml:1:"), "{complaint}");
+        }
+        assert_eq!(masked("http://a/b // c@d e"), "http://a/b // c@d e");
+    }
+
+    #[test]
+    fn what_toml_cannot_know_is_an_error_at_its_place() {
+        assert!(complaint("collection = \"nodot\"\n").starts_with("rmem.toml:1:14: `nodot` is not a namespace"));
+        assert!(complaint("format = \"xml\"\n").starts_with("rmem.toml:1:10: unknown format `xml`"));
+        assert!(complaint("shared_databases = [\"a\", \"b.c\"]\n").starts_with("rmem.toml:1:26: `b.c`"));
+        let text = complaint("[planner.builtin]\ncommand = [\"x\"]\noutput = \"ff\"\n");
+        assert!(text.starts_with("rmem.toml:1:10: `builtin` is a planner"), "{text}");
+        let text = complaint("[planner.x]\ncommand = []\noutput = \"ff\"\n");
+        assert!(text.starts_with("rmem.toml:2:11: expected a program"), "{text}");
+        let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{'\n");
+        assert!(text.starts_with("rmem.toml:4:6: this is no query"), "{text}");
     }
 }

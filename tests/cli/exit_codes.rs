@@ -65,3 +65,55 @@ fn a_reader_that_leaves_is_no_error() {
     let run = lab.shell("rmem query robmem.x | head -n 1 | wc -l");
     assert_eq!((run.stdout.trim(), run.stderr.as_str()), ("1", ""), "{run}");
 }
+
+#[test]
+fn a_reader_that_leaves_does_not_end_an_insert() {
+    let lab = Lab::new();
+    lab.write("many.jsonl", &"{a: 1}\n".repeat(20_000));
+    lab.shell("rmem insert robmem.x --file many.jsonl | head -n 1").exits(0);
+    assert_eq!(lab.rmem(&["count", "robmem.x"]).success(), "20000\n");
+}
+
+#[test]
+fn a_full_stdout_is_4_and_named() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.x", "{a: 1}", "-q"]).success();
+    let run = lab.shell("rmem query robmem.x > /dev/full").exits(4);
+    assert!(run.stderr.contains("stdout"), "{run}");
+}
+
+#[test]
+fn an_input_that_cannot_be_read_is_3_and_an_output_that_cannot_be_written_4() {
+    let lab = Lab::new();
+    std::fs::create_dir(lab.path().join("folder")).unwrap();
+    for args in [["insert", "robmem.x", "--file", "folder"], ["insert", "robmem.x", "--file", "missing"]] {
+        let run = lab.rmem(&args).exits(3);
+        assert!(run.stderr.contains("cannot read"), "{run}");
+    }
+    lab.rmem(&["insert", "robmem.x", "{a: 1}", "-q"]).success();
+    for path in ["folder", "missing/out.json"] {
+        let run = lab.rmem(&["dump", "robmem.x", "-o", path]);
+        assert!(run.code == 4 || path == "folder", "{run}");
+        assert!(!run.stderr.contains(".rmem-"), "{run}");
+    }
+}
+
+#[test]
+fn stdin_is_read_once() {
+    let lab = Lab::new();
+    for args in [&["insert", "robmem.x", "-", "-"][..], &["--load", "-", "insert", "robmem.x", "-"]] {
+        let run = lab.rmem_with(args, "{}").exits(2);
+        assert!(run.stderr.contains("stdin can be read only once"), "{run}");
+    }
+}
+
+#[test]
+fn a_query_mistake_is_shown_at_its_operator() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.x", "{a: 1}", "-q"]).success();
+    let run = lab.rmem(&["query", "robmem.x", "{a: {$nosuch: 1}}"]).exits(3);
+    assert!(run.stderr.contains("<query>:1:6: unknown operator: $nosuch"), "{run}");
+    assert!(run.stderr.contains("^^^^^^^"), "{run}");
+    let run = lab.rmem(&["update", "robmem.x", "{}", "{$nosuch: {a: 1}}"]).exits(3);
+    assert!(run.stderr.contains("<update>:1:2:"), "{run}");
+}

@@ -42,6 +42,10 @@ fn credentials_are_never_shown() {
     let uri = "mongodb://robot:s3cret@127.0.0.1:1/?serverSelectionTimeoutMS=100";
     let run = lab.rmem(&["--memory", uri, "config"]);
     assert!(!run.stdout.contains("s3cret"), "{run}");
+    lab.write("rmem.toml", &format!("memory = \"{uri}\" x\n"));
+    let run = lab.rmem(&["config"]).exits(3);
+    assert!(!run.stderr.contains("s3cret"), "{run}");
+    lab.write("rmem.toml", "");
     let run = lab.rmem(&["--memory", uri, "query", "robmem.x", "-v"]).exits(4);
     assert!(!run.stderr.contains("s3cret"), "{run}");
     assert!(run.stderr.contains("127.0.0.1:1"), "{run}");
@@ -58,4 +62,18 @@ fn operations_are_told_under_v_and_logged() {
     assert!(entry["milliseconds"].is_f64());
     let run = lab.rmem(&["query", "robmem.x", "-q"]).exits(0);
     assert_eq!(run.stderr, "");
+}
+
+#[test]
+fn a_format_set_for_good_is_for_the_commands_that_have_it() {
+    let lab = Lab::new().env("RMEM_FORMAT", "clips");
+    lab.rmem(&["insert", "robmem.x", "{_id: 1}", "-q"]).success();
+    assert_eq!(lab.rmem(&["query", "robmem.x"]).success(), "{\"_id\":1}\n");
+    lab.rmem(&["query", "robmem.x", "--format", "clips"]).exits(2);
+}
+
+#[test]
+fn a_variable_that_is_not_utf_8_is_refused() {
+    let run = Lab::new().shell("RMEM_MEMORY=$'file:\\xff' rmem count robmem.x").exits(2);
+    assert!(run.stderr.contains("RMEM_MEMORY"), "{run}");
 }
