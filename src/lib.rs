@@ -160,9 +160,23 @@ pub fn interrupt() -> Option<Exit> {
     (again || !PATIENT.load(Ordering::SeqCst)).then_some(Exit::Interrupted)
 }
 
-/// The flag that [`interrupt`] sets; while it is borrowed through this function,
-/// an interruption leaves the process running.
-pub(crate) fn interruptible() -> &'static AtomicBool {
-    PATIENT.store(true, Ordering::SeqCst);
-    &INTERRUPTED
+/// While it lives, an interruption only sets a flag, and who holds it cleans up and ends.
+pub(crate) struct Patience(());
+
+impl Patience {
+    pub(crate) fn new() -> Self {
+        PATIENT.store(true, Ordering::SeqCst);
+        Self(())
+    }
+
+    /// The flag that [`interrupt`] sets.
+    pub(crate) fn interrupted(&self) -> &'static AtomicBool {
+        &INTERRUPTED
+    }
+}
+
+impl Drop for Patience {
+    fn drop(&mut self) {
+        PATIENT.store(false, Ordering::SeqCst);
+    }
 }

@@ -80,10 +80,11 @@ fn search(
     context: &mut Context<'_>,
 ) -> Run {
     let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, ..Limits::default() };
+    let patience = crate::Patience::new();
     let host = Host {
         exe: context.executable.clone(),
         temporary: context.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into),
-        interrupted: crate::interruptible(),
+        interrupted: patience.interrupted(),
     };
     let task = Task { domain, problem };
     let start = Instant::now();
