@@ -4,6 +4,8 @@
 //! spelling is decided in `commands/`; how it is layered over the environment
 //! and `rmem.toml`, in `settings`.
 
+pub mod quantity;
+
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -11,7 +13,6 @@ use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 
 use crate::exit::TABLE;
 use crate::output::Format;
-use crate::settings::quantity;
 use crate::store::Namespace;
 
 /// A document-oriented robot memory: PDDL problems from queries, plans back into the memory

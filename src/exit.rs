@@ -3,8 +3,8 @@
 //! The numbers are a contract with scripts and executives; 11 to 34 follow
 //! Fast Downward's bands.
 
-use crate::commands::{UsageError, WrongInput};
 use crate::formats::{Diagnostic, Diagnostics};
+use crate::input::{UsageError, WrongInput};
 use crate::output::WriteError;
 use crate::query::QueryError;
 use crate::store::{NamespaceError, StoreError};

@@ -6,8 +6,8 @@
 //! Templates whose sections are queries become PDDL problems ([`problem`]),
 //! checked against a domain ([`pddl`]); a [`planner`] turns a problem into a
 //! [`plan`], which is simulated, stored as a document and printed. Text on
-//! either side is read and written in [`formats`]. What the user sees goes
-//! through [`output`], and a command ends with a code of [`exit`].
+//! either side is read and written in [`formats`]. What rmem is given comes
+//! through [`input`], what the user sees goes through [`output`], and a command ends with a code of [`exit`].
 //!
 //! The library is silent: it prints, reads the environment and exits only
 //! through what [`run`] is given.
@@ -32,6 +32,7 @@ pub mod plan;
 
 pub mod formats;
 
+pub mod input;
 pub mod output;
 
 pub mod exit;

@@ -4,7 +4,6 @@
 //! or contacted here but the settings file itself.
 
 pub mod file;
-pub mod quantity;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,8 +13,7 @@ use anyhow::Context as _;
 use clap::ValueEnum as _;
 
 use crate::cli::{Color, Global};
-use crate::commands::UsageError;
-use crate::commands::context::{decode, unreadable};
+use crate::input::{UsageError, decode, unreadable};
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::store::Namespace;

@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use bson::Document;
 
-use super::context::unreadable;
 use super::query::blame;
 use super::{Context, WrongInput};
 use crate::cli::Insert;
 use crate::exit::Exit;
 use crate::formats::Source;
 use crate::formats::shell::{self, ReadError, Reader};
+use crate::input::unreadable;
 use crate::memory::Memory;
 use crate::store::StoreError;
 

@@ -22,7 +22,9 @@ mod validate;
 
 pub mod context;
 
-pub use context::{Context, UsageError, WrongInput};
+pub use context::Context;
+
+pub(crate) use crate::input::{UsageError, WrongInput};
 
 use crate::cli::Command;
 use crate::exit::Exit;

@@ -7,7 +7,7 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::quantity;
+use crate::cli::quantity;
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::planner::{Configured, Dialect};
 use crate::store::Namespace;
