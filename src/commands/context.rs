@@ -45,6 +45,10 @@ impl<'a> Context<'a> {
     /// # Errors
     /// Where a store cannot be opened or a world file is wrong.
     pub fn memory(&mut self) -> anyhow::Result<Memory> {
+        if !self.settings.computables.is_empty() {
+            let names: Vec<_> = self.settings.computables.iter().map(|computable| computable.name.as_str()).collect();
+            self.output.warn(&format!("computables are not run by this version: {}", names.join(", ")));
+        }
         let mut memory = open(&self.settings)?;
         if let Some(observer) = self.output.observer() {
             memory = memory.with_observer(observer);
