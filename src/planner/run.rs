@@ -54,9 +54,9 @@ pub trait Planner: Send + Sync {
     /// What it has said.
     fn read(&self, output: &Output) -> Transcript;
 
-    /// Whether its word that there is no plan is a proof for a task with these features.
-    fn proves(&self, _features: &[Feature]) -> bool {
-        true
+    /// With what in a task its word that there is no plan is not a proof.
+    fn doubts(&self) -> &[Feature] {
+        &[]
     }
 
     /// Whether a plan it left when its time ran out counts: it writes whole plans, each
@@ -160,7 +160,8 @@ pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<
     report(planner, outcome, message, &command, ended)
 }
 
-fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
+/// What the planner cannot do of the task, at its place.
+pub(super) fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
     let domain = task.domain.features().iter().map(|used| (used, task.domain.source()));
     let uses: Vec<_> = domain.chain(task.problem.features().iter().map(|used| (used, task.problem.source()))).collect();
     let lacking = |lack: &Feature| uses.iter().find(|(used, _)| used.feature == *lack);
@@ -170,8 +171,10 @@ fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
 }
 
 impl Task<'_> {
-    fn features(&self) -> Vec<Feature> {
-        self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature).collect()
+    /// What in the task keeps the planner's word from being a proof.
+    fn doubt(&self, planner: &dyn Planner) -> Option<Feature> {
+        let mut features = self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature);
+        features.find(|feature| planner.doubts().contains(feature))
     }
 }
 
@@ -228,12 +231,9 @@ fn conclude(
     let crash = crash(&ended.end);
     match answer.verdict {
         Verdict::Plan if crash.is_none() => (Outcome::Plan(restored(answer, sent)), String::new()),
-        Verdict::Unsolvable if crash.is_none() => match planner.proves(&task.features()) {
-            true => (Outcome::Unsolvable, answer.message),
-            false => {
-                let doubt = "no proof for a task with conditional effects";
-                (Outcome::GaveUp, format!("{} ({doubt})", answer.message))
-            }
+        Verdict::Unsolvable if crash.is_none() => match task.doubt(planner) {
+            None => (Outcome::Unsolvable, answer.message),
+            Some(doubt) => (Outcome::GaveUp, format!("{} (no proof for a task with {doubt})", answer.message)),
         },
         Verdict::GaveUp if crash.is_none() => (Outcome::GaveUp, answer.message),
         Verdict::Unsupported => (Outcome::Unsupported, answer.message),

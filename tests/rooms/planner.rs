@@ -357,3 +357,68 @@ fn the_builtin_planner_is_limited_like_any_other() {
     let limits = Limits { memory: Some(400 << 20), ..within(60.0) };
     assert_eq!(place.run(&Builtin, &limits).outcome, Outcome::OutOfMemory);
 }
+
+/// `rmem ff` in a folder, as a program written for FF calls it.
+fn speak_ff(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_rmem")).arg("ff").args(arguments).current_dir(folder).output();
+    let output = output.unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code(), text(&output.stdout), text(&output.stderr))
+}
+
+fn tasks() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/transcripts/tasks")
+}
+
+#[test]
+fn an_ill_formed_task_is_an_error_to_the_builtin_planner_and_no_proof() {
+    for (domain, problem, place) in [
+        ("dom", "p_undeclared_obj", "p_undeclared_obj.pddl:4:"),
+        ("dom", "p_undeclared_pred", "p_undeclared_pred.pddl:"),
+        ("dom", "p_arity", "p_arity.pddl:"),
+        ("dom", "p_typemismatch", "p_typemismatch.pddl:"),
+        ("dom", "p_init_typemismatch", "p_init_typemismatch.pddl:"),
+        ("dom", "p_wrongdomain", "p_wrongdomain.pddl:1:"),
+        ("dom", "p_syntax", "p_syntax.pddl:"),
+        ("dom_undeclpred", "p_plan", "dom_undeclpred.pddl:"),
+    ] {
+        let (code, stdout, stderr) =
+            speak_ff(&tasks(), &["-o", &format!("{domain}.pddl"), "-f", &format!("{problem}.pddl")]);
+        assert_eq!(code, Some(3), "{problem}: {stdout}{stderr}");
+        assert!(stderr.contains(place), "{problem}: {stderr}");
+        assert!(!stdout.contains("legal plan") && !stdout.contains("FALSE"), "{problem}: {stdout}");
+    }
+}
+
+#[test]
+fn the_builtin_planner_keeps_names_that_its_engine_cannot_read() {
+    let place = Place::new();
+    fs::write(place.path("d.pddl"), DOMAIN).unwrap();
+    let problem = "(define (problem n) (:domain d) (:objects 1a 2a - t) (:init (p 1a) (p 2a)) (:goal (and (q 2a))))";
+    fs::write(place.path("p.pddl"), problem).unwrap();
+    let (code, stdout, stderr) = speak_ff(place.directory.path(), &["-o", "d.pddl", "-f", "p.pddl"]);
+    assert_eq!(code, Some(0), "{stdout}{stderr}");
+    assert!(stdout.contains("step    0: GO 2A"), "{stdout}");
+}
+
+#[test]
+fn the_builtin_planner_takes_the_options_of_ff() {
+    let folder = tasks();
+    let prefix = format!("{}/", folder.display());
+    let words = ["-p", &prefix, "-o", "dom.pddl", "-f", "p_goaltrue.pddl", "-i", "0", "-s", "3", "-E", "-O", "-C"];
+    let weights = ["-g", "1", "-h", "5", "-w", "2", "-r", "7"];
+    let (code, stdout, stderr) = speak_ff(&std::env::temp_dir(), &[&words[..], &weights[..]].concat());
+    assert_eq!(code, Some(0), "{stdout}{stderr}");
+    assert!(stdout.contains("ff: goal can be simplified to TRUE. The empty plan solves it"), "{stdout}");
+    assert!(stderr.contains("ignored: -s 3 -g 1 -h 5 -w 2 -r 7 -E -O -C"), "{stderr}");
+    let (code, ..) = speak_ff(&folder, &["--help"]);
+    assert_eq!(code, Some(0));
+}
+
+#[test]
+fn a_proof_with_numbers_is_not_believed_of_any_ff() {
+    let place = Place::fixture("ndom", "np_unreach");
+    let run = place.ff("echo 'best first search space empty! problem proven unsolvable.'", &within(10.0));
+    assert_eq!(run.outcome, Outcome::GaveUp);
+    assert!(run.message.contains("no proof for a task with"), "{}", run.message);
+}
