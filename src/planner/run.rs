@@ -216,6 +216,9 @@ fn conclude(
 ) -> (Outcome, String) {
     match &ended.end {
         End::Missing => return (Outcome::NotFound, planner.install()),
+        End::NoInterpreter(path) => {
+            return (Outcome::NotFound, format!("its program is there, but not the interpreter `{path}` of it"));
+        }
         End::Interrupted => return (Outcome::Interrupted, String::new()),
         End::TooMuchOutput => {
             return (Outcome::Failed, format!("it printed more than {} MiB", limits.output >> 20));
@@ -224,6 +227,7 @@ fn conclude(
             let time = limits.time.unwrap_or_default();
             return (Outcome::OutOfTime, format!("no plan within {time:?}"));
         }
+        End::Starved => return (Outcome::OutOfMemory, memory(limits)),
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
         End::Failed(words) => return (Outcome::Failed, format!("it could not be run: {words}")),
         _ => {}
@@ -240,7 +244,7 @@ fn conclude(
         Verdict::OutOfMemory => (Outcome::OutOfMemory, answer.message),
         Verdict::OutOfTime => (Outcome::OutOfTime, answer.message),
         _ if ended.out_of_memory => (Outcome::OutOfMemory, memory(limits)),
-        Verdict::Unclear if ended.end == End::Exited(127) => (Outcome::NotFound, planner.install()),
+        Verdict::Unclear if ended.end == End::Exited(127) => absent(&ended.stderr),
         Verdict::Rejected => (Outcome::Failed, format!("it refused its input: {}", answer.message)),
         Verdict::NoCriterion => (Outcome::Failed, answer.message),
         _ => match crash {
@@ -252,7 +256,24 @@ fn conclude(
 }
 
 fn memory(limits: &Limits) -> String {
-    format!("its limit was {} MiB", limits.memory.unwrap_or_default() >> 20)
+    let bytes = limits.memory.unwrap_or_default();
+    match bytes {
+        0..1024 => format!("its limit was {bytes} bytes"),
+        1024..0x10_0000 => format!("its limit was {} KiB", bytes >> 10),
+        _ => format!("its limit was {} MiB", bytes >> 20),
+    }
+}
+
+/// The outcome of a program that is there and exits with 127. That is what shells do when
+/// they cannot find what they are to run, which they say.
+fn absent(stderr: &str) -> (Outcome, String) {
+    let words = stderr.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default().trim();
+    let lower = words.to_lowercase();
+    match ["not found", "no such file"].iter().any(|complaint| lower.contains(complaint)) {
+        true => (Outcome::NotFound, format!("its program calls another: {words}")),
+        false if words.is_empty() => (Outcome::Failed, "it exited with 127".to_owned()),
+        false => (Outcome::Failed, format!("it exited with 127: {words}")),
+    }
 }
 
 /// A crash: a signal, also as a shell reports one.

@@ -422,3 +422,88 @@ fn a_proof_with_numbers_is_not_believed_of_any_ff() {
     assert_eq!(run.outcome, Outcome::GaveUp);
     assert!(run.message.contains("no proof for a task with"), "{}", run.message);
 }
+
+#[test]
+fn a_limit_of_memory_is_the_reason_however_small_it_is() {
+    let place = Place::new();
+    for limit in [1, 5000, 1 << 20, 5 << 20, 10 << 20, 30 << 20] {
+        let limits = Limits { memory: Some(limit), ..within(30.0) };
+        let run = place.run(&Builtin, &limits);
+        assert_eq!(run.outcome, Outcome::OutOfMemory, "{limit}: {run:?}");
+    }
+    for limit in [60 << 20, 90 << 20, 150 << 20] {
+        let run = place.run(&Builtin, &Limits { memory: Some(limit), ..within(30.0) });
+        assert!([0, 22].contains(&run.outcome.code()), "{limit}: {run:?}");
+    }
+    let message = |limit| place.run(&Builtin, &Limits { memory: Some(limit), ..within(30.0) }).message;
+    assert_eq!(message(1), "its limit was 1 bytes");
+    assert_eq!(message(20_480), "its limit was 20 KiB");
+}
+
+#[test]
+fn a_quick_program_has_its_limit_from_the_start() {
+    let run = Place::new().ff(FOUND, &Limits { memory: Some(1 << 20), ..within(10.0) });
+    assert_eq!(run.outcome, Outcome::OutOfMemory, "{run:?}");
+}
+
+#[test]
+fn a_limit_of_memory_holds_for_all_processes_together() {
+    let place = Place::new();
+    let pid = place.path("pid");
+    let body = format!(
+        "for i in 1 2 3 4; do setsid python3 -c 'import time; b = bytearray(b\"x\" * 80_000_000); time.sleep(60)' & \
+         echo $! >> {}; done; wait",
+        pid.display()
+    );
+    let started = Instant::now();
+    let run = place.ff(&body, &Limits { memory: Some(250 << 20), ..within(50.0) });
+    assert_eq!((run.outcome.clone(), run.message.as_str()), (Outcome::OutOfMemory, "its limit was 250 MiB"), "{run:?}");
+    assert!(started.elapsed() < Duration::from_secs(40));
+    for pid in fs::read_to_string(pid).unwrap().lines() {
+        assert!(!lives(pid), "process {pid} is still there");
+    }
+}
+
+#[test]
+fn only_files_of_the_runs_own_are_read_as_plans() {
+    let secret = Place::new();
+    fs::write(secret.path("secret"), "(go a)\n; cost = 1 (unit cost)\n").unwrap();
+    let link = format!("ln -s {} \"$3\"", secret.path("secret").display());
+    for body in ["mkfifo \"$3\"", "ln -s /dev/zero \"$3\"", "mkdir \"$3\"", &link, "rm -f stdout; mkfifo stdout"] {
+        let started = Instant::now();
+        let run = Place::new().configured(body, Dialect::Downward, &within(10.0));
+        assert_eq!(run.outcome, Outcome::Failed, "{body}: {run:?}");
+        assert!(started.elapsed() < Duration::from_secs(8), "{body}: {:?}", started.elapsed());
+    }
+    let body = "printf '(go a)\\n; cost = 1 (unit cost)\\n' > best; ln -s best \"$3\"";
+    assert_eq!(steps(&Place::new().configured(body, Dialect::Downward, &within(10.0))), ["Go A"]);
+}
+
+#[test]
+fn a_planner_does_not_outlive_its_warden() {
+    let place = Place::new();
+    let pid = place.path("pid");
+    let body = format!("sleep 600 & echo $! $$ > {}; kill -9 $PPID; sleep 600", pid.display());
+    let run = place.ff(&body, &within(20.0));
+    assert_eq!(run.outcome, Outcome::Failed, "{run:?}");
+    for pid in fs::read_to_string(pid).unwrap().split_whitespace() {
+        dies(pid);
+    }
+}
+
+#[test]
+fn what_was_not_found_is_told_apart() {
+    let run = Place::new().ff("no-such-inner-command", &within(10.0));
+    assert_eq!(run.outcome, Outcome::NotFound);
+    assert!(run.message.contains("no-such-inner-command") && run.message.contains("not found"), "{}", run.message);
+
+    let run = Place::new().ff("echo 'licence missing' >&2; exit 127", &within(10.0));
+    assert_eq!((run.outcome, run.message.as_str()), (Outcome::Failed, "it exited with 127: licence missing"));
+
+    let place = Place::new();
+    let program = place.script("scripted", "");
+    fs::write(&program, "#!/no/such/interpreter -x\n").unwrap();
+    let run = place.run(&Ff { program: program.into() }, &within(10.0));
+    assert_eq!(run.outcome, Outcome::NotFound);
+    assert!(run.message.contains("interpreter `/no/such/interpreter -x`"), "{}", run.message);
+}
