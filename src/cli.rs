@@ -411,6 +411,7 @@ pub enum Layout {
 
 /// `ff`
 #[derive(Debug, Args)]
+#[command(disable_help_flag = true)]
 pub struct Ff {
     /// The domain (FF's operator file)
     #[arg(short = 'o', value_name = "DOMAIN")]
@@ -418,6 +419,42 @@ pub struct Ff {
     /// The problem (FF's fact file)
     #[arg(short = 'f', value_name = "PROBLEM")]
     pub problem: PathBuf,
+    /// What both names of files begin with, like a folder and its `/`
+    #[arg(short = 'p', value_name = "PATH")]
+    pub path: Option<PathBuf>,
+    /// FF's level of information; ignored
+    #[arg(short = 'i', value_name = "N")]
+    pub information: Option<String>,
+    /// FF's search; ignored, the built-in planner has its own
+    #[arg(short = 's', value_name = "N")]
+    pub search: Option<String>,
+    /// FF's weight of the cost so far; ignored
+    #[arg(short = 'g', value_name = "N")]
+    pub so_far: Option<String>,
+    /// FF's weight of the estimate; ignored
+    #[arg(short = 'h', value_name = "N")]
+    pub estimate: Option<String>,
+    /// FF's weight of the search; ignored
+    #[arg(short = 'w', value_name = "N")]
+    pub weight: Option<String>,
+    /// FF's seed or restarts; ignored
+    #[arg(short = 'r', value_name = "N")]
+    pub restarts: Option<String>,
+    /// FF's switch of enforced hill-climbing; ignored
+    #[arg(short = 'E')]
+    pub climbing: bool,
+    /// FF's switch of its optimization criterion; ignored
+    #[arg(short = 'O')]
+    pub criterion: bool,
+    /// FF's switch of cost minimization; ignored
+    #[arg(short = 'C')]
+    pub costs: bool,
+    /// The files are a task that rmem has checked and written
+    #[arg(long, hide = true)]
+    pub checked: bool,
+    /// Print help
+    #[arg(long, action = clap::ArgAction::HelpLong)]
+    pub help: Option<bool>,
 }
 
 /// `validate`

@@ -1,14 +1,58 @@
 //! `rmem ff -o DOMAIN -f PROBLEM`: the built-in planner, speaking FF.
+//!
+//! Programs written for FF call it as they call FF: options that do not change what is
+//! asked are taken and ignored. A task that is ill-formed is an error at its place, never
+//! an answer.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 use super::Context;
 use crate::cli::Ff;
 use crate::exit::Exit;
-use crate::planner::builtin;
+use crate::formats::{Diagnostics, Source, pddl::Dialect};
+use crate::pddl::{Domain, Problem};
+use crate::planner::{Task, builtin};
 
 pub(super) fn run(args: &Ff, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let domain = context.read(&args.domain)?;
-    let problem = context.read(&args.problem)?;
-    let (text, code) = builtin::child(domain.text(), problem.text(), builtin::Options::default());
+    let ignored = ignored(args);
+    if !ignored.is_empty() {
+        context.output.note(&format!("ff: the built-in planner searches in its own way; ignored: {ignored}"));
+    }
+    let domain = context.read(&prefixed(args, &args.domain))?;
+    let problem = context.read(&prefixed(args, &args.problem))?;
+    let (text, code) = match args.checked {
+        true => builtin::child(domain.text(), problem.text(), builtin::Options::default()),
+        false => checked(&domain, &problem)?,
+    };
     context.output.stdout().write_all(text.as_bytes())?;
     Ok(Exit::Passed(u8::try_from(code).unwrap_or(Exit::PlannerBroken.code())))
+}
+
+fn checked(domain: &Source, problem: &Source) -> Result<(String, i32), Diagnostics> {
+    let domain = Domain::read(domain, Dialect::default()).map_err(Diagnostics)?;
+    let problem = Problem::read(problem, &domain, Dialect::default()).map_err(Diagnostics)?;
+    Ok(builtin::solve(&Task { domain: &domain, problem: &problem }, builtin::Options::default()))
+}
+
+/// The path of a file: as FF does it, `-p` and the name without anything between them.
+fn prefixed(args: &Ff, name: &Path) -> PathBuf {
+    let mut path = args.path.as_ref().map_or_else(OsString::new, |prefix| prefix.clone().into_os_string());
+    path.push(name);
+    path.into()
+}
+
+/// The search settings of FF's that were given.
+fn ignored(args: &Ff) -> String {
+    let valued = [
+        ("-s", &args.search),
+        ("-g", &args.so_far),
+        ("-h", &args.estimate),
+        ("-w", &args.weight),
+        ("-r", &args.restarts),
+    ];
+    let switches = [("-E", args.climbing), ("-O", args.criterion), ("-C", args.costs)];
+    let valued = valued.into_iter().filter_map(|(option, value)| Some(format!("{option} {}", value.as_deref()?)));
+    let switches = switches.into_iter().filter(|(_, given)| *given).map(|(option, _)| option.to_owned());
+    valued.chain(switches).collect::<Vec<_>>().join(" ")
 }

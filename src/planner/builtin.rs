@@ -2,19 +2,21 @@
 //!
 //! The child is `rmem ff -o DOMAIN -f PROBLEM`, which prints what FF prints, so that
 //! it serves programs written for FF as well. Being a process, it is limited, and
-//! crashes, like every other planner.
+//! crashes, like every other planner. As the planner of `rmem plan` it gets a task that has
+//! been read and written already, and is told so with [`CHECKED`].
 
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::thread;
 
-use ferroplan::types::{Domain, Effect, Formula, Problem};
+use ferroplan::types::{Effect, Formula};
 use ferroplan::{Mode, Options as Settings, Plan, Search, Solution, SolveError, Step};
 
 use super::host::Host;
+use super::names::{self, Sent};
 use super::process::{DOMAIN, PROBLEM};
-use super::run::{Output, Planner};
-use crate::formats::plan::{Transcript, ff};
+use super::run::{Output, Planner, Task, refuse};
+use crate::formats::plan::{Action, Transcript, ff};
 use crate::pddl::Feature;
 
 /// The version of the engine.
@@ -50,6 +52,10 @@ const REQUIREMENTS: [&str; 21] = [
     ":time",
 ];
 
+/// The option that tells the child that its task is known to be well-formed, in names that
+/// the engine reads.
+pub const CHECKED: &str = "--checked";
+
 /// The engine grounds and searches with recursion over formulas.
 const STACK: usize = 64 << 20;
 
@@ -75,7 +81,15 @@ impl Planner for Builtin {
     }
 
     fn command(&self, host: &Host<'_>) -> Vec<OsString> {
-        vec![host.exe.clone().into(), "ff".into(), "-o".into(), DOMAIN.into(), "-f".into(), PROBLEM.into()]
+        vec![
+            host.exe.clone().into(),
+            "ff".into(),
+            "-o".into(),
+            DOMAIN.into(),
+            "-f".into(),
+            PROBLEM.into(),
+            CHECKED.into(),
+        ]
     }
 
     /// None: the engine takes settings from the environment, and the same task has the same
@@ -103,11 +117,35 @@ impl Default for Options {
 }
 
 /// Plans, and says what FF says: the text for standard output and the exit code of
-/// [`super::Outcome`] (3 where the engine cannot read its input).
+/// [`super::Outcome`]. What the engine cannot do is refused with the line, and the plan
+/// has the names of the task.
+#[must_use]
+pub fn solve(task: &Task<'_>, options: Options) -> (String, i32) {
+    let mut text = format!(
+        "\nff: parsing domain file\ndomain '{}' defined\n ... done.\nff: parsing problem file\nproblem '{}' defined\n ... done.\n\n\n",
+        task.domain.name(),
+        task.problem.name()
+    );
+    if let Some(refusal) = refuse(&Builtin, task) {
+        return (format!("{text}\nff: {refusal}\n"), 34);
+    }
+    let sent = names::send(task.domain.tree(), task.problem.tree(), Some(&REQUIREMENTS));
+    let (said, code) = apart(&sent.domain, &sent.problem, options, Some(&sent));
+    text.push_str(&said);
+    (text, code)
+}
+
+/// As [`solve`], for the texts of a task that is known to be well-formed: they go to the
+/// engine as they are (3 where it cannot read them all the same).
 #[must_use]
 pub fn child(domain: &str, problem: &str, options: Options) -> (String, i32) {
+    apart(domain, problem, options, None)
+}
+
+/// Lets the engine work on a stack of its own.
+fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>) -> (String, i32) {
     thread::scope(|scope| {
-        let work = || answer(domain, problem, options);
+        let work = || answer(domain, problem, options, sent);
         match thread::Builder::new().stack_size(STACK).spawn_scoped(scope, work).map(|work| work.join()) {
             Ok(Ok(answer)) => answer,
             Ok(Err(_)) => ("\nthe engine crashed\n".to_owned(), 32),
@@ -117,36 +155,35 @@ pub fn child(domain: &str, problem: &str, options: Options) -> (String, i32) {
     })
 }
 
-fn answer(domain: &str, problem: &str, options: Options) -> (String, i32) {
+fn answer(domain: &str, problem: &str, options: Options, sent: Option<&Sent>) -> (String, i32) {
     let settings = Settings { optimize: options.optimize, ..Settings::default() };
-    let mut text = "\nff: parsing domain file\n".to_owned();
-    let read = match ferroplan::parser::parse_domain(domain) {
-        Ok(read) => read,
-        Err(error) => return (format!("{text}\nff: parse error in domain file: {error}\n"), 3),
-    };
-    let _ = write!(text, "domain '{}' defined\n ... done.\nff: parsing problem file\n", read.name);
-    let asked = match ferroplan::parser::parse_problem(problem) {
-        Ok(asked) => asked,
-        Err(error) => return (format!("{text}\nff: parse error in problem file: {error}\n"), 3),
-    };
-    let _ = write!(text, "problem '{}' defined\n ... done.\n\n\n", asked.name);
-    let (said, code) = match ferroplan::solve(domain, problem, &settings) {
-        Ok(Solution { solved: true, plan: Some(plan), .. }) => (plan_text(&plan), 0),
-        Ok(solution) => no_plan(domain, problem, &settings, &solution, (&read, &asked)),
+    match ferroplan::solve(domain, problem, &settings) {
+        Ok(Solution { solved: true, plan: Some(plan), .. }) => (plan_text(&plan, sent), 0),
+        Ok(solution) => no_plan(domain, problem, &settings, &solution),
         Err(error) => refusal(error),
+    }
+}
+
+/// A step in words, with the names of the task.
+fn words(step: &Step, sent: Option<&Sent>) -> String {
+    let Some(sent) = sent else {
+        return std::iter::once(&step.action).chain(&step.args).cloned().collect::<Vec<_>>().join(" ");
     };
-    text.push_str(&said);
-    (text, code)
+    let (name, arguments) = (step.action.clone(), step.args.clone());
+    let step = sent.restore(&Action { name, arguments, start: None, duration: None, line: 0 });
+    std::iter::once(step.action).chain(step.arguments).collect::<Vec<_>>().join(" ")
 }
 
 /// A plan in FF's spelling, or with times where it has times.
-fn plan_text(plan: &Plan) -> String {
+fn plan_text(plan: &Plan, sent: Option<&Sent>) -> String {
+    if plan.steps.is_empty() && plan.metric.is_none_or(|metric| metric == 0.0) {
+        return "\nff: goal can be simplified to TRUE. The empty plan solves it\n\n".to_owned();
+    }
     let mut text = "\nff: found legal plan as follows\n".to_owned();
-    let words = |step: &Step| std::iter::once(&step.action).chain(&step.args).cloned().collect::<Vec<_>>().join(" ");
     if plan.makespan.is_some() {
         text.push('\n');
         for step in &plan.steps {
-            let _ = write!(text, "{:.3}: ({})", step.time.unwrap_or_default(), words(step).to_lowercase());
+            let _ = write!(text, "{:.3}: ({})", step.time.unwrap_or_default(), words(step, sent).to_lowercase());
             let _ = match step.duration {
                 Some(duration) => writeln!(text, " [{duration:.3}]"),
                 None => writeln!(text),
@@ -157,7 +194,7 @@ fn plan_text(plan: &Plan) -> String {
     }
     text.push_str("\nstep ");
     for (index, step) in plan.steps.iter().enumerate() {
-        let _ = write!(text, "{index:4}: {}\n     ", words(step).to_uppercase());
+        let _ = write!(text, "{index:4}: {}\n     ", words(step, sent).to_uppercase());
     }
     text.push('\n');
     if let Some(metric) = plan.metric {
@@ -169,19 +206,13 @@ fn plan_text(plan: &Plan) -> String {
 
 /// What there is to say when there is no plan: a proof is one only where the engine has
 /// looked at everything and prunes nothing that matters.
-fn no_plan(
-    domain: &str,
-    problem: &str,
-    settings: &Settings,
-    solution: &Solution,
-    task: (&Domain, &Problem),
-) -> (String, i32) {
+fn no_plan(domain: &str, problem: &str, settings: &Settings, solution: &Solution) -> (String, i32) {
     let simplified = solution.notes.iter().any(|note| note.starts_with("unsolvable at grounding"));
-    let doubt = doubt(task.0, task.1);
-    let exhausted = || simplified || is_exhausted(domain, problem, settings);
-    match doubt {
+    match doubt(domain, problem) {
         None if simplified => ("\nff: goal can be simplified to FALSE. No plan will solve it\n\n".to_owned(), 11),
-        None if exhausted() => ("\nbest first search space empty! problem proven unsolvable.\n\n".to_owned(), 11),
+        None if is_exhausted(domain, problem, settings) => {
+            ("\nbest first search space empty! problem proven unsolvable.\n\n".to_owned(), 11)
+        }
         None => ("\nsearch cap reached! no plan found within budget.\n\n".to_owned(), 12),
         Some(doubt) => {
             let notes = solution.notes.join("; ");
@@ -194,11 +225,14 @@ fn no_plan(
 /// Why an exhausted search proves nothing: the engine's estimate of what is still
 /// reachable decides which states it drops, and only for these tasks is it known to err
 /// on the safe side.
-fn doubt(domain: &Domain, problem: &Problem) -> Option<&'static str> {
+fn doubt(domain: &str, problem: &str) -> Option<&'static str> {
+    let read = ferroplan::parser::parse_domain(domain).ok().zip(ferroplan::parser::parse_problem(problem).ok());
+    let Some((domain, problem)) = read else { return Some("a text that cannot be read twice") };
     if !domain.durative_actions.is_empty() || !problem.til.is_empty() {
         return Some("time");
     }
-    if !domain.constraints.is_empty() || !problem.constraints.is_empty() || ferroplan::pddl3::has_preferences(problem) {
+    if !domain.constraints.is_empty() || !problem.constraints.is_empty() || ferroplan::pddl3::has_preferences(&problem)
+    {
         return Some("preferences or constraints");
     }
     if !domain.derived.is_empty() {

@@ -3,9 +3,11 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use super::ff::DOUBTS;
 use super::host::Host;
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, Verdict, downward, ff, temporal};
+use crate::pddl::Feature;
 
 /// How a planner's output is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,8 +67,11 @@ impl Planner for Configured {
         }
     }
 
-    fn proves(&self, features: &[crate::pddl::Feature]) -> bool {
-        self.output != Dialect::Ff || super::Ff::default().proves(features)
+    fn doubts(&self) -> &[Feature] {
+        match self.output {
+            Dialect::Ff => &DOUBTS,
+            _ => &[],
+        }
     }
 
     fn is_anytime(&self) -> bool {

@@ -35,6 +35,18 @@ const REQUIREMENTS: [&str; 11] = [
     ":fluents",
 ];
 
+/// FF prunes where an action only deletes and the delete matters to a conditional effect. The
+/// others are what the built-in planner, which may be called `ff` as well, proves nothing with.
+pub(super) const DOUBTS: [Feature; 7] = [
+    Feature::ConditionalEffects,
+    Feature::NumericFluents,
+    Feature::DurativeActions,
+    Feature::TimedInitialLiterals,
+    Feature::DerivedPredicates,
+    Feature::Preferences,
+    Feature::Constraints,
+];
+
 /// The external program `ff`.
 #[derive(Debug, Clone)]
 pub struct Ff {
@@ -78,9 +90,8 @@ impl Planner for Ff {
         ff::read(&output.stdout, &output.stderr)
     }
 
-    /// FF prunes where an action only deletes and the delete matters to a conditional effect.
-    fn proves(&self, features: &[Feature]) -> bool {
-        !features.contains(&Feature::ConditionalEffects)
+    fn doubts(&self) -> &[Feature] {
+        &DOUBTS
     }
 
     fn install(&self) -> String {

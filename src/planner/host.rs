@@ -1,7 +1,7 @@
 //! What a planner's run may use, and what it is allowed.
 
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// What the process that runs planners lends them. The library reads no environment.
@@ -15,12 +15,21 @@ pub struct Host<'a> {
     pub interrupted: &'a AtomicBool,
 }
 
+impl Host<'_> {
+    /// Whether the run has to stop.
+    #[must_use]
+    pub fn is_interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+}
+
 /// What a run is allowed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Wall time.
     pub time: Option<Duration>,
-    /// Address space of each process of the planner, in bytes.
+    /// Address space of each process of the planner, and what all of them together may have
+    /// resident, in bytes.
     pub memory: Option<u64>,
     /// What it may print on one stream, in bytes; a planner that prints more is stopped.
     pub output: u64,

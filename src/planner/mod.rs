@@ -15,6 +15,7 @@ mod configured;
 mod downward;
 mod ff;
 mod host;
+mod launch;
 mod outcome;
 mod process;
 mod run;

@@ -4,13 +4,14 @@ use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
 use std::os::fd::OwnedFd;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use rustix::fs::OFlags;
 use rustix::process::{Pid, Signal, kill_process_group};
 use tempfile::TempDir;
 
@@ -34,6 +35,16 @@ const LOOK: Duration = Duration::from_millis(20);
 /// How long the warden may take beyond the grace before it is given up.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// How long reading what a program left may take when the time of the run is over.
+const READING: Duration = Duration::from_secs(2);
+
+/// A limit of memory, in bytes, under which a program that dies of a signal died for want of
+/// it: it is not enough for a program and its libraries.
+const SMALL: u64 = 64 << 20;
+
+/// How much of a file is read or written between two looks at the clock.
+const PIECE: usize = 1 << 20;
+
 /// The largest plan file that is read, in bytes.
 const LARGEST_PLAN: u64 = 256 << 20;
 
@@ -55,8 +66,12 @@ pub(super) enum End {
     OutOfTime,
     TooMuchOutput,
     Interrupted,
+    /// Its processes together had more memory than they may.
+    Starved,
     /// There is no such program.
     Missing,
+    /// It is a script for an interpreter that is not there.
+    NoInterpreter(String),
     /// It could not be run at all.
     Failed(String),
 }
@@ -105,16 +120,36 @@ pub(super) fn run(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Ended {
 
 fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended> {
     let directory = tempfile::Builder::new().prefix("rmem-plan-").tempdir_in(&host.temporary)?;
-    fs::write(directory.path().join("domain.pddl"), job.domain)?;
-    fs::write(directory.path().join("problem.pddl"), job.problem)?;
+    write(&directory.path().join("domain.pddl"), job.domain, host)?;
+    write(&directory.path().join("problem.pddl"), job.problem, host)?;
+    if host.is_interrupted() {
+        return Ok(Ended { end: End::Interrupted, ..Ended::default() });
+    }
     let started = Instant::now();
     let mut warden = Warden::start(job, limits, host, directory)?;
     let (end, peak) = warden.wait(limits, host, started);
-    let wall = started.elapsed();
-    let mut ended = warden.collect(limits)?;
-    ended.out_of_memory = limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
-    (ended.end, ended.wall) = (end, wall);
+    let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
+    let mut ended = warden.collect(limits, &Reading { host, deadline: rest.map(|rest| Instant::now() + rest) })?;
+    ended.wall = started.elapsed();
+    ended.out_of_memory = end == End::Starved || limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
+    // What was asked to stop has an end of its own; what was cut off in reading has not.
+    ended.end = match ended.end {
+        End::Failed(_) => end,
+        cut => cut,
+    };
     Ok(ended)
+}
+
+/// Writes a file, unless rmem is interrupted.
+fn write(path: &Path, text: &str, host: &Host<'_>) -> io::Result<()> {
+    let mut file = File::create_new(path)?;
+    for piece in text.as_bytes().chunks(PIECE) {
+        if host.is_interrupted() {
+            break;
+        }
+        file.write_all(piece)?;
+    }
+    Ok(())
 }
 
 /// rmem's end of the warden.
@@ -186,7 +221,7 @@ impl Warden {
 
     /// Why the program has to stop now.
     fn reason(&self, limits: &Limits, host: &Host<'_>, rest: Option<Duration>) -> Option<End> {
-        if host.interrupted.load(Ordering::Relaxed) {
+        if host.is_interrupted() {
             return Some(End::Interrupted);
         }
         if rest.is_some_and(|rest| rest.is_zero()) {
@@ -233,7 +268,9 @@ impl Warden {
             }
             "exited" => Word::Ended(End::Exited(number() as i32), number() as u64),
             "killed" => Word::Ended(End::Signalled(number() as i32), number() as u64),
+            "starved" => Word::Ended(End::Starved, 0),
             "missing" => Word::Ended(End::Missing, 0),
+            "interpreter" => Word::Ended(End::NoInterpreter(rest.to_owned()), 0),
             _ => Word::Ended(End::Failed(rest.to_owned()), 0),
         }
     }
@@ -247,13 +284,16 @@ impl Warden {
     }
 
     /// Reads what the program left, removes it, and lets the warden go.
-    fn collect(mut self, limits: &Limits) -> io::Result<Ended> {
+    fn collect(mut self, limits: &Limits, reading: &Reading<'_>) -> io::Result<Ended> {
         let mut ended = Ended::default();
         if let Some(directory) = self.directory.take() {
-            ended.stdout = text(&directory.path().join("stdout"), limits.output)?;
-            ended.stderr = text(&directory.path().join("stderr"), limits.output)?;
-            ended.plans = plans(directory.path());
+            let stream = |name: &str| reading.text(directory.path(), name, limits.output).unwrap_or_default();
+            (ended.stdout, ended.stderr) = (stream("stdout"), stream("stderr"));
+            ended.plans = plans(directory.path(), reading);
             directory.close()?;
+        }
+        if let Some(cut) = reading.over() {
+            ended.end = cut;
         }
         Ok(ended)
     }
@@ -293,22 +333,50 @@ fn stream(directory: &Path, name: &str) -> io::Result<Stdio> {
     File::options().create(true).append(true).open(directory.join(name)).map(Stdio::from)
 }
 
-/// The first `limit` bytes of a file.
-fn text(path: &Path, limit: u64) -> io::Result<String> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(limit).read_to_end(&mut bytes)?;
-    Ok(String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
+/// How long there is to read what a program left.
+struct Reading<'a> {
+    host: &'a Host<'a>,
+    deadline: Option<Instant>,
+}
+
+impl Reading<'_> {
+    /// Why nothing more is to be read.
+    fn over(&self) -> Option<End> {
+        match self.deadline {
+            _ if self.host.is_interrupted() => Some(End::Interrupted),
+            Some(deadline) if Instant::now() > deadline => Some(End::OutOfTime),
+            _ => None,
+        }
+    }
+
+    /// The first `limit` bytes of a file in the run's directory. What is no file of its own
+    /// there has no text: a pipe, a device, a link that leads out.
+    fn text(&self, directory: &Path, name: &str, limit: u64) -> Option<String> {
+        let path = directory.join(name).canonicalize().ok()?;
+        if !path.starts_with(directory.canonicalize().ok()?) {
+            return None;
+        }
+        // Between a look at a file and its opening, it could become another.
+        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY).bits();
+        let file = File::options().read(true).custom_flags(i32::try_from(flags).ok()?).open(path).ok()?;
+        if !file.metadata().ok()?.is_file() {
+            return None;
+        }
+        let (mut file, mut bytes) = (file.take(limit), Vec::new());
+        while self.over().is_none() && file.by_ref().take(PIECE as u64).read_to_end(&mut bytes).ok()? > 0 {}
+        Some(String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
+    }
 }
 
 /// The plan files in the run's directory: `plan`, `plan.1`, … as asked for, and what
 /// planners write unasked: `sas_plan`, `sas_plan.1`, `plan_1.SOL`.
-fn plans(directory: &Path) -> Vec<Source> {
+fn plans(directory: &Path, reading: &Reading<'_>) -> Vec<Source> {
     let Ok(entries) = fs::read_dir(directory) else { return Vec::new() };
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
     let mut names: Vec<(u64, String)> = names.filter_map(|name| Some((order(&name)?, name))).collect();
     names.sort();
     let texts = names.into_iter().filter_map(|(_, name)| {
-        let text = text(&directory.join(&name), LARGEST_PLAN).ok()?;
+        let text = reading.text(directory, &name, LARGEST_PLAN)?;
         Some(Source::new(name, text))
     });
     texts.collect()
@@ -327,7 +395,7 @@ fn order(name: &str) -> Option<u64> {
 /// Whether a program ended for want of memory: it ended badly, and either says so or
 /// was seen close to the limit.
 fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
-    const COMPLAINTS: [&str; 11] = [
+    const COMPLAINTS: [&str; 15] = [
         "out of memory",
         "memory exhausted",
         "no memory",
@@ -339,6 +407,11 @@ fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
         "out of space",
         "not enough memory",
         "insufficient memory",
+        // The dynamic linker and the thread library have words of their own.
+        "failed to map segment",
+        "cannot map zero-fill",
+        "cannot create shared object descriptor",
+        "resource temporarily unavailable",
     ];
     let badly = match end {
         End::Exited(code) => *code != 0,
@@ -351,10 +424,12 @@ fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
         let start = (start..=text.len()).find(|at| text.is_char_boundary(*at)).unwrap_or(0);
         text.get(start..).unwrap_or_default().to_lowercase()
     };
-    let words = format!("{}\n{}", tail(&ended.stdout), tail(&ended.stderr));
+    let failure = if let End::Failed(words) = end { words.to_lowercase() } else { String::new() };
+    let words = format!("{}\n{}\n{failure}", tail(&ended.stdout), tail(&ended.stderr));
     let said = COMPLAINTS.iter().any(|complaint| words.contains(complaint));
     let close = matches!(end, End::Signalled(_)) && peak.saturating_mul(1024) >= limit / 10 * 8;
-    badly && (said || close)
+    let small = matches!(end, End::Signalled(_)) && limit < SMALL;
+    badly && (said || close || small)
 }
 
 #[cfg(test)]

@@ -54,9 +54,9 @@ pub trait Planner: Send + Sync {
     /// What it has said.
     fn read(&self, output: &Output) -> Transcript;
 
-    /// Whether its word that there is no plan is a proof for a task with these features.
-    fn proves(&self, _features: &[Feature]) -> bool {
-        true
+    /// With what in a task its word that there is no plan is not a proof.
+    fn doubts(&self) -> &[Feature] {
+        &[]
     }
 
     /// Whether a plan it left when its time ran out counts: it writes whole plans, each
@@ -160,7 +160,8 @@ pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<
     report(planner, outcome, message, &command, ended)
 }
 
-fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
+/// What the planner cannot do of the task, at its place.
+pub(super) fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
     let domain = task.domain.features().iter().map(|used| (used, task.domain.source()));
     let uses: Vec<_> = domain.chain(task.problem.features().iter().map(|used| (used, task.problem.source()))).collect();
     let lacking = |lack: &Feature| uses.iter().find(|(used, _)| used.feature == *lack);
@@ -170,8 +171,10 @@ fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnostic> {
 }
 
 impl Task<'_> {
-    fn features(&self) -> Vec<Feature> {
-        self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature).collect()
+    /// What in the task keeps the planner's word from being a proof.
+    fn doubt(&self, planner: &dyn Planner) -> Option<Feature> {
+        let mut features = self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature);
+        features.find(|feature| planner.doubts().contains(feature))
     }
 }
 
@@ -213,6 +216,9 @@ fn conclude(
 ) -> (Outcome, String) {
     match &ended.end {
         End::Missing => return (Outcome::NotFound, planner.install()),
+        End::NoInterpreter(path) => {
+            return (Outcome::NotFound, format!("its program is there, but not the interpreter `{path}` of it"));
+        }
         End::Interrupted => return (Outcome::Interrupted, String::new()),
         End::TooMuchOutput => {
             return (Outcome::Failed, format!("it printed more than {} MiB", limits.output >> 20));
@@ -221,6 +227,7 @@ fn conclude(
             let time = limits.time.unwrap_or_default();
             return (Outcome::OutOfTime, format!("no plan within {time:?}"));
         }
+        End::Starved => return (Outcome::OutOfMemory, memory(limits)),
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
         End::Failed(words) => return (Outcome::Failed, format!("it could not be run: {words}")),
         _ => {}
@@ -228,19 +235,16 @@ fn conclude(
     let crash = crash(&ended.end);
     match answer.verdict {
         Verdict::Plan if crash.is_none() => (Outcome::Plan(restored(answer, sent)), String::new()),
-        Verdict::Unsolvable if crash.is_none() => match planner.proves(&task.features()) {
-            true => (Outcome::Unsolvable, answer.message),
-            false => {
-                let doubt = "no proof for a task with conditional effects";
-                (Outcome::GaveUp, format!("{} ({doubt})", answer.message))
-            }
+        Verdict::Unsolvable if crash.is_none() => match task.doubt(planner) {
+            None => (Outcome::Unsolvable, answer.message),
+            Some(doubt) => (Outcome::GaveUp, format!("{} (no proof for a task with {doubt})", answer.message)),
         },
         Verdict::GaveUp if crash.is_none() => (Outcome::GaveUp, answer.message),
         Verdict::Unsupported => (Outcome::Unsupported, answer.message),
         Verdict::OutOfMemory => (Outcome::OutOfMemory, answer.message),
         Verdict::OutOfTime => (Outcome::OutOfTime, answer.message),
         _ if ended.out_of_memory => (Outcome::OutOfMemory, memory(limits)),
-        Verdict::Unclear if ended.end == End::Exited(127) => (Outcome::NotFound, planner.install()),
+        Verdict::Unclear if ended.end == End::Exited(127) => absent(&ended.stderr),
         Verdict::Rejected => (Outcome::Failed, format!("it refused its input: {}", answer.message)),
         Verdict::NoCriterion => (Outcome::Failed, answer.message),
         _ => match crash {
@@ -252,7 +256,24 @@ fn conclude(
 }
 
 fn memory(limits: &Limits) -> String {
-    format!("its limit was {} MiB", limits.memory.unwrap_or_default() >> 20)
+    let bytes = limits.memory.unwrap_or_default();
+    match bytes {
+        0..1024 => format!("its limit was {bytes} bytes"),
+        1024..0x10_0000 => format!("its limit was {} KiB", bytes >> 10),
+        _ => format!("its limit was {} MiB", bytes >> 20),
+    }
+}
+
+/// The outcome of a program that is there and exits with 127. That is what shells do when
+/// they cannot find what they are to run, which they say.
+fn absent(stderr: &str) -> (Outcome, String) {
+    let words = stderr.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default().trim();
+    let lower = words.to_lowercase();
+    match ["not found", "no such file"].iter().any(|complaint| lower.contains(complaint)) {
+        true => (Outcome::NotFound, format!("its program calls another: {words}")),
+        false if words.is_empty() => (Outcome::Failed, "it exited with 127".to_owned()),
+        false => (Outcome::Failed, format!("it exited with 127: {words}")),
+    }
 }
 
 /// A crash: a signal, also as a shell reports one.

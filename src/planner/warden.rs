@@ -11,13 +11,24 @@
 //! | `started PID` | the program runs; `PID` is its group |
 //! | `exited CODE PEAK` | it ended with an exit code; `PEAK` KiB of address space were seen |
 //! | `killed SIGNAL PEAK` | it ended by a signal |
+//! | `starved` | its processes together were over the limit of memory, and were ended |
 //! | `missing` | there is no such program |
+//! | `interpreter PATH` | the program is a script, and its interpreter is not there |
 //! | `failed WORDS` | it could not be started |
 //!
 //! rmem says `stop`, and the group gets TERM, a grace, then KILL; or `done`, when it
 //! has read what it wants. An end of the lifeline without `done` means that rmem died:
 //! the warden stops the program and removes the directory. When the warden reports
 //! the end, nothing that the program started is alive.
+//!
+//! The program is started through rmem once more, as `rmem __warden --exec …`: that
+//! process binds its life to the warden's, takes the limits upon itself, and becomes the
+//! program. So the program never runs without its limits, and dies when the warden is
+//! killed; rmem then ends what is left of its group. What has left the group as well (with
+//! `setsid`) survives a killed warden: nobody is there to know of it.
+//!
+//! The limit of memory is kept twice: no process gets more address space, and the warden
+//! adds up what all of them have resident.
 
 use std::ffi::OsString;
 use std::fs;
@@ -32,9 +43,11 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::process::{
-    Pid, PidfdFlags, Resource, Rlimit, Signal, WaitOptions, getpid, getrlimit, kill_process, kill_process_group,
-    pidfd_open, prlimit, set_child_subreaper, setrlimit, wait,
+    Pid, PidfdFlags, Resource, Rlimit, Signal, WaitOptions, getpid, kill_process, kill_process_group, pidfd_open,
+    set_child_subreaper, setrlimit, wait,
 };
+
+use super::launch;
 
 /// How long a program has between TERM and KILL.
 pub(super) const GRACE: Duration = Duration::from_millis(500);
@@ -42,8 +55,11 @@ pub(super) const GRACE: Duration = Duration::from_millis(500);
 /// How long the warden tries to bury what is left.
 const BURIAL: Duration = Duration::from_secs(3);
 
-/// How often the program's memory is looked at, where it is limited.
-const LOOK: Duration = Duration::from_millis(20);
+/// How often the memory of the program's processes is looked at, where it is limited.
+const LOOK: Duration = Duration::from_millis(25);
+
+/// What makes a warden's child of rmem the program.
+const EXEC: &str = "--exec";
 
 /// The hidden command that makes a process of rmem a warden.
 pub const COMMAND: &str = "__warden";
@@ -52,12 +68,16 @@ pub const COMMAND: &str = "__warden";
 /// the process, which says nothing: what happened goes over the lifeline.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
-    let Some(order) = Order::read(arguments.into_iter()) else { return 2 };
+    let mut arguments = arguments.into_iter().peekable();
+    if arguments.next_if(|word| word == EXEC).is_some() {
+        return launch::run(arguments);
+    }
+    let Some(order) = Order::read(arguments) else { return 2 };
     let Ok(lifeline) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
     let mut lifeline = Lifeline { stream: UnixStream::from(lifeline), pending: String::new(), lost: false };
     let said = match order.start() {
-        Ok(child) => Ward { child, limited: order.memory.is_some(), peak: 0 }.watch(&mut lifeline),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => "missing".to_owned(),
+        Ok(Started::Running(child)) => Ward { child, limit: order.memory, peak: 0 }.watch(&mut lifeline),
+        Ok(Started::Refused(words)) => words,
         Err(error) => format!("failed {error}"),
     };
     lifeline.say(&said);
@@ -89,29 +109,37 @@ impl Order {
         Some(Self { directory: directory?, memory, program: arguments.next()?, arguments: arguments.collect() })
     }
 
-    fn start(&self) -> io::Result<Child> {
+    fn start(&self) -> io::Result<Started> {
         set_child_subreaper(Some(getpid()))?;
         setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) })?;
-        let mut command = Command::new(&self.program);
-        command.args(&self.arguments).current_dir(&self.directory).stdin(Stdio::null()).process_group(0);
-        let Some(bytes) = self.memory else { return command.spawn() };
-        // The program inherits the soft limit, so that it never runs without; then it
-        // gets the hard one, and the warden its own limit back.
-        let own = getrlimit(Resource::As);
-        let lowered = setrlimit(Resource::As, Rlimit { current: Some(bytes), maximum: own.maximum });
-        let started = command.spawn();
-        if lowered.is_ok() {
-            setrlimit(Resource::As, own)?;
+        let (mut ours, theirs) = UnixStream::pair()?;
+        let mut command = Command::new("/proc/self/exe");
+        command.args([COMMAND, EXEC, "--parent", &getpid().to_string()]);
+        if let Some(bytes) = self.memory {
+            command.args(["--memory", &bytes.to_string()]);
         }
-        let child = match started {
-            // The warden itself is larger than the limit.
-            Err(error) if error.kind() == io::ErrorKind::OutOfMemory => command.spawn()?,
-            started => started?,
-        };
-        let limit = Rlimit { current: Some(bytes), maximum: Some(bytes) };
-        let _ = prlimit(Some(Pid::from_child(&child)), Resource::As, limit);
-        Ok(child)
+        command.arg("--").arg(&self.program).args(&self.arguments);
+        command.current_dir(&self.directory).stdin(Stdio::from(OwnedFd::from(theirs))).process_group(0);
+        let mut child = command.spawn()?;
+        drop(command);
+        // Silence is the sound of a program that has started.
+        let mut words = String::new();
+        let heard = ours.read_to_string(&mut words);
+        if words.is_empty() && heard.is_ok() {
+            return Ok(Started::Running(child));
+        }
+        let _ = child.kill();
+        child.wait()?;
+        heard?;
+        Ok(Started::Refused(words))
     }
+}
+
+/// What became of an order.
+enum Started {
+    Running(Child),
+    /// It could not be carried out; what is to be said about it.
+    Refused(String),
 }
 
 /// The socket to rmem.
@@ -183,8 +211,16 @@ impl Lifeline {
 /// The program under watch.
 struct Ward {
     child: Child,
-    limited: bool,
+    /// The limit of memory, in bytes.
+    limit: Option<u64>,
     peak: u64,
+}
+
+/// How the watch over a program ended.
+enum Watched {
+    Ended(ExitStatus),
+    /// With more memory than it may have.
+    Starved,
 }
 
 impl Ward {
@@ -195,20 +231,23 @@ impl Ward {
         let status = self.outlive(group, lifeline);
         let _ = kill_process_group(group, Signal::KILL);
         bury();
-        match status.as_ref().map(|status| (status.code(), status.signal())) {
-            Ok((Some(code), _)) => format!("exited {code} {}", self.peak),
-            Ok((None, signal)) => format!("killed {} {}", signal.unwrap_or_default(), self.peak),
+        match status {
+            Ok(Watched::Ended(status)) => match status.code() {
+                Some(code) => format!("exited {code} {}", self.peak),
+                None => format!("killed {} {}", status.signal().unwrap_or_default(), self.peak),
+            },
+            Ok(Watched::Starved) => "starved".to_owned(),
             Err(error) => format!("failed {error}"),
         }
     }
 
     /// Waits for the program, and stops it when rmem says so or is gone.
-    fn outlive(&mut self, group: Pid, lifeline: &mut Lifeline) -> io::Result<ExitStatus> {
+    fn outlive(&mut self, group: Pid, lifeline: &mut Lifeline) -> io::Result<Watched> {
         let pidfd = pidfd_open(group, PidfdFlags::empty()).ok();
         let mut deadline: Option<Instant> = None;
         loop {
             if let Some(status) = self.child.try_wait()? {
-                return Ok(status);
+                return Ok(Watched::Ended(status));
             }
             let called = lifeline.called(pidfd.as_ref(), self.patience(deadline), deadline.is_none())?;
             if called && lifeline.hear().is_none_or(|word| word == "stop") {
@@ -217,10 +256,13 @@ impl Ward {
             }
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 let _ = kill_process_group(group, Signal::KILL);
-                return self.child.wait();
+                return self.child.wait().map(Watched::Ended);
             }
-            if self.limited {
-                self.look(group);
+            if self.limit.is_some_and(|limit| self.is_over(limit, group)) {
+                // Who runs over the limit now would run over it during a grace as well.
+                let _ = kill_process_group(group, Signal::KILL);
+                self.child.wait()?;
+                return Ok(Watched::Starved);
             }
         }
     }
@@ -229,17 +271,57 @@ impl Ward {
     fn patience(&self, deadline: Option<Instant>) -> Option<Duration> {
         match deadline {
             Some(deadline) => Some(deadline.saturating_duration_since(Instant::now())),
-            None => self.limited.then_some(LOOK),
+            None => self.limit.map(|_| LOOK),
         }
     }
 
-    /// Notes how much address space the program has had at most.
-    fn look(&mut self, pid: Pid) {
-        let status = fs::read_to_string(format!("/proc/{}/status", pid.as_raw_nonzero())).unwrap_or_default();
-        let peak = status.lines().find_map(|line| line.strip_prefix("VmPeak:"));
-        let peak = peak.and_then(|peak| peak.split_whitespace().next()?.parse().ok());
-        self.peak = self.peak.max(peak.unwrap_or_default());
+    /// Notes how much address space the program has had at most; says whether all of its
+    /// processes together have more than `limit` bytes resident.
+    fn is_over(&mut self, limit: u64, program: Pid) -> bool {
+        self.peak = self.peak.max(figure(program, "status", "VmPeak:"));
+        let mut all = descendants();
+        if all.is_empty() {
+            // A kernel that does not list children.
+            all.push(program);
+        }
+        let resident: u64 = all.iter().map(|pid| figure(*pid, "status", "VmRSS:")).sum();
+        // What processes share was counted for each; the exact figure costs more to get.
+        resident * 1024 > limit
+            && all.iter().map(|pid| figure(*pid, "smaps_rollup", "Pss:")).sum::<u64>() * 1024 > limit
     }
+}
+
+/// A figure in KiB from a file of a process; 0 where it has none.
+fn figure(pid: Pid, file: &str, name: &str) -> u64 {
+    let text = fs::read_to_string(format!("/proc/{}/{file}", pid.as_raw_nonzero())).unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix(name));
+    line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or_default()
+}
+
+/// Everything alive that comes from this process: what loses its parent becomes its child.
+fn descendants() -> Vec<Pid> {
+    let mut found = offspring(getpid());
+    let mut next = 0;
+    while let Some(pid) = found.get(next).copied() {
+        next += 1;
+        for child in offspring(pid) {
+            // Processes come and go while they are counted.
+            if !found.contains(&child) {
+                found.push(child);
+            }
+        }
+    }
+    found
+}
+
+/// The children of a process, as its threads know them.
+fn offspring(pid: Pid) -> Vec<Pid> {
+    let Ok(threads) = fs::read_dir(format!("/proc/{}/task", pid.as_raw_nonzero())) else { return Vec::new() };
+    let texts = threads.flatten().filter_map(|thread| fs::read_to_string(thread.path().join("children")).ok());
+    texts
+        .flat_map(|text| text.split_whitespace().filter_map(|pid| pid.parse().ok()).collect::<Vec<i32>>())
+        .filter_map(Pid::from_raw)
+        .collect()
 }
 
 /// Kills and reaps every child until there is none. What a child leaves behind when it

@@ -357,3 +357,153 @@ fn the_builtin_planner_is_limited_like_any_other() {
     let limits = Limits { memory: Some(400 << 20), ..within(60.0) };
     assert_eq!(place.run(&Builtin, &limits).outcome, Outcome::OutOfMemory);
 }
+
+/// `rmem ff` in a folder, as a program written for FF calls it.
+fn speak_ff(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_rmem")).arg("ff").args(arguments).current_dir(folder).output();
+    let output = output.unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code(), text(&output.stdout), text(&output.stderr))
+}
+
+fn tasks() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/transcripts/tasks")
+}
+
+#[test]
+fn an_ill_formed_task_is_an_error_to_the_builtin_planner_and_no_proof() {
+    for (domain, problem, place) in [
+        ("dom", "p_undeclared_obj", "p_undeclared_obj.pddl:4:"),
+        ("dom", "p_undeclared_pred", "p_undeclared_pred.pddl:"),
+        ("dom", "p_arity", "p_arity.pddl:"),
+        ("dom", "p_typemismatch", "p_typemismatch.pddl:"),
+        ("dom", "p_init_typemismatch", "p_init_typemismatch.pddl:"),
+        ("dom", "p_wrongdomain", "p_wrongdomain.pddl:1:"),
+        ("dom", "p_syntax", "p_syntax.pddl:"),
+        ("dom_undeclpred", "p_plan", "dom_undeclpred.pddl:"),
+    ] {
+        let (code, stdout, stderr) =
+            speak_ff(&tasks(), &["-o", &format!("{domain}.pddl"), "-f", &format!("{problem}.pddl")]);
+        assert_eq!(code, Some(3), "{problem}: {stdout}{stderr}");
+        assert!(stderr.contains(place), "{problem}: {stderr}");
+        assert!(!stdout.contains("legal plan") && !stdout.contains("FALSE"), "{problem}: {stdout}");
+    }
+}
+
+#[test]
+fn the_builtin_planner_keeps_names_that_its_engine_cannot_read() {
+    let place = Place::new();
+    fs::write(place.path("d.pddl"), DOMAIN).unwrap();
+    let problem = "(define (problem n) (:domain d) (:objects 1a 2a - t) (:init (p 1a) (p 2a)) (:goal (and (q 2a))))";
+    fs::write(place.path("p.pddl"), problem).unwrap();
+    let (code, stdout, stderr) = speak_ff(place.directory.path(), &["-o", "d.pddl", "-f", "p.pddl"]);
+    assert_eq!(code, Some(0), "{stdout}{stderr}");
+    assert!(stdout.contains("step    0: GO 2A"), "{stdout}");
+}
+
+#[test]
+fn the_builtin_planner_takes_the_options_of_ff() {
+    let folder = tasks();
+    let prefix = format!("{}/", folder.display());
+    let words = ["-p", &prefix, "-o", "dom.pddl", "-f", "p_goaltrue.pddl", "-i", "0", "-s", "3", "-E", "-O", "-C"];
+    let weights = ["-g", "1", "-h", "5", "-w", "2", "-r", "7"];
+    let (code, stdout, stderr) = speak_ff(&std::env::temp_dir(), &[&words[..], &weights[..]].concat());
+    assert_eq!(code, Some(0), "{stdout}{stderr}");
+    assert!(stdout.contains("ff: goal can be simplified to TRUE. The empty plan solves it"), "{stdout}");
+    assert!(stderr.contains("ignored: -s 3 -g 1 -h 5 -w 2 -r 7 -E -O -C"), "{stderr}");
+    let (code, ..) = speak_ff(&folder, &["--help"]);
+    assert_eq!(code, Some(0));
+}
+
+#[test]
+fn a_proof_with_numbers_is_not_believed_of_any_ff() {
+    let place = Place::fixture("ndom", "np_unreach");
+    let run = place.ff("echo 'best first search space empty! problem proven unsolvable.'", &within(10.0));
+    assert_eq!(run.outcome, Outcome::GaveUp);
+    assert!(run.message.contains("no proof for a task with"), "{}", run.message);
+}
+
+#[test]
+fn a_limit_of_memory_is_the_reason_however_small_it_is() {
+    let place = Place::new();
+    for limit in [1, 5000, 1 << 20, 5 << 20, 10 << 20, 30 << 20] {
+        let limits = Limits { memory: Some(limit), ..within(30.0) };
+        let run = place.run(&Builtin, &limits);
+        assert_eq!(run.outcome, Outcome::OutOfMemory, "{limit}: {run:?}");
+    }
+    for limit in [60 << 20, 90 << 20, 150 << 20] {
+        let run = place.run(&Builtin, &Limits { memory: Some(limit), ..within(30.0) });
+        assert!([0, 22].contains(&run.outcome.code()), "{limit}: {run:?}");
+    }
+    let message = |limit| place.run(&Builtin, &Limits { memory: Some(limit), ..within(30.0) }).message;
+    assert_eq!(message(1), "its limit was 1 bytes");
+    assert_eq!(message(20_480), "its limit was 20 KiB");
+}
+
+#[test]
+fn a_quick_program_has_its_limit_from_the_start() {
+    let run = Place::new().ff(FOUND, &Limits { memory: Some(1 << 20), ..within(10.0) });
+    assert_eq!(run.outcome, Outcome::OutOfMemory, "{run:?}");
+}
+
+#[test]
+fn a_limit_of_memory_holds_for_all_processes_together() {
+    let place = Place::new();
+    let pid = place.path("pid");
+    let body = format!(
+        "for i in 1 2 3 4; do setsid python3 -c 'import time; b = bytearray(b\"x\" * 80_000_000); time.sleep(60)' & \
+         echo $! >> {}; done; wait",
+        pid.display()
+    );
+    let started = Instant::now();
+    let run = place.ff(&body, &Limits { memory: Some(250 << 20), ..within(50.0) });
+    assert_eq!((run.outcome.clone(), run.message.as_str()), (Outcome::OutOfMemory, "its limit was 250 MiB"), "{run:?}");
+    assert!(started.elapsed() < Duration::from_secs(40));
+    for pid in fs::read_to_string(pid).unwrap().lines() {
+        assert!(!lives(pid), "process {pid} is still there");
+    }
+}
+
+#[test]
+fn only_files_of_the_runs_own_are_read_as_plans() {
+    let secret = Place::new();
+    fs::write(secret.path("secret"), "(go a)\n; cost = 1 (unit cost)\n").unwrap();
+    let link = format!("ln -s {} \"$3\"", secret.path("secret").display());
+    for body in ["mkfifo \"$3\"", "ln -s /dev/zero \"$3\"", "mkdir \"$3\"", &link, "rm -f stdout; mkfifo stdout"] {
+        let started = Instant::now();
+        let run = Place::new().configured(body, Dialect::Downward, &within(10.0));
+        assert_eq!(run.outcome, Outcome::Failed, "{body}: {run:?}");
+        assert!(started.elapsed() < Duration::from_secs(8), "{body}: {:?}", started.elapsed());
+    }
+    let body = "printf '(go a)\\n; cost = 1 (unit cost)\\n' > best; ln -s best \"$3\"";
+    assert_eq!(steps(&Place::new().configured(body, Dialect::Downward, &within(10.0))), ["Go A"]);
+}
+
+#[test]
+fn a_planner_does_not_outlive_its_warden() {
+    let place = Place::new();
+    let pid = place.path("pid");
+    let body = format!("sleep 600 & echo $! $$ > {}; kill -9 $PPID; sleep 600", pid.display());
+    let run = place.ff(&body, &within(20.0));
+    assert_eq!(run.outcome, Outcome::Failed, "{run:?}");
+    for pid in fs::read_to_string(pid).unwrap().split_whitespace() {
+        dies(pid);
+    }
+}
+
+#[test]
+fn what_was_not_found_is_told_apart() {
+    let run = Place::new().ff("no-such-inner-command", &within(10.0));
+    assert_eq!(run.outcome, Outcome::NotFound);
+    assert!(run.message.contains("no-such-inner-command") && run.message.contains("not found"), "{}", run.message);
+
+    let run = Place::new().ff("echo 'licence missing' >&2; exit 127", &within(10.0));
+    assert_eq!((run.outcome, run.message.as_str()), (Outcome::Failed, "it exited with 127: licence missing"));
+
+    let place = Place::new();
+    let program = place.script("scripted", "");
+    fs::write(&program, "#!/no/such/interpreter -x\n").unwrap();
+    let run = place.run(&Ff { program: program.into() }, &within(10.0));
+    assert_eq!(run.outcome, Outcome::NotFound);
+    assert!(run.message.contains("interpreter `/no/such/interpreter -x`"), "{}", run.message);
+}

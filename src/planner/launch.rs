@@ -1,0 +1,78 @@
+//! The last step before a planner runs: the process that becomes its program.
+//!
+//! It is started by the warden, is a process of its own, and looks for the program where
+//! its environment says.
+
+use std::ffi::{OsStr, OsString};
+use std::fs::File;
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::AsFd as _;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_death_signal, setrlimit};
+
+/// Becomes the program; returns only where that fails, which it says on standard
+/// input. The arguments are `--parent PID [--memory BYTES] -- PROGRAM ARGUMENT…`.
+pub(super) fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
+    let Ok(warden) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
+    let Err(words) = become_program(arguments);
+    let _ = UnixStream::from(warden).write_all(words.as_bytes());
+    2
+}
+
+fn become_program(mut arguments: impl Iterator<Item = OsString>) -> Result<std::convert::Infallible, String> {
+    let (mut parent, mut memory) = (None, None);
+    let number = |arguments: &mut dyn Iterator<Item = OsString>| arguments.next()?.to_str()?.parse::<u64>().ok();
+    loop {
+        match arguments.next().as_deref().and_then(OsStr::to_str) {
+            Some("--parent") => parent = number(&mut arguments),
+            Some("--memory") => memory = number(&mut arguments),
+            Some("--") => break,
+            _ => return Err("failed to understand its order".to_owned()),
+        }
+    }
+    let failed = |error: &dyn std::fmt::Display| format!("failed {error}");
+    set_parent_process_death_signal(Some(Signal::KILL)).map_err(|error| failed(&error))?;
+    let is_parent = getppid().is_some_and(|own| u64::try_from(own.as_raw_nonzero().get()).ok() == parent);
+    if !is_parent {
+        return Err("failed because its warden is gone".to_owned());
+    }
+    let program = arguments.next().unwrap_or_default();
+    let mut command = Command::new(&program);
+    command.args(arguments).stdin(Stdio::null());
+    if let Some(bytes) = memory {
+        let limit = Rlimit { current: Some(bytes), maximum: Some(bytes) };
+        setrlimit(Resource::As, limit).map_err(|error| failed(&error))?;
+    }
+    let error = command.exec();
+    Err(match error.kind() {
+        io::ErrorKind::NotFound => match interpreter(&program) {
+            Some(interpreter) => format!("interpreter {interpreter}"),
+            None => "missing".to_owned(),
+        },
+        io::ErrorKind::OutOfMemory | io::ErrorKind::ArgumentListTooLong if memory.is_some() => "starved".to_owned(),
+        _ => failed(&error),
+    })
+}
+
+/// The interpreter of a script that is there.
+fn interpreter(program: &OsStr) -> Option<String> {
+    let mut bytes = Vec::new();
+    File::open(located(program)?).ok()?.take(256).read_to_end(&mut bytes).ok()?;
+    let line = bytes.strip_prefix(b"#!").and_then(|rest| rest.split(|byte| *byte == b'\n').next());
+    let line = String::from_utf8_lossy(line.unwrap_or(b"of its executable format")).into_owned();
+    Some(line.trim().to_owned())
+}
+
+/// Where a program is: a path, or a name in a folder of the search path.
+fn located(program: &OsStr) -> Option<PathBuf> {
+    let path = Path::new(program);
+    if path.components().count() > 1 {
+        return path.is_file().then(|| path.to_owned());
+    }
+    let folders = std::env::var_os("PATH")?;
+    std::env::split_paths(&folders).map(|folder| folder.join(path)).find(|path| path.is_file())
+}
