@@ -53,7 +53,7 @@ impl Source {
             offset -= 1;
         }
         let before = &self.text[..offset];
-        let line = before.bytes().filter(|byte| *byte == b'\n').count() + self.first_line;
+        let line = memchr::memchr_iter(b'\n', before.as_bytes()).count() + self.first_line;
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         (line, before[start..].chars().count() + 1)
     }
@@ -261,7 +261,8 @@ impl Excerpt {
             start -= 1;
         }
         let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
-        let line_end = text[start..].find(['\n', '\r']).map_or(text.len(), |length| start + length);
+        let line_end =
+            memchr::memchr2(b'\n', b'\r', &text.as_bytes()[start..]).map_or(text.len(), |length| start + length);
         let before = text[line_start..start].chars().count();
         let mut end = span.end.clamp(start, line_end);
         while !text.is_char_boundary(end) {

@@ -147,8 +147,89 @@ fn refuses_what_the_robot_memory_before_refused() {
     }
     assert_eq!(
         complaint("{'bad':1.2.3}"),
-        "<argument>:1:8: expected a value, found `1.2.3`\n  |\n1 | {'bad':1.2.3}\n  |        ^"
+        "<argument>:1:8: expected a value, found `1.2.3`\n  |\n1 | {'bad':1.2.3}\n  |        ^^^^^"
     );
+}
+
+#[test]
+fn names_the_first_token_that_does_not_fit() {
+    for (text, place, message, hint) in [
+        ("{a:1", "1:5", "expected `,` or `}`, found the end of the text", "the `{` at 1:1 is not closed"),
+        ("{a: [1", "1:7", "expected `,` or `]`, found the end of the text", "the `[` at 1:5 is not closed"),
+        ("{a:1 b:2}", "1:6", "expected `,` or `}`, found `b`", ""),
+        ("{a 1}", "1:4", "expected `:`, found `1`", ""),
+        ("{a-b:1}", "1:3", "expected `:`, found `-`", "quote the key: 'a-b'"),
+        ("{rings.0:1}", "1:7", "expected `:`, found `.0`", "quote the key: 'rings.0'"),
+        ("{1a:1}", "1:2", "expected a key or `}`, found `1a`", "quote the key: '1a'"),
+        ("{a:\"x}", "1:4", "the string has no end", "it ends with the same quote, on the same line"),
+        ("{a:\"x\\\"}", "1:4", "the string has no end", "it ends with the same quote, on the same line"),
+        ("{a:1}}", "1:6", "expected the end of the text, found `}`", ""),
+        ("{a:1} /* x", "1:7", "the comment has no end", "it ends with `*/`"),
+        ("{a: /x}", "1:5", "the regular expression has no end", ""),
+        ("{a: [1,,2]}", "1:8", "expected a value or `]`, found `,`", ""),
+        ("{a: ISODate('x'}", "1:16", "expected `,` or `)`, found `}`", "the `(` at 1:12 is not closed"),
+        ("{'testkey'::'value'}", "1:12", "expected a value, found `:`", ""),
+        ("{a: on table}", "1:5", "expected a value, found `on`", "strings are written in quotes"),
+        ("{a: ,}", "1:5", "expected a value, found `,`", ""),
+        ("{relation:'s'", "1:14", "expected `,` or `}`, found the end of the text", "the `{` at 1:1 is not closed"),
+        ("-q", "1:1", "expected a value, found `-`", ""),
+    ] {
+        let error = parse_document(&source(text)).expect_err(text);
+        assert!(error.to_string().starts_with(&format!("<argument>:{place}: {message}\n")), "{text}: {error}");
+        assert_eq!(error.hints().join(""), hint, "{text}");
+    }
+}
+
+#[test]
+fn says_what_is_no_document_among_documents() {
+    for (text, wanted) in [
+        ("{a:1}}", "1:6: expected another document or the end, found `}`"),
+        ("{a:1} 7", "1:7: expected a document `{…}`, found a number"),
+        ("[1,2]", "1:2: expected a document `{…}`, found a number"),
+        ("[{a:1}, ,]", "1:9: expected a document or `]`, found `,`"),
+        ("{a:1}\n/* x", "2:1: the comment has no end"),
+        ("/x", "1:1: the regular expression has no end"),
+        ("{a:1}\n{b:'x\n{c:1}", "2:4: the string has no end"),
+    ] {
+        let error = parse_documents(&source(text)).expect_err(text).to_string();
+        assert!(error.starts_with(&format!("<argument>:{wanted}")), "{text}: {error}");
+    }
+    for (text, wanted) in [
+        ("{\"a.b\":[1]}", "1:9: expected a document `{…}`, found a number"),
+        ("{\"a.b\":[] 'c.d':[]}", "1:11: expected `,` or `}` after an array, found `'`"),
+        ("{\"a.b:[]}", "1:2: the string has no end"),
+        ("{a.b []}", "1:6: expected `:` after the namespace, found `[`"),
+    ] {
+        let error = parse_world(&source(text)).expect_err(text).to_string();
+        assert!(error.starts_with(&format!("<argument>:{wanted}")), "{text}: {error}");
+    }
+}
+
+/// Well above what it takes, well below what stepping through each byte would.
+#[test]
+fn long_strings_and_comments_are_searched_and_not_stepped_through() {
+    let long = "x".repeat(10_000_000);
+    for (text, fine) in [
+        (format!("{{a: '{long}'}}"), true),
+        (format!("{{a: 1 /* {long} */}}"), true),
+        (format!("{{a: '{long}"), false),
+        (format!("{{a: 1}} /* {long}"), false),
+    ] {
+        let source = source(&text);
+        let start = std::time::Instant::now();
+        assert_eq!(parse_document(&source).is_ok(), fine);
+        assert_eq!(parse_documents(&source).is_ok(), fine);
+        assert!(start.elapsed().as_secs() < 6, "{:?}", start.elapsed());
+    }
+}
+
+#[test]
+fn database_pointers_come_back_in_both_spellings_of_the_id() {
+    let written = r#"{"p":{"$dbPointer":{"$ref":"a.b","$id":{"$oid":"507f1f77bcf86cd799439011"}}}}"#;
+    let read = document(written);
+    assert!(matches!(read.get("p"), Some(Bson::DbPointer(_))));
+    assert_eq!(canonical(&read), written);
+    assert_eq!(document("{p: {$dbPointer: {$ref: 'a.b', $id: ObjectId('507f1f77bcf86cd799439011')}}}"), read);
 }
 
 #[test]
@@ -249,6 +330,12 @@ fn any_bson() -> impl Strategy<Value = Bson> {
         }),
         any::<String>().prop_map(Bson::Symbol),
         any::<String>().prop_map(Bson::JavaScriptCode),
+        (any::<String>(), "[^\0$]*", any::<i32>()).prop_map(|(code, key, number)| {
+            Bson::JavaScriptCodeWithScope(bson::JavaScriptCodeWithScope { code, scope: doc! { key: number } })
+        }),
+        ("[a-zé.]*", any::<[u8; 12]>()).prop_map(|(name, id)| {
+            value(&format!("{{$dbPointer: {{$ref: '{name}', $id: ObjectId('{}')}}}}", ObjectId::from_bytes(id)))
+        }),
         (any::<i64>(), -6176_i32..6000)
             .prop_map(|(digits, exponent)| Bson::Decimal128(format!("{digits}E{exponent}").parse().expect("decimal"))),
     ];

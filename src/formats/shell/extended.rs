@@ -165,7 +165,7 @@ fn pointer(document: &Document) -> Option<Bson> {
     let inner = document.get_document("$dbPointer").ok().filter(|inner| inner.len() == 2)?;
     let (namespace, id) = (inner.get_str("$ref").ok()?, inner.get_object_id("$id").ok()?);
     let mut raw = Vec::new();
-    raw.extend(i32::try_from(namespace.len() + 27).ok()?.to_le_bytes());
+    raw.extend(i32::try_from(namespace.len() + 25).ok()?.to_le_bytes());
     raw.extend([0x0C, b'p', 0]);
     raw.extend(i32::try_from(namespace.len() + 1).ok()?.to_le_bytes());
     raw.extend(namespace.as_bytes());

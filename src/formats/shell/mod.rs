@@ -16,6 +16,7 @@
 mod calendar;
 mod constructor;
 mod extended;
+mod fault;
 mod literal;
 mod reader;
 mod scanner;

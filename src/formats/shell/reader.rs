@@ -6,12 +6,12 @@ use pest::iterators::Pair;
 use pest_derive::Parser;
 
 use super::scanner::{self, MAX_DEPTH};
-use super::{constructor, extended, literal};
+use super::{constructor, extended, fault, literal};
 use crate::formats::{Diagnostic, Source, Span};
 
 #[derive(Parser)]
 #[grammar = "grammars/shell.pest"]
-struct ShellParser;
+pub(super) struct ShellParser;
 
 /// A value and where it stands.
 struct Node {
@@ -98,7 +98,7 @@ fn sequence(source: &Source, start: usize, end: usize) -> Result<Vec<(Span, Docu
     let mut documents = Vec::new();
     let mut offset = start;
     while offset < end {
-        let (node, after) = element(source, offset)?;
+        let (node, after) = element(source, offset, "another document or the end")?;
         documents.push((node.span, document(source, node)?));
         offset = scanner::skip(source.text(), after, b"");
         if source.text().as_bytes().get(offset) == Some(&b',') {
@@ -119,14 +119,16 @@ fn array(source: &Source, start: usize) -> Result<(Vec<(Span, Document)>, usize)
             None => return Err(unclosed(source, start, offset)),
             Some(_) => {}
         }
-        let (node, after) = element(source, offset)?;
+        let (node, after) = element(source, offset, "a document or `]`")?;
         documents.push((node.span, document(source, node)?));
         offset = scanner::skip(text, after, b"");
         match text.as_bytes().get(offset) {
             Some(b',') => offset = scanner::skip(text, offset + 1, b""),
             Some(b']') => {}
             None => return Err(unclosed(source, start, offset)),
-            Some(_) => return Err(Diagnostic::new(source, Span::at(offset), "expected `,` or `]` after a document")),
+            Some(_) => {
+                return Err(fault::unexpected(source, Span::new(offset, text.len()), "`,` or `]` after a document"));
+            }
         }
     }
 }
@@ -137,13 +139,23 @@ fn unclosed(source: &Source, start: usize, offset: usize) -> Diagnostic {
     Diagnostic::new(source, Span::at(offset), message).hint(format!("the array opened at {line}:{column}"))
 }
 
-/// One document of many: from its opening bracket to its closing one.
-fn element(source: &Source, start: usize) -> Result<(Node, usize), Diagnostic> {
-    if source.text().as_bytes().get(start) != Some(&b'{') {
-        let rest = Span::new(start, source.text().len());
-        // Either nothing that can be read, which the parser explains, or not a document.
-        let node = read(source, rest)?;
+/// One document of many: from its opening bracket to its closing one. Where no value can start, `expected` is.
+fn element(source: &Source, start: usize, expected: &str) -> Result<(Node, usize), Diagnostic> {
+    let rest = Span::new(start, source.text().len());
+    let text = source.slice(rest);
+    if !text.starts_with('{') {
+        if text.starts_with(['}', ']', ')', ',', ':', '(']) {
+            return Err(fault::unexpected(source, rest, expected));
+        }
+        if let Some(offset) = scanner::too_deep(text) {
+            return Err(depth(source, start + offset));
+        }
+        // Either nothing that can be read, which is explained, or not a document.
+        let end = fault::end_of_value(source, rest)?;
+        let node = read(source, Span::new(start, end))?;
+        let span = node.span;
         document(source, node)?;
+        return Err(Diagnostic::new(source, span, "expected a document `{…}`"));
     }
     let end = scanner::value_end(source.text(), start).map_err(|offset| depth(source, offset))?;
     Ok((read(source, Span::new(start, end))?, end))
@@ -171,15 +183,15 @@ pub fn parse_world(source: &Source) -> Result<Vec<(String, Span, Vec<Document>)>
         if world.iter().any(|(known, ..)| *known == name) {
             return Err(Diagnostic::new(source, span, format!("the namespace `{name}` is given twice")));
         }
-        let colon = expect(source, span.end, b':', "expected `:` after the namespace")?;
-        let bracket = expect(source, colon, b'[', "expected an array of documents `[…]`")? - 1;
+        let colon = expect(source, span.end, b':', "`:` after the namespace")?;
+        let bracket = expect(source, colon, b'[', "an array of documents `[…]`")? - 1;
         let (documents, end) = array(source, bracket)?;
         world.push((name, span, documents.into_iter().map(|(_, document)| document).collect()));
         offset = scanner::skip(text, end, b"");
         match text.as_bytes().get(offset) {
             Some(b',') => offset = scanner::skip(text, offset + 1, b""),
             Some(b'}') => {}
-            _ => return Err(Diagnostic::new(source, Span::at(offset), "expected `,` or `}` after an array")),
+            _ => return Err(fault::unexpected(source, Span::new(offset, text.len()), "`,` or `}` after an array")),
         }
     }
     let rest = scanner::skip(text, offset + 1, b"");
@@ -190,12 +202,12 @@ pub fn parse_world(source: &Source) -> Result<Vec<(String, Span, Vec<Document>)>
 }
 
 /// The byte wanted at the next place; returns the offset after it.
-fn expect(source: &Source, offset: usize, wanted: u8, message: &str) -> Result<usize, Diagnostic> {
+fn expect(source: &Source, offset: usize, wanted: u8, expected: &str) -> Result<usize, Diagnostic> {
     let offset = scanner::skip(source.text(), offset, b"");
     if source.text().as_bytes().get(offset) == Some(&wanted) {
         return Ok(offset + 1);
     }
-    Err(Diagnostic::new(source, Span::at(offset), message))
+    Err(fault::unexpected(source, Span::new(offset, source.text().len()), expected))
 }
 
 /// The key at `offset`: quoted, or a bare `database.collection`.
@@ -206,8 +218,12 @@ fn namespace(source: &Source, offset: usize) -> Result<(String, Span), Diagnosti
         let span = Span::new(offset, offset + bare);
         return Ok((source.slice(span).to_owned(), span));
     }
-    let wrong = |error| diagnose(source, offset, &error);
-    let mut pairs = ShellParser::parse(Rule::string, rest).map_err(wrong)?;
+    let whole = Span::new(offset, source.text().len());
+    if !rest.starts_with(['"', '\'']) {
+        return Err(fault::unexpected(source, whole, "a namespace"));
+    }
+    fault::end_of_value(source, whole)?;
+    let mut pairs = ShellParser::parse(Rule::string, rest).map_err(|error| diagnose(source, offset, &error))?;
     let Some(pair) = pairs.next() else {
         return Err(Diagnostic::new(source, Span::at(offset), "expected a namespace"));
     };
@@ -221,7 +237,8 @@ fn read(source: &Source, span: Span) -> Result<Node, Diagnostic> {
     if let Some(offset) = scanner::too_deep(text) {
         return Err(depth(source, span.start + offset));
     }
-    let mut pairs = ShellParser::parse(Rule::whole, text).map_err(|error| diagnose(source, span.start, &error))?;
+    let refused = |error| fault::find(source, span).unwrap_or_else(|| diagnose(source, span.start, &error));
+    let mut pairs = ShellParser::parse(Rule::whole, text).map_err(refused)?;
     match pairs.next() {
         Some(pair) => Walker { source, base: span.start }.value(pair),
         None => Err(Diagnostic::new(source, span, "expected a value")),

@@ -45,6 +45,17 @@ impl Scanner {
         matches!(self.inside, Inside::Code)
     }
 
+    /// How many of the bytes that come next change nothing: the inside of a string or of a comment.
+    pub(super) fn idle(&self, rest: &[u8]) -> usize {
+        let found = match self.inside {
+            Inside::Text(quote) => memchr::memchr3(quote, b'\\', b'\n', rest),
+            Inside::LineComment => memchr::memchr(b'\n', rest),
+            Inside::BlockComment => memchr::memchr(b'*', rest),
+            _ => return 0,
+        };
+        found.unwrap_or(rest.len())
+    }
+
     /// Takes the next byte.
     pub(super) fn step(&mut self, byte: u8) {
         self.inside = match self.inside {
@@ -112,17 +123,53 @@ impl Scanner {
     }
 }
 
+/// The length of the string that `text` starts with, its quotes included; `None` if it has no end on its line.
+pub(super) fn string_end(text: &str) -> Option<usize> {
+    let bytes = text.as_bytes();
+    let quote = *bytes.first()?;
+    let mut at = 1;
+    loop {
+        at += memchr::memchr3(quote, b'\\', b'\n', bytes.get(at..)?)?;
+        match bytes.get(at)? {
+            b'\\' => at += 2,
+            b'\n' => return None,
+            _ => return Some(at + 1),
+        }
+    }
+}
+
+/// The length of the regular expression that `text` starts with, without its options.
+pub(super) fn regex_end(text: &str) -> Option<usize> {
+    let (mut class, mut escaped) = (false, false);
+    for (at, byte) in text.bytes().enumerate().skip(1) {
+        match byte {
+            b'\n' => return None,
+            _ if escaped => escaped = false,
+            b'\\' => escaped = true,
+            b'[' => class = true,
+            b']' => class = false,
+            b'/' if !class => return Some(at + 1),
+            _ => {}
+        }
+    }
+    None
+}
+
 /// Where the bracketed value that starts at `start` ends; the end of the text if it does not.
 pub(super) fn value_end(text: &str, start: usize) -> Result<usize, usize> {
     let mut scanner = Scanner::new();
-    for (index, byte) in text.bytes().enumerate().skip(start) {
+    let bytes = text.as_bytes();
+    let mut at = start;
+    while let Some(byte) = bytes.get(at).copied() {
         scanner.step(byte);
         if scanner.depth() > MAX_DEPTH {
-            return Err(index);
+            return Err(at);
         }
+        at += 1;
         if scanner.depth() == 0 && scanner.in_code() && matches!(byte, b'}' | b']' | b')') {
-            return Ok(index + 1);
+            return Ok(at);
         }
+        at += scanner.idle(bytes.get(at..).unwrap_or_default());
     }
     Ok(text.len())
 }
@@ -130,10 +177,17 @@ pub(super) fn value_end(text: &str, start: usize) -> Result<usize, usize> {
 /// The offset of the first bracket that is too deep.
 pub(super) fn too_deep(text: &str) -> Option<usize> {
     let mut scanner = Scanner::new();
-    text.bytes().position(|byte| {
+    let bytes = text.as_bytes();
+    let mut at = 0;
+    while let Some(byte) = bytes.get(at).copied() {
         scanner.step(byte);
-        scanner.depth() > MAX_DEPTH
-    })
+        if scanner.depth() > MAX_DEPTH {
+            return Some(at);
+        }
+        at += 1;
+        at += scanner.idle(bytes.get(at..).unwrap_or_default());
+    }
+    None
 }
 
 /// The first offset from `start` on that is no white space, comment or byte in `also`.
@@ -144,7 +198,7 @@ pub(super) fn skip(text: &str, start: usize, also: &[u8]) -> usize {
         if rest.starts_with("//") {
             offset += rest.find('\n').unwrap_or(rest.len());
         } else if rest.starts_with("/*") {
-            match rest.find("*/") {
+            match memchr::memmem::find(rest.as_bytes(), b"*/") {
                 Some(end) => offset += end + 2,
                 None => return offset,
             }

@@ -77,11 +77,14 @@ impl<R: BufRead> Reader<R> {
                 break;
             }
             self.lines += 1;
-            for (offset, byte) in chunk.bytes.iter_mut().enumerate().skip(start) {
+            let mut offset = start;
+            while let Some(byte) = chunk.bytes.get_mut(offset) {
                 if scanner.in_code() && scanner.depth() == 0 && self.outside(byte) {
                     chunk.extra.get_or_insert(offset);
                 }
                 scanner.step(*byte);
+                offset += 1;
+                offset += scanner.idle(chunk.bytes.get(offset..).unwrap_or_default());
             }
             if scanner.depth() > MAX_DEPTH || (scanner.in_code() && scanner.depth() == 0) {
                 break;

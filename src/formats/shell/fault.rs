@@ -1,0 +1,270 @@
+//! Where a text stops to be a value, and what could have stood there.
+//!
+//! pest reports the furthest place at which a whole rule failed, which is often
+//! the start of a value. This looks at a text that the parser has refused once
+//! more, token by token and without recursion, and names the first token that fits nowhere.
+
+use pest::Parser as _;
+
+use super::reader::{Rule, ShellParser};
+use super::{constructor, scanner};
+use crate::formats::{Diagnostic, Source, Span};
+
+/// The most characters of a token that a message repeats.
+const TOKEN_WINDOW: usize = 40;
+
+/// What may come next.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Next {
+    Value,
+    /// In an array or a call, where it may close as well.
+    ValueOrClose,
+    KeyOrClose,
+    Colon,
+    CommaOrClose,
+}
+
+/// A bracket that is open: which, and where.
+type Open = (u8, usize);
+
+/// What the text from `start` up to `end` does wrong as one value; `None` if nothing is found.
+pub(super) fn find(source: &Source, span: Span) -> Option<Diagnostic> {
+    let mut checker = Checker { source, end: span.end, open: Vec::new(), at: span.start, key: None };
+    if let Err(fault) = checker.value() {
+        return Some(fault);
+    }
+    checker.blank();
+    let rest = checker.rest();
+    (!rest.is_empty()).then(|| unexpected(source, Span::new(checker.at, span.end), "the end of the text"))
+}
+
+/// Where the value that starts at the start of `span` ends.
+pub(super) fn end_of_value(source: &Source, span: Span) -> Result<usize, Diagnostic> {
+    let mut checker = Checker { source, end: span.end, open: Vec::new(), at: span.start, key: None };
+    checker.value().map(|()| checker.at)
+}
+
+/// Complains about what stands at the start of `rest`: `expected` should, or a comment is not closed.
+pub(super) fn unexpected(source: &Source, rest: Span, expected: &str) -> Diagnostic {
+    let text = source.slice(rest);
+    if text.starts_with("/*") {
+        return Diagnostic::new(source, Span::at(rest.start), "the comment has no end").hint("it ends with `*/`");
+    }
+    let token = token(text);
+    let span = Span::new(rest.start, rest.start + token.len());
+    let found = match token.chars().count() {
+        0 => "the end of the text".to_owned(),
+        length if length > TOKEN_WINDOW => format!("`{}…`", token.chars().take(TOKEN_WINDOW).collect::<String>()),
+        _ => format!("`{token}`"),
+    };
+    Diagnostic::new(source, span, format!("expected {expected}, found {found}"))
+}
+
+/// A word or a number at the start of `text`, or its first character.
+fn token(text: &str) -> &str {
+    let signed = text
+        .strip_prefix(['+', '-'])
+        .is_some_and(|rest| rest.starts_with(['I', 'N', '.']) || rest.starts_with(|c: char| c.is_ascii_digit()));
+    let sign = usize::from(signed);
+    let rest = text.get(sign..).unwrap_or_default();
+    let mut previous = ' ';
+    let end = rest.find(|c: char| {
+        let exponent =
+            matches!(c, '+' | '-') && matches!(previous, 'e' | 'E') && rest.starts_with(|c: char| c.is_ascii_digit());
+        previous = c;
+        !(c.is_alphanumeric() || matches!(c, '_' | '$' | '.') || exponent)
+    });
+    match sign + end.unwrap_or(rest.len()) {
+        length if length > sign => text.get(..length).unwrap_or(text),
+        _ => text.chars().next().and_then(|c| text.get(..c.len_utf8())).unwrap_or_default(),
+    }
+}
+
+fn is_name_part(c: char) -> bool {
+    c.is_alphanumeric() || matches!(c, '_' | '$')
+}
+
+struct Checker<'a> {
+    source: &'a Source,
+    end: usize,
+    open: Vec<Open>,
+    at: usize,
+    /// The bare key before the colon that comes next.
+    key: Option<usize>,
+}
+
+impl<'a> Checker<'a> {
+    fn rest(&self) -> &'a str {
+        self.source.slice(Span::new(self.at, self.end))
+    }
+
+    /// Goes past white space and comments.
+    fn blank(&mut self) {
+        self.at = scanner::skip(self.source.text(), self.at, b"").min(self.end);
+    }
+
+    /// Goes past one value.
+    fn value(&mut self) -> Result<(), Diagnostic> {
+        let mut next = Next::Value;
+        loop {
+            self.blank();
+            let first = self.rest().bytes().next();
+            if next != Next::Value && next != Next::Colon && first.is_some() && first == self.closer() {
+                self.open.pop();
+                self.at += 1;
+                next = Next::CommaOrClose;
+            } else {
+                next = match next {
+                    Next::Value | Next::ValueOrClose => self.one(next)?,
+                    Next::KeyOrClose => self.key()?,
+                    Next::Colon if first == Some(b':') => self.after(1, Next::Value),
+                    Next::Colon => return Err(self.no_colon()),
+                    Next::CommaOrClose if first == Some(b',') => {
+                        let document = matches!(self.open.last(), Some((b'{', _)));
+                        self.after(1, if document { Next::KeyOrClose } else { Next::ValueOrClose })
+                    }
+                    Next::CommaOrClose => return Err(self.fault(&format!("`,` or {}", self.closing()))),
+                };
+            }
+            if self.open.is_empty() && next == Next::CommaOrClose {
+                return Ok(());
+            }
+        }
+    }
+
+    fn after(&mut self, length: usize, next: Next) -> Next {
+        self.at += length;
+        next
+    }
+
+    /// What closes the innermost bracket.
+    fn closer(&self) -> Option<u8> {
+        self.open.last().map(|(bracket, _)| match bracket {
+            b'{' => b'}',
+            b'[' => b']',
+            _ => b')',
+        })
+    }
+
+    fn closing(&self) -> String {
+        self.closer().map_or_else(|| "the end of the text".to_owned(), |closer| format!("`{}`", char::from(closer)))
+    }
+
+    /// What stands here does not fit; where the text ends or the wrong bracket closes, says what is open.
+    fn fault(&self, expected: &str) -> Diagnostic {
+        let rest = self.rest();
+        let diagnostic = unexpected(self.source, Span::new(self.at, self.end), expected);
+        match self.open.last() {
+            Some((bracket, start)) if rest.is_empty() || rest.starts_with(['}', ']', ')']) => {
+                let (line, column) = self.source.position(*start);
+                diagnostic.hint(format!("the `{}` at {line}:{column} is not closed", char::from(*bracket)))
+            }
+            _ => diagnostic,
+        }
+    }
+
+    /// Goes past a scalar, or into brackets.
+    fn one(&mut self, next: Next) -> Result<Next, Diagnostic> {
+        let rest = self.rest();
+        let expected = match next {
+            Next::ValueOrClose => format!("a value or {}", self.closing()),
+            _ => "a value".to_owned(),
+        };
+        match rest.chars().next() {
+            Some('{') => Ok(self.enter(b'{', 1, Next::KeyOrClose)),
+            Some('[') => Ok(self.enter(b'[', 1, Next::ValueOrClose)),
+            Some('"' | '\'') => self.string().map(|()| Next::CommaOrClose),
+            Some('/') if !rest.starts_with("/*") => self.regex().map(|()| Next::CommaOrClose),
+            Some(c) if is_name_part(c) && !c.is_numeric() => self.word(),
+            _ => {
+                let token = token(rest);
+                let whole = ShellParser::parse(Rule::number, token).is_ok_and(|pairs| pairs.as_str() == token);
+                if !whole {
+                    return Err(self.fault(&expected));
+                }
+                Ok(self.after(token.len(), Next::CommaOrClose))
+            }
+        }
+    }
+
+    fn enter(&mut self, bracket: u8, length: usize, next: Next) -> Next {
+        self.open.push((bracket, self.at + length - 1));
+        self.after(length, next)
+    }
+
+    fn string(&mut self) -> Result<(), Diagnostic> {
+        match scanner::string_end(self.rest()) {
+            Some(length) => self.at += length,
+            None => {
+                let span = Span::new(self.at, self.at + 1);
+                return Err(Diagnostic::new(self.source, span, "the string has no end")
+                    .hint("it ends with the same quote, on the same line"));
+            }
+        }
+        Ok(())
+    }
+
+    fn regex(&mut self) -> Result<(), Diagnostic> {
+        let parsed = ShellParser::parse(Rule::regex, self.rest());
+        if let Ok(pairs) = parsed {
+            self.at += pairs.as_str().len();
+            return Ok(());
+        }
+        let message = "the regular expression has no end, or something follows its options";
+        let closed = scanner::regex_end(self.rest()).is_some();
+        let message = if closed { message } else { "the regular expression has no end" };
+        Err(Diagnostic::new(self.source, Span::new(self.at, self.at + 1), message))
+    }
+
+    /// A constant, or a constructor with its bracket.
+    fn word(&mut self) -> Result<Next, Diagnostic> {
+        let rest = self.rest();
+        let length = |text: &str| text.find(|c| !is_name_part(c)).unwrap_or(text.len());
+        let mut end = length(rest);
+        let blank = |end| scanner::skip(self.source.text(), self.at + end, b"").min(self.end) - self.at;
+        let mut name = rest.get(..end).unwrap_or_default();
+        if name == "new" && blank(end) > end {
+            let start = blank(end);
+            let after = rest.get(start..).unwrap_or_default();
+            end = start + length(after);
+            name = rest.get(start..end).unwrap_or_default();
+        }
+        let bracket = blank(end);
+        if rest.get(bracket..).is_some_and(|after| after.starts_with('(')) {
+            return Ok(self.enter(b'(', bracket + 1, Next::ValueOrClose));
+        }
+        if constructor::word(name).is_none() {
+            return Err(self.fault("a value").hint("strings are written in quotes"));
+        }
+        Ok(self.after(end, Next::CommaOrClose))
+    }
+
+    fn key(&mut self) -> Result<Next, Diagnostic> {
+        let rest = self.rest();
+        if rest.starts_with(['"', '\'']) {
+            self.key = None;
+            return self.string().map(|()| Next::Colon);
+        }
+        let end = rest.find(|c| !is_name_part(c)).unwrap_or(rest.len());
+        let name = rest.get(..end).unwrap_or_default();
+        let digits = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
+        if name.is_empty() || (name.starts_with(char::is_numeric) && !digits) {
+            let diagnostic = self.fault("a key or `}`");
+            return Err(if name.is_empty() { diagnostic } else { diagnostic.hint(format!("quote the key: '{name}'")) });
+        }
+        self.key = Some(self.at);
+        Ok(self.after(end, Next::Colon))
+    }
+
+    /// A bare key that goes on with what only a quoted one can hold is a key without quotes.
+    fn no_colon(&self) -> Diagnostic {
+        let diagnostic = self.fault("`:`");
+        let Some(start) = self.key else { return diagnostic };
+        let text = self.source.slice(Span::new(start, self.end));
+        let length = text.find(|c: char| !is_name_part(c) && !matches!(c, '-' | '.')).unwrap_or(text.len());
+        if start + length <= self.at {
+            return diagnostic;
+        }
+        diagnostic.hint(format!("quote the key: '{}'", text.get(..length).unwrap_or_default()))
+    }
+}
