@@ -119,7 +119,7 @@ pub enum Command {
     Drop(Drop),
     /// Write namespaces as a world file, or as a folder that MongoDB's tools read
     #[command(
-        after_help = "Examples:\n  rmem dump robmem.worldmodel -o world.json\n  rmem dump --all -o backup --gzip\n\n\
+        after_help = "Examples:\n  rmem dump robmem.worldmodel -o world.json\n  rmem dump --all -o backup --gzip\n  rmem dump --all -o backup.archive --archive\n\n\
 A path that ends in .json, and -, is a world file; any other path is a folder with\n\
 DATABASE/COLLECTION.bson and .metadata.json, as mongodump writes it. The folder may not be\n\
 there yet, and appears whole or not at all. It keeps documents with their metadata; a world\n\
@@ -130,7 +130,7 @@ file leaves out when they were stored and changed. What computables made is left
     #[command(
         after_help = "Examples:\n  rmem restore world.json\n  rmem restore backup --dry-run\n  rmem restore dump/robmem/blocks.bson --into robmem.copy --drop\n\n\
 Reads world files, folders of rmem and of mongodump (also the folder of one database, or one\n\
-.bson file), plain or packed with gzip. Nothing is changed where anything in them is wrong.\n\
+.bson file), archives, plain or packed with gzip. Nothing is changed where anything in them is wrong.\n\
 Documents are put beside those that are there: new ones are inserted, different ones replace\n\
 what has their _id, equal ones are skipped. With --drop, each collection is replaced as a\n\
 whole, with its indexes, once everything is stored. Metadata is restored, but for the dates:\n\
@@ -326,7 +326,10 @@ pub struct Dump {
     /// A world file (.json, or - for stdout), or a folder
     #[arg(short, long, value_name = "PATH", default_value = "-")]
     pub output: PathBuf,
-    /// Pack the files of a folder
+    /// Write one file, as mongodump --archive does
+    #[arg(long)]
+    pub archive: bool,
+    /// Pack the files of a folder, or the archive
     #[arg(long)]
     pub gzip: bool,
 }
@@ -334,7 +337,7 @@ pub struct Dump {
 /// `restore`
 #[derive(Debug, Args)]
 pub struct Restore {
-    /// A world file, a folder, or a .bson file; - is a world file on stdin
+    /// A world file, a folder, an archive, or a .bson file; - is a world file on stdin
     #[arg(value_name = "PATH")]
     pub path: PathBuf,
     /// Where the dump of one collection goes instead

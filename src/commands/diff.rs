@@ -4,8 +4,8 @@ use std::path::Path;
 
 use bson::{Bson, Document};
 
-use super::Context;
 use super::context::memory_at;
+use super::{Context, WrongInput};
 use crate::cli::Diff;
 use crate::exit::Exit;
 use crate::formats::shell;
@@ -23,7 +23,13 @@ pub(super) fn run(args: &Diff, context: &mut Context<'_>) -> anyhow::Result<Exit
 fn side(text: &str, context: &mut Context<'_>) -> anyhow::Result<Side> {
     let is_uri = ["file:", "mem:", "mongodb:", "mongodb+srv:"].iter().any(|scheme| text.starts_with(scheme));
     Ok(match text {
-        uri if is_uri => Side::Memory(memory_at(uri)?),
+        uri if is_uri => {
+            if let Some(path) = uri.strip_prefix("file:").filter(|path| !path.is_empty() && !Path::new(path).exists()) {
+                // Opening it would make an empty one, which is not what anybody wants to compare.
+                return Err(WrongInput::new(format!("there is no memory at {path}")).into());
+            }
+            Side::Memory(memory_at(uri)?)
+        }
         "-" => Side::Dump(Dumped::world(&context.read(Path::new(text))?)?),
         path => Side::Dump(Dumped::open(Path::new(path))?),
     })

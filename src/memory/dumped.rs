@@ -2,7 +2,7 @@
 //! documents, from the beginning as often as they are asked for.
 //!
 //! A world file, a folder as `mongodump` writes it, the folder of one database
-//! in it, or one `.bson` file; each may be packed with gzip. They are told
+//! in it, one `.bson` file, or an archive; each may be packed with gzip. They are told
 //! apart by what is in them, not by their names.
 
 use std::fs::{self, File};
@@ -13,7 +13,7 @@ use bson::{Document, RawDocumentBuf};
 
 use super::world::{World, WorldError, identified};
 use crate::formats::Source;
-use crate::formats::mongodump::{self, Damage, Kind, Metadata, decode_document};
+use crate::formats::mongodump::{self, Archive, Archived, Damage, Kind, MAGIC, Metadata, decode_document};
 use crate::store::{Namespace, document};
 
 /// The documents of a dump, each checked.
@@ -40,6 +40,8 @@ pub struct Part {
 enum Content {
     Listed(Vec<Document>),
     File(PathBuf),
+    /// Its database and name in an archive.
+    Archived(PathBuf, String, String),
 }
 
 /// Why a dump cannot be read.
@@ -91,6 +93,9 @@ impl Dumped {
             dumped.add(path)?;
             return Ok(dumped);
         }
+        if head.starts_with(&MAGIC) {
+            return Self::archive(path, file);
+        }
         let mut text = Vec::new();
         file.read_to_end(&mut text).map_err(|source| DumpedError::Read { path: path.to_owned(), source })?;
         let text = String::from_utf8(text).map_err(|error| DumpedError::Name {
@@ -114,6 +119,28 @@ impl Dumped {
             parts.push(Part { namespace, content: Content::Listed(documents) });
         }
         Ok(Self { parts, notes: Vec::new() })
+    }
+
+    /// Which collections an archive has.
+    fn archive(path: &Path, file: Box<dyn std::io::BufRead>) -> Result<Self, DumpedError> {
+        let refuse = |reason: String| DumpedError::Name { path: path.to_owned(), reason };
+        let archive = Archive::open(file).map_err(|damage| DumpedError::Damaged { path: path.to_owned(), damage })?;
+        let mut dumped = Self { parts: Vec::new(), notes: Vec::new() };
+        for Archived { database, collection, metadata } in archive.collections() {
+            let name = format!("{database}.{collection}");
+            let source = Source::new(format!("{} ({name})", path.display()), metadata.as_str());
+            let metadata = Metadata::parse(&source).map_err(|error| refuse(error.to_string()))?;
+            if collection.starts_with("system.") {
+                dumped.notes.push(format!("{name} is the server's own and is left out"));
+            } else if let Kind::Other(kind) = metadata.kind {
+                dumped.notes.push(format!("{name} is a {kind} and is left out"));
+            } else {
+                let namespace = Namespace::parse(&name).map_err(|error| refuse(error.to_string()))?;
+                let content = Content::Archived(path.to_owned(), database.clone(), collection.clone());
+                dumped.push(namespace, content, &metadata.indexes);
+            }
+        }
+        Ok(dumped)
     }
 
     /// A folder of databases, or of one.
@@ -154,11 +181,16 @@ impl Dumped {
     fn add(&mut self, path: &Path) -> Result<(), DumpedError> {
         let metadata = metadata_of(path)?;
         let namespace = namespace(path, metadata.as_ref())?;
-        for index in metadata.iter().flat_map(|metadata| &metadata.indexes) {
+        let indexes = metadata.map(|metadata| metadata.indexes).unwrap_or_default();
+        self.push(namespace, Content::File(path.to_owned()), &indexes);
+        Ok(())
+    }
+
+    fn push(&mut self, namespace: Namespace, content: Content, indexes: &[String]) {
+        for index in indexes {
             self.notes.push(format!("the index {index} of {namespace} is not restored"));
         }
-        self.parts.push(Part { namespace, content: Content::File(path.to_owned()) });
-        Ok(())
+        self.parts.push(Part { namespace, content });
     }
 
     /// Sends the one collection of the dump to another namespace.
@@ -195,18 +227,28 @@ impl Part {
     pub fn documents(&self) -> Result<Checked<'_>, DumpedError> {
         match &self.content {
             Content::Listed(documents) => Ok(Box::new(documents.iter().cloned().map(Ok))),
-            Content::File(path) => {
-                let documents = mongodump::Documents::new(unpacked(path)?);
-                let check = |(offset, document): (u64, RawDocumentBuf)| {
-                    let refused = |error: crate::query::QueryError| Damage { offset, reason: error.message };
-                    document::vet(&document).map_err(refused)?;
-                    decode_document(offset, &document)
-                };
-                let damaged = |damage| DumpedError::Damaged { path: path.clone(), damage };
-                Ok(Box::new(documents.map(move |read| read.and_then(check).map_err(damaged))))
+            Content::File(path) => Ok(checked(path, mongodump::Documents::new(unpacked(path)?))),
+            Content::Archived(path, database, collection) => {
+                let archive = Archive::open(unpacked(path)?)
+                    .map_err(|damage| DumpedError::Damaged { path: path.clone(), damage })?;
+                Ok(checked(path, archive.documents(database, collection)))
             }
         }
     }
+}
+
+/// The documents, where each is well-formed and can be stored.
+fn checked<'a>(
+    path: &'a Path,
+    documents: impl Iterator<Item = Result<(u64, RawDocumentBuf), Damage>> + 'a,
+) -> Checked<'a> {
+    let check = |(offset, document): (u64, RawDocumentBuf)| {
+        let refused = |error: crate::query::QueryError| Damage { offset, reason: error.message };
+        document::vet(&document).map_err(refused)?;
+        decode_document(offset, &document)
+    };
+    let damaged = |damage| DumpedError::Damaged { path: path.to_owned(), damage };
+    Box::new(documents.map(move |read| read.and_then(check).map_err(damaged)))
 }
 
 fn unpacked(path: &Path) -> Result<Box<dyn std::io::BufRead>, DumpedError> {

@@ -188,6 +188,25 @@ fn a_world_with_a_mistake_changes_nothing() {
 }
 
 #[test]
+fn an_archive_holds_everything_in_one_file() {
+    for options in [&[][..], &["--gzip"]] {
+        let lab = lab();
+        lab.rmem(&[&["dump", "--all", "--archive", "-o", "all.json"], options].concat()).success();
+        let before = all(&lab);
+        lab.rmem(&["diff", "all.json", "all.json"]).success();
+        changed(&lab);
+        let report = lab.rmem(&["restore", "all.json", "--drop"]).success();
+        assert!(report.contains(r#""robmem.blocks","inserted":2,"replaced":0,"skipped":0,"dropped":2"#), "{report}");
+        assert_eq!(all(&lab), before);
+        let bytes = fs::read(lab.path().join("all.json")).unwrap();
+        fs::write(lab.path().join("cut"), &bytes[..bytes.len() - 60]).unwrap();
+        let failed = lab.rmem(&["restore", "cut"]).exits(3);
+        assert!(failed.stderr.contains("cut: byte "), "{failed}");
+        lab.rmem(&["restore", "all.json", "--into", "x.y"]).exits(2);
+    }
+}
+
+#[test]
 fn what_is_the_servers_own_is_left_out_aloud() {
     let lab = dumped(&[]);
     fs::write(lab.path().join("dump/robmem/system.users.bson"), b"").unwrap();
@@ -237,5 +256,7 @@ fn differences_are_a_line_a_document() {
     let order = lab.rmem(&["diff", "a.json", "c.json"]).exits(1).stdout;
     assert_eq!(order, "~ a.b 1 {\"_id\":1,\"n\":1,\"m\":2} -> {\"_id\":1,\"m\":2,\"n\":1}\n");
     lab.rmem(&["diff", "a.json", "missing.json"]).exits(3);
+    lab.rmem(&["diff", "a.json", "file:missing.rmem"]).exits(3);
+    assert!(!lab.path().join("missing.rmem").exists());
     lab.rmem(&["diff", "a.json", "mem:x"]).exits(2);
 }

@@ -6,6 +6,8 @@ use bson::{Document, RawDocument, RawDocumentBuf};
 
 /// The most bytes of a document: MongoDB's limit and what it adds itself.
 const LONGEST: usize = (16 << 20) + (16 << 10);
+/// Stands where a length would, between the parts of an archive.
+pub(super) const MARK: i32 = -1;
 /// An empty document.
 const SHORTEST: usize = 5;
 
@@ -19,21 +21,34 @@ pub struct Damage {
     pub reason: String,
 }
 
-/// The documents of a `.bson` file, each with the byte it starts at. After an
-/// error nothing more comes.
-pub struct Documents<R> {
-    input: R,
-    offset: u64,
-    done: bool,
+/// What stands in a stream of documents.
+#[derive(Debug)]
+pub(super) enum Frame {
+    /// A document, and the byte it starts at.
+    Document(u64, RawDocumentBuf),
+    /// The mark between the parts of an archive.
+    Mark,
 }
 
-impl<R: BufRead> Documents<R> {
-    /// Reads the documents in `input`.
-    pub fn new(input: R) -> Self {
-        Self { input, offset: 0, done: false }
+/// Documents and marks, one after another.
+pub(super) struct Frames<R> {
+    input: R,
+    offset: u64,
+}
+
+impl<R: BufRead> Frames<R> {
+    /// Reads `input`, of which `offset` bytes are read already.
+    pub(super) fn new(input: R, offset: u64) -> Self {
+        Self { input, offset }
     }
 
-    fn read(&mut self) -> Result<Option<(u64, RawDocumentBuf)>, Damage> {
+    /// How many bytes are read.
+    pub(super) fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// The next document or mark; `None` at the end.
+    pub(super) fn read(&mut self) -> Result<Option<Frame>, Damage> {
         let start = self.offset;
         let mut bytes = Vec::new();
         self.fill(&mut bytes, 4)?;
@@ -43,21 +58,24 @@ impl<R: BufRead> Documents<R> {
                 found => Err(self.cut(start, 4, found)),
             };
         };
-        let size = usize::try_from(size).ok().filter(|size| (SHORTEST..=LONGEST).contains(size)).ok_or_else(|| {
-            Damage { offset: start, reason: format!("{size} is not the length of a document; is this a BSON file?") }
-        })?;
+        if size == MARK {
+            return Ok(Some(Frame::Mark));
+        }
+        let size = usize::try_from(size)
+            .ok()
+            .filter(|size| (SHORTEST..=LONGEST).contains(size))
+            .ok_or_else(|| no_length(start, size))?;
         self.fill(&mut bytes, size - 4)?;
         if bytes.len() < size {
             return Err(self.cut(start, size, bytes.len()));
         }
-        let damaged = |error: &dyn std::fmt::Display| Damage { offset: start, reason: format!("not BSON: {error}") };
-        RawDocumentBuf::from_bytes(bytes).map(|document| Some((start, document))).map_err(|error| damaged(&error))
+        let damaged = |error| Damage { offset: start, reason: format!("not BSON: {error}") };
+        RawDocumentBuf::from_bytes(bytes).map(|document| Some(Frame::Document(start, document))).map_err(damaged)
     }
 
     /// Reads up to `count` bytes more; memory grows with what is there, not with what is promised.
     fn fill(&mut self, bytes: &mut Vec<u8>, count: usize) -> Result<(), Damage> {
-        let read = self.input.by_ref().take(count as u64).read_to_end(bytes);
-        match read {
+        match self.input.by_ref().take(count as u64).read_to_end(bytes) {
             Ok(read) => {
                 self.offset += read as u64;
                 Ok(())
@@ -72,6 +90,32 @@ impl<R: BufRead> Documents<R> {
              it is truncated"
         );
         Damage { offset: self.offset, reason }
+    }
+}
+
+fn no_length(offset: u64, size: i32) -> Damage {
+    Damage { offset, reason: format!("{size} is not the length of a document; is this a BSON file?") }
+}
+
+/// The documents of a `.bson` file, each with the byte it starts at. After an
+/// error nothing more comes.
+pub struct Documents<R> {
+    frames: Frames<R>,
+    done: bool,
+}
+
+impl<R: BufRead> Documents<R> {
+    /// Reads the documents in `input`.
+    pub fn new(input: R) -> Self {
+        Self { frames: Frames::new(input, 0), done: false }
+    }
+
+    fn read(&mut self) -> Result<Option<(u64, RawDocumentBuf)>, Damage> {
+        match self.frames.read()? {
+            None => Ok(None),
+            Some(Frame::Document(offset, document)) => Ok(Some((offset, document))),
+            Some(Frame::Mark) => Err(no_length(self.frames.offset().saturating_sub(4), MARK)),
+        }
     }
 }
 
