@@ -119,9 +119,47 @@ pub enum Command {
     /// Remove a whole collection
     #[command(after_help = "Example:\n  rmem drop robmem.worldmodel")]
     Drop(Drop),
-    /// Write namespaces as a world file
-    #[command(after_help = "Example:\n  rmem dump robmem.worldmodel -o world.json")]
+    /// Write namespaces as a world file, or as a folder that MongoDB's tools read
+    #[command(
+        after_help = "Examples:\n  rmem dump robmem.worldmodel -o world.json\n  rmem dump --all -o backup --gzip\n  rmem dump --all -o backup.archive --archive\n\n\
+A path that ends in .json, and -, is a world file; any other path is a folder with\n\
+DATABASE/COLLECTION.bson and .metadata.json, as mongodump writes it. The folder may not be\n\
+there yet, and appears whole or not at all. It keeps documents with their metadata; a world\n\
+file leaves out when they were stored and changed. What computables made is left out."
+    )]
     Dump(Dump),
+    /// Put a dump into the memory: verified first, whoever wrote it
+    #[command(
+        after_help = "Examples:\n  rmem restore world.json\n  rmem restore backup --dry-run\n  rmem restore dump/robmem/blocks.bson --into robmem.copy --drop\n\n\
+Reads world files, folders of rmem and of mongodump (also the folder of one database, or one\n\
+.bson file), archives, plain or packed with gzip. Nothing is changed where anything in them is wrong.\n\
+Documents are put beside those that are there: new ones are inserted, different ones replace\n\
+what has their _id, equal ones are skipped. With --drop, each collection is replaced as a\n\
+whole, with its indexes, once everything is stored. Metadata is restored, but for the dates:\n\
+a document counts as inserted when it is restored."
+    )]
+    Restore(Restore),
+    /// Compare two world files, dumps or memories
+    #[command(after_help = "Example:\n  rmem diff world.json file:robot.rmem\n\n\
+Prints a line a document that is only in A (-), only in B (+), or different (~); exits with 0\n\
+where there is none, else with 1. Documents are paired by namespace and _id; metadata does\n\
+not count. A and B are files, folders, or URIs: file:PATH, mongodb://…, mem:.")]
+    Diff(Diff),
+    /// Lock a name, so that no other robot does
+    #[command(
+        after_help = "Examples:\n  rmem lock table --owner r1 --ttl 30s\n  rmem lock table --owner r1 --wait 1m && { pick-up; rmem unlock table --owner r1; }\n\n\
+The owner who holds the lock may lock again, which renews it. Where it is held by another,\n\
+exits with 5. Without --owner it is $USER@$HOSTNAME from the environment, and where these are\n\
+not set, it has to be given; two processes with one owner do not exclude each other. Locks\n\
+are documents {_id: NAME, locked, \"locked-by\", \"lock-time\", \"lock-until\"} in the collection\n\
+mutexes of the first of shared_databases, or of robmem where none is shared."
+    )]
+    Lock(Lock),
+    /// Unlock a name
+    #[command(
+        after_help = "Example:\n  rmem unlock table --owner r1\n\nExits with 5 where another owner holds it, with 1 where nobody does. About --owner, see rmem help lock."
+    )]
+    Unlock(Unlock),
     /// Generate a PDDL problem from a template whose sections are queries
     #[command(
         after_help = "Example:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl"
@@ -287,9 +325,82 @@ pub struct Dump {
     /// Every collection
     #[arg(long, conflicts_with = "namespaces")]
     pub all: bool,
-    /// The world file to write
+    /// A world file (.json, or - for stdout), or a folder
     #[arg(short, long, value_name = "PATH", default_value = "-")]
     pub output: PathBuf,
+    /// Write one file, as mongodump --archive does
+    #[arg(long)]
+    pub archive: bool,
+    /// Pack the files of a folder, or the archive
+    #[arg(long)]
+    pub gzip: bool,
+}
+
+/// `restore`
+#[derive(Debug, Args)]
+pub struct Restore {
+    /// A world file, a folder, an archive, or a .bson file; - is a world file on stdin
+    #[arg(value_name = "PATH")]
+    pub path: PathBuf,
+    /// Where the dump of one collection goes instead
+    #[arg(long, value_name = "NS")]
+    pub into: Option<Namespace>,
+    /// Replace collections as a whole
+    #[arg(long)]
+    pub drop: bool,
+    /// Only say what would be done
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+/// `diff`
+#[derive(Debug, Args)]
+pub struct Diff {
+    /// The first: a world file, a dump, or the URI of a memory
+    #[arg(value_name = "A")]
+    pub first: String,
+    /// The second
+    #[arg(value_name = "B")]
+    pub second: String,
+}
+
+/// `lock`
+#[derive(Debug, Args)]
+pub struct Lock {
+    /// What is locked
+    #[arg(value_name = "NAME")]
+    pub name: String,
+    /// Who locks and where; shared with `unlock`.
+    #[command(flatten)]
+    pub holder: HolderOptions,
+    /// The lock expires after so long
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    pub ttl: Option<Duration>,
+    /// Wait so long for whoever holds it
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    pub wait: Option<Duration>,
+}
+
+/// `unlock`
+#[derive(Debug, Args)]
+pub struct Unlock {
+    /// What is unlocked
+    #[arg(value_name = "NAME")]
+    pub name: String,
+    /// Who unlocks and where; shared with `lock`.
+    #[command(flatten)]
+    pub holder: HolderOptions,
+}
+
+/// Who locks, and in which collection.
+#[derive(Debug, Clone, Default, Args)]
+pub struct HolderOptions {
+    /// Who holds the lock
+    #[arg(long, value_name = "OWNER")]
+    pub owner: Option<String>,
+    /// The collection of locks
+    #[arg(long, value_name = "NS")]
+    pub into: Option<Namespace>,
 }
 
 /// What a template needs; shared by `gen-problem` and `plan`.

@@ -151,6 +151,15 @@ impl<'a> Context<'a> {
     }
 }
 
+/// The memory at one URI, for both kinds of databases.
+///
+/// # Errors
+/// Where the URI is none.
+pub(super) fn memory_at(uri: &str) -> anyhow::Result<Memory> {
+    let uri = StoreUri::parse(uri).map_err(|error| UsageError::new(error.to_string()))?;
+    Ok(Memory::at(uri.clone(), uri, Vec::new()))
+}
+
 /// The stores that the settings name; each is contacted when it is first used.
 fn open(settings: &Settings) -> anyhow::Result<Memory> {
     let local = settings.memory.value.as_deref().ok_or_else(|| {

@@ -1,14 +1,31 @@
-//! `rmem dump [NS…|--all] -o PATH`: namespaces as a world file.
+//! `rmem dump [NS…|--all] -o PATH`: namespaces as a world file, a folder, or an archive.
 
-use super::Context;
+use std::path::Path;
+
+use super::{Context, UsageError};
 use crate::cli::Dump;
 use crate::exit::Exit;
-use crate::memory::world;
+use crate::memory::{dump, world};
 
 pub(super) fn run(args: &Dump, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let is_world = args.output == Path::new("-") || args.output.extension().is_some_and(|end| end == "json");
+    let is_world = is_world && !args.archive;
+    if is_world && args.gzip {
+        return Err(UsageError::new("--gzip packs the files of a folder, or an archive; expected -o PATH").into());
+    }
+    if args.archive && args.output == Path::new("-") {
+        return Err(UsageError::new("an archive is a file; expected -o FILE").into());
+    }
     let memory = context.memory()?;
     let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
-    let text = world::dump(&memory, &namespaces)?;
-    context.output.write_file(&args.output, text.as_bytes())?;
+    if is_world {
+        let text = world::dump(&memory, &namespaces)?;
+        context.output.write_file(&args.output, text.as_bytes())?;
+        return Ok(Exit::Done);
+    }
+    let write = if args.archive { dump::write_archive } else { dump::write };
+    for (namespace, count) in write(&memory, &namespaces, &args.output, args.gzip)? {
+        context.output.note(&format!("{namespace}: {count} documents"));
+    }
     Ok(Exit::Done)
 }

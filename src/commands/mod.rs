@@ -6,6 +6,7 @@ mod completions;
 mod config;
 mod count;
 mod delete;
+mod diff;
 mod distinct;
 mod doctor;
 mod drop;
@@ -14,9 +15,12 @@ mod exit_codes;
 mod ff;
 mod gen_problem;
 mod insert;
+mod lock;
 mod man;
 mod plan;
 mod query;
+mod restore;
+mod unlock;
 mod update;
 mod validate;
 
@@ -41,6 +45,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Config => config::run(context),
         Command::Count(args) => count::run(args, context),
         Command::Delete(args) => delete::run(args, context),
+        Command::Diff(args) => diff::run(args, context),
         Command::Distinct(args) => distinct::run(args, context),
         Command::Doctor => doctor::run(context),
         Command::Drop(args) => drop::run(args, context),
@@ -49,9 +54,12 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
         Command::Insert(args) => insert::run(args, context),
+        Command::Lock(args) => lock::run(args, context),
         Command::Man => man::run(context),
         Command::Plan(args) => plan::run(args, context),
         Command::Query(args) => query::run(args, context),
+        Command::Restore(args) => restore::run(args, context),
+        Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),
     }

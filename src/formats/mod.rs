@@ -7,6 +7,7 @@
 
 pub mod diagnostic;
 pub mod marker;
+pub mod mongodump;
 pub mod pddl;
 pub mod plan;
 pub mod shell;

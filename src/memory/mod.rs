@@ -6,8 +6,13 @@
 //! network works with what is its own.
 
 mod clock;
+pub mod difference;
+pub mod dump;
+pub mod dumped;
 mod journal;
+pub mod lock;
 mod operations;
+pub mod restore;
 mod route;
 pub mod world;
 

@@ -131,6 +131,11 @@ impl Memory {
         self.journal.note("drop", Some(ns), |found| u64::from(*found), || self.routes.of(ns)?.drop(ns))
     }
 
+    /// Gives a collection the name of another, in its place; see [`Store::rename`].
+    pub fn rename_collection(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+        self.journal.note("rename", Some(to), |()| 1, || self.routes.of(to)?.rename(from, to))
+    }
+
     /// All collections of both stores, each where its database belongs, sorted.
     pub fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         self.journal.note("collections", None, |found: &Vec<Namespace>| length(found), || self.routes.collections())

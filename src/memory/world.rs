@@ -100,7 +100,7 @@ fn dump_documents(memory: &Memory, ns: &Namespace, text: &mut String) -> Result<
 }
 
 /// Leaves out when the document was stored and changed.
-fn forget_dates(document: &mut Document) {
+pub(super) fn forget_dates(document: &mut Document) {
     if let Some(Bson::Document(info)) = document.get_mut(stamp::INFO) {
         info.remove(stamp::INSERTED);
         info.remove(stamp::UPDATED);
@@ -142,6 +142,11 @@ impl World {
         self.namespaces.iter().map(|(ns, documents)| (ns, documents.as_slice()))
     }
 
+    /// The documents, by namespace, to be taken.
+    pub(super) fn into_namespaces(self) -> Vec<(Namespace, Vec<Document>)> {
+        self.namespaces
+    }
+
     /// Puts the documents into the memory, one namespace after the other.
     ///
     /// # Errors
@@ -162,7 +167,7 @@ impl World {
 }
 
 /// The documents, with an `_id` for each that has none.
-fn identified(ns: &Namespace, mut documents: Vec<Document>) -> Result<Vec<Document>, QueryError> {
+pub(super) fn identified(ns: &Namespace, mut documents: Vec<Document>) -> Result<Vec<Document>, QueryError> {
     let mut seen: HashMap<[u8; 32], u64> = HashMap::new();
     for document in documents.iter_mut().filter(|document| !document.contains_key("_id")) {
         let content: [u8; 32] = Sha256::new()

@@ -9,7 +9,7 @@ pub mod embedded;
 #[cfg(feature = "mongodb")]
 pub mod mongodb;
 
-mod document;
+pub(crate) mod document;
 pub mod namespace;
 pub mod stamp;
 pub mod uri;
@@ -61,6 +61,10 @@ pub trait Store: Send {
 
     /// Removes a whole collection; says whether there was one.
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError>;
+
+    /// Gives the collection `from` the name `to`, in place of the one that has
+    /// it, in one step. Both are in one database. Durable on return.
+    fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError>;
 
     /// All collections, sorted.
     fn collections(&self) -> Result<Vec<Namespace>, StoreError>;

@@ -4,7 +4,9 @@ mod lab;
 
 mod documents;
 mod exit_codes;
+mod locks;
 mod plans;
 mod problems;
 mod readme;
 mod settings;
+mod worldmodels;

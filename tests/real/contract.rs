@@ -51,6 +51,8 @@ const CASES: &[(&str, Case)] = cases![
     deleting_the_first_leaves_the_others,
     deleting_all_counts_them,
     dropping_says_whether_there_was_one,
+    a_renamed_collection_takes_the_place_of_another,
+    renaming_what_is_not_there_changes_nothing,
     collections_are_listed_in_order,
     documents_may_be_read_while_others_are_written,
     values_of_every_type_come_back,
@@ -521,6 +523,27 @@ fn dropping_says_whether_there_was_one(store: &dyn Store, ns: &Namespace) {
     assert!(store.drop(ns).unwrap());
     assert_eq!(all(store, ns), []);
     insert(store, ns, [doc! { "_id": 1 }]);
+    assert_eq!(ids(store, ns, doc! {}), [1]);
+}
+
+fn a_renamed_collection_takes_the_place_of_another(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { database: ns.database.clone(), collection: format!("{}.staged", ns.collection) };
+    insert(store, ns, [doc! { "_id": 1 }, doc! { "_id": 2 }]);
+    insert(store, &other, [doc! { "_id": 9 }, doc! { "_id": 2, "new": true }]);
+    store.rename(&other, ns).unwrap();
+    assert_eq!(all(store, ns), [doc! { "_id": 9 }, doc! { "_id": 2, "new": true }]);
+    assert_eq!(store.count(&other, &doc! {}).unwrap(), 0);
+    assert!(!store.collections().unwrap().contains(&other));
+    insert(store, ns, [doc! { "_id": 3 }]);
+    store.rename(ns, &other).unwrap();
+    assert_eq!(ids(store, &other, doc! {}), [9, 2, 3]);
+    assert_eq!(all(store, ns), []);
+}
+
+fn renaming_what_is_not_there_changes_nothing(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { database: ns.database.clone(), collection: format!("{}.none", ns.collection) };
+    insert(store, ns, [doc! { "_id": 1 }]);
+    assert!(store.rename(&other, ns).is_err());
     assert_eq!(ids(store, ns, doc! {}), [1]);
 }
 

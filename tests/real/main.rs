@@ -12,6 +12,8 @@ mod planner;
 mod processes;
 #[cfg(feature = "mongodb")]
 mod server;
+#[cfg(feature = "mongodb")]
+mod worlds;
 
 use std::process::ExitCode;
 

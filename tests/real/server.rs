@@ -11,6 +11,7 @@ use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
 
 use crate::contract;
 use crate::mongod::Mongod;
+use crate::worlds;
 
 /// The one server of this run, started by the first test that needs it.
 static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
@@ -19,16 +20,23 @@ const PREFIX: &str = "contract::mongodb";
 
 /// The names of the tests that need a server.
 pub(crate) fn names() -> Vec<String> {
-    contract::names(PREFIX)
+    let mut names = contract::names(PREFIX);
+    names.extend(worlds::CASES.iter().map(|(name, _)| (*name).to_owned()));
+    names
 }
 
 /// The tests; those that need a server are ignored where there is no program.
 pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
     let missing = program.is_none();
-    let trials = contract::trials(PREFIX, move || match &program {
+    let worlds = worlds::CASES.iter().map(|(name, case)| {
+        let program = program.clone();
+        Trial::test(*name, move || case(&uri(program.as_deref().ok_or("there is no mongod")?)?))
+    });
+    let mut trials: Vec<_> = worlds.collect();
+    trials.extend(contract::trials(PREFIX, move || match &program {
         Some(program) => connect(program),
         None => Err("there is no mongod".into()),
-    });
+    }));
     let mut trials: Vec<_> = trials.into_iter().map(|trial| trial.with_ignored_flag(missing)).collect();
     trials.push(Trial::test("mongodb::an_unreachable_server_is_named_within_seconds", unreachable));
     trials.push(Trial::test("mongodb::a_server_that_does_not_answer_is_named_within_seconds", silent));
@@ -36,13 +44,17 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
 }
 
 fn connect(program: &Path) -> Result<contract::Subject, Failed> {
+    let store = open(&StoreUri::parse(&uri(program)?)?, Role::Shared)?;
+    Ok(contract::Subject { store, folder: None })
+}
+
+/// The address of the server.
+fn uri(program: &Path) -> Result<String, Failed> {
     let mut server = SERVER.lock().unwrap_or_else(PoisonError::into_inner);
     if server.is_none() {
         *server = Some(Mongod::start(program)?);
     }
-    let uri = server.as_ref().map(|server| server.uri.clone()).unwrap_or_default();
-    let store = open(&StoreUri::parse(&uri)?, Role::Shared)?;
-    Ok(contract::Subject { store, folder: None })
+    Ok(server.as_ref().map(|server| server.uri.clone()).unwrap_or_default())
 }
 
 /// Stops the server, where one was started.

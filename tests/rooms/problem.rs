@@ -368,6 +368,10 @@ impl Store for Talkative {
     fn drop(&self, _: &Namespace) -> Result<bool, StoreError> {
         unreachable!("templates only read")
     }
+
+    fn rename(&self, _: &Namespace, _: &Namespace) -> Result<(), StoreError> {
+        unreachable!("templates only read")
+    }
 }
 
 fn asked(template: &str, store: &Talkative) -> Result<Generated, ProblemError> {

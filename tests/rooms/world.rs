@@ -1,7 +1,11 @@
 //! World files and the memory they are loaded into, through the public interface.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use bson::{DateTime, Document, doc};
 use rmem::formats::Source;
+use rmem::memory::dumped::Dumped;
+use rmem::memory::restore::{Manner, RestoreError, restore};
 use rmem::memory::{Clock, Memory, world};
 use rmem::store::{Embedded, Find, Namespace, StoreUri, UpdateRequest, UpdateSpec};
 
@@ -176,4 +180,33 @@ fn a_store_is_opened_when_it_is_needed() {
     let memory = Memory::at(nowhere(), uri("shared"), vec!["synced".to_owned()]);
     memory.insert(&ns("synced.x"), vec![doc! {}]).unwrap();
     assert!(memory.count(&ns("own.x"), &doc! {}).is_err());
+}
+
+#[test]
+fn a_restore_that_is_told_to_stop_changes_nothing() {
+    let memory = memory();
+    memory.insert(&ns("a.b"), vec![doc! { "_id": 1 }]).unwrap();
+    let dumped = Dumped::world(&Source::new("world.json", r#"{"a.b": [{"_id": 2}]}"#)).unwrap();
+    let stop = AtomicBool::new(true);
+    let stopped = restore(&memory, &dumped, Manner { drop: true, dry_run: false, stop: Some(&stop) });
+    assert!(matches!(stopped, Err(RestoreError::Interrupted)), "{stopped:?}");
+    assert_eq!(all(&memory, "a.b"), [doc! { "_id": 1 }]);
+    stop.store(false, Ordering::Relaxed);
+    restore(&memory, &dumped, Manner { drop: true, dry_run: false, stop: Some(&stop) }).unwrap();
+    assert_eq!(all(&memory, "a.b"), [doc! { "_id": 2 }]);
+    assert_eq!(memory.collections().unwrap(), [ns("a.b")]);
+}
+
+#[test]
+fn a_restored_document_is_inserted_now_and_keeps_what_else_is_known_of_it() {
+    let text = r#"{"a.b": [{"_id": 1, "_robmem_info": {"persistent": false,
+        "inserted": {"$date": "2001-01-01T00:00:00Z"}, "updated": {"$date": "2001-01-01T00:00:00Z"}}}]}"#;
+    let dumped = Dumped::world(&Source::new("world.json", text)).unwrap();
+    for drop in [false, true] {
+        let memory = memory();
+        restore(&memory, &dumped, Manner { drop, ..Manner::default() }).unwrap();
+        let found = memory.find_with_metadata(&ns("a.b"), &Find::default()).unwrap().next().unwrap().unwrap();
+        let document = Document::try_from(&*found).unwrap();
+        assert_eq!(document, doc! { "_id": 1, "_robmem_info": { "persistent": false, "inserted": at(1_000) } });
+    }
 }

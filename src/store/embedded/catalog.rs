@@ -40,6 +40,14 @@ impl Collection {
         connection.execute_batch(&format!("DROP TABLE {}", self.table()))
     }
 
+    /// Gives the collection another name, which is free. In a write transaction only.
+    pub(super) fn rename(self, connection: &Connection, to: &Namespace) -> Result<()> {
+        connection
+            .prepare_cached("UPDATE collections SET database = ?, name = ? WHERE id = ?")?
+            .execute(params![to.database, to.collection, self.0])
+            .map(|_| ())
+    }
+
     /// How many documents there are.
     pub(super) fn size(self, connection: &Connection) -> Result<u64> {
         self.number(connection, "count(*)").map(i64::unsigned_abs)

@@ -46,6 +46,20 @@ impl Store for Embedded {
         })
     }
 
+    fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+        self.write(|| {
+            let Some(collection) = self.collection(from)? else {
+                return Err(self.fail(&format!("there is no collection {from} to be renamed")));
+            };
+            match self.collection(to)? {
+                Some(present) if present == collection => return Ok(()),
+                Some(present) => present.drop(&self.connection).map_err(|e| self.explain(&e))?,
+                None => {}
+            }
+            collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
+        })
+    }
+
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         Collection::all(&self.connection).map_err(|e| self.explain(&e))
     }

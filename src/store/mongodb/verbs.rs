@@ -119,6 +119,14 @@ impl Store for MongoDb {
         Ok(!there.is_empty())
     }
 
+    fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+        let command = doc! {
+            "renameCollection": from.to_string(), "to": to.to_string(), "dropTarget": true,
+            "writeConcern": { "w": "majority" },
+        };
+        self.client().database("admin").run_command(command).run().map(|_| ()).map_err(|e| self.explain(&e))
+    }
+
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         let mut all = Vec::new();
         for database in self.client().list_database_names().run().map_err(|e| self.explain(&e))? {

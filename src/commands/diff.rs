@@ -1,0 +1,68 @@
+//! `rmem diff A B`: what is different in two worlds, a line a document.
+
+use std::path::Path;
+
+use bson::{Bson, Document};
+
+use super::context::memory_at;
+use super::{Context, WrongInput};
+use crate::cli::Diff;
+use crate::exit::Exit;
+use crate::formats::shell;
+use crate::memory::difference::{Difference, Side, compare};
+use crate::memory::dumped::Dumped;
+
+pub(super) fn run(args: &Diff, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let (first, second) = (side(&args.first, context)?, side(&args.second, context)?);
+    let count = compare(&first, &second, |namespace, difference| {
+        Ok::<_, anyhow::Error>(context.output.line(&line(&namespace.to_string(), &difference))?)
+    })?;
+    Ok(if count == 0 { Exit::Done } else { Exit::No })
+}
+
+fn side(text: &str, context: &mut Context<'_>) -> anyhow::Result<Side> {
+    let is_uri = ["file:", "mem:", "mongodb:", "mongodb+srv:"].iter().any(|scheme| text.starts_with(scheme));
+    Ok(match text {
+        uri if is_uri => {
+            if let Some(path) = uri.strip_prefix("file:").filter(|path| !path.is_empty() && !Path::new(path).exists()) {
+                // Opening it would make an empty one, which is not what anybody wants to compare.
+                return Err(WrongInput::new(format!("there is no memory at {path}")).into());
+            }
+            Side::Memory(memory_at(uri)?)
+        }
+        "-" => Side::Dump(Dumped::world(&context.read(Path::new(text))?)?),
+        path => Side::Dump(Dumped::open(Path::new(path))?),
+    })
+}
+
+fn line(namespace: &str, difference: &Difference) -> String {
+    match difference {
+        Difference::Removed(document) => format!("- {namespace} {}", shell::relaxed(document)),
+        Difference::Added(document) => format!("+ {namespace} {}", shell::relaxed(document)),
+        Difference::Changed(first, second) => {
+            let id = first.get("_id").map(shell::relaxed_value).unwrap_or_default();
+            let (old, new) = changes(first, second);
+            format!("~ {namespace} {id} {old} -> {new}")
+        }
+    }
+}
+
+/// The keys that differ, with their values on both sides. Types are spelled
+/// out where nothing else differs; where only the order of keys does, the
+/// documents are whole.
+fn changes(first: &Document, second: &Document) -> (String, String) {
+    let differing = |document: &Document, other: &Document| -> Document {
+        let different = |key: &str, value: &Bson| other.get(key) != Some(value);
+        document
+            .iter()
+            .filter(|(key, value)| different(key, value))
+            .map(|(key, value)| (key.clone(), value.clone()))
+            .collect()
+    };
+    let (mut old, mut new) = (differing(first, second), differing(second, first));
+    if old.is_empty() && new.is_empty() {
+        (old, new) = (first.clone(), second.clone());
+    }
+    let relaxed = (shell::relaxed(&old), shell::relaxed(&new));
+    if relaxed.0 == relaxed.1 { (shell::canonical(&old), shell::canonical(&new)) } else { relaxed }
+}

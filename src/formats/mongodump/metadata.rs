@@ -1,0 +1,91 @@
+//! `COLL.metadata.json`: what a collection is called and which indexes it has.
+
+use bson::{Bson, doc};
+
+use crate::formats::{Diagnostic, Source, shell};
+
+/// What a dump says about a collection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Metadata {
+    /// Its name, where it is told.
+    pub collection: Option<String>,
+    /// What it is.
+    pub kind: Kind,
+    /// The names of its indexes, but the one on `_id`.
+    pub indexes: Vec<String>,
+}
+
+/// What a collection is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Kind {
+    /// Documents.
+    Collection,
+    /// Something that has no documents of its own, like `view`.
+    Other(String),
+}
+
+impl Metadata {
+    /// The metadata of a plain collection.
+    #[must_use]
+    pub fn plain(collection: &str) -> Self {
+        Self { collection: Some(collection.to_owned()), kind: Kind::Collection, indexes: Vec::new() }
+    }
+
+    /// Reads metadata; older ones lack name and type.
+    ///
+    /// # Errors
+    /// Where the text is no JSON document.
+    pub fn parse(source: &Source) -> Result<Self, Diagnostic> {
+        let document = shell::parse_document(source)?;
+        let text = |key: &str| document.get_str(key).ok().map(str::to_owned);
+        let is_view = document.get_document("options").is_ok_and(|options| options.contains_key("viewOn"));
+        let kind = match text("type").unwrap_or_else(|| "collection".to_owned()) {
+            _ if is_view => Kind::Other("view".to_owned()),
+            kind if kind == "collection" => Kind::Collection,
+            kind => Kind::Other(kind),
+        };
+        let indexes = document.get_array("indexes").map(Vec::as_slice).unwrap_or_default();
+        let names = indexes.iter().filter_map(Bson::as_document).filter_map(|index| index.get_str("name").ok());
+        let indexes = names.filter(|name| *name != "_id_").map(str::to_owned).collect();
+        Ok(Self { collection: text("collectionName"), kind, indexes })
+    }
+
+    /// The text for a plain collection.
+    #[must_use]
+    pub fn write(&self) -> String {
+        let id = doc! { "v": 2, "key": { "_id": 1 }, "name": "_id_" };
+        shell::canonical(&doc! {
+            "indexes": [id],
+            "collectionName": self.collection.clone().unwrap_or_default(),
+            "type": "collection",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Metadata {
+        Metadata::parse(&Source::new("x.metadata.json", text)).unwrap()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let metadata = Metadata::plain("a.b");
+        assert_eq!(parse(&metadata.write()), metadata);
+        assert_eq!(
+            metadata.write(),
+            r#"{"indexes":[{"v":{"$numberInt":"2"},"key":{"_id":{"$numberInt":"1"}},"name":"_id_"}],"collectionName":"a.b","type":"collection"}"#
+        );
+    }
+
+    #[test]
+    fn other_indexes_and_kinds_are_told() {
+        let old =
+            parse(r#"{"options":{},"indexes":[{"v":2,"key":{"_id":1},"name":"_id_"},{"key":{"n":1},"name":"n_1"}]}"#);
+        assert_eq!(old, Metadata { collection: None, kind: Kind::Collection, indexes: vec!["n_1".to_owned()] });
+        assert_eq!(parse(r#"{"options":{"viewOn":"x"},"indexes":[]}"#).kind, Kind::Other("view".to_owned()));
+        assert_eq!(parse(r#"{"type":"timeseries"}"#).kind, Kind::Other("timeseries".to_owned()));
+    }
+}

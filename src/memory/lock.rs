@@ -1,0 +1,178 @@
+//! Mutual exclusion between robots, through the memory.
+//!
+//! A mutex is a document `{_id: NAME, locked, "locked-by", "lock-time"}`, with
+//! `lock-until` where the lock expires. Taking it is one conditional update,
+//! which the store does for one of those who try at the same time. What time
+//! it is says the store, not the robot, so that robots whose clocks differ
+//! agree on what has expired.
+
+use std::time::{Duration, Instant};
+
+use bson::{Bson, DateTime, Document, doc};
+
+use super::Memory;
+use crate::query::QueryError;
+use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec};
+
+/// How long those who wait sleep at first …
+const SHORTEST: Duration = Duration::from_millis(5);
+/// … and at most.
+const LONGEST: Duration = Duration::from_millis(250);
+
+/// A mutex, and who asks for it.
+#[derive(Debug, Clone)]
+pub struct Mutex {
+    /// The collection of mutexes.
+    pub namespace: Namespace,
+    /// Which one.
+    pub name: String,
+    /// Who locks it; the same owner may lock it again.
+    pub owner: String,
+}
+
+/// Who holds a mutex.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Holder {
+    /// The owner.
+    pub owner: String,
+    /// Since when.
+    pub since: Option<DateTime>,
+    /// Until when, where the lock expires.
+    pub until: Option<DateTime>,
+}
+
+/// What trying to lock or unlock gave.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Tried {
+    /// It is done; the document of the mutex.
+    Done(Document),
+    /// Somebody else holds it.
+    Held(Holder),
+    /// To unlock: nobody holds it.
+    Free,
+}
+
+impl Mutex {
+    /// Tries to lock, once. The holder's lock is renewed; it expires after
+    /// `ttl`, or never.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn try_lock(&self, memory: &Memory, ttl: Option<Duration>) -> Result<Tried, StoreError> {
+        loop {
+            if memory.update(&self.namespace, &self.taking(ttl))?.matched > 0 {
+                return Ok(Tried::Done(self.read(memory)?.unwrap_or_default()));
+            }
+            if self.create(memory)? {
+                continue;
+            }
+            match self.read(memory)? {
+                Some(document) if document.get_bool("locked").unwrap_or(false) => {
+                    return Ok(Tried::Held(Holder::of(&document)));
+                }
+                // Whoever held it has just let it go.
+                _ => std::thread::sleep(SHORTEST),
+            }
+        }
+    }
+
+    /// Tries to lock until it is done or `patience` is over.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn lock(&self, memory: &Memory, ttl: Option<Duration>, patience: Duration) -> Result<Tried, StoreError> {
+        let (start, mut pause) = (Instant::now(), SHORTEST);
+        loop {
+            let tried = self.try_lock(memory, ttl)?;
+            let left = patience.saturating_sub(start.elapsed());
+            if left.is_zero() || !matches!(tried, Tried::Held(_)) {
+                return Ok(tried);
+            }
+            std::thread::sleep(pause.min(left));
+            pause = (pause * 2).min(LONGEST);
+        }
+    }
+
+    /// Lets go, where this owner holds the mutex, expired or not.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn unlock(&self, memory: &Memory) -> Result<Tried, StoreError> {
+        let free = doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } };
+        let filter = doc! { "_id": &self.name, "locked": true, "locked-by": &self.owner };
+        if memory.update(&self.namespace, &request(filter, UpdateSpec::Document(free), false))?.matched > 0 {
+            return Ok(Tried::Done(doc! { "_id": &self.name, "locked": false }));
+        }
+        Ok(match self.read(memory)? {
+            Some(document) if document.get_bool("locked").unwrap_or(false) => Tried::Held(Holder::of(&document)),
+            _ => Tried::Free,
+        })
+    }
+
+    /// The update that takes the mutex where it is free, this owner's, or expired.
+    fn taking(&self, ttl: Option<Duration>) -> UpdateRequest {
+        let expired = doc! { "lock-until": { "$type": "date" }, "$expr": { "$lte": ["$lock-until", "$$NOW"] } };
+        let filter = doc! {
+            "_id": &self.name,
+            "$or": [{ "locked": { "$ne": true } }, { "locked-by": &self.owner }, expired],
+        };
+        let until = match ttl {
+            Some(ttl) => {
+                let milliseconds = i64::try_from(ttl.as_millis()).unwrap_or(i64::MAX);
+                Bson::Document(doc! { "$add": ["$$NOW", milliseconds] })
+            }
+            None => "$$REMOVE".into(),
+        };
+        let taken = doc! {
+            "locked": true, "locked-by": { "$literal": &self.owner }, "lock-time": "$$NOW", "lock-until": until,
+        };
+        request(filter, UpdateSpec::Pipeline(vec![doc! { "$set": taken }]), false)
+    }
+
+    /// Makes the mutex where there is none; says whether it did. Of several
+    /// who try at the same time, one does.
+    fn create(&self, memory: &Memory) -> Result<bool, StoreError> {
+        let free = UpdateSpec::Document(doc! { "$setOnInsert": { "locked": false } });
+        match memory.update(&self.namespace, &request(doc! { "_id": &self.name }, free, true)) {
+            Ok(updated) => Ok(updated.upserted.is_some()),
+            Err(StoreError::Duplicate { .. }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn read(&self, memory: &Memory) -> Result<Option<Document>, StoreError> {
+        let find = Find { filter: doc! { "_id": &self.name }, ..Find::default() };
+        match memory.find(&self.namespace, &find)?.next() {
+            Some(document) => Ok(Some(Document::try_from(&*document?).map_err(QueryError::from)?)),
+            None => Ok(None),
+        }
+    }
+}
+
+impl Holder {
+    fn of(document: &Document) -> Self {
+        Self {
+            owner: document.get_str("locked-by").unwrap_or("somebody unnamed").to_owned(),
+            since: document.get_datetime("lock-time").ok().copied(),
+            until: document.get_datetime("lock-until").ok().copied(),
+        }
+    }
+}
+
+impl std::fmt::Display for Holder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "held by {}", self.owner)?;
+        let text = |date: DateTime| date.try_to_rfc3339_string().unwrap_or_else(|_| date.to_string());
+        if let Some(since) = self.since {
+            write!(f, " since {}", text(since))?;
+        }
+        match self.until {
+            Some(until) => write!(f, " until {}", text(until)),
+            None => write!(f, ", with no end"),
+        }
+    }
+}
+
+fn request(filter: Document, update: UpdateSpec, upsert: bool) -> UpdateRequest {
+    UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert }
+}

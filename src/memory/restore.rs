@@ -1,0 +1,260 @@
+//! Restoring a dump: everything is verified before anything is changed.
+//!
+//! Without `drop`, documents are put into their collections: new ones are
+//! added, those whose `_id` is taken replace what is there, equal ones are
+//! passed over, and what is only in the memory stays. With it, each collection
+//! is staged beside the one it replaces (as `restoring_ID` in its database),
+//! and all are swapped once everything is stored; a failure before that leaves
+//! the old content.
+//!
+//! The metadata of a dump is kept, but for its dates: a document is inserted
+//! when it is restored, and equal to one that was inserted at another time.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bson::oid::ObjectId;
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::Memory;
+use super::dumped::{Dumped, DumpedError, Part};
+use super::world::forget_dates;
+use crate::query::{QueryError, key};
+use crate::store::{Find, Namespace, StoreError, stamp};
+
+/// At most so many documents are stored at once …
+const BATCH: usize = 10_000;
+/// … and about so many bytes.
+const BATCH_BYTES: usize = 4 << 20;
+
+/// What restoring a collection did, or would do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Restored {
+    /// The collection.
+    pub namespace: Namespace,
+    /// How many documents are new.
+    pub inserted: u64,
+    /// How many took the place of another.
+    pub replaced: u64,
+    /// How many were there already, the same.
+    pub skipped: u64,
+    /// How many documents the former collection had, where it was replaced as a whole.
+    pub dropped: Option<u64>,
+}
+
+/// Why a dump was not restored.
+#[derive(Debug, thiserror::Error)]
+pub enum RestoreError {
+    /// The dump cannot be read.
+    #[error(transparent)]
+    Dump(#[from] DumpedError),
+    /// It was told to stop; nothing was changed.
+    #[error("interrupted; nothing was changed")]
+    Interrupted,
+    /// The store fails.
+    #[error("cannot restore {which}")]
+    Store {
+        /// Which namespace, and what of the dump is in the memory now.
+        which: String,
+        /// What went wrong.
+        source: StoreError,
+    },
+}
+
+/// What to do with what is there.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Manner<'a> {
+    /// Replace collections as a whole.
+    pub drop: bool,
+    /// Only say what would be done.
+    pub dry_run: bool,
+    /// Once this is set, what is not swapped in yet is removed again.
+    pub stop: Option<&'a AtomicBool>,
+}
+
+/// Restores a dump; tells for each collection what was done.
+///
+/// # Errors
+/// Where the dump is not well throughout (nothing is changed then), or a store fails.
+pub fn restore(memory: &Memory, dumped: &Dumped, manner: Manner<'_>) -> Result<Vec<Restored>, RestoreError> {
+    let counts = dumped.verify()?;
+    if manner.drop {
+        return match manner.dry_run {
+            true => foresee(memory, dumped, &counts),
+            false => replace(memory, dumped, manner.stop),
+        };
+    }
+    let mut done: Vec<Restored> = Vec::with_capacity(dumped.parts.len());
+    for part in &dumped.parts {
+        let mut restored = Restored::nothing(&part.namespace);
+        for batch in batches(part)? {
+            let batch = batch?;
+            merge(memory, batch, manner.dry_run, &mut restored).map_err(|source| {
+                let complete: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
+                let before =
+                    if complete.is_empty() { String::new() } else { format!(" after {}", complete.join(", ")) };
+                let some = restored.inserted + restored.replaced;
+                let state = format!("{some} of its documents were stored{before}, and the rest were not");
+                RestoreError::Store { which: format!("{}; {state}", part.namespace), source }
+            })?;
+        }
+        done.push(restored);
+    }
+    Ok(done)
+}
+
+impl Restored {
+    fn nothing(namespace: &Namespace) -> Self {
+        Self { namespace: namespace.clone(), inserted: 0, replaced: 0, skipped: 0, dropped: None }
+    }
+}
+
+/// The documents of a part, without dates, some at a time.
+fn batches(part: &Part) -> Result<impl Iterator<Item = Result<Vec<Document>, DumpedError>> + '_, DumpedError> {
+    let mut documents = part.documents()?;
+    Ok(std::iter::from_fn(move || {
+        let (mut batch, mut bytes) = (Vec::new(), 0);
+        while batch.len() < BATCH && bytes < BATCH_BYTES {
+            match documents.next() {
+                None => break,
+                Some(Err(error)) => return Some(Err(error)),
+                Some(Ok(mut document)) => {
+                    forget_dates(&mut document);
+                    bytes += RawDocumentBuf::try_from(&document).map_or(0, |raw| raw.as_bytes().len());
+                    batch.push(document);
+                }
+            }
+        }
+        (!batch.is_empty()).then_some(Ok(batch))
+    }))
+}
+
+/// Puts those documents into the memory that are not there, or different.
+fn merge(memory: &Memory, batch: Vec<Document>, dry_run: bool, restored: &mut Restored) -> Result<(), StoreError> {
+    let ids: Vec<&Bson> = batch.iter().filter_map(|document| document.get("_id")).collect();
+    let find = Find { filter: doc! { "_id": { "$in": ids } }, ..Find::default() };
+    let mut present = HashMap::new();
+    for document in memory.find_with_metadata(&restored.namespace, &find)? {
+        let document = document?;
+        let key = document.get("_id").map_err(QueryError::from)?.map(key::encode).unwrap_or_default();
+        present.insert(key, document);
+    }
+    let mut different = Vec::with_capacity(batch.len());
+    let (mut added, mut replaced) = (0, 0);
+    for document in batch {
+        match document.get("_id").and_then(|id| present.get(&key::encode_value(id))) {
+            None => added += 1,
+            Some(present) if same(&document, present)? => {
+                restored.skipped += 1;
+                continue;
+            }
+            Some(_) => replaced += 1,
+        }
+        different.push(document);
+    }
+    if dry_run {
+        restored.inserted += added;
+        restored.replaced += replaced;
+    } else if !different.is_empty() {
+        let put = memory.put(&restored.namespace, different)?;
+        restored.inserted += put.inserted;
+        restored.replaced += put.replaced;
+        restored.skipped += put.same;
+    }
+    Ok(())
+}
+
+/// Whether a document without dates says what a stored one says, key for key.
+fn same(document: &Document, stored: &RawDocumentBuf) -> Result<bool, QueryError> {
+    let mut stored = Document::try_from(&**stored)?;
+    forget_dates(&mut stored);
+    if document.get(stamp::INFO) != stored.get(stamp::INFO) {
+        return Ok(false);
+    }
+    let mut document = document.clone();
+    document.remove(stamp::INFO);
+    stored.remove(stamp::INFO);
+    Ok(RawDocumentBuf::try_from(&document)?.as_bytes() == RawDocumentBuf::try_from(&stored)?.as_bytes())
+}
+
+/// What replacing whole collections would do.
+fn foresee(memory: &Memory, dumped: &Dumped, counts: &[u64]) -> Result<Vec<Restored>, RestoreError> {
+    let parts = dumped.parts.iter().zip(counts);
+    let foreseen = parts.map(|(part, inserted)| {
+        let dropped = size(memory, &part.namespace)?;
+        Ok(Restored { inserted: *inserted, dropped: Some(dropped), ..Restored::nothing(&part.namespace) })
+    });
+    foreseen.collect()
+}
+
+fn size(memory: &Memory, ns: &Namespace) -> Result<u64, RestoreError> {
+    memory.count(ns, &Document::new()).map_err(|source| unchanged(ns, source))
+}
+
+fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
+    RestoreError::Store { which: format!("{ns}; nothing was changed"), source }
+}
+
+/// A collection that waits to take the place of another.
+struct Staged {
+    name: Namespace,
+    restored: Restored,
+}
+
+/// Stages all collections, then swaps them in.
+fn replace(memory: &Memory, dumped: &Dumped, stop: Option<&AtomicBool>) -> Result<Vec<Restored>, RestoreError> {
+    let mut staged = Vec::with_capacity(dumped.parts.len());
+    for part in &dumped.parts {
+        let name = Namespace {
+            database: part.namespace.database.clone(),
+            collection: format!("restoring_{}", ObjectId::new().to_hex()),
+        };
+        staged.push(Staged { name, restored: Restored::nothing(&part.namespace) });
+        let stored = match staged.last_mut() {
+            Some(last) => stage(memory, part, last, stop),
+            None => Ok(()),
+        };
+        if let Err(error) = stored {
+            // What cannot be removed either is told by the error that is given.
+            staged.iter().for_each(|staged| drop(memory.drop_collection(&staged.name)));
+            return Err(error);
+        }
+    }
+    swap(memory, staged)
+}
+
+/// Gives the staged collections their names, one after the other.
+fn swap(memory: &Memory, staged: Vec<Staged>) -> Result<Vec<Restored>, RestoreError> {
+    let mut done: Vec<Restored> = Vec::with_capacity(staged.len());
+    let mut rest = staged.into_iter();
+    while let Some(Staged { name, restored }) = rest.next() {
+        let ns = &restored.namespace;
+        let swapped = match restored.inserted {
+            0 => memory.drop_collection(ns).map(|_| ()),
+            _ => memory.rename_collection(&name, ns),
+        };
+        if let Err(source) = swapped {
+            rest.map(|staged| staged.name).chain([name]).for_each(|name| drop(memory.drop_collection(&name)));
+            let before: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
+            let state = match before.as_slice() {
+                [] => "nothing was changed".to_owned(),
+                some => format!("only {} is restored", some.join(", ")),
+            };
+            return Err(RestoreError::Store { which: format!("{ns}; {state}"), source });
+        }
+        done.push(restored);
+    }
+    Ok(done)
+}
+
+fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&AtomicBool>) -> Result<(), RestoreError> {
+    staged.restored.dropped = Some(size(memory, &part.namespace)?);
+    for batch in batches(part)? {
+        if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            return Err(RestoreError::Interrupted);
+        }
+        let inserted = memory.insert(&staged.name, batch?).map_err(|source| unchanged(&part.namespace, source))?;
+        staged.restored.inserted += inserted.ids.len() as u64;
+    }
+    Ok(())
+}
