@@ -5,7 +5,8 @@
 //! routes operations to [`store`]s that answer MongoDB's languages ([`query`]).
 //! Templates whose sections are queries become PDDL problems ([`problem`]),
 //! checked against a domain ([`pddl`]); a [`planner`] turns a problem into a
-//! [`plan`], which is simulated, stored as a document and printed. Text on
+//! [`plan`], which is simulated, stored as a document and printed. Documents
+//! become [`facts`] of CLIPS, and facts documents. Text on
 //! either side is read and written in [`formats`]. What the user sees goes
 //! through [`output`], and a command ends with a code of [`exit`].
 //!
@@ -29,6 +30,8 @@ pub mod pddl;
 pub mod planner;
 
 pub mod plan;
+
+pub mod facts;
 
 pub mod formats;
 
