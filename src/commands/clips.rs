@@ -11,7 +11,7 @@ use super::{Context, UsageError, WrongInput};
 use crate::cli::{Clips, ClipsCommand, ClipsExport, ClipsImport, NestedValues};
 use crate::exit::Exit;
 use crate::facts::{Exporter, FactError, INITIAL, Importer, Nested, RELATION, Schema};
-use crate::formats::clips::{Fact, Item, Reader, is_symbol, write_fact, write_operand, write_value};
+use crate::formats::clips::{Fact, Item, Reader, is_symbol, write_fact, write_operand, write_remark, write_value};
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::memory::Memory;
 use crate::store::{Find, Namespace};
@@ -125,6 +125,7 @@ impl<'a> Form<'a> {
                 text.push(')');
             }
         }
+        write_remark(fact, text);
         text.push('\n');
     }
 }

@@ -99,7 +99,8 @@ impl Exporter<'_> {
             if let Some(slot) = slot {
                 slot.check(&values).map_err(|message| FactError::new(key, format!("does not fit: {message}")))?;
             }
-            slots.push(Filled { name: name.clone(), values, span: Span::default() });
+            let multiple = slot.is_none() && matches!(value, Bson::Array(_));
+            slots.push(Filled { name: name.clone(), values, multiple, span: Span::default() });
         }
         let missing =
             |slot: &&Slot| slot.default == Default::None && slots.iter().all(|filled| filled.name != slot.name);

@@ -82,7 +82,7 @@ fn slots_of(
         if let Some(slot) = slot {
             slot.check(&filled.values).map_err(wrong)?;
         }
-        let multiple = slot.map_or(filled.values.len() != 1, |slot| slot.multiple);
+        let multiple = slot.map_or(filled.multiple || filled.values.len() != 1, |slot| slot.multiple);
         let key = key(&filled.name, slots, record);
         document.insert(key, value(&filled.name, &filled.values, multiple, record));
     }

@@ -15,7 +15,8 @@
 //! fills in defaults. `_id` and metadata are no part of a fact.
 //!
 //! Without a deftemplate a multislot with one value looks like a slot, and becomes a
-//! plain value; and `(on)` is an ordered fact without values.
+//! plain value, unless a remark behind the fact says otherwise, as it does in what rmem
+//! writes; and `(on)` is an ordered fact without values.
 
 mod export;
 mod import;

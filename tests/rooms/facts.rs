@@ -6,7 +6,8 @@ use rmem::facts::{Exporter, Importer, Nested, Schema};
 use rmem::formats::Source;
 use rmem::formats::Span;
 use rmem::formats::clips::{
-    Body, Fact, Filled, Item, Reader, Value, is_construct, is_instance, is_symbol, write_fact, write_value,
+    Body, Fact, Filled, Item, Reader, Value, is_construct, is_instance, is_symbol, write_fact, write_remark,
+    write_value,
 };
 
 fn schema(text: &str) -> Schema {
@@ -26,6 +27,7 @@ fn exporter(schema: &Schema) -> Exporter<'_> {
 fn text(fact: &Fact) -> String {
     let mut out = String::new();
     write_fact(fact, write_value, &mut out);
+    write_remark(fact, &mut out);
     out
 }
 
@@ -86,6 +88,28 @@ fn types_that_a_document_would_lose_are_recorded() {
     };
     assert_eq!(document, wanted);
     assert_eq!(import("(t (a x))", &Schema::default()), doc! { "relation": "t", "a": "x" });
+}
+
+#[test]
+fn a_remark_keeps_an_array_of_one_value_an_array() {
+    let document = doc! { "relation": "t", "a": [1], "b": ["x", "y"], "c": ["z"], "d": 1 };
+    assert_eq!(export(&document), "(t (a 1) (b x y) (c z) (d 1)) ; rmem: multislot a c");
+    for remarked in [
+        "(t (a 1) (b x y) (c z) (d 1)) ; rmem: multislot a c",
+        "(assert (t (a 1) (b x y) (c z) (d 1))) ; rmem: multislot a c",
+        "(deffacts w\n(t (a 1) (b x y) (c z) (d 1)) ; rmem: multislot a c\n(t (d 2))\n)",
+    ] {
+        assert_eq!(import(remarked, &Schema::default()), document, "{remarked}");
+    }
+    let plain = doc! { "relation": "t", "a": 1 };
+    for other in
+        ["(t (a 1))\n; rmem: multislot a", "; rmem: multislot a\n(t (a 1))", "(t (a 1)) (u (a 1)) ; rmem: multislot a"]
+    {
+        assert_eq!(import(other, &Schema::default()), plain, "{other}");
+    }
+    let known = schema("(deftemplate t (multislot a))");
+    let fact = exporter(&known).fact(&doc! { "relation": "t", "a": [1] }).unwrap();
+    assert_eq!(text(&fact), "(t (a 1))");
 }
 
 #[test]
@@ -169,7 +193,7 @@ fn values() -> impl Strategy<Value = Value> {
 fn slots() -> impl Strategy<Value = Vec<Filled>> {
     let values = prop_oneof![3 => values().prop_map(|value| vec![value]), 1 => prop::collection::vec(values(), 0..4)];
     prop::collection::btree_map(symbols(), values, 1..5).prop_map(|slots| {
-        let filled = |(name, values)| Filled { name, values, span: Span::default() };
+        let filled = |(name, values)| Filled { name, values, multiple: false, span: Span::default() };
         slots.into_iter().map(filled).collect()
     })
 }
@@ -194,12 +218,12 @@ fn any_value() -> impl Strategy<Value = Bson> {
     ]
 }
 
-/// Documents that a fact can hold. An array of one value needs a deftemplate.
+/// Documents that a fact can hold.
 fn any_document() -> impl Strategy<Value = Document> {
-    let many = prop::collection::vec(any_value(), 0..4).prop_filter("not one", |values| values.len() != 1);
+    let many = prop::collection::vec(any_value(), 0..4);
     let value = prop_oneof![3 => any_value(), 1 => many.prop_map(Bson::Array)];
     let slots = prop::collection::btree_map("[a-z-]{1,5}", value, 1..5);
-    ("[a-z]{2}", slots).prop_map(|(relation, slots)| {
+    ("r[a-z]", slots).prop_map(|(relation, slots)| {
         doc! { "relation": relation }.into_iter().chain(slots.into_iter().filter(|(key, _)| key != "values")).collect()
     })
 }

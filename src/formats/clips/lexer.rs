@@ -41,12 +41,14 @@ pub(super) struct Lexer<'a> {
     pub(super) source: &'a Source,
     offset: usize,
     ready: VecDeque<Token>,
+    /// Remarks, in order, of the words read so far.
+    remarks: VecDeque<Span>,
 }
 
 impl<'a> Lexer<'a> {
     pub(super) fn new(source: &'a Source) -> Self {
         let offset = if source.text().starts_with('\u{FEFF}') { '\u{FEFF}'.len_utf8() } else { 0 };
-        Self { source, offset, ready: VecDeque::new() }
+        Self { source, offset, ready: VecDeque::new(), remarks: VecDeque::new() }
     }
 
     /// The word `ahead` places from here, which stays.
@@ -102,6 +104,20 @@ impl<'a> Lexer<'a> {
         })
     }
 
+    /// The slots named by the remark on the line on which a fact ends at `end`.
+    pub(super) fn remark(&mut self, end: usize) -> Result<impl Iterator<Item = &'a str> + use<'a>, Diagnostic> {
+        // In an assertion the remark stands behind one more `)`.
+        self.peek(1)?;
+        while self.remarks.front().is_some_and(|remark| remark.start < end) {
+            self.remarks.pop_front();
+        }
+        let behind = |remark: &&Span| {
+            self.source.slice(Span::new(end, remark.start)).chars().all(|between| matches!(between, ')' | ' '))
+        };
+        let text = self.remarks.front().filter(behind).map_or("", |remark| self.source.slice(*remark));
+        Ok(text.split_whitespace().skip(3))
+    }
+
     fn advance(&mut self) -> Result<(), Diagnostic> {
         let text = self.source.text();
         let end = stretch(text, self.offset);
@@ -110,8 +126,13 @@ impl<'a> Lexer<'a> {
             .map_err(|error| self.explain(base, &error))?;
         for pair in pairs {
             let span = pair.as_span();
-            let Some(kind) = kind(pair.as_rule(), pair.as_str()) else { continue };
-            self.ready.push_back(Token { kind, span: Span::new(base + span.start(), base + span.end()) });
+            let place = Span::new(base + span.start(), base + span.end());
+            if pair.as_rule() == Rule::remark {
+                self.remarks.push_back(place);
+            }
+            if let Some(kind) = kind(pair.as_rule(), pair.as_str()) {
+                self.ready.push_back(Token { kind, span: place });
+            }
         }
         self.offset = end;
         Ok(())
@@ -145,6 +166,11 @@ fn kind(rule: Rule, text: &str) -> Option<Kind> {
 
 /// The kind of the one word that `text` is, all of it.
 pub(super) fn lone(text: &str) -> Option<Kind> {
+    // Most texts are plain words, which need no grammar.
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';
+    if text.starts_with(|first: char| first.is_ascii_alphabetic()) && text.bytes().all(plain) {
+        return Some(Kind::Symbol);
+    }
     let mut pairs = Grammar::parse(Rule::word, text).ok()?;
     let pair = pairs.next().filter(|pair| pair.as_str().len() == text.len())?;
     kind(pair.as_rule(), pair.as_str())

@@ -16,7 +16,7 @@ mod writer;
 
 pub use reader::{Item, Reader};
 pub use template::{Default, Slot, Template, Types};
-pub use writer::{write_fact, write_operand, write_value};
+pub use writer::{write_fact, write_operand, write_remark, write_value};
 
 use super::Span;
 
@@ -62,6 +62,8 @@ pub struct Filled {
     pub name: String,
     /// One, or for a multislot any number.
     pub values: Vec<Value>,
+    /// Whether it is said to be a multislot, by a remark behind the fact.
+    pub multiple: bool,
     /// From its `(` to its `)`.
     pub span: Span,
 }

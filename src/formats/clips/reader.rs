@@ -180,7 +180,10 @@ impl<'a> Reader<'a> {
         }
         let name = self.lexer.text(head);
         let (body, end) = if self.has_slots(name)? {
-            let (slots, end) = self.slots(open)?;
+            let (mut slots, end) = self.slots(open)?;
+            for name in self.lexer.remark(end.end)? {
+                slots.iter_mut().filter(|slot| slot.name == name).for_each(|slot| slot.multiple = true);
+            }
             (Body::Slots(slots), end)
         } else {
             let (values, end) = self.values(open)?;
@@ -223,7 +226,7 @@ impl<'a> Reader<'a> {
             if slots.iter().any(|slot| slot.name == name) {
                 return Err(Diagnostic::new(self.lexer.source, span, format!("the slot `{name}` is given twice")));
             }
-            slots.push(Filled { name: name.to_owned(), values, span });
+            slots.push(Filled { name: name.to_owned(), values, multiple: false, span });
         }
     }
 

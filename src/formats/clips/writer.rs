@@ -28,13 +28,25 @@ pub fn write_fact(fact: &Fact, value: fn(&Value, &mut String), out: &mut String)
     out.push(')');
 }
 
+/// Appends what follows a fact on its line: which of its slots are multislots, where one
+/// value does not show it.
+pub fn write_remark(fact: &Fact, out: &mut String) {
+    let Body::Slots(slots) = &fact.body else { return };
+    let mut lead = " ; rmem: multislot ";
+    for slot in slots.iter().filter(|slot| slot.multiple && slot.values.len() == 1) {
+        out.push_str(lead);
+        out.push_str(&slot.name);
+        lead = " ";
+    }
+}
+
 /// Appends a value as a facts file has it. Floats have as many digits as tell them
 /// apart, and a point or an exponent.
 pub fn write_value(value: &Value, out: &mut String) {
     match value {
         Value::Symbol(text) => out.push_str(text),
         Value::Integer(number) => drop(write!(out, "{number}")),
-        Value::Float(number) => drop(write!(out, "{number:?}")),
+        Value::Float(number) => write_float(*number, out),
         Value::Instance(name) => drop(write!(out, "[{name}]")),
         Value::Text(text) => {
             out.push('"');
@@ -46,6 +58,20 @@ pub fn write_value(value: &Value, out: &mut String) {
             }
             out.push('"');
         }
+    }
+}
+
+/// Appends a float with as many digits as tell it apart, and an exponent where C's `%.15g`
+/// has one.
+fn write_float(number: f64, out: &mut String) {
+    let scientific = format!("{number:e}");
+    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or_default();
+    if (-4..15).contains(&exponent) {
+        let _ = write!(out, "{number:?}");
+    } else {
+        let sign = if exponent < 0 { '-' } else { '+' };
+        let _ = write!(out, "{mantissa}e{sign}{:02}", exponent.abs());
     }
 }
 
