@@ -176,6 +176,11 @@ mutexes of the first of shared_databases, or of robmem where none is shared."
     /// Check a domain, a problem, and simulate a plan
     #[command(after_help = "Example:\n  rmem validate domain.pddl problem.pddl plan.txt")]
     Validate(Validate),
+    /// Turn documents into CLIPS facts, and facts into documents
+    #[command(
+        after_help = "Examples:\n  rmem clips export robmem.worldmodel \"{relation: 'on'}\" --as deffacts world -o world.clp\n  rmem clips import facts.txt --into robmem.worldmodel"
+    )]
+    Clips(Clips),
     /// Print the settings in force, and where each came from
     #[command(after_help = "Example:\n  rmem config")]
     Config,
@@ -583,6 +588,90 @@ pub struct Validate {
     /// Take `//` to the end of a line as a comment
     #[arg(long)]
     pub lenient: bool,
+}
+
+/// `clips`
+#[derive(Debug, Args)]
+pub struct Clips {
+    /// Which way.
+    #[command(subcommand)]
+    pub command: ClipsCommand,
+}
+
+/// The commands of `clips`.
+#[derive(Debug, Subcommand)]
+pub enum ClipsCommand {
+    /// Write documents as facts
+    #[command(
+        after_help = "Examples:\n  rmem clips export robmem.worldmodel \"{relation: 'on'}\" > facts.txt\n  rmem clips export --deftemplates templates.clp --as deffacts world -o world.clp"
+    )]
+    Export(ClipsExport),
+    /// Store facts as documents, all or none
+    #[command(
+        after_help = "Example:\n  rmem clips import facts.txt --into robmem.worldmodel --deftemplates templates.clp --key sync-id"
+    )]
+    Import(ClipsImport),
+}
+
+/// `clips export`
+#[derive(Debug, Args)]
+pub struct ClipsExport {
+    /// Where the documents are: DATABASE.COLLECTION; else --collection
+    #[arg(value_name = "NS")]
+    pub namespace: Option<String>,
+    /// Which documents; all where it is left out
+    #[arg(value_name = "QUERY")]
+    pub query: Option<String>,
+    /// Documents from a file instead of the memory; - is stdin
+    #[arg(long, value_name = "FILE", conflicts_with = "namespace")]
+    pub from: Option<PathBuf>,
+    /// Texts with deftemplates, which decide types (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub deftemplates: Vec<PathBuf>,
+    /// facts, for (load-facts); deffacts NAME, for (load); assert
+    #[arg(long = "as", value_name = "FORM", num_args = 1..=2, default_value = "facts", hide_default_value = true)]
+    pub form: Vec<String>,
+    /// What becomes of nested documents and the like: refuse, flatten, json
+    #[arg(long, value_name = "HOW", default_value = "refuse", hide_possible_values = true)]
+    pub nested: NestedValues,
+    /// Every template has to be known
+    #[arg(long)]
+    pub strict: bool,
+    /// The file to write, whole or not at all
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+}
+
+/// What becomes of values that no slot of a fact can hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum NestedValues {
+    /// They are errors.
+    #[default]
+    Refuse,
+    /// Keys are joined with `_`.
+    Flatten,
+    /// They are written as JSON, in a string.
+    Json,
+}
+
+/// `clips import`
+#[derive(Debug, Args)]
+pub struct ClipsImport {
+    /// Facts, deffacts, or a program; - or nothing is stdin
+    #[arg(value_name = "FILE", default_value = "-", hide_default_value = true)]
+    pub file: PathBuf,
+    /// Where the documents go; else --collection
+    #[arg(long, value_name = "NS")]
+    pub into: Option<Namespace>,
+    /// Texts with deftemplates, which are checked and give defaults (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub deftemplates: Vec<PathBuf>,
+    /// A slot that tells facts apart: a fact replaces the document with the same value
+    #[arg(long, value_name = "SLOT")]
+    pub key: Option<String>,
+    /// Every template has to be known
+    #[arg(long)]
+    pub strict: bool,
 }
 
 /// `completions`

@@ -5,9 +5,11 @@
 //! routes operations to [`store`]s that answer MongoDB's languages ([`query`]).
 //! Templates whose sections are queries become PDDL problems ([`problem`]),
 //! checked against a domain ([`pddl`]); a [`planner`] turns a problem into a
-//! [`plan`], which is simulated, stored as a document and printed. Text on
-//! either side is read and written in [`formats`]. What rmem is given comes
-//! through [`input`], what the user sees goes through [`output`], and a command ends with a code of [`exit`].
+//! [`plan`], which is simulated, stored as a document and printed. Documents
+//! become [`facts`] of CLIPS, and facts documents. Text on either side is read
+//! and written in [`formats`]. What rmem is given comes through [`input`], what
+//! the user sees goes through [`output`], and a command ends with a code of
+//! [`exit`].
 //!
 //! The library is silent: it prints, reads the environment and exits only
 //! through what [`run`] is given.
@@ -29,6 +31,8 @@ pub mod pddl;
 pub mod planner;
 
 pub mod plan;
+
+pub mod facts;
 
 pub mod formats;
 

@@ -27,7 +27,8 @@ pub(super) fn run(args: &Restore, context: &mut Context<'_>) -> anyhow::Result<E
     }
     let memory = context.memory()?;
     // What is staged has to be removed again; what is merged stays as far as it got.
-    let stop = (args.drop && !args.dry_run).then(crate::interruptible);
+    let patience = (args.drop && !args.dry_run).then(crate::Patience::new);
+    let stop = patience.as_ref().map(crate::Patience::interrupted);
     let restored = match restore(&memory, &dumped, Manner { drop: args.drop, dry_run: args.dry_run, stop }) {
         Err(interrupted @ RestoreError::Interrupted) => {
             context.output.error(&interrupted.to_string());

@@ -5,6 +5,7 @@
 //! them share is [`Source`], a text with a name, and [`Diagnostic`], a
 //! complaint about a place in such a text.
 
+pub mod clips;
 pub mod diagnostic;
 pub mod marker;
 pub mod mongodump;

@@ -2,6 +2,7 @@
 
 mod lab;
 
+mod clips;
 mod documents;
 mod exit_codes;
 mod locks;

