@@ -5,6 +5,9 @@
 
 use crate::formats::{Diagnostic, Diagnostics};
 use crate::input::{UsageError, WrongInput};
+use crate::memory::dump::DumpError;
+use crate::memory::dumped::DumpedError;
+use crate::memory::restore::RestoreError;
 use crate::output::WriteError;
 use crate::query::QueryError;
 use crate::store::{NamespaceError, StoreError};
@@ -88,7 +91,10 @@ impl Exit {
     /// The code for an error, from the innermost error whose kind is known.
     #[must_use]
     pub fn of(error: &anyhow::Error) -> Self {
-        error.chain().filter_map(Self::of_cause).last().unwrap_or(Self::BadInput)
+        let known = error.chain().filter_map(Self::of_cause).last();
+        // What the system says counts only where nobody said what it was about.
+        let system = || error.chain().any(|cause| cause.is::<std::io::Error>()).then_some(Self::Store);
+        known.or_else(system).unwrap_or(Self::BadInput)
     }
 
     fn of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<Self> {
@@ -106,7 +112,14 @@ impl Exit {
         if cause.is::<UsageError>() || cause.is::<NamespaceError>() {
             return Some(Self::Usage);
         }
-        (cause.is::<WriteError>() || cause.is::<std::io::Error>()).then_some(Self::Store)
+        if cause.is::<DumpedError>() || matches!(cause.downcast_ref(), Some(RestoreError::Dump(_))) {
+            return Some(Self::BadInput);
+        }
+        match cause.downcast_ref() {
+            Some(DumpError::Taken { .. }) => Some(Self::BadInput),
+            Some(DumpError::Write { .. }) => Some(Self::Store),
+            _ => cause.is::<WriteError>().then_some(Self::Store),
+        }
     }
 }
 

@@ -65,7 +65,8 @@ pub fn write(
     }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".rmem-").permissions(Permissions::from_mode(0o777));
-    let staged = builder.tempdir_in(beside(path)).map_err(failed)?;
+    // The name of the staged folder is nobody's business in a message.
+    let staged = builder.tempdir_in(beside(path)).map_err(|error| failed(error.kind().into()))?;
     let namespaces = in_order(namespaces);
     let mut written = Vec::with_capacity(namespaces.len());
     for namespace in namespaces {

@@ -225,7 +225,7 @@ fn a_dump_never_overwrites_a_folder() {
     assert!(refused.stderr.contains("dump is not empty"), "{refused}");
     fs::create_dir(lab.path().join("blank")).unwrap();
     lab.rmem(&["dump", "robmem.blocks", "-o", "blank"]).success();
-    lab.rmem(&["dump", "robmem.blocks", "-o", "missing/dump"]).exits(3);
+    lab.rmem(&["dump", "robmem.blocks", "-o", "missing/dump"]).exits(4);
     lab.rmem(&["dump", "robmem.blocks", "-o", "world.json", "--gzip"]).exits(2);
     let left: Vec<_> = fs::read_dir(lab.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(!left.iter().any(|name| name.to_string_lossy().starts_with(".rmem-")), "{left:?}");
