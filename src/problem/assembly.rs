@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::names;
-use super::origin::{DocumentId, Placed, from_document};
+use super::origin::{DocumentId, Kind, Placed, from_document};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// A value on its way into the problem.
@@ -16,11 +16,28 @@ pub(super) struct Emitted {
     /// The place in the template.
     pub(super) template: Span,
     pub(super) document: Option<DocumentId>,
+    /// Whether it is the goal: PDDL text, and no name.
+    pub(super) goal: bool,
 }
 
 enum Part {
-    Text(String),
+    /// Text, and where it stands in the template if that is known.
+    Text(String, Option<Literal>),
     Value(Emitted),
+}
+
+/// Where text of the template stands, and the document it is written for.
+#[derive(Debug, Clone)]
+pub(super) struct Literal {
+    pub(super) start: usize,
+    pub(super) document: Option<DocumentId>,
+}
+
+impl Literal {
+    /// The place of the text `length` bytes further.
+    fn after(&self, length: usize) -> Self {
+        Self { start: self.start + length, document: self.document.clone() }
+    }
 }
 
 /// A name as it was first written, and from where.
@@ -51,28 +68,62 @@ impl<'a> Assembler<'a> {
         Self { template, out: String::new(), placed: Vec::new(), token: Vec::new(), spellings: HashMap::new() }
     }
 
-    /// Adds text of the template.
+    /// Adds text whose place in the template is not known.
     pub(super) fn text(&mut self, text: &str) -> Result<(), Diagnostic> {
-        let mut rest = text;
+        self.stretch(text, None)
+    }
+
+    /// Adds text of the template.
+    pub(super) fn literal(&mut self, text: &str, place: Literal) -> Result<(), Diagnostic> {
+        self.stretch(text, Some(place))
+    }
+
+    /// Adds the goal, which the marker or the expression at `template` stands for.
+    pub(super) fn goal(&mut self, goal: &str, template: Span) -> Result<(), Diagnostic> {
+        // A goal starts and ends with a parenthesis, so none of it is in a token.
+        self.stretch(goal, None)?;
+        let output = Span::new(self.out.len().saturating_sub(goal.len()), self.out.len());
+        self.placed.push(Placed { output, template, document: None, kind: Kind::Goal });
+        Ok(())
+    }
+
+    fn stretch(&mut self, text: &str, place: Option<Literal>) -> Result<(), Diagnostic> {
+        let after = |length: usize| place.as_ref().map(|place| place.after(length));
+        let mut start = 0;
         if !self.token.is_empty() {
-            let end = rest.find(is_delimiter).unwrap_or(rest.len());
-            let (head, tail) = rest.split_at(end);
+            start = text.find(is_delimiter).unwrap_or(text.len());
+            let (head, tail) = text.split_at(start);
             if !head.is_empty() {
-                self.token.push(Part::Text(head.to_owned()));
+                self.token.push(Part::Text(head.to_owned(), after(0)));
             }
             if tail.is_empty() {
                 return Ok(());
             }
             self.flush()?;
-            rest = tail;
         }
+        let rest = &text[start..];
         let tail = rest.rfind(is_delimiter).map_or(0, |at| at + rest[at..].chars().next().map_or(1, char::len_utf8));
         let (whole, open) = rest.split_at(tail);
-        self.out.push_str(whole);
+        self.write(whole, after(start));
         if !open.is_empty() {
-            self.token.push(Part::Text(open.to_owned()));
+            self.token.push(Part::Text(open.to_owned(), after(start + tail)));
         }
         Ok(())
+    }
+
+    /// Writes text into the problem, and notes where it came from.
+    fn write(&mut self, text: &str, place: Option<Literal>) {
+        let at = self.out.len();
+        self.out.push_str(text);
+        if let Some(Literal { start, document }) = place.filter(|_| !text.is_empty()) {
+            let output = Span::new(at, self.out.len());
+            self.placed.push(Placed {
+                output,
+                template: Span::new(start, start + text.len()),
+                document,
+                kind: Kind::Text,
+            });
+        }
     }
 
     /// Adds a value.
@@ -90,11 +141,12 @@ impl<'a> Assembler<'a> {
         let parts = std::mem::take(&mut self.token);
         let start = self.out.len();
         let plain = is_number(&parts);
-        let mangle_all = !plain && names::looks_mangled(&joined(&parts));
+        let whole = joined(&parts);
+        let mangle_all = !plain && (names::looks_mangled(&whole) || names::is_operator(&whole));
         let mut first: Option<(Span, Option<DocumentId>)> = None;
         for part in parts {
             match part {
-                Part::Text(text) => self.out.push_str(&text),
+                Part::Text(text, place) => self.write(&text, place),
                 Part::Value(value) => {
                     let at = self.out.len();
                     let token = self.out.get(start..).unwrap_or_default().trim_start_matches(['?', ':']);
@@ -110,7 +162,12 @@ impl<'a> Assembler<'a> {
                         first = Some((value.template, value.document.clone()));
                     }
                     let output = Span::new(at, self.out.len());
-                    self.placed.push(Placed { output, template: value.template, document: value.document });
+                    self.placed.push(Placed {
+                        output,
+                        template: value.template,
+                        document: value.document,
+                        kind: Kind::Value,
+                    });
                 }
             }
         }
@@ -149,7 +206,7 @@ impl<'a> Assembler<'a> {
 
 fn joined(parts: &[Part]) -> String {
     let text = |part: &Part| match part {
-        Part::Text(text) => text.clone(),
+        Part::Text(text, _) => text.clone(),
         Part::Value(value) => value.text.clone(),
     };
     parts.iter().map(text).collect()
@@ -157,7 +214,7 @@ fn joined(parts: &[Part]) -> String {
 
 /// Whether the token is a number: its values are numbers, and so is the whole.
 fn is_number(parts: &[Part]) -> bool {
-    if !parts.iter().all(|part| matches!(part, Part::Text(_) | Part::Value(Emitted { number: true, .. }))) {
+    if !parts.iter().all(|part| matches!(part, Part::Text(..) | Part::Value(Emitted { number: true, .. }))) {
         return false;
     }
     let text = joined(parts);
@@ -181,7 +238,7 @@ mod tests {
             let (value, after) = after.split_once('}').expect("a closed brace");
             let (number, value) = value.strip_prefix('#').map_or((false, value), |value| (true, value));
             let template = Span::at(text.len() - after.len());
-            assembler.value(Emitted { text: value.to_owned(), number, template, document: None });
+            assembler.value(Emitted { text: value.to_owned(), number, template, document: None, goal: false });
             rest = after;
         }
         assembler.text(rest).map_err(|error| error.to_string())?;
@@ -202,6 +259,7 @@ mod tests {
             ("?{x} :{y}", "?x :y"),
             ("{a}{b} a{}", "ab ax----x"),
             ("{x--a--x} x{--a}", "x--x_2d_2da_2d_2dx--x xx--_2d_2da--x"),
+            ("({not} {and}s n{ot} {Or})", "(x--not--x ands nx--ot--x x--_4fr--x)"),
             ("; {a\nb}", "; x--a_0ab--x"),
         ] {
             assert_eq!(assemble(template).as_deref(), Ok(wanted), "{template}");

@@ -12,7 +12,7 @@ use super::assembly::Assembler;
 use super::function::{Context, Piece, pieces, register};
 use super::instrument::{Instrumented, instrument};
 use super::value::{CLOSE, OPEN, from_bson};
-use super::{Generated, ProblemError, Request, SectionReport};
+use super::{Generated, ProblemError, Request, SectionReport, bound};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
 
@@ -29,6 +29,7 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     if let Some(offset) = template.text().find([OPEN, CLOSE]) {
         return Err(Diagnostic::new(template, Span::at(offset), "a template cannot hold this character").into());
     }
+    bound::check(template)?;
     let mut instrumented = instrument(template.text());
     let (asker, answerer) = answer::pair();
     let context = Arc::new(Context::new(asker, std::mem::take(&mut instrumented.sites)));
@@ -89,9 +90,15 @@ fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Co
     // Rendered parts (macros, blocks) are told from values by being "safe"; no filter makes a value that.
     environment.set_auto_escape_callback(|_| AutoEscape::Custom("pddl".into()));
     environment.remove_filter("safe");
+    // It shows the engine's inside, as one name.
+    environment.remove_global("debug");
     let shared = Arc::clone(context);
+    let goal = variables.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());
     environment.set_formatter(move |out, _, value| {
         if let Some(text) = value.as_str().filter(|_| value.is_safe()) {
+            if goal.as_ref().is_some_and(|goal| goal.is_safe() && goal.as_str() == Some(text)) {
+                return out.write_str(&shared.emit_goal(text)).map_err(Error::from);
+            }
             return out.write_str(text).map_err(Error::from);
         }
         // The end of an `if` without `else`.
@@ -114,6 +121,7 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
         match piece {
             Piece::Text(text) => assembler.text(text)?,
             Piece::Value(number) => match values.get(number) {
+                Some(value) if value.goal => assembler.goal(&value.text, value.template)?,
                 Some(value) => assembler.value(value.clone()),
                 None => {
                     let message = "a filter took rendered text apart; apply it to the values before they are rendered";

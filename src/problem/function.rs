@@ -84,8 +84,17 @@ impl Context {
         let (text, number) = self.spell(value)?;
         let template = self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default();
         let mut emitted = lock(&self.emitted);
-        emitted.push(Emitted { text, number, template, document: self.looked.take() });
+        emitted.push(Emitted { text, number, template, document: self.looked.take(), goal: false });
         Ok(format!("{OPEN}{}{CLOSE}", emitted.len() - 1))
+    }
+
+    /// Keeps the goal for the problem, like a value.
+    pub(super) fn emit_goal(&self, goal: &str) -> String {
+        let template = self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default();
+        self.looked.take();
+        let mut emitted = lock(&self.emitted);
+        emitted.push(Emitted { text: goal.to_owned(), number: false, template, document: None, goal: true });
+        format!("{OPEN}{}{CLOSE}", emitted.len() - 1)
     }
 
     /// A value's text, and whether it is a number.

@@ -77,13 +77,13 @@ pub(super) fn instrument(template: &str) -> Instrumented {
     result
 }
 
-fn next_tag(template: &str, from: usize) -> Option<usize> {
+pub(super) fn next_tag(template: &str, from: usize) -> Option<usize> {
     let rest = &template.as_bytes()[from..];
     rest.windows(2).position(|pair| pair[0] == b'{' && matches!(pair[1], b'{' | b'%' | b'#')).map(|at| from + at)
 }
 
 /// One past the end of the tag at `start`, past strings and brackets; `mark` stands before its last brace.
-fn tag_end(template: &str, start: usize, mark: u8) -> usize {
+pub(super) fn tag_end(template: &str, start: usize, mark: u8) -> usize {
     let bytes = template.as_bytes();
     let (mut at, mut depth, mut quote) = (start + 2, 0_usize, None);
     while let Some(byte) = bytes.get(at).copied() {
@@ -105,14 +105,14 @@ fn tag_end(template: &str, start: usize, mark: u8) -> usize {
 }
 
 /// The keyword of a tag.
-fn word(tag: &str) -> &str {
+pub(super) fn word(tag: &str) -> &str {
     let inner = tag[2..].trim_start_matches(['-', '+']).trim_start();
     let end = inner.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(inner.len());
     &inner[..end]
 }
 
 /// One past `{% endraw %}`.
-fn raw_end(template: &str, from: usize) -> usize {
+pub(super) fn raw_end(template: &str, from: usize) -> usize {
     let mut offset = from;
     while let Some(start) = template[offset..].find("{%").map(|at| offset + at) {
         let end = template[start..].find("%}").map_or(template.len(), |length| start + length + 2);

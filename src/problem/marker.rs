@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bson::raw::RawBsonRef;
 use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
-use super::assembly::{Assembler, Emitted};
+use super::assembly::{Assembler, Emitted, Literal};
 use super::origin::DocumentId;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::marker::{self, Node, QueryKind, Section};
@@ -87,7 +87,11 @@ impl<'a> Expander<'a> {
     fn nodes(&mut self, nodes: &[Node], scope: Option<Scope<'_>>) -> Result<(), ProblemError> {
         for node in nodes {
             match node {
-                Node::Text(span) => self.assembler.text(self.request.template.slice(*span))?,
+                Node::Text(span) => {
+                    let document = scope.and_then(|scope| document_id(&self.namespace, scope.document));
+                    let place = Literal { start: span.start, document };
+                    self.assembler.literal(self.request.template.slice(*span), place)?;
+                }
                 Node::Value { key, span } => self.value(key, *span, scope)?,
                 Node::Section(section) => self.section(section)?,
                 Node::Separator(body) if scope.is_some_and(|scope| !scope.last) => self.nodes(body, scope)?,
@@ -157,11 +161,11 @@ impl<'a> Expander<'a> {
         let Some(query) = &section.query else { return Ok((Box::new(std::iter::empty()), 0)) };
         let (asked, answer) = match query.kind {
             QueryKind::Find => {
-                let filter = shell::parse_document_in(template, query.span)?;
+                let filter = shell::parse_document_in(template, query.span).map_err(cut_short)?;
                 (filter.clone(), self.memory.find(ns, &Find { filter, ..Find::default() }))
             }
             QueryKind::Pipeline => {
-                let pipeline = shell::parse_pipeline_in(template, query.span)?;
+                let pipeline = shell::parse_pipeline_in(template, query.span).map_err(cut_short)?;
                 (doc! { "pipeline": pipeline.clone() }, self.memory.aggregate(ns, &pipeline))
             }
         };
@@ -188,7 +192,7 @@ impl<'a> Expander<'a> {
             return self.emit(key, value, span, document);
         }
         if let (true, Some(goal)) = (key == "GOAL", self.goal) {
-            return Ok(self.assembler.text(goal)?);
+            return Ok(self.assembler.goal(goal, span)?);
         }
         let parameters = self.parameters.clone();
         if let Some(value) = resolve(&parameters, key) {
@@ -234,7 +238,7 @@ impl<'a> Expander<'a> {
         document: Option<DocumentId>,
     ) -> Result<(), ProblemError> {
         if let Some((text, number)) = spell(value) {
-            self.assembler.value(Emitted { text, number, template, document });
+            self.assembler.value(Emitted { text, number, template, document, goal: false });
             return Ok(());
         }
         if self.request.lenient {
@@ -248,6 +252,14 @@ impl<'a> Expander<'a> {
         };
         Err(diagnostic.hint(format!("--lenient writes {INVALID}, as Fawkes does")).into())
     }
+}
+
+/// A query that is not finished may be one that holds what ends it.
+fn cut_short(error: Diagnostic) -> Diagnostic {
+    if error.message().ends_with("has no end") || error.message().ends_with("found the end of the text") {
+        return error.hint("a query ends at the first `>>`; write `\\u003e` for `>` in its strings");
+    }
+    error
 }
 
 /// The `_id` of a document, for messages.

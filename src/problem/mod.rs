@@ -9,6 +9,7 @@
 
 mod answer;
 mod assembly;
+mod bound;
 mod engine;
 mod function;
 mod goal;

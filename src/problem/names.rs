@@ -1,7 +1,7 @@
 //! Values as PDDL names, and back.
 //!
 //! A legal name is a letter followed by letters, digits, `-` and `_`. It stays
-//! as it is. Any other text is written as `x--BODY--x`, where lower-case letters
+//! as it is, unless it is an operator (`not`, `and`, …). Any other text is written as `x--BODY--x`, where lower-case letters
 //! and digits stand for themselves and every other byte of the UTF-8 text is
 //! `_` and two hexadecimal digits: `Box 1` is `x--_42ox_201--x`. So the mangled
 //! name is legal, survives planners that fold case, and needs no table to be
@@ -33,10 +33,18 @@ pub(super) fn looks_mangled(text: &str) -> bool {
     text.as_bytes().windows(OPEN.len()).any(|window| window.eq_ignore_ascii_case(OPEN.as_bytes()))
 }
 
+/// The words that make an expression of what follows, wherever a name could stand.
+const OPERATORS: [&str; 9] = ["and", "or", "not", "imply", "forall", "exists", "when", "either", "define"];
+
+/// Whether PDDL would take the name for an operator.
+pub(super) fn is_operator(text: &str) -> bool {
+    OPERATORS.iter().any(|operator| operator.eq_ignore_ascii_case(text))
+}
+
 /// The name that stands for `text`; the text itself if it is a legal name.
 #[must_use]
 pub fn mangle(text: &str) -> String {
-    if is_legal(text) && !looks_mangled(text) { text.to_owned() } else { encode(text) }
+    if is_legal(text) && !looks_mangled(text) && !is_operator(text) { text.to_owned() } else { encode(text) }
 }
 
 /// The mangled form, whatever the text is.
@@ -114,6 +122,7 @@ mod tests {
         assert_eq!(mangle("A) (on B"), "x--_41_29_20_28on_20_42--x");
         assert_eq!(mangle(""), "x----x");
         assert_eq!(mangle("1a"), "x--1a--x");
+        assert_eq!(mangle("Not"), "x--_4eot--x");
         assert_eq!(mangle("X--a--X"), "x--_58_2d_2da_2d_2d_58--x");
     }
 

@@ -26,7 +26,16 @@ pub struct Origin {
     pub document: Option<(Namespace, Bson)>,
 }
 
-/// A stretch of the problem that a value made.
+/// What made a stretch of the problem.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Value,
+    /// Text of the template, as it is there.
+    Text,
+    Goal,
+}
+
+/// A stretch of the problem whose place in the template is known.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Placed {
     /// In the problem.
@@ -34,6 +43,7 @@ pub(super) struct Placed {
     /// In the template.
     pub(super) template: Span,
     pub(super) document: Option<DocumentId>,
+    pub(super) kind: Kind,
 }
 
 /// A problem, and how it came about.
@@ -68,7 +78,11 @@ impl Generated {
     pub fn locate(&self, offset: usize) -> Origin {
         let next = self.placed.partition_point(|placed| placed.output.end <= offset);
         if let Some(inside) = self.placed.get(next).filter(|placed| placed.output.start <= offset) {
-            return self.origin(inside.template, inside.document.as_ref());
+            if inside.kind != Kind::Text {
+                return self.origin(inside.template, inside.document.as_ref());
+            }
+            let span = Span::at(inside.template.start + offset - inside.output.start);
+            return self.origin(span, inside.document.as_ref());
         }
         let before = next.checked_sub(1).and_then(|index| self.placed.get(index));
         let after = self.placed.get(next);
@@ -138,21 +152,38 @@ impl Generated {
         explained.into_iter().map(counted).collect()
     }
 
+    /// The goal, if the byte at `offset` is in it.
+    fn goal_around(&self, offset: usize) -> Option<&str> {
+        let placed = self.placed.get(self.placed.partition_point(|placed| placed.output.end <= offset))?;
+        let goal = placed.kind == Kind::Goal && placed.output.start <= offset;
+        self.text.get(placed.output.start..placed.output.end).filter(|_| goal)
+    }
+
     fn at_template(&self, complaint: &Diagnostic) -> Diagnostic {
         let offset = complaint.span().start.min(self.text.len());
         let origin = self.locate(offset);
         let start = self.text.get(..offset).and_then(|text| text.rfind('\n')).map_or(0, |newline| newline + 1);
         let line = self.text.get(start..).and_then(|rest| rest.lines().next()).unwrap_or_default().trim();
-        let short: String = line.chars().take(120).collect();
+        let short = excerpt(line);
         let number = self.source().position(offset).0;
         let diagnostic = Diagnostic::new(&self.template, origin.span, complaint.message());
         let diagnostic = complaint.hints().iter().fold(diagnostic, |diagnostic, hint| diagnostic.hint(hint.as_str()));
+        let goal = self.goal_around(offset);
+        let diagnostic = match goal {
+            Some(goal) => diagnostic.hint(format!("the goal is {}", excerpt(goal))),
+            None => diagnostic,
+        };
         let diagnostic = diagnostic.hint(format!("it became line {number} of the problem: {short}"));
         match &origin.document {
             Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
             None => diagnostic,
         }
     }
+}
+
+/// The start of a text that may be long, on one line.
+fn excerpt(text: &str) -> String {
+    text.chars().take(120).map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// `from document _id 7 of robmem.worldmodel`.

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::{Generated, engine, goal, marker};
+use super::{Generated, engine, goal, instrument, marker};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
@@ -90,7 +90,21 @@ impl ProblemError {
 /// two values that PDDL takes for the same name; a store that fails.
 pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, ProblemError> {
     let goal = request.goal.as_deref().map(goal::parse).transpose()?;
-    match spelling(request)? {
+    let syntax = spelling(request)?;
+    for (name, _) in &request.parameters {
+        let taken = match syntax {
+            Syntax::Marker => name == "GOAL",
+            _ => name == "goal" || name == "param" || instrument::PLACED.contains(&name.as_str()),
+        };
+        if taken {
+            let source = Source::new("<parameter>", name.as_str());
+            let message = format!("a parameter cannot be called `{name}`, which templates have already");
+            let diagnostic = Diagnostic::new(&source, Span::new(0, name.len()), message);
+            let goal = name.eq_ignore_ascii_case("goal");
+            return Err(if goal { diagnostic.hint("give the goal with --goal") } else { diagnostic }.into());
+        }
+    }
+    match syntax {
         Syntax::Marker => marker::expand(request, goal.as_deref(), memory),
         _ => engine::render(request, goal.as_deref(), memory),
     }

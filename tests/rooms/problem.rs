@@ -434,6 +434,86 @@ fn sections_say_how_many_documents_they_matched() {
 }
 
 #[test]
+fn what_is_wrong_in_the_goal_is_said_of_its_marker() {
+    let domain = "(define (domain d) (:requirements :strips) (:predicates (on-table ?x) (on ?x ?y)))";
+    let domain = Domain::read(&Source::new("d", domain), Dialect::default()).expect("a domain");
+    let head = "(define (problem p) (:domain d)\n(:objects A C)\n";
+    for template in [
+        format!(
+            "{head}(:init {{% for d in query('robmem.worldmodel', {{'relation': 'on-table'}}) %}}(on-table {{{{ d.object }}}}){{% endfor %}})\n(:goal {{{{ goal }}}}))"
+        ),
+        format!("{head}(:init <<#T|{{relation: 'on-table'}}>>(on-table <<object>>)<</T>>)\n(:goal <<GOAL>>))"),
+    ] {
+        for documents in [blocks(), Vec::new()] {
+            let request = Request { goal: Some("(on A Z)".to_owned()), ..request(&template) };
+            let generated = generate(&request, &memory(documents)).unwrap_or_else(|error| panic!("{error}"));
+            let errors = generated.check(&domain, Dialect::default()).expect_err("Z is no object");
+            let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            assert_eq!(errors.len(), 1, "{errors:?}");
+            assert!(errors[0].starts_with("t:4:8: "), "{}", errors[0]);
+            assert!(errors[0].contains("hint: the goal is (on A Z)"), "{}", errors[0]);
+        }
+    }
+}
+
+#[test]
+fn text_of_a_section_leads_back_to_its_place_for_every_document() {
+    let generated = made("(:init\n<<#T|{relation: 'on-table'}>>(on <<object>> B) (x <<object>>)\n<</T>>)", blocks());
+    let places = |needle: &str| -> Vec<_> {
+        let found = generated.text.match_indices(needle);
+        found
+            .map(|(offset, _)| generated.locate(offset))
+            .map(|at| (at.line, at.column, at.document.map(|found| found.1)))
+            .collect()
+    };
+    let id = |id| Some(Bson::Int32(id));
+    assert_eq!(places("on "), [(2, 31, id(1)), (2, 31, id(2))]);
+    assert_eq!(places("B)"), [(2, 45, id(1)), (2, 45, id(2))]);
+    assert_eq!(places("x "), [(2, 49, id(1)), (2, 49, id(2))]);
+}
+
+#[test]
+fn chains_that_would_exhaust_the_stack_are_refused_and_shorter_ones_are_read() {
+    for (start, link, end) in [
+        ("{{ 1", "+1", " }}"),
+        ("{{ ", "-", "1 }}"),
+        ("{{ ", "not ", "1 }}"),
+        ("{{ a", ".a", " }}"),
+        ("{{ a", "[0]", " }}"),
+        ("{{ 1", "|int", " }}"),
+        ("{{ 'a'", "~'b'", " }}"),
+        ("{{ 1", "**1", " }}"),
+        ("{{ 1", " and 1", " }}"),
+        ("{{ 1", " if 1 else 1", " }}"),
+        ("{{ a", "()", " }}"),
+        ("{% if 0 %}", "{% elif 0 %}", "{% endif %}"),
+    ] {
+        let template = |count| format!("{start}{}{end}", link.repeat(count));
+        let error = complaint(&template(20_000), Vec::new());
+        assert!(error.contains("more than"), "{link}: {error}");
+        // It may be an error of the value, but it comes back.
+        let _ = generate(&request(&template(490)), &memory(Vec::new()));
+    }
+}
+
+#[test]
+fn a_query_that_holds_its_own_end_is_explained() {
+    let error = complaint("<<#T|{a: '>>'}>><</T>>", Vec::new());
+    assert!(error.starts_with("t:1:10: the string has no end"), "{error}");
+    assert!(error.contains("a query ends at the first `>>`"), "{error}");
+    assert_eq!(text("<<#T|{a: '\\u003e\\u003e'}>>x<</T>>", vec![doc! { "a": ">>" }]), "x");
+}
+
+#[test]
+fn parameters_cannot_take_the_place_of_the_goal_or_a_function() {
+    for (template, name) in [("{{ count('a.b') }}", "count"), ("{{ goal }}", "goal"), ("<<GOAL>>", "GOAL")] {
+        let parameters = vec![(name.to_owned(), Bson::from("x"))];
+        let error = generate(&Request { parameters, ..request(template) }, &memory(Vec::new())).expect_err(name);
+        assert!(error.to_string().contains(&format!("a parameter cannot be called `{name}`")), "{error}");
+    }
+}
+
+#[test]
 fn a_place_of_the_problem_leads_back_to_template_and_document() {
     for template in [
         "(:init\n{% for d in query('robmem.worldmodel', {'relation': 'on-table'}) %}\n  (onn {{ d.object }})\n{% endfor %})",
