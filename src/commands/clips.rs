@@ -148,7 +148,7 @@ fn schema(paths: &[PathBuf], context: &mut Context<'_>) -> anyhow::Result<Schema
     let mut schema = Schema::default();
     for path in paths {
         let source = context.read(path)?;
-        for item in Reader::new(&source, []) {
+        for item in Reader::of_templates(&source) {
             if let Item::Template(template) = item? {
                 schema.add(template);
             }

@@ -120,6 +120,15 @@ fn programs_are_passed_over_and_named() {
 }
 
 #[test]
+fn templates_are_read_alone_from_whatever_a_program_holds() {
+    let text = "() (a ?x) (deffacts d (a (b (now))) (c ?*x*)) (deftemplate t (slot a)) ((b))";
+    let source = Source::new("t", text);
+    let items = Reader::of_templates(&source).collect::<Result<Vec<_>, _>>().unwrap_or_else(|error| panic!("{error}"));
+    let templates = items.iter().filter(|item| matches!(item, Item::Template(_))).count();
+    assert_eq!((items.len(), templates), (5, 1));
+}
+
+#[test]
 fn a_template_says_what_its_slots_take() {
     let items = read(
         "(deftemplate m::t \"about\" (slot a (type INTEGER) (range 1 ?VARIABLE)) (multislot b (type NUMBER) (cardinality 1 2))

@@ -176,7 +176,8 @@ pub(super) fn lone(text: &str) -> Option<Kind> {
     kind(pair.as_rule(), pair.as_str())
 }
 
-/// The end of the stretch that begins at `start`: white space outside of strings and comments, or the end.
+/// The end of the stretch that begins at `start`: a place outside of strings and comments where
+/// no word goes on, or the end. Not only white space, or a text without any would be one stretch.
 fn stretch(text: &str, start: usize) -> usize {
     enum Inside {
         Code,
@@ -184,12 +185,15 @@ fn stretch(text: &str, start: usize) -> usize {
         Escape,
         Comment,
     }
+    let ends_words = |byte: u8| matches!(byte, b' ' | b'\n' | b'\r' | b'\t') || b"()\";&|~<".contains(&byte);
     let mut inside = Inside::Code;
     for (index, byte) in text.bytes().enumerate().skip(start) {
+        if matches!(inside, Inside::Code) && index - start >= STRETCH && ends_words(byte) {
+            return index;
+        }
         inside = match (inside, byte) {
             (Inside::Code, b'"') => Inside::Text,
             (Inside::Code, b';') => Inside::Comment,
-            (Inside::Code, b' ' | b'\n' | b'\r' | b'\t') if index - start >= STRETCH => return index,
             (Inside::Text, b'"') | (Inside::Comment, b'\n' | b'\r') => Inside::Code,
             (Inside::Text, b'\\') => Inside::Escape,
             (Inside::Escape, _) => Inside::Text,
@@ -239,6 +243,13 @@ mod tests {
 
     #[test]
     fn words_are_the_same_wherever_a_stretch_ends() {
+        for (text, count) in [("(", 1), ("\"a\"", 1), ("||", 2), ("<", 1), ("(a)", 3), ("a<b\"c\"", 3), ("1;\n", 1)] {
+            let source = Source::new("t", text.repeat(3_000));
+            let mut lexer = Lexer::new(&source);
+            let kinds = std::iter::from_fn(|| lexer.next().ok().filter(|token| token.kind != Kind::End));
+            assert_eq!(kinds.count(), count * 3_000, "{text}");
+            assert!(stretch(source.text(), 0) <= STRETCH + 4, "{text}");
+        }
         let text = "(a \"; ( \\\" b\") ; \"comment\n12.5 [x]\n".repeat(2_000);
         let source = Source::new("t", text);
         let mut lexer = Lexer::new(&source);

@@ -76,6 +76,8 @@ pub struct Reader<'a> {
     templates: HashSet<String>,
     /// The `deffacts` or `assert` that is open.
     group: Option<Span>,
+    /// Whether everything but templates is passed over.
+    templates_only: bool,
     /// Whether a construct was seen: then this is a program.
     program: bool,
     done: bool,
@@ -85,7 +87,12 @@ impl<'a> Reader<'a> {
     /// A reader of a text; the names are of templates of other texts.
     pub fn new(source: &'a Source, templates: impl IntoIterator<Item = String>) -> Self {
         let templates = templates.into_iter().collect();
-        Self { lexer: Lexer::new(source), templates, group: None, program: false, done: false }
+        Self { lexer: Lexer::new(source), templates, group: None, templates_only: false, program: false, done: false }
+    }
+
+    /// A reader that passes over everything but templates, whatever it holds.
+    pub fn of_templates(source: &'a Source) -> Self {
+        Self { templates_only: true, ..Self::new(source, []) }
     }
 
     fn step(&mut self) -> Result<Option<Item>, Diagnostic> {
@@ -114,6 +121,7 @@ impl<'a> Reader<'a> {
         let head = self.lexer.peek(0)?;
         let name = if head.kind == Kind::Symbol { self.lexer.text(head) } else { "" };
         match name {
+            _ if self.templates_only && name != "deftemplate" => self.skip(open, name).map(Some),
             "deftemplate" => {
                 self.lexer.next()?;
                 self.program = true;
@@ -153,8 +161,7 @@ impl<'a> Reader<'a> {
     /// Passes over a list whose head is the next word.
     fn skip(&mut self, open: Span, kind: &str) -> Result<Item, Diagnostic> {
         self.program |= SKIPPED.contains(&kind);
-        self.lexer.next()?;
-        let first = self.lexer.peek(0)?;
+        let first = self.lexer.peek(1)?;
         let name = match first.kind {
             Kind::Open | Kind::Close => String::new(),
             _ => self.lexer.text(first).to_owned(),
