@@ -34,7 +34,7 @@ pub fn print(plan: &Plan, format: Format, domain: &Domain, id: &str, value: &dyn
         Format::Json => json(plan, domain, value),
         Format::Clips => clips(plan, id, value),
         Format::Ff => ff(plan),
-        Format::Dot => dot(plan, id),
+        Format::Dot => dot(plan, id, value),
     }
 }
 
@@ -43,8 +43,10 @@ fn text(plan: &Plan) -> String {
     let mut text: String = plan.steps.iter().map(|step| format!("{}\n", line(step))).collect();
     let length = plan.steps.len() as f64;
     let _ = match plan.cost {
-        Some(cost) if cost != length || plan.is_temporal() => writeln!(text, "; cost = {cost} (general cost)"),
-        None if plan.is_temporal() => Ok(()),
+        // The number of steps is what a plan costs where nothing else was asked for, and says
+        // nothing about one with times.
+        Some(cost) if cost != length => writeln!(text, "; cost = {cost} (general cost)"),
+        _ if plan.is_temporal() => Ok(()),
         _ => writeln!(text, "; cost = {length} (unit cost)"),
     };
     text
@@ -148,15 +150,37 @@ fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-fn dot(plan: &Plan, id: &str) -> String {
-    let escaped = |text: &str| text.replace('\\', "\\\\").replace('"', "\\\"");
-    let mut text = format!("digraph \"{}\" {{\n  node [shape=box];\n  init [shape=circle, label=\"\"];\n", escaped(id));
+fn dot(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
+    let mut text = format!("digraph \"{}\" {{\n  node [shape=box];\n  init [shape=circle, label=\"\"];\n", label(id));
     for (index, step) in plan.steps.iter().enumerate() {
         let number = index + 1;
-        let _ = writeln!(text, "  s{number} [label=\"{number}: {}\"];", escaped(&line(step)));
+        let arguments = step.arguments.iter().map(|name| readable(&value(name))).collect();
+        let line = line(&Step { arguments, ..step.clone() });
+        let _ = writeln!(text, "  s{number} [label=\"{number}: {}\"];", label(&line));
     }
     text.push_str("  goal [shape=doublecircle, label=\"\"];\n  init");
     text.extend((1..=plan.steps.len()).map(|number| format!(" -> s{number}")));
     text.push_str(" -> goal;\n}\n");
     text
+}
+
+/// A value as people read it.
+fn readable(value: &Bson) -> String {
+    match value {
+        Bson::String(text) => text.clone(),
+        other => slot(other),
+    }
+}
+
+/// A text in a quoted label; what cannot be seen is written as an escape.
+fn label(text: &str) -> String {
+    let mut label = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => label.extend(['\\', c]),
+            c if c.is_control() => label.push_str(&c.escape_default().to_string().replace('\\', "\\\\")),
+            c => label.push(c),
+        }
+    }
+    label
 }

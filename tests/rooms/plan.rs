@@ -138,6 +138,10 @@ fn text_is_what_the_planning_competitions_write() {
     assert_eq!(shown(&Plan { cost: Some(7.5), ..plan([step("wait")]) }), "(wait)\n; cost = 7.5 (general cost)\n");
     assert_eq!(shown(&Plan::default()), "; cost = 0 (unit cost)\n");
     assert_eq!(shown(&plan([timed("move r1 a", 0.001, 5.0)])), "0.001: (move r1 a) [5.000]\n");
+    let counted = Plan { cost: Some(1.0), ..plan([timed("move r1 a", 0.001, 5.0)]) };
+    assert_eq!(shown(&counted), "0.001: (move r1 a) [5.000]\n");
+    let costly = Plan { cost: Some(5.001), ..counted };
+    assert_eq!(shown(&costly), "0.001: (move r1 a) [5.000]\n; cost = 5.001 (general cost)\n");
     assert_eq!(shown(&plan([timed("move r1 a", 0.0002, 5.0)])), "0.0002: (move r1 a) [5.000]\n");
 }
 
@@ -182,6 +186,13 @@ fn the_graph_runs_from_start_to_goal() {
     let text = print(&plan([step("putdown B"), step("wait")]), Format::Dot, &domain(), "a\"b", &value);
     assert!(text.starts_with("digraph \"a\\\"b\" {"), "{text}");
     assert!(text.contains("s1 [label=\"1: (putdown B)\"]") && text.contains("init -> s1 -> s2 -> goal;"), "{text}");
+}
+
+#[test]
+fn the_graph_shows_the_values_of_the_memory() {
+    let value = |name: &str| if name == "n-3" { Bson::Int32(3) } else { Bson::from("Ann \"the\\cook\"\n") };
+    let text = print(&plan([step("unstack x--1 n-3")]), Format::Dot, &domain(), "p", &value);
+    assert!(text.contains(r#"s1 [label="1: (unstack Ann \"the\\cook\"\\n 3)"]"#), "{text}");
 }
 
 #[test]
