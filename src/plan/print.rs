@@ -24,17 +24,34 @@ pub enum Format {
     Dot,
 }
 
+/// What a format has no way to write.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PrintError {
+    /// CLIPS ends every text at a NUL.
+    #[error("{0:?} has a NUL in it, at which CLIPS would end it")]
+    Nul(String),
+}
+
 /// Prints a plan; the text ends with a line break. `value` gives the memory's value for a
 /// name of the problem, for those formats that the memory's programs read; `id` is the
 /// plan's name in facts and graphs.
-#[must_use]
-pub fn print(plan: &Plan, format: Format, domain: &Domain, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
+///
+/// # Errors
+///
+/// A value that the format cannot spell.
+pub fn print(
+    plan: &Plan,
+    format: Format,
+    domain: &Domain,
+    id: &str,
+    value: &dyn Fn(&str) -> Bson,
+) -> Result<String, PrintError> {
     match format {
-        Format::Text => text(plan),
-        Format::Json => json(plan, domain, value),
+        Format::Text => Ok(text(plan)),
+        Format::Json => Ok(json(plan, domain, value)),
         Format::Clips => clips(plan, id, value),
-        Format::Ff => ff(plan),
-        Format::Dot => dot(plan, id, value),
+        Format::Ff => Ok(ff(plan)),
+        Format::Dot => Ok(dot(plan, id, value)),
     }
 }
 
@@ -97,17 +114,18 @@ fn ff(plan: &Plan) -> String {
     text
 }
 
-fn clips(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
-    let id = symbol(id);
+fn clips(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> Result<String, PrintError> {
+    let id = spelled(symbol(id))?;
     let mut text = format!("(plan (id {id})");
     if let Some(cost) = plan.cost {
         let _ = write!(text, " (cost {cost:?})");
     }
     text.push_str(")\n");
     for (index, step) in plan.steps.iter().enumerate() {
-        let arguments: String = step.arguments.iter().map(|name| format!(" {}", slot(&value(name)))).collect();
+        let arguments = step.arguments.iter().map(|name| Ok(format!(" {}", spelled(slot(&value(name)))?)));
+        let arguments = arguments.collect::<Result<String, PrintError>>()?;
         let number = index + 1;
-        let name = symbol(&step.action);
+        let name = spelled(symbol(&step.action))?;
         let _ = write!(text, "(plan-action (id {number}) (plan-id {id}) (name {name}) (arguments{arguments})");
         if let Some(start) = step.start {
             let _ = write!(text, " (start {start:?})");
@@ -117,7 +135,12 @@ fn clips(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
         }
         text.push_str(" (status FORMULATED))\n");
     }
-    text
+    Ok(text)
+}
+
+/// A word of a fact that CLIPS reads as a whole.
+fn spelled(word: String) -> Result<String, PrintError> {
+    if word.contains('\0') { Err(PrintError::Nul(word)) } else { Ok(word) }
 }
 
 /// A value in a slot; what CLIPS has no word for is a string of JSON.

@@ -5,7 +5,12 @@ use rmem::formats::Source;
 use rmem::formats::pddl::{Dialect, ast, read_domain, read_problem};
 use rmem::formats::plan::{Spelling, read_plan};
 use rmem::pddl::Step;
-use rmem::plan::{Answered, Format, Layout, Lineage, Plan, Stored, failure, from_document, hash, print, to_document};
+use rmem::plan::{Answered, Format, Layout, Lineage, Plan, Stored, failure, from_document, hash, to_document};
+
+/// Prints what can be printed.
+fn print(plan: &Plan, format: Format, domain: &ast::Domain, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
+    rmem::plan::print(plan, format, domain, id, value).unwrap()
+}
 
 fn domain() -> ast::Domain {
     let text = "(define (domain d) (:predicates (on ?x ?y))
@@ -173,6 +178,14 @@ fn facts_are_symbols_where_they_can_be() {
          (plan-action (id 1) (plan-id p1) (name unstack) (arguments B \"two words\") (status FORMULATED))\n\
          (plan-action (id 2) (plan-id p1) (name move) (arguments \"1\" r) (start 0.0) (duration 5.0) (status FORMULATED))\n"
     );
+}
+
+#[test]
+fn a_value_that_clips_would_cut_short_is_an_error() {
+    let value = |_: &str| Bson::from("A\0B");
+    let shown = |format| rmem::plan::print(&plan([step("putdown x")]), format, &domain(), "p", &value);
+    assert!(shown(Format::Clips).unwrap_err().to_string().contains("NUL"));
+    assert!(shown(Format::Json).unwrap().contains(r"A\u0000B"));
 }
 
 #[test]
