@@ -197,7 +197,7 @@ fn print(
         Format::Json if args.layout == cli::Layout::Fawkes => {
             shell::relaxed(&plan::to_document(found, domain.tree(), layout(args), &value)) + "\n"
         }
-        _ => plan::print(found, spelling(format), domain.tree(), id, &value),
+        _ => plan::print(found, spelling(format), domain.tree(), id, &value)?,
     };
     context.output.stdout().write_all(text.as_bytes())?;
     Ok(Exit::Done)

@@ -14,7 +14,7 @@ use crate::pddl::Step;
 
 pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document};
 pub use lineage::{Answered, Lineage, hash};
-pub use print::{Format, print};
+pub use print::{Format, PrintError, print};
 
 /// A sequence of ground actions that reaches a goal.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -24,17 +24,34 @@ pub enum Format {
     Dot,
 }
 
+/// What a format has no way to write.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PrintError {
+    /// CLIPS ends every text at a NUL.
+    #[error("{0:?} has a NUL in it, at which CLIPS would end it")]
+    Nul(String),
+}
+
 /// Prints a plan; the text ends with a line break. `value` gives the memory's value for a
 /// name of the problem, for those formats that the memory's programs read; `id` is the
 /// plan's name in facts and graphs.
-#[must_use]
-pub fn print(plan: &Plan, format: Format, domain: &Domain, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
+///
+/// # Errors
+///
+/// A value that the format cannot spell.
+pub fn print(
+    plan: &Plan,
+    format: Format,
+    domain: &Domain,
+    id: &str,
+    value: &dyn Fn(&str) -> Bson,
+) -> Result<String, PrintError> {
     match format {
-        Format::Text => text(plan),
-        Format::Json => json(plan, domain, value),
+        Format::Text => Ok(text(plan)),
+        Format::Json => Ok(json(plan, domain, value)),
         Format::Clips => clips(plan, id, value),
-        Format::Ff => ff(plan),
-        Format::Dot => dot(plan, id),
+        Format::Ff => Ok(ff(plan)),
+        Format::Dot => Ok(dot(plan, id, value)),
     }
 }
 
@@ -43,8 +60,10 @@ fn text(plan: &Plan) -> String {
     let mut text: String = plan.steps.iter().map(|step| format!("{}\n", line(step))).collect();
     let length = plan.steps.len() as f64;
     let _ = match plan.cost {
-        Some(cost) if cost != length || plan.is_temporal() => writeln!(text, "; cost = {cost} (general cost)"),
-        None if plan.is_temporal() => Ok(()),
+        // The number of steps is what a plan costs where nothing else was asked for, and says
+        // nothing about one with times.
+        Some(cost) if cost != length => writeln!(text, "; cost = {cost} (general cost)"),
+        _ if plan.is_temporal() => Ok(()),
         _ => writeln!(text, "; cost = {length} (unit cost)"),
     };
     text
@@ -95,17 +114,18 @@ fn ff(plan: &Plan) -> String {
     text
 }
 
-fn clips(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
-    let id = symbol(id);
+fn clips(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> Result<String, PrintError> {
+    let id = spelled(symbol(id))?;
     let mut text = format!("(plan (id {id})");
     if let Some(cost) = plan.cost {
         let _ = write!(text, " (cost {cost:?})");
     }
     text.push_str(")\n");
     for (index, step) in plan.steps.iter().enumerate() {
-        let arguments: String = step.arguments.iter().map(|name| format!(" {}", slot(&value(name)))).collect();
+        let arguments = step.arguments.iter().map(|name| Ok(format!(" {}", spelled(slot(&value(name)))?)));
+        let arguments = arguments.collect::<Result<String, PrintError>>()?;
         let number = index + 1;
-        let name = symbol(&step.action);
+        let name = spelled(symbol(&step.action))?;
         let _ = write!(text, "(plan-action (id {number}) (plan-id {id}) (name {name}) (arguments{arguments})");
         if let Some(start) = step.start {
             let _ = write!(text, " (start {start:?})");
@@ -115,7 +135,12 @@ fn clips(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
         }
         text.push_str(" (status FORMULATED))\n");
     }
-    text
+    Ok(text)
+}
+
+/// A word of a fact that CLIPS reads as a whole.
+fn spelled(word: String) -> Result<String, PrintError> {
+    if word.contains('\0') { Err(PrintError::Nul(word)) } else { Ok(word) }
 }
 
 /// A value in a slot; what CLIPS has no word for is a string of JSON.
@@ -148,15 +173,37 @@ fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-fn dot(plan: &Plan, id: &str) -> String {
-    let escaped = |text: &str| text.replace('\\', "\\\\").replace('"', "\\\"");
-    let mut text = format!("digraph \"{}\" {{\n  node [shape=box];\n  init [shape=circle, label=\"\"];\n", escaped(id));
+fn dot(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
+    let mut text = format!("digraph \"{}\" {{\n  node [shape=box];\n  init [shape=circle, label=\"\"];\n", label(id));
     for (index, step) in plan.steps.iter().enumerate() {
         let number = index + 1;
-        let _ = writeln!(text, "  s{number} [label=\"{number}: {}\"];", escaped(&line(step)));
+        let arguments = step.arguments.iter().map(|name| readable(&value(name))).collect();
+        let line = line(&Step { arguments, ..step.clone() });
+        let _ = writeln!(text, "  s{number} [label=\"{number}: {}\"];", label(&line));
     }
     text.push_str("  goal [shape=doublecircle, label=\"\"];\n  init");
     text.extend((1..=plan.steps.len()).map(|number| format!(" -> s{number}")));
     text.push_str(" -> goal;\n}\n");
     text
+}
+
+/// A value as people read it.
+fn readable(value: &Bson) -> String {
+    match value {
+        Bson::String(text) => text.clone(),
+        other => slot(other),
+    }
+}
+
+/// A text in a quoted label; what cannot be seen is written as an escape.
+fn label(text: &str) -> String {
+    let mut label = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => label.extend(['\\', c]),
+            c if c.is_control() => label.push_str(&c.escape_default().to_string().replace('\\', "\\\\")),
+            c => label.push(c),
+        }
+    }
+    label
 }

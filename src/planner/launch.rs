@@ -3,6 +3,7 @@
 //! It is started by the warden, is a process of its own, and looks for the program where
 //! its environment says.
 
+use std::convert::Infallible;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
@@ -14,16 +15,23 @@ use std::process::{Command, Stdio};
 
 use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_death_signal, setrlimit};
 
+/// What the warden says when the program may run.
+pub(super) const GO: &[u8] = b"g";
+
 /// Becomes the program; returns only where that fails, which it says on standard
 /// input. The arguments are `--parent PID [--memory BYTES] -- PROGRAM ARGUMENT…`.
 pub(super) fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
     let Ok(warden) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
-    let Err(words) = become_program(arguments);
-    let _ = UnixStream::from(warden).write_all(words.as_bytes());
+    let mut warden = UnixStream::from(warden);
+    let Err(words) = become_program(arguments, &mut warden);
+    let _ = warden.write_all(words.as_bytes());
     2
 }
 
-fn become_program(mut arguments: impl Iterator<Item = OsString>) -> Result<std::convert::Infallible, String> {
+fn become_program(
+    mut arguments: impl Iterator<Item = OsString>,
+    warden: &mut UnixStream,
+) -> Result<Infallible, String> {
     let (mut parent, mut memory) = (None, None);
     let number = |arguments: &mut dyn Iterator<Item = OsString>| arguments.next()?.to_str()?.parse::<u64>().ok();
     loop {
@@ -37,7 +45,7 @@ fn become_program(mut arguments: impl Iterator<Item = OsString>) -> Result<std::
     let failed = |error: &dyn std::fmt::Display| format!("failed {error}");
     set_parent_process_death_signal(Some(Signal::KILL)).map_err(|error| failed(&error))?;
     let is_parent = getppid().is_some_and(|own| u64::try_from(own.as_raw_nonzero().get()).ok() == parent);
-    if !is_parent {
+    if !is_parent || warden.read_exact(&mut [0; GO.len()]).is_err() {
         return Err("failed because its warden is gone".to_owned());
     }
     let program = arguments.next().unwrap_or_default();

@@ -7,6 +7,9 @@
 //! differ, the problem's wins.
 
 use std::collections::{HashMap, HashSet};
+use std::fmt::{self, Display, Write as _};
+use std::mem;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::formats::pddl::ast::{Domain, Problem};
 use crate::formats::plan::Action;
@@ -15,11 +18,14 @@ use crate::pddl::Step;
 /// The longest name that is sent; some planners have buffers of fixed size.
 const LONGEST: usize = 100;
 
+/// How much text is rewritten at once, in bytes.
+const PIECE: usize = 1 << 16;
+
 /// Names that planners add to a task themselves: a task that has them means something else.
 const ADDED: [&str; 2] = ["reach-goal", "traj-end"];
 
 /// A task as it is sent, and the way back.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Sent {
     /// The domain's text.
     pub domain: String,
@@ -33,20 +39,31 @@ pub struct Sent {
 /// in `known` are written, where that is given; keywords count without regard to case.
 #[must_use]
 pub fn send(domain: &Domain, problem: &Problem, known: Option<&[&str]>) -> Sent {
+    // What is never interrupted is always written.
+    try_send(domain, problem, known, &AtomicBool::new(false)).unwrap_or_default()
+}
+
+/// As [`send`]; nothing where `interrupted` becomes true before it is done.
+pub(super) fn try_send(
+    domain: &Domain,
+    problem: &Problem,
+    known: Option<&[&str]>,
+    interrupted: &AtomicBool,
+) -> Option<Sent> {
     let mut writer = Writer::new(domain, problem, known);
-    let domain_text = writer.write(&domain.to_string());
-    let problem_text = writer.write(&problem.to_string());
+    let domain_text = writer.write(domain, interrupted)?;
+    let problem_text = writer.write(problem, interrupted)?;
     let actions = domain.actions.iter().map(|action| &action.name);
     let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
     let constants = domain.constants.iter().map(|constant| &constant.name);
     let objects = constants.chain(problem.objects.iter().map(|object| &object.name));
     let back = |name: &str| (writer.sent(name), name.to_owned());
-    Sent {
+    Some(Sent {
         actions: actions.map(|name| back(name.as_str())).collect(),
         objects: objects.map(|name| back(name.as_str())).collect(),
         domain: domain_text,
         problem: problem_text,
-    }
+    })
 }
 
 impl Sent {
@@ -101,52 +118,35 @@ impl<'a> Writer<'a> {
         self.renamed.get(&name).cloned().unwrap_or(name)
     }
 
-    fn write(&mut self, text: &str) -> String {
-        let mut written = String::with_capacity(text.len());
-        let mut heads: Vec<Option<&str>> = Vec::new();
-        let mut rest = text;
-        while let Some(first) = rest.chars().next() {
-            let length = match first {
-                '(' | ')' => 1,
-                c if c.is_whitespace() => c.len_utf8(),
-                _ => rest.find(|c: char| c == '(' || c == ')' || c.is_whitespace()).unwrap_or(rest.len()),
-            };
-            let (word, after) = rest.split_at(length);
-            rest = after;
-            match first {
-                '(' => heads.push(None),
-                ')' => {
-                    if heads.pop().flatten().is_some_and(|head| head == ":requirements")
-                        && written.ends_with(":requirements")
-                    {
-                        written.push_str(" :strips");
-                    }
-                }
-                c if c.is_whitespace() => {}
-                _ => {
-                    let head = heads.last().copied().flatten();
-                    if head == Some(":requirements") && !self.is_known(word) {
-                        written.truncate(written.trim_end().len());
-                        continue;
-                    }
-                    if let Some(slot @ None) = heads.last_mut() {
-                        *slot = Some(word);
-                    }
-                    written.push_str(&self.word(word, head));
-                    continue;
-                }
-            }
-            written.push_str(word);
-        }
-        written
+    fn write(&mut self, tree: &impl Display, interrupted: &AtomicBool) -> Option<String> {
+        let mut rewrite = Rewrite {
+            writer: self,
+            interrupted,
+            pending: String::with_capacity(2 * PIECE),
+            written: String::new(),
+            heads: Vec::new(),
+        };
+        write!(rewrite, "{tree}").ok()?;
+        Some(rewrite.finish())
     }
 
     fn is_known(&self, requirement: &str) -> bool {
         self.known.is_none_or(|known| known.iter().any(|known| known.eq_ignore_ascii_case(requirement)))
     }
 
+    /// What the first word of a list makes of its other words.
+    fn head(&self, word: &str) -> Head {
+        match word {
+            ":requirements" => Head::Requirements,
+            ":objects" | ":constants" | ":types" | "either" => Head::Names,
+            // It matters only where a number is a name.
+            _ if !self.numbers.is_empty() && self.applied.contains(&word.to_lowercase()) => Head::Applied,
+            _ => Head::Other,
+        }
+    }
+
     /// What is written for a word in a list that starts with `head`.
-    fn word(&mut self, word: &str, head: Option<&str>) -> String {
+    fn word(&mut self, word: &str, head: Head) -> String {
         let lower = word.to_lowercase();
         if word.starts_with(':') || word == "-" || word == "#t" || is_operator(word) {
             return lower;
@@ -157,9 +157,8 @@ impl<'a> Writer<'a> {
                 false => format!("?{}", self.rename(&lower)),
             };
         }
-        let listed = || head.is_some_and(|head| [":objects", ":constants", ":types", "either"].contains(&head));
-        let applied = || head.is_some_and(|head| self.applied.contains(&head.to_lowercase()));
-        let number = is_number(word) && !(listed() || applied() && self.numbers.contains(&lower));
+        let named = || head == Head::Names || head == Head::Applied && self.numbers.contains(&lower);
+        let number = is_number(word) && !named();
         if number || is_plain(&lower) && !ADDED.contains(&lower.as_str()) {
             return lower;
         }
@@ -182,6 +181,116 @@ impl<'a> Writer<'a> {
         self.renamed.insert(name.to_owned(), candidate.clone());
         candidate
     }
+}
+
+/// What the first word of a list says about the others.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Head {
+    /// There is none yet.
+    Missing,
+    /// They are requirements.
+    Requirements,
+    /// They are names, even if they read as numbers.
+    Names,
+    /// They are arguments, where names may read as numbers.
+    Applied,
+    Other,
+}
+
+/// Rewrites a text as it comes, without ever having it as a whole.
+struct Rewrite<'w, 'a> {
+    writer: &'w mut Writer<'a>,
+    interrupted: &'w AtomicBool,
+    /// What has come and is not rewritten yet.
+    pending: String,
+    written: String,
+    /// The lists that are open.
+    heads: Vec<Head>,
+}
+
+impl fmt::Write for Rewrite<'_, '_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.pending.push_str(text);
+        if self.pending.len() < PIECE {
+            return Ok(());
+        }
+        if self.interrupted.load(Ordering::Relaxed) {
+            return Err(fmt::Error);
+        }
+        // The last word may go on.
+        let whole = self.pending.rfind(is_delimiter).unwrap_or(0);
+        let mut text = mem::take(&mut self.pending);
+        self.rewrite(text.get(..whole).unwrap_or_default());
+        text.drain(..whole);
+        self.pending = text;
+        Ok(())
+    }
+}
+
+impl Rewrite<'_, '_> {
+    fn finish(mut self) -> String {
+        let rest = mem::take(&mut self.pending);
+        self.rewrite(&rest);
+        self.written
+    }
+
+    fn rewrite(&mut self, mut rest: &str) {
+        while let Some(first) = rest.chars().next() {
+            let length = match is_delimiter(first) {
+                true => first.len_utf8(),
+                false => rest.find(is_delimiter).unwrap_or(rest.len()),
+            };
+            let (word, after) = rest.split_at(length);
+            rest = after;
+            match first {
+                '(' => self.heads.push(Head::Missing),
+                ')' => {
+                    if self.heads.pop() == Some(Head::Requirements) && self.written.ends_with(":requirements") {
+                        self.written.push_str(" :strips");
+                    }
+                }
+                c if c.is_whitespace() => {}
+                _ => {
+                    self.word(word);
+                    continue;
+                }
+            }
+            self.written.push_str(word);
+        }
+    }
+
+    fn word(&mut self, word: &str) {
+        let head = self.heads.last().copied().unwrap_or(Head::Missing);
+        if head == Head::Requirements && !self.writer.is_known(word) {
+            self.written.truncate(self.written.trim_end().len());
+            return;
+        }
+        if head == Head::Missing
+            && let Some(slot) = self.heads.last_mut()
+        {
+            *slot = self.writer.head(word);
+        }
+        let start = self.written.len();
+        if is_plain_but_for_case(word) && !ADDED.iter().any(|added| added.eq_ignore_ascii_case(word)) {
+            self.written.push_str(word);
+            if let Some(written) = self.written.get_mut(start..) {
+                written.make_ascii_lowercase();
+            }
+        } else {
+            self.written.push_str(&self.writer.word(word, head));
+        }
+    }
+}
+
+fn is_delimiter(c: char) -> bool {
+    c == '(' || c == ')' || c.is_whitespace()
+}
+
+/// Whether every planner reads the name as it is, once it is in lower case.
+fn is_plain_but_for_case(name: &str) -> bool {
+    name.len() <= LONGEST
+        && name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'-')
 }
 
 /// Whether every planner reads the (lower-case) name as it is.
@@ -264,6 +373,30 @@ mod tests {
         assert!(!sent.problem.contains("1a 7up"), "{}", sent.problem);
         assert!(sent.problem.contains("(at 5 (open))") && sent.problem.contains("(= (f n1a) 5)"), "{}", sent.problem);
         assert!(sent.domain.contains("(:action reach-goal-2") && sent.domain.contains("(increase (f ?a) 2)"));
+    }
+
+    #[test]
+    fn a_long_task_is_rewritten_as_a_short_one() {
+        let objects: Vec<String> = (0..40_000).map(|number| format!("Ob.{number} x{number}")).collect();
+        let text =
+            format!("(define (problem n) (:domain nm) (:objects {} - t) (:init) (:goal (q x7)))", objects.join(" "));
+        let (domain, problem) = task(DOMAIN, &text);
+        let sent = send(&domain, &problem, None);
+        assert!(sent.problem.len() > 4 * PIECE);
+        let (_, read) = task(&sent.domain, &sent.problem);
+        let names: Vec<String> = (0..40_000).map(|number| format!("ob_{number} x{number}")).collect();
+        let read: Vec<&str> = read.objects.iter().map(|object| object.name.as_str()).collect();
+        assert_eq!(read.join(" "), names.join(" "));
+    }
+
+    #[test]
+    fn writing_ends_when_it_is_interrupted() {
+        let objects: Vec<String> = (0..40_000).map(|number| format!("x{number}")).collect();
+        let text =
+            format!("(define (problem n) (:domain nm) (:objects {} - t) (:init) (:goal (q x7)))", objects.join(" "));
+        let (domain, problem) = task(DOMAIN, &text);
+        assert_eq!(try_send(&domain, &problem, None, &AtomicBool::new(true)), None);
+        assert!(try_send(&domain, &problem, None, &AtomicBool::new(false)).is_some());
     }
 
     #[test]

@@ -146,7 +146,10 @@ pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<
     if let Some(refusal) = refuse(planner, task) {
         return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
     }
-    let sent = names::send(task.domain.tree(), task.problem.tree(), planner.requirements());
+    let (domain, problem) = (task.domain.tree(), task.problem.tree());
+    let Some(sent) = names::try_send(domain, problem, planner.requirements(), host.interrupted) else {
+        return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
+    };
     let mut command = planner.command(host);
     let (mut ended, mut answer) = ask(planner, &command, &sent, limits, host);
     if let Some(other) = planner.again(&answer, &command) {

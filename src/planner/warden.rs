@@ -8,7 +8,7 @@
 //!
 //! | warden says | |
 //! |---|---|
-//! | `started PID` | the program runs; `PID` is its group |
+//! | `started PID` | the program is about to run; `PID` is its group |
 //! | `exited CODE PEAK` | it ended with an exit code; `PEAK` KiB of address space were seen |
 //! | `killed SIGNAL PEAK` | it ended by a signal |
 //! | `starved` | its processes together were over the limit of memory, and were ended |
@@ -75,7 +75,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let Some(order) = Order::read(arguments) else { return 2 };
     let Ok(lifeline) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
     let mut lifeline = Lifeline { stream: UnixStream::from(lifeline), pending: String::new(), lost: false };
-    let said = match order.start() {
+    let said = match order.start(&mut lifeline) {
         Ok(Started::Running(child)) => Ward { child, limit: order.memory, peak: 0 }.watch(&mut lifeline),
         Ok(Started::Refused(words)) => words,
         Err(error) => format!("failed {error}"),
@@ -109,7 +109,7 @@ impl Order {
         Some(Self { directory: directory?, memory, program: arguments.next()?, arguments: arguments.collect() })
     }
 
-    fn start(&self) -> io::Result<Started> {
+    fn start(&self, lifeline: &mut Lifeline) -> io::Result<Started> {
         set_child_subreaper(Some(getpid()))?;
         setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) })?;
         let (mut ours, theirs) = UnixStream::pair()?;
@@ -122,6 +122,9 @@ impl Order {
         command.current_dir(&self.directory).stdin(Stdio::from(OwnedFd::from(theirs))).process_group(0);
         let mut child = command.spawn()?;
         drop(command);
+        // The program does not run before rmem can know its group, whatever becomes of the warden.
+        lifeline.say(&format!("started {}", Pid::from_child(&child).as_raw_nonzero()));
+        let _ = ours.write_all(launch::GO);
         // Silence is the sound of a program that has started.
         let mut words = String::new();
         let heard = ours.read_to_string(&mut words);
@@ -227,7 +230,6 @@ impl Ward {
     /// Watches the program to its end and buries what it leaves; says how it ended.
     fn watch(mut self, lifeline: &mut Lifeline) -> String {
         let group = Pid::from_child(&self.child);
-        lifeline.say(&format!("started {}", group.as_raw_nonzero()));
         let status = self.outlive(group, lifeline);
         let _ = kill_process_group(group, Signal::KILL);
         bury();

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
@@ -28,11 +29,41 @@ const OUTCOMES: [(&str, &str, u8); 8] = [
 pub(crate) fn trials() -> Vec<Trial> {
     ["ff", "fast-downward"]
         .into_iter()
-        .map(|name| {
-            let title = format!("planner::{}_gives_every_outcome", name.replace('-', "_"));
-            Trial::test(title, move || outcomes(name)).with_ignored_flag(!is_installed(name))
+        .flat_map(|name| {
+            let title = |what: &str| format!("planner::{}_{what}", name.replace('-', "_"));
+            let trials = [
+                Trial::test(title("gives_every_outcome"), move || outcomes(name)),
+                Trial::test(title("stacks_blocks_from_the_command_line"), move || command_line(name)),
+            ];
+            trials.map(|trial| trial.with_ignored_flag(!is_installed(name)))
         })
         .collect()
+}
+
+/// The whole way: memory, template, program, simulation, plan.
+fn command_line(planner: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let memory = format!("file:{}", folder.path().join("robot.rmem").display());
+    let words = [
+        ["--load", "fixtures/blocksworld.json"],
+        ["--domain", "domains/blocksworld/domain.pddl"],
+        ["--template", "templates/blocksworld/problem.pddl.j2"],
+        ["--goal", "(on A B)"],
+        ["--planner", planner],
+        ["--memory", &memory],
+    ];
+    let output = Command::new(env!("CARGO_BIN_EXE_rmem"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .arg("plan")
+        .args(words.iter().flatten())
+        .output()?;
+    let (plan, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    // The blocks are called as in the memory, and the last step reaches the goal.
+    let last = plan.lines().rfind(|line| line.starts_with('('));
+    match (output.status.code(), last) {
+        (Some(0), Some(last)) if last.to_lowercase().contains("stack") && last.ends_with(" A B)") => Ok(()),
+        (code, _) => Err(format!("{code:?}:\n{plan}{said}").into()),
+    }
 }
 
 fn is_installed(program: &str) -> bool {

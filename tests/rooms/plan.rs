@@ -5,7 +5,12 @@ use rmem::formats::Source;
 use rmem::formats::pddl::{Dialect, ast, read_domain, read_problem};
 use rmem::formats::plan::{Spelling, read_plan};
 use rmem::pddl::Step;
-use rmem::plan::{Answered, Format, Layout, Lineage, Plan, Stored, failure, from_document, hash, print, to_document};
+use rmem::plan::{Answered, Format, Layout, Lineage, Plan, Stored, failure, from_document, hash, to_document};
+
+/// Prints what can be printed.
+fn print(plan: &Plan, format: Format, domain: &ast::Domain, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
+    rmem::plan::print(plan, format, domain, id, value).unwrap()
+}
 
 fn domain() -> ast::Domain {
     let text = "(define (domain d) (:predicates (on ?x ?y))
@@ -138,6 +143,10 @@ fn text_is_what_the_planning_competitions_write() {
     assert_eq!(shown(&Plan { cost: Some(7.5), ..plan([step("wait")]) }), "(wait)\n; cost = 7.5 (general cost)\n");
     assert_eq!(shown(&Plan::default()), "; cost = 0 (unit cost)\n");
     assert_eq!(shown(&plan([timed("move r1 a", 0.001, 5.0)])), "0.001: (move r1 a) [5.000]\n");
+    let counted = Plan { cost: Some(1.0), ..plan([timed("move r1 a", 0.001, 5.0)]) };
+    assert_eq!(shown(&counted), "0.001: (move r1 a) [5.000]\n");
+    let costly = Plan { cost: Some(5.001), ..counted };
+    assert_eq!(shown(&costly), "0.001: (move r1 a) [5.000]\n; cost = 5.001 (general cost)\n");
     assert_eq!(shown(&plan([timed("move r1 a", 0.0002, 5.0)])), "0.0002: (move r1 a) [5.000]\n");
 }
 
@@ -172,6 +181,14 @@ fn facts_are_symbols_where_they_can_be() {
 }
 
 #[test]
+fn a_value_that_clips_would_cut_short_is_an_error() {
+    let value = |_: &str| Bson::from("A\0B");
+    let shown = |format| rmem::plan::print(&plan([step("putdown x")]), format, &domain(), "p", &value);
+    assert!(shown(Format::Clips).unwrap_err().to_string().contains("NUL"));
+    assert!(shown(Format::Json).unwrap().contains(r"A\u0000B"));
+}
+
+#[test]
 fn json_is_the_document_on_one_line() {
     let text = print(&plan([step("putdown B")]), Format::Json, &domain(), "p", &value);
     assert_eq!(text, "{\"plan\":\"success\",\"1\":{\"action\":\"putdown\",\"x\":\"B\"}}\n");
@@ -182,6 +199,13 @@ fn the_graph_runs_from_start_to_goal() {
     let text = print(&plan([step("putdown B"), step("wait")]), Format::Dot, &domain(), "a\"b", &value);
     assert!(text.starts_with("digraph \"a\\\"b\" {"), "{text}");
     assert!(text.contains("s1 [label=\"1: (putdown B)\"]") && text.contains("init -> s1 -> s2 -> goal;"), "{text}");
+}
+
+#[test]
+fn the_graph_shows_the_values_of_the_memory() {
+    let value = |name: &str| if name == "n-3" { Bson::Int32(3) } else { Bson::from("Ann \"the\\cook\"\n") };
+    let text = print(&plan([step("unstack x--1 n-3")]), Format::Dot, &domain(), "p", &value);
+    assert!(text.contains(r#"s1 [label="1: (unstack Ann \"the\\cook\"\\n 3)"]"#), "{text}");
 }
 
 #[test]

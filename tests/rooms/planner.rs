@@ -507,3 +507,13 @@ fn what_was_not_found_is_told_apart() {
     assert_eq!(run.outcome, Outcome::NotFound);
     assert!(run.message.contains("interpreter `/no/such/interpreter -x`"), "{}", run.message);
 }
+
+#[test]
+fn an_interruption_before_the_run_keeps_the_program_from_starting() {
+    let place = Place::new();
+    place.interrupted.store(true, Ordering::Relaxed);
+    let ran = place.path("ran");
+    let run = place.ff(&format!("touch {}; {FOUND}", ran.display()), &within(10.0));
+    assert_eq!(run.outcome, Outcome::Interrupted);
+    assert!(!ran.exists());
+}

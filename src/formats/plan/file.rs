@@ -51,7 +51,7 @@ fn spelling(text: &str) -> Spelling {
     if text.lines().any(ff::is_found) {
         return Spelling::Ff;
     }
-    let first = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with(';'));
+    let first = lines::lines(text).map(|line| line.text.trim()).find(|line| !line.is_empty() && !line.starts_with(';'));
     match first {
         Some(line) if temporal::is_step(line) => Spelling::Temporal,
         Some(line) if ff::is_step(line) => Spelling::Ff,
@@ -103,6 +103,9 @@ mod tests {
             ("0: MOVE R2 K L\n", Spelling::Ff),
             ("0.000: (move r2 k l) [1]\n", Spelling::Temporal),
             ("0: (move r2 k l)\n", Spelling::Temporal),
+            ("\u{feff}(move r2 k l)\n", Spelling::Ipc),
+            ("\u{feff}0: MOVE R2 K L\n", Spelling::Ff),
+            ("\u{feff}0: (move r2 k l)\n", Spelling::Temporal),
         ] {
             let plan = read(text);
             assert_eq!(plan.spelling, spelling, "{text}");
@@ -137,6 +140,8 @@ mod tests {
             ("()", (1, 2)),
             ("(a (b))", (1, 4)),
             ("0: GO A\n  what", (2, 3)),
+            ("0: (a)\n1e400: (go a b) [5]", (2, 1)),
+            ("0: (a) [1e999]", (1, 9)),
         ] {
             let error = read_plan(&Source::new("plan", text)).unwrap_err();
             assert_eq!(error.position(), place, "{error}");

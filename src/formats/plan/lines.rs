@@ -8,6 +8,9 @@ use crate::formats::{Diagnostic, Source, Span};
 /// are data that got onto the stream.
 pub(super) const SENTENCE: usize = 1 << 16;
 
+/// The byte order mark that some editors begin a file with.
+pub(super) const MARK: char = '\u{feff}';
+
 /// A line without its break.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line<'a> {
@@ -19,10 +22,12 @@ pub(super) struct Line<'a> {
     pub(super) text: &'a str,
 }
 
-/// The lines of `text`, broken at `\n`; a `\r` before it is left to the grammars.
+/// The lines of `text`, broken at `\n`; a `\r` before it is left to the grammars, and a byte
+/// order mark is not part of the first.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
-    let mut offset = 0;
-    text.split('\n').enumerate().map(move |(index, text)| {
+    let body = text.strip_prefix(MARK).unwrap_or(text);
+    let mut offset = text.len() - body.len();
+    body.split('\n').enumerate().map(move |(index, text)| {
         let line = Line { number: index + 1, offset, text };
         offset += text.len() + 1;
         line
@@ -75,5 +80,7 @@ mod tests {
     fn lines_know_their_place() {
         let all: Vec<_> = lines("a\n\nbc\n").map(|line| (line.number, line.offset, line.text)).collect();
         assert_eq!(all, [(1, 0, "a"), (2, 2, ""), (3, 3, "bc"), (4, 6, "")]);
+        let all: Vec<_> = lines("\u{feff}a\nb").map(|line| (line.number, line.offset, line.text)).collect();
+        assert_eq!(all, [(1, 3, "a"), (2, 5, "b")]);
     }
 }

@@ -3,11 +3,11 @@
 //! Several plans may follow each other, each better than the one before.
 
 use pest::Parser as _;
-use pest::iterators::Pair;
+use pest::iterators::{Pair, Pairs};
 
 use super::lines::{Line, SENTENCE, complain, lines};
 use super::transcript::{Action, Complaint, Transcript, Verdict};
-use crate::formats::{Diagnostic, Source};
+use crate::formats::{Diagnostic, Source, Span};
 
 use grammar::{Grammar, Rule};
 
@@ -26,9 +26,20 @@ pub fn read_steps(source: &Source) -> Result<Vec<Action>, Diagnostic> {
     let mut plans = Plans::default();
     for line in lines(source.text()) {
         let parsed = Grammar::parse(Rule::line, line.text).map_err(|error| complain(source, line, &error, word))?;
+        if let Some(span) = endless(parsed.clone(), line) {
+            return Err(Diagnostic::new(source, span, "expected a time, found a number too large for one"));
+        }
         plans.line(parsed, line);
     }
     Ok(plans.actions)
+}
+
+/// The first time in a line that is too large to be one.
+fn endless(parsed: Pairs<'_, Rule>, line: Line<'_>) -> Option<Span> {
+    let times = parsed.flatten().filter(|part| matches!(part.as_rule(), Rule::start | Rule::duration));
+    let too_large = |time: &Pair<'_, Rule>| time.as_str().parse::<f64>().is_ok_and(f64::is_infinite);
+    let time = times.into_iter().find(too_large)?.as_span();
+    Some(Span::new(line.offset + time.start(), line.offset + time.end()))
 }
 
 /// Reads what a temporal planner printed, and the plan files it left, the last of
