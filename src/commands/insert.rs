@@ -31,15 +31,26 @@ pub(super) fn run(args: &Insert, context: &mut Context<'_>) -> anyhow::Result<Ex
         let result = memory.insert(&args.namespace, std::mem::replace(&mut documents, rest));
         let ids = match &result {
             Ok(inserted) => inserted.ids.as_slice(),
-            Err(StoreError::Duplicate { stored, .. }) => stored,
-            Err(_) => &[],
+            Err(error) => error.stored(),
         };
         for id in ids {
             context.output.line(&shell::relaxed_value(id))?;
         }
-        stored += ids.len();
+        let (before, now) = (stored, ids.len());
+        stored += now;
+        let result = result.map_err(|error| counted(error, before));
         result.with_context(|| format!("stored {stored} of {total} documents; the next one was refused"))?;
     }
     context.output.note(&format!("{stored} stored in {}", args.namespace));
     Ok(Exit::Done)
+}
+
+/// The error with its document counted from the first of all batches.
+fn counted(error: StoreError, before: usize) -> StoreError {
+    match error {
+        StoreError::Stopped { stored, document, source } => {
+            StoreError::Stopped { stored, document: document.map(|nth| nth + before), source }
+        }
+        other => other,
+    }
 }

@@ -162,6 +162,9 @@ struct Change {
 
 impl Change {
     fn parse(request: &UpdateRequest, stamp: Option<DateTime>) -> Result<Self, QueryError> {
+        if stamp.is_some() {
+            stamp::check_update(&request.update)?;
+        }
         let update = match &request.update {
             UpdateSpec::Document(update) => Update::parse(update, &request.array_filters)?,
             UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages)?,
