@@ -36,6 +36,7 @@ const CASES: &[(&str, Case)] = cases![
     pipelines_are_run,
     a_pipeline_may_read_another_collection,
     unknown_stages_are_refused,
+    results_may_go_into_another_collection,
     many_documents_come_in_pages,
     an_update_changes_the_first_match,
     an_update_of_many_changes_all,
@@ -393,6 +394,35 @@ fn a_pipeline_may_read_another_collection(store: &dyn Store, ns: &Namespace) {
         aggregated(store, ns, &[doc! { "$lookup": lookup }, doc! { "$sort": { "_id": 1 } }]),
         [doc! { "_id": 1, "on": "B", "below": [{ "_id": "B", "x": 5 }] }, doc! { "_id": 2, "on": "none", "below": [] }]
     );
+}
+
+fn results_may_go_into_another_collection(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { collection: format!("{}.other", ns.collection), ..ns.clone() };
+    insert(store, ns, (1..=3).map(|n| doc! { "_id": n, "n": n }));
+    insert(store, &other, [doc! { "_id": 9 }]);
+    let pipeline = [doc! { "$match": { "n": { "$gt": 1 } } }, doc! { "$out": &other.collection }];
+    assert_eq!(aggregated(store, ns, &pipeline), []);
+    assert_eq!(all(store, &other), [doc! { "_id": 2, "n": 2 }, doc! { "_id": 3, "n": 3 }]);
+
+    let merge = |specification: Document| {
+        let mut merge = doc! { "into": &other.collection };
+        merge.extend(specification);
+        let pipeline = [doc! { "$project": { "m": { "$add": ["$n", 10] } } }, doc! { "$merge": merge }];
+        store.aggregate(ns, &pipeline).and_then(Iterator::collect::<Result<Vec<_>, _>>)
+    };
+    assert_eq!(merge(doc! {}).unwrap(), [] as [bson::RawDocumentBuf; 0]);
+    let merged = [doc! { "_id": 2, "n": 2, "m": 12 }, doc! { "_id": 3, "n": 3, "m": 13 }, doc! { "_id": 1, "m": 11 }];
+    assert_eq!(all(store, &other), merged);
+    store.delete(&other, &doc! { "_id": 1 }, false).unwrap();
+    merge(doc! { "whenMatched": "replace", "whenNotMatched": "discard" }).unwrap();
+    assert_eq!(all(store, &other), [doc! { "_id": 2, "m": 12 }, doc! { "_id": 3, "m": 13 }]);
+    let sum = bson::bson!([{ "$set": { "m": { "$add": ["$m", "$$new.m"] } } }]);
+    merge(doc! { "whenMatched": sum, "whenNotMatched": "discard" }).unwrap();
+    assert_eq!(all(store, &other), [doc! { "_id": 2, "m": 24 }, doc! { "_id": 3, "m": 26 }]);
+    assert!(merge(doc! { "whenMatched": "fail" }).is_err());
+    store.delete(&other, &doc! { "_id": 1 }, false).unwrap();
+    assert!(merge(doc! { "whenNotMatched": "fail" }).is_err());
+    assert!(merge(doc! { "on": "m" }).is_err());
 }
 
 fn unknown_stages_are_refused(store: &dyn Store, ns: &Namespace) {

@@ -112,6 +112,9 @@ fn selection(message: &str) -> String {
         None if message.contains("None of the available servers") => {
             "no server takes this operation (is there a primary? does replicaSet in the URI fit?)".to_owned()
         }
+        None if message.contains("No available servers") && !message.contains("Address: ") => {
+            "a server answers, but its replica set has another name; correct replicaSet in the URI".to_owned()
+        }
         None => "no server answers; is it running?".to_owned(),
     }
 }
