@@ -102,6 +102,7 @@ impl Exit {
             return Some(match store {
                 StoreError::Duplicate { .. } => Self::Conflict,
                 StoreError::Query(_) => Self::BadInput,
+                StoreError::Stopped { source, .. } => return Self::of_cause(source.as_ref()),
                 StoreError::Unreachable { .. } | StoreError::Failed { .. } => Self::Store,
             });
         }

@@ -113,18 +113,28 @@ impl<'a> Batch<'a> {
         let result = memory.insert(&self.args.namespace, std::mem::take(&mut self.documents));
         let ids = match &result {
             Ok(inserted) => inserted.ids.as_slice(),
-            Err(StoreError::Duplicate { stored, .. }) => stored,
-            Err(_) => &[],
+            Err(error) => error.stored(),
         };
         self.stored += ids.len();
         for id in ids {
             context.output.tell(&shell::relaxed_value(id))?;
         }
         context.output.flush_told()?;
+        let before = self.stored - ids.len();
         let stored = self.stored;
         result
-            .map_err(|error| blame(error, &[]))
+            .map_err(|error| blame(counted(error, before), &[]))
             .with_context(|| format!("{stored} documents were stored before this"))?;
         Ok(())
+    }
+}
+
+/// The error with its document counted from the first of all batches.
+fn counted(error: StoreError, before: usize) -> StoreError {
+    match error {
+        StoreError::Stopped { stored, document, source } => {
+            StoreError::Stopped { stored, document: document.map(|nth| nth + before), source }
+        }
+        other => other,
     }
 }

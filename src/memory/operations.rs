@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use bson::{Bson, Document};
+use bson::{Bson, Document, doc};
 
 use super::clock::Clock;
 use super::journal::{Journal, Observer};
@@ -10,6 +10,21 @@ use super::route::{Lazy, Routes};
 use crate::store::{
     Documents, Find, Inserted, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated, stamp,
 };
+
+/// Stages that have to be the first of a pipeline.
+const FIRST_ONLY: [&str; 11] = [
+    "$changeStream",
+    "$collStats",
+    "$currentOp",
+    "$documents",
+    "$geoNear",
+    "$indexStats",
+    "$listLocalSessions",
+    "$listSessions",
+    "$planCacheStats",
+    "$search",
+    "$searchMeta",
+];
 
 /// A local store and, perhaps, another one for shared databases.
 pub struct Memory {
@@ -70,6 +85,7 @@ impl Memory {
     /// Stores documents in place of those with their `_id`s; see [`Store::put`].
     pub fn put(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Put, StoreError> {
         let count = length(&documents);
+        documents.iter().try_for_each(stamp::check)?;
         self.journal.note("put", Some(ns), |_| count, || self.routes.of(ns)?.put(ns, documents, Some(self.clock.now())))
     }
 
@@ -86,21 +102,24 @@ impl Memory {
     /// Answers a query with documents and their metadata.
     pub fn find_with_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let start = Instant::now();
-        Ok(self.journal.watch("find", ns, start, self.routes.of(ns)?.find(ns, find)?))
+        let find = Find { filter: self.visible(&find.filter), ..find.clone() };
+        Ok(self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
     }
 
     /// Counts matches; see [`Store::count`].
     pub fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        self.journal.note("count", Some(ns), |count| *count, || self.routes.of(ns)?.count(ns, filter))
+        let filter = self.visible(filter);
+        self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, &filter))
     }
 
     /// Distinct values; see [`Store::distinct`].
     pub fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        let filter = self.visible(filter);
         self.journal.note(
             "distinct",
             Some(ns),
             |values: &Vec<Bson>| length(values),
-            || self.routes.of(ns)?.distinct(ns, field, filter),
+            || self.routes.reading(ns)?.distinct(ns, field, &filter),
         )
     }
 
@@ -112,23 +131,60 @@ impl Memory {
     /// Runs a pipeline; its results keep their metadata.
     pub fn aggregate_with_metadata(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
         let start = Instant::now();
-        Ok(self.journal.watch("aggregate", ns, start, self.routes.of(ns)?.aggregate(ns, pipeline)?))
+        let last = pipeline.last().and_then(|stage| stage.keys().next());
+        let store = match last.is_some_and(|name| name == "$out" || name == "$merge") {
+            true => self.routes.of(ns)?,
+            false => self.routes.reading(ns)?,
+        };
+        Ok(self.journal.watch("aggregate", ns, start, store.aggregate(ns, &self.visible_only(pipeline))?))
     }
 
     /// Changes documents; see [`Store::update`].
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        let work = || self.routes.of(ns)?.update(ns, update, Some(self.clock.now()));
+        let update = UpdateRequest { filter: self.visible(&update.filter), ..update.clone() };
+        let work = || {
+            let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
+            store.update(ns, &update, Some(self.clock.now()))
+        };
         self.journal.note("update", Some(ns), |updated: &Updated| updated.modified, work)
     }
 
     /// Removes documents; see [`Store::delete`].
     pub fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        self.journal.note("delete", Some(ns), |count| *count, || self.routes.of(ns)?.delete(ns, filter, first_only))
+        let filter = self.visible(filter);
+        self.journal.note(
+            "delete",
+            Some(ns),
+            |count| *count,
+            || self.routes.reading(ns)?.delete(ns, &filter, first_only),
+        )
     }
 
     /// Removes a collection; see [`Store::drop`].
     pub fn drop_collection(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        self.journal.note("drop", Some(ns), |found| u64::from(*found), || self.routes.of(ns)?.drop(ns))
+        self.journal.note("drop", Some(ns), |found| u64::from(*found), || self.routes.reading(ns)?.drop(ns))
+    }
+
+    /// The filter, for documents that have not decayed.
+    fn visible(&self, filter: &Document) -> Document {
+        let visible = stamp::visible(self.clock.now());
+        if filter.is_empty() {
+            visible
+        } else {
+            doc! { "$and": [filter.clone(), visible] }
+        }
+    }
+
+    /// The pipeline over documents that have not decayed. Those of other
+    /// collections, which it looks up, are all seen.
+    fn visible_only(&self, pipeline: &[Document]) -> Vec<Document> {
+        let mut stages = pipeline.to_vec();
+        match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
+            Some((name, Bson::Document(filter))) if name == "$match" => *filter = self.visible(filter),
+            Some((name, _)) if FIRST_ONLY.contains(&name.as_str()) => {}
+            _ => stages.insert(0, doc! { "$match": stamp::visible(self.clock.now()) }),
+        }
+        stages
     }
 
     /// Gives a collection the name of another, in its place; see [`Store::rename`].

@@ -2,22 +2,24 @@
 
 use std::cell::OnceCell;
 
-use crate::store::{self, Namespace, Role, Store, StoreError, StoreUri};
+use crate::store::{self, Embedded, Namespace, Role, Store, StoreError, StoreUri};
 
 /// A store that is opened by its first use.
 pub(super) struct Lazy {
     uri: Option<StoreUri>,
     role: Role,
     store: OnceCell<Box<dyn Store>>,
+    /// What is read as long as there is no file.
+    nothing: OnceCell<Box<dyn Store>>,
 }
 
 impl Lazy {
     pub(super) fn at(uri: StoreUri, role: Role) -> Self {
-        Self { uri: Some(uri), role, store: OnceCell::new() }
+        Self { uri: Some(uri), role, store: OnceCell::new(), nothing: OnceCell::new() }
     }
 
     pub(super) fn open(store: Box<dyn Store>) -> Self {
-        Self { uri: None, role: Role::Local, store: OnceCell::from(store) }
+        Self { uri: None, role: Role::Local, store: OnceCell::from(store), nothing: OnceCell::new() }
     }
 
     pub(super) fn get(&self) -> Result<&dyn Store, StoreError> {
@@ -32,6 +34,19 @@ impl Lazy {
         }
     }
 
+    /// The store for what stores nothing: a file that is not there yet is not
+    /// made, and answers as an empty one.
+    pub(super) fn reading(&self) -> Result<&dyn Store, StoreError> {
+        if self.store.get().is_some() || !self.uri.as_ref().is_some_and(is_missing) {
+            return self.get();
+        }
+        if self.nothing.get().is_none() {
+            // The cell is empty: nothing else of this thread can have filled it meanwhile.
+            let _ = self.nothing.set(Box::new(Embedded::in_memory()?));
+        }
+        self.nothing.get().map_or_else(|| self.get(), |nothing| Ok(nothing.as_ref()))
+    }
+
     pub(super) fn describe(&self) -> String {
         match (self.store.get(), &self.uri) {
             (Some(store), _) => store.describe(),
@@ -39,6 +54,13 @@ impl Lazy {
             (None, None) => String::new(),
         }
     }
+}
+
+/// Whether there is no file at an address, but a folder for it.
+fn is_missing(uri: &StoreUri) -> bool {
+    let Some(path) = uri.path() else { return false };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    matches!(path.try_exists(), Ok(false)) && folder.is_none_or(std::path::Path::is_dir)
 }
 
 /// The stores, and the databases that are shared.
@@ -57,19 +79,28 @@ impl Routes {
 
     /// The store that a database is in.
     pub(super) fn of(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
+        self.lazy(ns).get()
+    }
+
+    /// The same for what stores nothing.
+    pub(super) fn reading(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
+        self.lazy(ns).reading()
+    }
+
+    fn lazy(&self, ns: &Namespace) -> &Lazy {
         match &self.shared {
-            Some(shared) if self.is_shared(ns) => shared.get(),
-            _ => self.local.get(),
+            Some(shared) if self.is_shared(ns) => shared,
+            _ => &self.local,
         }
     }
 
     /// All collections, each in the store its database belongs to, sorted.
     pub(super) fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
-        let mut all = self.local.get()?.collections()?;
+        let mut all = self.local.reading()?.collections()?;
         if let Some(shared) = &self.shared {
             all.retain(|ns| !self.is_shared(ns));
             if !self.shared_databases.is_empty() {
-                all.extend(shared.get()?.collections()?.into_iter().filter(|ns| self.is_shared(ns)));
+                all.extend(shared.reading()?.collections()?.into_iter().filter(|ns| self.is_shared(ns)));
             }
             all.sort();
         }

@@ -19,9 +19,9 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 use sha2::{Digest as _, Sha256};
 
 use super::Memory;
-use crate::formats::{Diagnostic, Source, shell};
-use crate::query::QueryError;
-use crate::store::{Find, Namespace, StoreError, stamp};
+use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::query::{QueryError, key};
+use crate::store::{Find, Namespace, StoreError, document, stamp};
 
 /// The documents of a world file, by namespace, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -124,15 +124,20 @@ fn faithful(value: Bson) -> Bson {
 }
 
 impl World {
-    /// Reads a world file.
+    /// Reads a world file, and checks that a store would take its documents.
     ///
     /// # Errors
-    /// Where the text is not one, at its place.
+    /// Where the text is not one, a document cannot be stored, or two documents
+    /// of a namespace have one `_id`, at its place.
     pub fn parse(source: &Source) -> Result<Self, Diagnostic> {
         let mut namespaces = Vec::new();
         for (name, span, documents) in shell::parse_world(source)? {
             let ns = Namespace::parse(&name).map_err(|error| Diagnostic::new(source, span, error.to_string()))?;
-            namespaces.push((ns, documents));
+            let mut ids = HashMap::new();
+            for (span, document) in &documents {
+                check(source, *span, document, &mut ids)?;
+            }
+            namespaces.push((ns, documents.into_iter().map(|(_, document)| document).collect()));
         }
         Ok(Self { namespaces })
     }
@@ -164,6 +169,19 @@ impl World {
         }
         Ok(loaded)
     }
+}
+
+/// Refuses a document that no store would take, or whose `_id` is one of
+/// `ids`: those before it, by their comparable bytes.
+fn check(source: &Source, span: Span, document: &Document, ids: &mut HashMap<Vec<u8>, Span>) -> Result<(), Diagnostic> {
+    let wrong = |error: QueryError| Diagnostic::new(source, span, error.message);
+    document::check(document).map_err(wrong)?;
+    stamp::check(document).map_err(wrong)?;
+    let Some(id) = document.get("_id") else { return Ok(()) };
+    let Some(earlier) = ids.insert(key::encode_value(id), span) else { return Ok(()) };
+    let (line, column) = source.position(earlier.start);
+    let message = format!("the _id {} is given twice", shell::relaxed_value(id));
+    Err(Diagnostic::new(source, span, message).hint(format!("the other document with it is at {line}:{column}")))
 }
 
 /// The documents, with an `_id` for each that has none.

@@ -9,7 +9,7 @@ use crate::query::QueryError;
 /// The most bytes of a document, in BSON.
 pub const MAX_SIZE: usize = 16 << 20;
 /// How deep documents and arrays may be nested, the document itself included.
-pub const MAX_DEPTH: usize = 100;
+pub const MAX_DEPTH: usize = 180;
 
 /// The document as it is stored: `_id` first, made up where there was none.
 pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
@@ -26,18 +26,13 @@ pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), Query
     Ok((id, body))
 }
 
-/// [`settle`] for many; where one is refused, the refusal says which.
-pub(crate) fn settle_all(documents: Vec<Document>) -> Result<Vec<(Bson, RawDocumentBuf)>, QueryError> {
-    let count = documents.len();
-    let settle_nth = |(index, document)| {
-        settle(document).map_err(|mut refusal: QueryError| {
-            if count > 1 {
-                refusal.message = format!("document {} of {count}: {}", index + 1, refusal.message);
-            }
-            refusal
-        })
-    };
-    documents.into_iter().enumerate().map(settle_nth).collect()
+/// Whether a document may be stored.
+pub(crate) fn check(document: &Document) -> Result<(), QueryError> {
+    check_depth(document)?;
+    if let Some(id) = document.get("_id") {
+        check_id(id)?;
+    }
+    check_size(&RawDocumentBuf::try_from(document)?)
 }
 
 /// Checks a document that an update made, and gives its `_id`.
@@ -170,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_a_hundred_levels_and_more() {
+    fn refuses_more_levels_than_mongodb() {
         let nested = |levels: usize| (1..levels).fold(doc! { "_id": 1 }, |inner, _| doc! { "_id": 1, "a": inner });
         assert!(settle(nested(MAX_DEPTH)).is_ok());
         assert_eq!(settle(nested(MAX_DEPTH + 1)).unwrap_err().code, 15);

@@ -30,8 +30,8 @@ pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreErr
 /// at a time, but several processes may use one database at once.
 pub trait Store: Send {
     /// Stores the documents in order, giving an ObjectId `_id` (as the first
-    /// key) to those that have none. Where one is not acceptable, none is
-    /// stored; where a unique key is taken, those before it are, and the error
+    /// key) to those that have none. Where one is not acceptable or its unique
+    /// key is taken, those before it are stored, and [`StoreError::stored`]
     /// says which. Durable on return.
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError>;
 
@@ -165,6 +165,16 @@ pub enum StoreError {
     /// The filter, update, projection, sort or pipeline, or a document, is not acceptable.
     #[error(transparent)]
     Query(#[from] crate::query::QueryError),
+    /// An insert of several documents ended early.
+    #[error("{}", match document { Some(nth) => format!("document {nth} cannot be stored"), None => "not all went well".to_owned() })]
+    Stopped {
+        /// The `_id`s stored before the failure.
+        stored: Vec<Bson>,
+        /// Which document is to blame, from 1, where it is one.
+        document: Option<usize>,
+        /// What went wrong.
+        source: Box<StoreError>,
+    },
     /// Anything else: disk full, no permission, a damaged file, a server's refusal.
     #[error("{address}: {reason}")]
     Failed {
@@ -173,4 +183,27 @@ pub enum StoreError {
         /// What went wrong, and what to do.
         reason: String,
     },
+}
+
+impl StoreError {
+    /// The `_id`s that an insert stored before it failed.
+    #[must_use]
+    pub fn stored(&self) -> &[Bson] {
+        match self {
+            Self::Duplicate { stored, .. } | Self::Stopped { stored, .. } => stored,
+            _ => &[],
+        }
+    }
+
+    /// The error, saying which of `count` documents is to blame and which are stored.
+    fn stopped(self, stored: Vec<Bson>, count: usize) -> Self {
+        match self {
+            Self::Duplicate { namespace, key, .. } => Self::Duplicate { namespace, key, stored },
+            single if count == 1 => single,
+            source => {
+                let document = Some(stored.len() + 1);
+                Self::Stopped { stored, document, source: Box::new(source) }
+            }
+        }
+    }
 }

@@ -7,6 +7,7 @@
 use bson::raw::{CStr, RawBsonRef, cstr};
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
+use super::UpdateSpec;
 use crate::query::QueryError;
 
 /// The key that metadata is under.
@@ -15,24 +16,124 @@ pub const INFO: &str = "_robmem_info";
 pub const INSERTED: &str = "inserted";
 /// Under [`INFO`]: when the document was changed.
 pub const UPDATED: &str = "updated";
+/// Under [`INFO`]: false where the document is gone after a restart.
+pub const PERSISTENT: &str = "persistent";
+/// Under [`INFO`]: the date from which on the document is invisible.
+pub const DECAY: &str = "decay_time";
+
+/// What rmem's own commands note of a document: where a plan comes from, what
+/// CLIPS makes of its slots, and until when a computed one is good.
+const NOTES: [&str; 4] = ["lineage", "clips", "computed", "cached_until"];
 
 const RAW_INFO: &CStr = cstr!("_robmem_info");
 
-/// Stamps a new document. What an application says under [`INFO`] stays.
+/// Checks what a document says under [`INFO`].
 ///
 /// # Errors
-/// Where there is a value under [`INFO`] that is not a document.
+/// Where that is not a document, has a key that is nobody's, or has a value
+/// of the wrong type.
+pub fn check(document: &Document) -> Result<(), QueryError> {
+    match document.get(INFO) {
+        None => Ok(()),
+        Some(Bson::Document(info)) => check_info(info),
+        Some(_) => Err(not_a_document()),
+    }
+}
+
+fn check_info(info: &Document) -> Result<(), QueryError> {
+    for (key, value) in info {
+        match (key.as_str(), value) {
+            (PERSISTENT, Bson::Boolean(_)) | (DECAY, Bson::DateTime(_)) | (INSERTED | UPDATED, _) => {}
+            (PERSISTENT, _) => return Err(wrong_type(PERSISTENT, "true or false")),
+            (DECAY, _) => return Err(wrong_type(DECAY, "a date, like ISODate(\"2030-01-01\")")),
+            (key, _) if NOTES.contains(&key) => {}
+            (key, _) => return Err(reserved(&format!("{INFO}.{key}"))),
+        }
+    }
+    Ok(())
+}
+
+/// Stamps a new document. What an application says under [`INFO`] stays, but
+/// for the dates, which are the memory's.
+///
+/// # Errors
+/// As [`check`].
 pub fn insert(document: &mut Document, at: DateTime) -> Result<(), QueryError> {
+    check(document)?;
     match document.get_mut(INFO) {
         Some(Bson::Document(info)) => {
+            info.remove(UPDATED);
             info.insert(INSERTED, at);
         }
-        Some(_) => return Err(not_a_document()),
-        None => {
+        _ => {
             document.insert(INFO, doc! { INSERTED: at });
         }
     }
     Ok(())
+}
+
+/// Checks that an update names nothing under [`INFO`] but what is the
+/// application's. What a pipeline does by its expressions is not seen here.
+///
+/// # Errors
+/// Where it does, or gives a value of the wrong type.
+pub fn check_update(update: &UpdateSpec) -> Result<(), QueryError> {
+    match update {
+        UpdateSpec::Document(document) if document.keys().next().is_some_and(|key| key.starts_with('$')) => {
+            for (operator, fields) in document {
+                let Bson::Document(fields) = fields else { continue };
+                for (path, value) in fields {
+                    check_path(path, ["$set", "$setOnInsert"].contains(&operator.as_str()).then_some(value))?;
+                    if let ("$rename", Bson::String(to)) = (operator.as_str(), value) {
+                        check_path(to, None)?;
+                    }
+                }
+            }
+            Ok(())
+        }
+        UpdateSpec::Document(replacement) => check(replacement),
+        UpdateSpec::Pipeline(stages) => stages.iter().try_for_each(check_stage),
+    }
+}
+
+/// A stage that names fields names none of the memory's.
+fn check_stage(stage: &Document) -> Result<(), QueryError> {
+    let Some((name, argument)) = stage.iter().next() else { return Ok(()) };
+    match (name.as_str(), argument) {
+        ("$set" | "$addFields", Bson::Document(fields)) => fields.keys().try_for_each(|path| check_path(path, None)),
+        ("$unset", Bson::String(path)) => check_path(path, None),
+        ("$unset", Bson::Array(paths)) => {
+            paths.iter().filter_map(Bson::as_str).try_for_each(|path| check_path(path, None))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_path(path: &str, value: Option<&Bson>) -> Result<(), QueryError> {
+    let mut names = path.split('.');
+    if names.next() != Some(INFO) {
+        return Ok(());
+    }
+    match (names.next(), names.next(), value) {
+        (Some(key @ (PERSISTENT | DECAY)), None, Some(value)) => check_info(&doc! { key: value.clone() }),
+        (Some(PERSISTENT | DECAY), None, None) => Ok(()),
+        (Some(key), ..) if NOTES.contains(&key) => Ok(()),
+        _ => Err(reserved(path)),
+    }
+}
+
+fn wrong_type(key: &str, wanted: &str) -> QueryError {
+    QueryError::type_mismatch(format!("{INFO}.{key} has to be {wanted}"))
+}
+
+fn reserved(path: &str) -> QueryError {
+    let message = format!("`{path}` is rmem's; an application may set {INFO}.{PERSISTENT} and {INFO}.{DECAY}");
+    QueryError::invalid(66, message)
+}
+
+/// What is true of documents that have not decayed at a time.
+pub(crate) fn visible(at: DateTime) -> Document {
+    doc! { format!("{INFO}.{DECAY}"): { "$not": { "$lte": at } } }
 }
 
 /// Stamps the outcome of an update of `old`. A replacement keeps when its
@@ -44,10 +145,19 @@ pub(crate) fn update(
     at: DateTime,
 ) -> Result<Option<RawDocumentBuf>, QueryError> {
     let (mut info, before) = (info(new)?, info(old).unwrap_or_default());
-    if replacement {
-        info.insert(INSERTED, before.get(INSERTED).cloned().unwrap_or(at.into()));
-        if own(&info) == own(&before) && same(old, new)? {
-            return Ok(None);
+    check_info(&info)?;
+    if own(&info) == own(&before) && same(old, new)? {
+        return Ok(None);
+    }
+    match before.get(INSERTED) {
+        Some(inserted) => {
+            info.insert(INSERTED, inserted.clone());
+        }
+        None if replacement => {
+            info.insert(INSERTED, at);
+        }
+        None => {
+            info.remove(INSERTED);
         }
     }
     info.insert(UPDATED, at);
@@ -57,6 +167,7 @@ pub(crate) fn update(
 /// Stamps the document that an upsert made.
 pub(crate) fn upsert(document: &RawDocument, at: DateTime) -> Result<RawDocumentBuf, QueryError> {
     let mut info = info(document)?;
+    check_info(&info)?;
     info.insert(INSERTED, at);
     info.insert(UPDATED, at);
     with_info(document, &info)

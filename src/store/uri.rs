@@ -29,9 +29,20 @@ pub enum Role {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum UriError {
     /// Neither `file:` nor `mem:` nor `mongodb://` in front.
-    #[error("`{text}` is not the URI of a store; for a file write `file:{text}`")]
+    #[error("`{text}` is not the URI of a store; {hint}")]
     Scheme {
-        /// The text.
+        /// The text, [`masked`].
+        text: String,
+        /// What to write instead.
+        hint: String,
+    },
+    /// `file:` in front of the URI of something else.
+    #[error("`file:` names a file of this machine; for a server write mongodb://HOST:PORT without `file:`")]
+    NotAFile,
+    /// `file://` in front of what is not an absolute path.
+    #[error("`file://{text}` would be a file of another machine; write file:{text}, or file:/ and an absolute path")]
+    Elsewhere {
+        /// What follows, [`masked`].
         text: String,
     },
     /// A scheme that no store has.
@@ -67,11 +78,10 @@ impl StoreUri {
     /// Where it has no known scheme, or nothing behind it.
     pub fn parse(text: &str) -> Result<Self, UriError> {
         let Some((scheme, rest)) = text.split_once(':').filter(|(scheme, _)| is_scheme(scheme)) else {
-            return Err(UriError::Scheme { text: text.to_owned() });
+            return Err(UriError::Scheme { text: masked(text), hint: hint(text) });
         };
         match scheme {
-            "file" if rest.is_empty() => Err(UriError::NoPath),
-            "file" => Ok(Self(Kind::File(PathBuf::from(rest)))),
+            "file" => file(rest),
             "mem" if !rest.is_empty() => Err(UriError::MemoryPath),
             "mem" => Ok(Self(Kind::Memory)),
             "mongodb" | "mongodb+srv" => server(scheme, rest, text),
@@ -134,6 +144,58 @@ fn open_server(uri: &StoreUri, _: &str, _: Role) -> Result<Box<dyn Store>, Store
         address: uri.to_string(),
         reason: "this rmem was built without MongoDB; build it with `--features mongodb`, or use file:PATH".to_owned(),
     })
+}
+
+/// A text that may be a URI with credentials, without them and without options
+/// of a server: for messages about what cannot be parsed. What may be
+/// credentials lies before the last `@`.
+#[must_use]
+pub fn masked(text: &str) -> String {
+    let shown = match text.rfind('@') {
+        None => text.to_owned(),
+        Some(at) => {
+            let before = text.get(..at).unwrap_or_default();
+            let start = match (before.find(':'), before.find("//")) {
+                (Some(colon), Some(slashes)) if slashes == colon + 1 => slashes + 2,
+                (Some(colon), Some(slashes)) if colon < slashes => colon + 1,
+                (_, Some(slashes)) => slashes + 2,
+                (Some(colon), None) => colon + 1,
+                (None, None) => 0,
+            };
+            format!("{}…{}", before.get(..start).unwrap_or_default(), text.get(at..).unwrap_or_default())
+        }
+    };
+    match shown.split_once('?') {
+        Some((front, _)) if shown.contains("mongodb") => format!("{front}?…"),
+        _ => shown,
+    }
+}
+
+/// What to write instead of a text without a scheme.
+fn hint(text: &str) -> String {
+    if text != text.trim() {
+        return "remove the blanks around it".to_owned();
+    }
+    if text.starts_with(['"', '\'']) {
+        return "remove the quotes around it".to_owned();
+    }
+    if text.contains("mongodb") || text.contains('@') {
+        return "a server is written mongodb://HOST:PORT".to_owned();
+    }
+    format!("for a file write `file:{text}`")
+}
+
+fn file(path: &str) -> Result<StoreUri, UriError> {
+    if path.is_empty() {
+        return Err(UriError::NoPath);
+    }
+    if path.contains("://") || (path.contains("mongodb") && path.contains('@')) {
+        return Err(UriError::NotAFile);
+    }
+    match path.strip_prefix("//") {
+        Some(rest) if !rest.starts_with('/') => Err(UriError::Elsewhere { text: masked(rest) }),
+        _ => Ok(StoreUri(Kind::File(PathBuf::from(path)))),
+    }
 }
 
 fn is_scheme(text: &str) -> bool {
@@ -207,6 +269,18 @@ mod tests {
             "mongodb://robot:secret@x@host/db",
             "mongodb://robot:secret@",
             "mongodb:robot:secret@host",
+            " mongodb://robot:secret@host",
+            "\nmongodb://robot:secret@host",
+            "'mongodb://robot:secret@host'",
+            "\"mongodb://robot:sec//secret@x@host",
+            "mongodb//robot:secret@host",
+            " mongodb:robot:secret//x@host",
+            " mongodb://host/?tlsCertificateKeyFilePassword=secret",
+            "file:mongodb://robot:secret@host/",
+            "file: mongodb://robot:secret@host/",
+            "file:mongodb//robot:secret@host/",
+            "file://robot:secret@host/",
+            "mem:mongodb://robot:secret@host/",
             "mongodb://host/?tlsCertificateKeyFilePassword=secret",
         ] {
             assert!(!shown(text).contains("secret"), "{}", shown(text));
@@ -222,6 +296,25 @@ mod tests {
                 format!("`{text}` is not the URI of a store; for a file write `file:{text}`")
             );
         }
+    }
+
+    #[test]
+    fn what_hides_a_uri_is_named_and_not_taken_away() {
+        for (text, wanted) in [
+            (" mongodb://u:p@h", "` mongodb://…@h` is not the URI of a store; remove the blanks around it"),
+            ("'mongodb://u:p@h'", "`'mongodb://…@h'` is not the URI of a store; remove the quotes around it"),
+            ("mongodb//u:p@h", "`mongodb//…@h` is not the URI of a store; a server is written mongodb://HOST:PORT"),
+            (" file:a", "` file:a` is not the URI of a store; remove the blanks around it"),
+        ] {
+            assert_eq!(StoreUri::parse(text).unwrap_err().to_string(), wanted);
+        }
+    }
+
+    #[test]
+    fn two_slashes_do_not_turn_a_relative_path_into_an_absolute_one() {
+        let refusal = StoreUri::parse("file://robot.rmem").unwrap_err().to_string();
+        assert!(refusal.contains("write file:robot.rmem, or file:/ and an absolute path"), "{refusal}");
+        assert!(StoreUri::parse("file:///tmp/robot.rmem").unwrap().path().unwrap().is_absolute());
     }
 
     #[test]

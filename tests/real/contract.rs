@@ -20,7 +20,8 @@ const CASES: &[(&str, Case)] = cases![
     a_duplicate_stops_an_insert_and_what_was_before_it_stays,
     equal_numbers_of_different_types_are_the_same_id,
     some_ids_are_refused,
-    nothing_is_stored_where_a_document_is_refused,
+    a_refused_document_stops_an_insert_and_what_was_before_it_stays,
+    documents_may_be_nested_as_deeply_as_mongodb_nests_them,
     inserting_nothing_is_fine,
     natural_order_is_the_order_of_insertion,
     an_empty_collection_has_no_documents,
@@ -35,6 +36,7 @@ const CASES: &[(&str, Case)] = cases![
     pipelines_are_run,
     a_pipeline_may_read_another_collection,
     unknown_stages_are_refused,
+    results_may_go_into_another_collection,
     many_documents_come_in_pages,
     an_update_changes_the_first_match,
     an_update_of_many_changes_all,
@@ -47,6 +49,9 @@ const CASES: &[(&str, Case)] = cases![
     an_upsert_that_matches_updates,
     a_stamped_update_says_when,
     a_stamped_replacement_keeps_when_it_was_inserted,
+    a_stamped_update_that_changes_nothing_is_no_modification,
+    what_the_memory_notes_cannot_be_changed,
+    a_pipeline_cannot_lose_when_a_document_was_inserted,
     putting_replaces_by_id,
     deleting_the_first_leaves_the_others,
     deleting_all_counts_them,
@@ -190,15 +195,29 @@ fn some_ids_are_refused(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, [doc! { "_id": 1, "$price": 2, "a.b": 3, "": 4 }]);
 }
 
-fn nothing_is_stored_where_a_document_is_refused(store: &dyn Store, ns: &Namespace) {
+fn a_refused_document_stops_an_insert_and_what_was_before_it_stays(store: &dyn Store, ns: &Namespace) {
     let documents = vec![doc! { "_id": 1 }, doc! { "_id": [] }, doc! { "_id": 2 }];
     match store.insert(ns, documents) {
-        Err(StoreError::Query(error)) => {
-            assert_eq!((error.code, error.message.as_str()), (53, "document 2 of 3: the _id may not be an array"));
+        Err(StoreError::Stopped { stored, document, source }) => {
+            assert_eq!((stored, document), (vec![Bson::Int32(1)], Some(2)));
+            assert!(matches!(*source, StoreError::Query(error) if error.code == 53));
         }
         other => panic!("{other:?}"),
     }
-    assert_eq!(ids(store, ns, doc! {}), [0; 0]);
+    assert_eq!(ids(store, ns, doc! {}), [1]);
+    let error = store.insert(ns, vec![doc! { "_id": [] }, doc! { "_id": 2 }]).unwrap_err();
+    assert_eq!((error.stored(), error.to_string().as_str()), (&[][..], "document 1 cannot be stored"));
+    assert_eq!(ids(store, ns, doc! {}), [1]);
+}
+
+fn documents_may_be_nested_as_deeply_as_mongodb_nests_them(store: &dyn Store, ns: &Namespace) {
+    let nested = |id: i32, levels: usize| {
+        let inner = (2..levels).fold(doc! { "x": 1 }, |inner, _| doc! { "a": inner });
+        doc! { "_id": id, "a": inner }
+    };
+    insert(store, ns, [nested(1, rmem::store::MAX_DEPTH)]);
+    assert_eq!(all(store, ns), [nested(1, rmem::store::MAX_DEPTH)]);
+    assert_eq!(code(store.insert(ns, vec![nested(2, rmem::store::MAX_DEPTH + 1)])), 15);
 }
 
 fn inserting_nothing_is_fine(store: &dyn Store, ns: &Namespace) {
@@ -340,16 +359,15 @@ fn distinct_values_come_once(store: &dyn Store, ns: &Namespace) {
             doc! { "_id": 4 },
         ],
     );
-    let distinct = |field: &str, filter: Document| {
-        let mut values = store.distinct(ns, field, &filter).unwrap();
-        values.sort_by_key(ToString::to_string);
-        values
-    };
-    assert_eq!(distinct("a", doc! { "_id": { "$lt": 3 } }), ["x".into(), Bson::Int32(1), Bson::Int32(2)]);
+    let distinct = |field: &str, filter: Document| store.distinct(ns, field, &filter).unwrap();
+    assert_eq!(distinct("a", doc! { "_id": { "$lt": 3 } }), [Bson::Int32(1), Bson::Int32(2), "x".into()]);
     assert_eq!(distinct("a", doc! { "_id": 3 }), [Bson::Array(vec![Bson::Int32(9)])]);
     assert_eq!(distinct("b.c", doc! {}), [1, 2, 3].map(Bson::Int32));
     assert_eq!(distinct("b.1.c", doc! {}), [2, 3].map(Bson::Int32));
     assert_eq!(distinct("none", doc! {}), []);
+    for path in ["", "a.", ".a", "a..b", "$a"] {
+        assert!(store.distinct(ns, path, &doc! {}).is_err(), "{path:?}");
+    }
 }
 
 fn aggregated(store: &dyn Store, ns: &Namespace, pipeline: &[Document]) -> Vec<Document> {
@@ -378,6 +396,35 @@ fn a_pipeline_may_read_another_collection(store: &dyn Store, ns: &Namespace) {
         aggregated(store, ns, &[doc! { "$lookup": lookup }, doc! { "$sort": { "_id": 1 } }]),
         [doc! { "_id": 1, "on": "B", "below": [{ "_id": "B", "x": 5 }] }, doc! { "_id": 2, "on": "none", "below": [] }]
     );
+}
+
+fn results_may_go_into_another_collection(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { collection: format!("{}.other", ns.collection), ..ns.clone() };
+    insert(store, ns, (1..=3).map(|n| doc! { "_id": n, "n": n }));
+    insert(store, &other, [doc! { "_id": 9 }]);
+    let pipeline = [doc! { "$match": { "n": { "$gt": 1 } } }, doc! { "$out": &other.collection }];
+    assert_eq!(aggregated(store, ns, &pipeline), []);
+    assert_eq!(all(store, &other), [doc! { "_id": 2, "n": 2 }, doc! { "_id": 3, "n": 3 }]);
+
+    let merge = |specification: Document| {
+        let mut merge = doc! { "into": &other.collection };
+        merge.extend(specification);
+        let pipeline = [doc! { "$project": { "m": { "$add": ["$n", 10] } } }, doc! { "$merge": merge }];
+        store.aggregate(ns, &pipeline).and_then(Iterator::collect::<Result<Vec<_>, _>>)
+    };
+    assert_eq!(merge(doc! {}).unwrap(), [] as [bson::RawDocumentBuf; 0]);
+    let merged = [doc! { "_id": 2, "n": 2, "m": 12 }, doc! { "_id": 3, "n": 3, "m": 13 }, doc! { "_id": 1, "m": 11 }];
+    assert_eq!(all(store, &other), merged);
+    store.delete(&other, &doc! { "_id": 1 }, false).unwrap();
+    merge(doc! { "whenMatched": "replace", "whenNotMatched": "discard" }).unwrap();
+    assert_eq!(all(store, &other), [doc! { "_id": 2, "m": 12 }, doc! { "_id": 3, "m": 13 }]);
+    let sum = bson::bson!([{ "$set": { "m": { "$add": ["$m", "$$new.m"] } } }]);
+    merge(doc! { "whenMatched": sum, "whenNotMatched": "discard" }).unwrap();
+    assert_eq!(all(store, &other), [doc! { "_id": 2, "m": 24 }, doc! { "_id": 3, "m": 26 }]);
+    assert!(merge(doc! { "whenMatched": "fail" }).is_err());
+    store.delete(&other, &doc! { "_id": 1 }, false).unwrap();
+    assert!(merge(doc! { "whenNotMatched": "fail" }).is_err());
+    assert!(merge(doc! { "on": "m" }).is_err());
 }
 
 fn unknown_stages_are_refused(store: &dyn Store, ns: &Namespace) {
@@ -490,6 +537,74 @@ fn a_stamped_replacement_keeps_when_it_was_inserted(store: &dyn Store, ns: &Name
     assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 1));
     let info = doc! { "inserted": stamp(1), "updated": stamp(5) };
     assert_eq!(all(store, ns)[0], doc! { "_id": 1, "b": { "$x": "$y" }, "_robmem_info": info });
+}
+
+fn a_stamped_update_that_changes_nothing_is_no_modification(store: &dyn Store, ns: &Namespace) {
+    let info = doc! { "inserted": stamp(1) };
+    insert(store, ns, (1..=3).map(|n| doc! { "_id": n, "a": [n], "b": 1, "_robmem_info": info.clone() }));
+    let updates = [
+        doc! { "$set": { "b": 1 } },
+        doc! { "$addToSet": { "a": 2 } },
+        doc! { "$unset": { "c": "" } },
+        doc! { "$pull": { "a": 9 } },
+        doc! { "$rename": { "c": "d" } },
+        doc! { "$setOnInsert": { "b": 2 } },
+        doc! { "a": [2], "b": 1 },
+    ];
+    for change in updates {
+        let request = update(doc! { "_id": 2 }, change.clone());
+        assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 0), "{change}");
+    }
+    let request = UpdateRequest {
+        update: UpdateSpec::Pipeline(vec![doc! { "$set": { "b": 1 } }]),
+        ..update(doc! { "_id": 2 }, doc! {})
+    };
+    assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 0));
+    assert_eq!(store.count(ns, &doc! { "_robmem_info.updated": { "$exists": true } }).unwrap(), 0);
+
+    let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$addToSet": { "a": 2 } }) };
+    assert_eq!(store.update(ns, &request, Some(stamp(6))).unwrap(), changed(3, 2));
+    assert_eq!(ids(store, ns, doc! { "_robmem_info.updated": stamp(6) }), [1, 3]);
+}
+
+fn what_the_memory_notes_cannot_be_changed(store: &dyn Store, ns: &Namespace) {
+    let stored = doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": stamp(1) } };
+    insert(store, ns, [stored.clone()]);
+    for change in [
+        doc! { "$set": { "_robmem_info.inserted": 5 } },
+        doc! { "$set": { "_robmem_info": {} } },
+        doc! { "$set": { "_robmem_info.decay_time": "soon" } },
+        doc! { "$unset": { "_robmem_info": 1 } },
+        doc! { "$rename": { "a": "_robmem_info.inserted" } },
+        doc! { "$rename": { "_robmem_info.inserted": "a" } },
+        doc! { "$currentDate": { "_robmem_info.updated": true } },
+        doc! { "_robmem_info": { "persistent": 3 } },
+    ] {
+        assert!(store.update(ns, &update(doc! {}, change.clone()), Some(stamp(5))).is_err(), "{change}");
+    }
+    for stage in [doc! { "$set": { "_robmem_info": 1 } }, doc! { "$unset": "_robmem_info.inserted" }] {
+        let request = UpdateRequest { update: UpdateSpec::Pipeline(vec![stage.clone()]), ..update(doc! {}, doc! {}) };
+        assert!(store.update(ns, &request, Some(stamp(5))).is_err(), "{stage}");
+    }
+    assert_eq!(all(store, ns), [stored]);
+    let request = update(doc! {}, doc! { "$set": { "_robmem_info.decay_time": stamp(9) } });
+    assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 1));
+}
+
+fn a_pipeline_cannot_lose_when_a_document_was_inserted(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (1..=2).map(|n| doc! { "_id": n, "_robmem_info": { "inserted": stamp(i64::from(n)) } }));
+    for (many, stage) in [
+        (true, doc! { "$replaceWith": { "_id": "$_id", "z": 1 } }),
+        (false, doc! { "$project": { "z": 2 } }),
+        (true, doc! { "$replaceRoot": { "newRoot": { "_id": "$_id", "_robmem_info": { "inserted": stamp(7) } } } }),
+    ] {
+        let update = UpdateSpec::Pipeline(vec![stage.clone()]);
+        let request = UpdateRequest { update, many, ..self::update(doc! {}, doc! {}) };
+        store.update(ns, &request, Some(stamp(5))).unwrap();
+        for n in 1..=2 {
+            assert_eq!(ids(store, ns, doc! { "_robmem_info.inserted": stamp(n) }), [n as i32], "{stage}");
+        }
+    }
 }
 
 fn putting_replaces_by_id(store: &dyn Store, ns: &Namespace) {

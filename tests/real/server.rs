@@ -1,8 +1,10 @@
 //! What needs a MongoDB server, and what needs one that is not there.
 
-use std::net::{Ipv4Addr, TcpListener};
+use std::io::{Read as _, Write as _};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bson::doc;
@@ -17,17 +19,24 @@ use crate::worlds;
 static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
 
 const PREFIX: &str = "contract::mongodb";
+const ANOTHER: &str = "mongodb::a_replica_set_of_another_name_is_not_taken_for_a_silent_server";
+const LOST: &str = "mongodb::an_operation_on_a_server_that_falls_silent_ends";
 
 /// The names of the tests that need a server.
 pub(crate) fn names() -> Vec<String> {
     let mut names = contract::names(PREFIX);
     names.extend(worlds::CASES.iter().map(|(name, _)| (*name).to_owned()));
+    names.extend([ANOTHER, LOST].map(str::to_owned));
     names
 }
 
 /// The tests; those that need a server are ignored where there is no program.
 pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
     let missing = program.is_none();
+    let server = program.clone();
+    let another = Trial::test(ANOTHER, move || another_set(server.as_deref()));
+    let server = program.clone();
+    let lost = Trial::test(LOST, move || lost(server.as_deref())).with_ignored_flag(missing);
     let worlds = worlds::CASES.iter().map(|(name, case)| {
         let program = program.clone();
         Trial::test(*name, move || case(&uri(program.as_deref().ok_or("there is no mongod")?)?))
@@ -38,6 +47,8 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
         None => Err("there is no mongod".into()),
     }));
     let mut trials: Vec<_> = trials.into_iter().map(|trial| trial.with_ignored_flag(missing)).collect();
+    trials.push(lost);
+    trials.push(another.with_ignored_flag(missing));
     trials.push(Trial::test("mongodb::an_unreachable_server_is_named_within_seconds", unreachable));
     trials.push(Trial::test("mongodb::a_server_that_does_not_answer_is_named_within_seconds", silent));
     trials
@@ -55,6 +66,62 @@ fn uri(program: &Path) -> Result<String, Failed> {
         *server = Some(Mongod::start(program)?);
     }
     Ok(server.as_ref().map(|server| server.uri.clone()).unwrap_or_default())
+}
+
+fn another_set(program: Option<&Path>) -> Result<(), Failed> {
+    let Some(program) = program else { return Err("there is no mongod".into()) };
+    drop(connect(program)?);
+    let uri = SERVER.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(|server| server.uri.clone());
+    let wrong = uri.unwrap_or_default().replace("replicaSet=test", "replicaSet=wrong");
+    let store = open(&StoreUri::parse(&wrong)?, Role::Local)?;
+    let ns = Namespace::parse("robmem.blocks")?;
+    let error = store.count(&ns, &doc! {}).err().ok_or("it answered")?.to_string();
+    assert!(error.contains("its replica set has another name"), "{error}");
+    let find = Find { skip: 1 << 63, ..Find::default() };
+    let error = connect(program)?.store.find(&ns, &find).err().ok_or("it answered")?.to_string();
+    assert_eq!(error, "skip may be at most 9223372036854775807");
+    Ok(())
+}
+
+/// A server that is lost while it works on an operation.
+fn lost(program: Option<&Path>) -> Result<(), Failed> {
+    let Some(program) = program else { return Err("there is no mongod".into()) };
+    drop(connect(program)?);
+    let uri = SERVER.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(|server| server.uri.clone());
+    let uri = uri.unwrap_or_default();
+    let server = uri.trim_start_matches("mongodb://").split('/').next().unwrap_or_default().to_owned();
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+    let port = listener.local_addr()?.port();
+    let silent = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&silent);
+    std::thread::spawn(move || {
+        for client in listener.incoming().flatten() {
+            let Ok(server) = TcpStream::connect(&server) else { return };
+            let (Ok(from), Ok(to)) = (client.try_clone(), server.try_clone()) else { return };
+            let (there, back) = (Arc::clone(&flag), Arc::clone(&flag));
+            std::thread::spawn(move || pass(from, to, &there));
+            std::thread::spawn(move || pass(server, client, &back));
+        }
+    });
+    let store = open(&StoreUri::parse(&format!("mongodb://127.0.0.1:{port}/?directConnection=true"))?, Role::Local)?;
+    let ns = Namespace::parse("robmem.blocks")?;
+    store.count(&ns, &doc! {})?;
+    silent.store(true, Ordering::SeqCst);
+    let since = Instant::now();
+    let error = store.count(&ns, &doc! {}).err().ok_or("it answered")?;
+    assert!(since.elapsed() < Duration::from_secs(20), "took {:?}", since.elapsed());
+    assert!(matches!(error, StoreError::Unreachable { .. }), "{error:?}");
+    Ok(())
+}
+
+/// Passes bytes on until it is to be silent; then it reads them and says nothing.
+fn pass(mut from: TcpStream, mut to: TcpStream, silent: &AtomicBool) {
+    let mut bytes = [0; 4096];
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        if !silent.load(Ordering::SeqCst) && to.write_all(&bytes[..count]).is_err() {
+            return;
+        }
+    }
 }
 
 /// Stops the server, where one was started.

@@ -92,6 +92,7 @@ fn the_templates_of_the_shipped_worlds_give_problems() {
         let read = |path: String| Source::new(path.as_str(), std::fs::read_to_string(&path).expect("the file"));
         let memory = memory(Vec::new());
         for (name, _, documents) in shell::parse_world(&read(format!("fixtures/{world}.json"))).expect("a world") {
+            let documents = documents.into_iter().map(|(_, document)| document).collect();
             memory.insert(&Namespace::parse(&name).expect("a namespace"), documents).expect("stored");
         }
         let goal = (!template.contains("j2") || world == "blocksworld").then(|| "(and)".to_owned());
@@ -218,7 +219,7 @@ fn expressions_loops_and_macros_work_as_in_minijinja() {
             "{% for d in query('robmem.worldmodel', '{}', sort='{_id: -1}', skip=1, limit=2) %}{{ d._id }} {% endfor %}",
             "3 2 ",
         ),
-        ("{% for x in distinct('robmem.worldmodel', 'object') %}{{ x }}{{ ' ' if false }}\n{% endfor %}", "A\nC\nB\n"),
+        ("{% for x in distinct('robmem.worldmodel', 'object') %}{{ x }}{{ ' ' if false }}\n{% endfor %}", "A\nB\nC\n"),
         ("{{ count('robmem.worldmodel', \"{relation: 'on'}\") + 1 }}", "2"),
         ("{{ find_one('robmem.worldmodel', {'_id': 3}).top }}", "D"),
         ("{% if find_one('robmem.worldmodel', {'_id': 9}) is none %}none{% endif %}", "none"),
@@ -384,10 +385,11 @@ fn pipelines_reach_the_store_stage_by_stage() {
         "<<#A||[{$match: {x: {$in: ['b', '|']}}},\n {$limit: 3}]>>s;<</A>>".to_owned(),
         "{% for d in aggregate('a.b', [{'$match': {}}, {'$limit': 3}]) %}s;{% endfor %}".to_owned(),
         "{% for d in aggregate('a.b', '[{$match: {}}, {$limit: 3}]') %}s;{% endfor %}".to_owned(),
-        "{% for d in aggregate('a.b', '{$limit: 3}') %}{{ d['$limit'] }};s;{% endfor %}".to_owned(),
+        // The memory puts a stage in front: for documents that have not decayed.
+        "{% for d in aggregate('a.b', '{$limit: 3}') %}s;{% endfor %}".to_owned(),
     ] {
         let generated = asked(&template, &Talkative::default()).unwrap_or_else(|error| panic!("{template}: {error}"));
-        assert!(generated.text == "s;s;" || generated.text == "3;s;", "{template}: {}", generated.text);
+        assert_eq!(generated.text, "s;s;", "{template}");
     }
 }
 

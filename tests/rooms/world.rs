@@ -122,6 +122,26 @@ fn a_wrong_namespace_is_an_error_at_its_place() {
 }
 
 #[test]
+fn a_document_that_cannot_be_stored_is_an_error_at_its_place_before_anything_is_stored() {
+    for (document, message) in [
+        (r#"{"_id": 7}"#, "the _id 7 is given twice"),
+        (r#"{"_id": 7.0}"#, "the _id 7.0 is given twice"),
+        (r#"{"_id": [1]}"#, "the _id may not be an array"),
+        (r#"{"_robmem_info": {"persistent": "yes"}}"#, "_robmem_info.persistent has to be true or false"),
+    ] {
+        let memory = memory();
+        let text = format!("{{\"a.b\": [{{\"_id\": 1}}],\n \"a.c\": [{{\"_id\": 7}},\n   {document}]}}");
+        match world::load(&memory, &Source::new("world.json", text)) {
+            Err(world::WorldError::Text { source, .. }) => {
+                assert_eq!((source.position(), source.message()), ((3, 4), message));
+            }
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(memory.collections().unwrap(), []);
+    }
+}
+
+#[test]
 fn metadata_is_kept_and_hidden() {
     let memory = memory();
     let blocks = ns("robmem.blocks");
@@ -209,4 +229,58 @@ fn a_restored_document_is_inserted_now_and_keeps_what_else_is_known_of_it() {
         let document = Document::try_from(&*found).unwrap();
         assert_eq!(document, doc! { "_id": 1, "_robmem_info": { "persistent": false, "inserted": at(1_000) } });
     }
+}
+
+#[test]
+fn reading_makes_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    let memory = Memory::at(StoreUri::file(&path), StoreUri::file(&path), Vec::new());
+    assert_eq!(memory.count(&ns("a.b"), &doc! {}).unwrap(), 0);
+    assert_eq!(all(&memory, "a.b"), []);
+    assert_eq!(memory.collections().unwrap(), []);
+    assert!(!memory.drop_collection(&ns("a.b")).unwrap());
+    assert_eq!(memory.delete(&ns("a.b"), &doc! {}, false).unwrap(), 0);
+    assert!(!path.exists());
+    memory.insert(&ns("a.b"), vec![doc! { "_id": 1 }]).unwrap();
+    assert!(path.exists());
+    assert_eq!(memory.count(&ns("a.b"), &doc! {}).unwrap(), 1);
+}
+
+#[test]
+fn a_document_that_has_decayed_is_invisible() {
+    let blocks = ns("a.b");
+    let memory = memory();
+    let decaying = doc! { "decay_time": at(1_500) };
+    memory
+        .insert(&blocks, vec![doc! { "_id": 1, "n": 1, "_robmem_info": decaying }, doc! { "_id": 2, "n": 2 }])
+        .unwrap();
+    assert_eq!(memory.count(&blocks, &doc! {}).unwrap(), 2);
+    let memory = memory.with_clock(Clock::Stopped(at(1_500)));
+    assert_eq!(all(&memory, "a.b"), [doc! { "_id": 2, "n": 2 }]);
+    assert_eq!(memory.count(&blocks, &doc! { "_id": 1 }).unwrap(), 0);
+    assert_eq!(memory.distinct(&blocks, "n", &doc! {}).unwrap(), [bson::Bson::Int32(2)]);
+    for pipeline in [vec![doc! { "$match": { "n": { "$gt": 0 } } }], vec![]] {
+        assert_eq!(memory.aggregate(&blocks, &pipeline).unwrap().count(), 1);
+    }
+    let request = UpdateRequest {
+        filter: doc! {},
+        update: UpdateSpec::Document(doc! { "$inc": { "n": 1 } }),
+        array_filters: Vec::new(),
+        many: true,
+        upsert: false,
+    };
+    assert_eq!(memory.update(&blocks, &request).unwrap().matched, 1);
+    assert_eq!(memory.delete(&blocks, &doc! { "_id": 1 }, false).unwrap(), 0);
+}
+
+#[test]
+fn what_lies_under_the_metadata_is_checked() {
+    let blocks = ns("a.b");
+    let memory = memory();
+    for info in [doc! { "persistent": "yes" }, doc! { "decay_time": "soon" }, doc! { "foo": 2 }] {
+        assert!(memory.insert(&blocks, vec![doc! { "_robmem_info": info.clone() }]).is_err(), "{info}");
+        assert!(memory.put(&blocks, vec![doc! { "_robmem_info": info.clone() }]).is_err(), "{info}");
+    }
+    assert_eq!(memory.collections().unwrap(), []);
 }

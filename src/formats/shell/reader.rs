@@ -162,16 +162,16 @@ fn element(source: &Source, start: usize, expected: &str) -> Result<(Node, usize
 }
 
 /// Reads a world file: an object with namespaces as keys and arrays of documents as values.
-/// Each namespace comes with the place of its key.
+/// Each namespace comes with the place of its key, each document with its own.
 #[allow(clippy::type_complexity, reason = "three plain things side by side")]
-pub fn parse_world(source: &Source) -> Result<Vec<(String, Span, Vec<Document>)>, Diagnostic> {
+pub fn parse_world(source: &Source) -> Result<Vec<(String, Span, Vec<(Span, Document)>)>, Diagnostic> {
     let text = source.text();
     let open = scanner::skip(text, 0, b"");
     if text.as_bytes().get(open) != Some(&b'{') {
         let message = "expected a world `{\"database.collection\": [documents…], …}`";
         return Err(Diagnostic::new(source, Span::at(open), message));
     }
-    let mut world: Vec<(String, Span, Vec<Document>)> = Vec::new();
+    let mut world: Vec<(String, Span, Vec<(Span, Document)>)> = Vec::new();
     let mut offset = scanner::skip(text, open + 1, b"");
     loop {
         match text.as_bytes().get(offset) {
@@ -186,7 +186,7 @@ pub fn parse_world(source: &Source) -> Result<Vec<(String, Span, Vec<Document>)>
         let colon = expect(source, span.end, b':', "`:` after the namespace")?;
         let bracket = expect(source, colon, b'[', "an array of documents `[…]`")? - 1;
         let (documents, end) = array(source, bracket)?;
-        world.push((name, span, documents.into_iter().map(|(_, document)| document).collect()));
+        world.push((name, span, documents));
         offset = scanner::skip(text, end, b"");
         match text.as_bytes().get(offset) {
             Some(b',') => offset = scanner::skip(text, offset + 1, b""),

@@ -1,14 +1,12 @@
 //! Answering queries: find, count, distinct.
 
-use std::collections::HashSet;
 use std::rc::Rc;
 
-use bson::raw::{RawArray, RawBsonRef};
-use bson::{Bson, DateTime, Document, RawDocument};
+use bson::{Bson, DateTime, Document};
 
 use super::Embedded;
 use super::scan::Scan;
-use crate::query::{Filter, Projection, QueryError, Sort, key};
+use crate::query::{self, Filter, Projection, QueryError, Sort};
 use crate::store::{Documents, Find, Namespace, StoreError};
 
 impl Embedded {
@@ -42,14 +40,13 @@ impl Embedded {
     }
 
     pub(super) fn values(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        check_path(field)?;
         let filter = Filter::parse(filter)?;
-        let Some(collection) = self.collection(ns)? else { return Ok(Vec::new()) };
-        let path: Vec<&str> = field.split('.').collect();
-        let mut distinct = Distinct::default();
-        for found in Scan::new(self, collection, Rc::new(filter))? {
-            distinct.collect(&found?.body, &path)?;
-        }
-        Ok(distinct.values)
+        let Some(collection) = self.collection(ns)? else {
+            return query::distinct(std::iter::empty::<Result<_, StoreError>>(), field);
+        };
+        let found = Scan::new(self, collection, Rc::new(filter))?;
+        query::distinct(found.map(|found| found.map(|found| found.body)), field)
     }
 }
 
@@ -57,55 +54,18 @@ fn count(number: u64) -> usize {
     usize::try_from(number).unwrap_or(usize::MAX)
 }
 
-/// Values at a path, each once, in the order they are met.
-#[derive(Default)]
-struct Distinct {
-    seen: HashSet<Vec<u8>>,
-    values: Vec<Bson>,
-}
-
-impl Distinct {
-    /// Goes down one step of the path for each call: as deep as the path is long.
-    fn collect(&mut self, document: &RawDocument, path: &[&str]) -> Result<(), QueryError> {
-        let Some((first, rest)) = path.split_first() else { return Ok(()) };
-        match document.get(first)? {
-            None => Ok(()),
-            Some(value) => self.descend(value, rest),
+/// Refuses paths that MongoDB refuses to list the values of.
+fn check_path(path: &str) -> Result<(), QueryError> {
+    if path.is_empty() {
+        return Err(QueryError::invalid(40_352, "the field's path is empty"));
+    }
+    for name in path.split('.') {
+        if name.is_empty() {
+            return Err(QueryError::invalid(15_998, format!("the path `{path}` has an empty field name")));
+        }
+        if name.starts_with('$') && !["$id", "$ref", "$db"].contains(&name) {
+            return Err(QueryError::invalid(16_410, format!("the field name `{name}` may not start with `$`")));
         }
     }
-
-    fn descend(&mut self, value: RawBsonRef<'_>, path: &[&str]) -> Result<(), QueryError> {
-        match (value, path) {
-            (RawBsonRef::Array(array), []) => {
-                for element in array {
-                    self.add(element?)?;
-                }
-                Ok(())
-            }
-            (value, []) => self.add(value),
-            (RawBsonRef::Document(document), _) => self.collect(document, path),
-            (RawBsonRef::Array(array), [first, rest @ ..]) => self.through(array, first, rest, path),
-            _ => Ok(()),
-        }
-    }
-
-    /// A step into an array: by index, and into the documents it holds.
-    fn through(&mut self, array: &RawArray, first: &str, rest: &[&str], path: &[&str]) -> Result<(), QueryError> {
-        if let Some(element) = first.parse().ok().and_then(|index| array.get(index).transpose()) {
-            self.descend(element?, rest)?;
-        }
-        for element in array {
-            if let RawBsonRef::Document(document) = element? {
-                self.collect(document, path)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn add(&mut self, value: RawBsonRef<'_>) -> Result<(), QueryError> {
-        if self.seen.insert(key::encode(value)) {
-            self.values.push(Bson::try_from(value)?);
-        }
-        Ok(())
-    }
+    Ok(())
 }

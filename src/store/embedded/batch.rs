@@ -9,27 +9,38 @@ use crate::query::key;
 use crate::store::{Inserted, Namespace, StoreError, document};
 
 impl Embedded {
-    /// Stores the documents up to the first whose key is taken; those before it stay.
+    /// Stores the documents up to the first that is not acceptable or whose
+    /// key is taken; those before it stay. Where storing as such fails, none does.
     pub(super) fn insert_batch(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
-        let documents = document::settle_all(documents)?;
-        let mut stored = Vec::with_capacity(documents.len());
-        if documents.is_empty() {
-            return Ok(Inserted { ids: stored });
+        let count = documents.len();
+        if count == 0 {
+            return Ok(Inserted::default());
         }
-        let taken = self.write(|| {
+        let mut stored = Vec::with_capacity(count);
+        let refusal = self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
-            for (id, body) in documents {
-                match self.add(ns, collection, &id, &body) {
-                    Ok(()) => stored.push(id),
-                    Err(StoreError::Duplicate { key, .. }) => return Ok(Some(key)),
+            for document in documents {
+                let added = document::settle(document)
+                    .map_err(StoreError::from)
+                    .and_then(|(id, body)| self.add(ns, collection, &id, &body).map(|()| id));
+                match added {
+                    Ok(id) => stored.push(id),
+                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Query(_))) if stored.is_empty() => {
+                        return Err(refusal);
+                    }
+                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Query(_))) => return Ok(Some(refusal)),
                     Err(failure) => return Err(failure),
                 }
             }
             Ok(None)
-        })?;
-        match taken {
-            None => Ok(Inserted { ids: stored }),
-            Some(key) => Err(StoreError::Duplicate { namespace: ns.clone(), key, stored }),
+        });
+        match refusal {
+            Ok(None) => Ok(Inserted { ids: stored }),
+            Ok(Some(refusal)) => Err(refusal.stopped(stored, count)),
+            Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Query(_))) => {
+                Err(refusal.stopped(Vec::new(), count))
+            }
+            Err(failure) => Err(failure),
         }
     }
 

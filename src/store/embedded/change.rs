@@ -112,7 +112,7 @@ impl Embedded {
     }
 
     /// The stored document with the `_id` of `document`.
-    fn with_id_of(&self, collection: Collection, document: &Document) -> Result<Option<Found>, StoreError> {
+    pub(super) fn with_id_of(&self, collection: Collection, document: &Document) -> Result<Option<Found>, StoreError> {
         let Some(id) = document.get("_id") else { return Ok(None) };
         let sql = format!("SELECT position, body FROM {} WHERE key = ?", collection.table());
         let row = self
@@ -127,7 +127,7 @@ impl Embedded {
         Ok(Some(Found { position, body: RawDocumentBuf::from_bytes(bytes).map_err(QueryError::from)? }))
     }
 
-    fn rewrite(&self, collection: Collection, position: i64, body: &RawDocument) -> Result<(), StoreError> {
+    pub(super) fn rewrite(&self, collection: Collection, position: i64, body: &RawDocument) -> Result<(), StoreError> {
         let sql = format!("UPDATE {} SET body = ? WHERE position = ?", collection.table());
         self.connection
             .prepare_cached(&sql)
@@ -162,6 +162,9 @@ struct Change {
 
 impl Change {
     fn parse(request: &UpdateRequest, stamp: Option<DateTime>) -> Result<Self, QueryError> {
+        if stamp.is_some() {
+            stamp::check_update(&request.update)?;
+        }
         let update = match &request.update {
             UpdateSpec::Document(update) => Update::parse(update, &request.array_filters)?,
             UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages)?,

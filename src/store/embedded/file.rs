@@ -31,7 +31,7 @@ CREATE TABLE collections (
 
 impl Embedded {
     /// Opens the memory in the file `path`, creating it where there is none
-    /// (its folder has to exist).
+    /// (its folder has to exist). On a file system that is read-only, it is read.
     ///
     /// # Errors
     /// Where the file cannot be opened, is not a memory, or is one of a newer rmem.
@@ -44,11 +44,35 @@ impl Embedded {
                 reason: "is a directory; name a file in it".to_owned(),
             });
         }
+        if is_read_only(path) {
+            return Self::open_unchanging(path, place);
+        }
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
             | OpenFlags::SQLITE_OPEN_CREATE
             | OpenFlags::SQLITE_OPEN_NO_MUTEX
             | OpenFlags::SQLITE_OPEN_EXRESCODE;
         let connection = Connection::open_with_flags(path, flags).map_err(|e| failure::explain(&place, &e))?;
+        Self::prepare(connection, place)
+    }
+
+    /// Opens a file that nobody can change: readers need no log beside it then.
+    fn open_unchanging(path: &Path, place: Place) -> Result<Self, StoreError> {
+        let mut log = path.as_os_str().to_owned();
+        log.push("-wal");
+        if std::fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
+            return Err(StoreError::Failed {
+                address: place.to_string(),
+                reason: "is on a read-only file system, with writes still in its log (-wal); copy both files \
+                         to where they can be written"
+                    .to_owned(),
+            });
+        }
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
+            | OpenFlags::SQLITE_OPEN_URI
+            | OpenFlags::SQLITE_OPEN_NO_MUTEX
+            | OpenFlags::SQLITE_OPEN_EXRESCODE;
+        let connection =
+            Connection::open_with_flags(unchanging(path), flags).map_err(|e| failure::explain(&place, &e))?;
         Self::prepare(connection, place)
     }
 
@@ -74,6 +98,28 @@ impl Embedded {
         tune(&connection).map_err(explain)?;
         Ok(Self { connection, place })
     }
+}
+
+/// Whether there is a file, on a file system that is mounted read-only.
+fn is_read_only(path: &Path) -> bool {
+    rustix::fs::statvfs(path).is_ok_and(|system| system.f_flag.contains(rustix::fs::StatVfsMountFlags::RDONLY))
+}
+
+/// SQLite's URI for a file that does not change; each byte of the path that
+/// may mean something in a URI is written as its number.
+fn unchanging(path: &Path) -> String {
+    use std::fmt::Write as _;
+    use std::os::unix::ffi::OsStrExt as _;
+    let mut uri = String::from("file:");
+    for byte in path.as_os_str().as_bytes() {
+        match byte {
+            b'/' | b'.' | b'-' | b'_' | b'0'..=b'9' | b'A'..=b'Z' | b'a'..=b'z' => uri.push(char::from(*byte)),
+            // Writing to a String cannot fail.
+            _ => drop(write!(uri, "%{byte:02X}")),
+        }
+    }
+    uri.push_str("?immutable=1");
+    uri
 }
 
 /// What tells a memory from other files, read at one moment.
@@ -132,5 +178,27 @@ fn foreign(place: &Place) -> StoreError {
     StoreError::Failed {
         address: place.to_string(),
         reason: "is an SQLite database of another program, not an rmem memory; name another file".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Namespace, Store as _};
+    use bson::doc;
+
+    #[test]
+    fn a_file_that_does_not_change_is_read_without_a_log() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a?b#%41 ü.rmem");
+        let ns = Namespace::parse("a.b").unwrap();
+        Embedded::open(&path).unwrap().insert(&ns, vec![doc! { "_id": 1 }]).unwrap();
+        let store = Embedded::open_unchanging(&path, Place::File(path.clone())).unwrap();
+        assert_eq!(store.count(&ns, &doc! {}).unwrap(), 1);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is made beside the file");
+        let refusal = store.insert(&ns, vec![doc! {}]).unwrap_err().to_string();
+        assert!(refusal.contains("cannot be written"), "{refusal}");
+        std::fs::write(folder.path().join("a?b#%41 ü.rmem-wal"), "x").unwrap();
+        assert!(Embedded::open_unchanging(&path, Place::File(path.clone())).is_err());
     }
 }

@@ -11,6 +11,7 @@ mod catalog;
 mod change;
 mod failure;
 mod file;
+mod output;
 mod patience;
 mod pipeline;
 mod scan;

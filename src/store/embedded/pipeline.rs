@@ -6,26 +6,28 @@ use bson::{DateTime, Document};
 
 use super::Embedded;
 use super::scan::Scan;
-use crate::query::{Filter, Origin, Output, Pipeline, QueryError};
+use crate::query::{Filter, Origin, Pipeline};
 use crate::store::{Documents, Namespace, StoreError};
 
 impl Embedded {
-    /// Runs a pipeline to its end: its results are held in memory, what they
-    /// are made from is not.
+    /// Runs a pipeline to its end: its results are held in memory (they borrow
+    /// the pipeline), what they are made from is not.
     pub(super) fn run_pipeline(&self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'_>, StoreError> {
         let pipeline = Pipeline::parse(stages)?;
-        match pipeline.output() {
-            Some(Output::Out(_)) => return Err(QueryError::unsupported("$out").into()),
-            Some(Output::Merge(_)) => return Err(QueryError::unsupported("$merge").into()),
-            None => {}
-        }
         let input = match pipeline.brings_documents() {
             true => Box::new(std::iter::empty()),
             false => self.matches(ns, &first_filter(stages))?,
         };
+        let now = DateTime::now();
         let sources = |origin: &Origin| self.matches(&named(origin, ns), &Document::new());
-        let results: Vec<_> = pipeline.run(input, DateTime::now(), &sources).collect::<Result<_, StoreError>>()?;
-        Ok(Box::new(results.into_iter().map(Ok)))
+        let results: Vec<_> = pipeline.run(input, now, &sources).collect::<Result<_, StoreError>>()?;
+        match pipeline.output() {
+            None => Ok(Box::new(results.into_iter().map(Ok))),
+            Some(output) => {
+                self.write_results(ns, output, results, now)?;
+                Ok(Box::new(std::iter::empty()))
+            }
+        }
     }
 
     /// The documents that match, in natural order.
@@ -42,7 +44,7 @@ fn first_filter(stages: &[Document]) -> Document {
     first.cloned().unwrap_or_default()
 }
 
-fn named(origin: &Origin, ns: &Namespace) -> Namespace {
+pub(super) fn named(origin: &Origin, ns: &Namespace) -> Namespace {
     let database = origin.database.as_ref().unwrap_or(&ns.database);
     Namespace { database: database.clone(), collection: origin.collection.clone() }
 }

@@ -13,6 +13,10 @@ use crate::store::{Namespace, StoreError};
 
 /// How long a server is looked for, unless the URI says otherwise.
 const SELECTION: Duration = Duration::from_secs(4);
+/// How often a server is asked whether it is there, unless the URI says
+/// otherwise. Where it does not answer within this and [`SELECTION`], the
+/// driver ends the operations that wait for it.
+const HEARTBEAT: Duration = Duration::from_secs(2);
 /// How long a write waits for a majority, unless the URI says otherwise.
 const MAJORITY: Duration = Duration::from_secs(10);
 
@@ -26,6 +30,7 @@ impl MongoDb {
         options.app_name.get_or_insert_with(|| "rmem".to_owned());
         options.server_selection_timeout.get_or_insert(SELECTION);
         options.connect_timeout.get_or_insert(SELECTION);
+        options.heartbeat_freq.get_or_insert(HEARTBEAT);
         options.write_concern = Some(durable(options.write_concern.take()));
         if role == Role::Shared {
             options.selection_criteria.get_or_insert(SelectionCriteria::ReadPreference(ReadPreference::nearest(None)));

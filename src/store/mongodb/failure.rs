@@ -48,15 +48,27 @@ pub(super) fn explain_write(address: &str, ns: &Namespace, error: &Error) -> Sto
 }
 
 /// Puts the error of an ordered insert of documents with `ids` into words.
+/// Where the server was lost, nobody knows which of them it stored.
 pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error: &Error) -> StoreError {
-    let ErrorKind::InsertMany(many) = error.kind.as_ref() else { return explain_write(address, ns, error) };
-    let Some(first) = many.write_errors.as_ref().and_then(|errors| errors.first()) else {
-        return explain(address, error);
+    let ErrorKind::InsertMany(many) = error.kind.as_ref() else {
+        return match explain_write(address, ns, error) {
+            StoreError::Unreachable { address, reason }
+                if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) =>
+            {
+                let reason = format!("{reason}; whether these {} documents were stored is not known", ids.len());
+                StoreError::Unreachable { address, reason }
+            }
+            other => other,
+        };
     };
-    if first.code != DUPLICATE {
-        return explain(address, error);
-    }
+    let Some(first) = many.write_errors.as_ref().and_then(|errors| errors.first()) else {
+        let source = Box::new(explain(address, error));
+        return StoreError::Stopped { stored: ids.to_vec(), document: None, source };
+    };
     let stored = ids.get(..first.index).unwrap_or_default().to_vec();
+    if first.code != DUPLICATE {
+        return coded(address, first.code, &first.message).stopped(stored, ids.len());
+    }
     let key = match ids.get(first.index) {
         Some(id) if first.message.contains("index: _id_ ") => format!("_id: {id}"),
         _ => key(&first.message),
@@ -99,6 +111,9 @@ fn selection(message: &str) -> String {
         Some(cause) => format!("no server answers ({cause}); is it running?"),
         None if message.contains("None of the available servers") => {
             "no server takes this operation (is there a primary? does replicaSet in the URI fit?)".to_owned()
+        }
+        None if message.contains("No available servers") && !message.contains("Address: ") => {
+            "a server answers, but its replica set has another name; correct replicaSet in the URI".to_owned()
         }
         None => "no server answers; is it running?".to_owned(),
     }

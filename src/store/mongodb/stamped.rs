@@ -1,21 +1,186 @@
-//! Updates that also write their stamps, in the server's own language.
+//! Updates that write their stamps where something changed, and only there.
+//!
+//! The server has no update that says "and this, where that changed anything".
+//! So the documents that match are looked up first; then the server updates
+//! them, without a stamp, by its own rules; last, those that are different get
+//! the stamp. Each of these steps is atomic for each document, and no update of
+//! others is lost. What is not atomic: between the second step and the last, or
+//! for good where rmem is killed there, a changed document has the stamp of the
+//! change before. (The other ways are worse: to stamp always counts and notes
+//! changes that are none; to compute the change here is not the server's.)
+//!
+//! An upsert that inserts writes its stamps at once.
 
-use bson::{Bson, DateTime, Document, doc};
+use std::collections::HashMap;
 
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+
+use super::MongoDb;
 use crate::query::QueryError;
-use crate::store::UpdateSpec;
-use crate::store::stamp::{INFO, INSERTED, UPDATED};
+use crate::store::stamp::{self, INFO, INSERTED, UPDATED};
+use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
+
+/// How many documents are updated by one command.
+const CHUNK: usize = 1_000;
+/// How often a document that somebody else was faster with is looked for again.
+const ATTEMPTS: usize = 16;
+
+/// The documents of a chunk as they were, by `_id`.
+type Before = Vec<(Bson, RawDocumentBuf)>;
+
+impl MongoDb {
+    pub(super) fn update_stamped(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        at: DateTime,
+    ) -> Result<Updated, StoreError> {
+        stamp::check_update(&request.update)?;
+        let done = if request.many { self.update_all(ns, request, at)? } else { self.update_first(ns, request, at)? };
+        if done.matched > 0 || !request.upsert {
+            // An update of nothing is checked by the server, too.
+            if done.matched == 0 {
+                self.apply(ns, &UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
+            }
+            return Ok(done);
+        }
+        self.apply(ns, &UpdateRequest { update: with_stamps(&request.update, at)?, ..request.clone() })
+    }
+
+    fn update_first(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
+        for _ in 0..ATTEMPTS {
+            let find = Find { filter: request.filter.clone(), limit: 1, ..Find::default() };
+            let before = with_ids(self.find(ns, &find)?)?;
+            if before.is_empty() {
+                break;
+            }
+            let done = self.update_chunk(ns, request, &before, at)?;
+            if done.matched > 0 {
+                return Ok(done);
+            }
+        }
+        Ok(Updated::default())
+    }
+
+    fn update_all(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
+        let chunk = if makes_new_documents(&request.update) { 1 } else { CHUNK };
+        // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
+        let find = Find { filter: request.filter.clone(), projection: doc! { "_id": 1 }, ..Find::default() };
+        let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
+        let mut done = Updated::default();
+        for ids in matches.chunks(chunk) {
+            let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": ids } }] };
+            let before = with_ids(self.find(ns, &Find { filter, ..Find::default() })?)?;
+            if !before.is_empty() {
+                let more = self.update_chunk(ns, request, &before, at)?;
+                done.matched += more.matched;
+                done.modified += more.modified;
+            }
+        }
+        Ok(done)
+    }
+
+    /// Updates those of the documents that still match, and stamps those that
+    /// are different then, also where the update fails in the middle.
+    fn update_chunk(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        before: &Before,
+        at: DateTime,
+    ) -> Result<Updated, StoreError> {
+        let ids: Vec<Bson> = before.iter().map(|(id, _)| id.clone()).collect();
+        let these = doc! { "_id": { "$in": &ids } };
+        let request = UpdateRequest {
+            filter: doc! { "$and": [request.filter.clone(), these.clone()] },
+            update: unstamped(&request.update, before, at)?,
+            upsert: false,
+            ..request.clone()
+        };
+        let done = self.apply(ns, &request);
+        let changed = match &done {
+            Ok(done) if done.modified == 0 => return Ok(done.clone()),
+            Ok(done) if done.modified == ids.len() as u64 => ids,
+            _ => self.different(ns, these, before)?,
+        };
+        let set = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
+        let filter = doc! { "_id": { "$in": changed } };
+        self.apply(ns, &UpdateRequest { filter, update: set, array_filters: vec![], many: true, upsert: false })?;
+        done
+    }
+
+    /// The `_id`s of the documents that are not as they were.
+    fn different(&self, ns: &Namespace, these: Document, before: &Before) -> Result<Vec<Bson>, StoreError> {
+        let after = with_ids(self.find(ns, &Find { filter: these, ..Find::default() })?)?;
+        let known: HashMap<Vec<u8>, &RawDocumentBuf> =
+            before.iter().map(|(id, body)| (crate::query::key::encode_value(id), body)).collect();
+        let is_new = |(id, body): &(Bson, RawDocumentBuf)| {
+            known.get(&crate::query::key::encode_value(id)).is_none_or(|old| *old != body)
+        };
+        Ok(after.into_iter().filter(is_new).map(|(id, _)| id).collect())
+    }
+}
+
+fn with_ids(documents: crate::store::Documents<'_>) -> Result<Before, StoreError> {
+    documents
+        .map(|document| {
+            let document = document?;
+            let id = document.get("_id").map_err(QueryError::from)?;
+            let id = id.map(Bson::try_from).transpose().map_err(QueryError::from)?;
+            Ok((id.unwrap_or(Bson::Null), document))
+        })
+        .collect()
+}
+
+/// A filter with the mistakes of another, that nothing matches.
+fn none_of(filter: &Document) -> Document {
+    doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
+}
 
 /// Whether an update is a replacement document: one without operators.
 pub(super) fn is_replacement(document: &Document) -> bool {
     !document.keys().next().is_some_and(|key| key.starts_with('$'))
 }
 
-/// The update with its stamps. A replacement becomes a pipeline, because it
-/// has to keep when its predecessor was inserted.
-pub(super) fn with_stamps(update: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
+/// Whether a pipeline may give documents without what they had.
+fn makes_new_documents(update: &UpdateSpec) -> bool {
+    let UpdateSpec::Pipeline(stages) = update else { return false };
+    let new = ["$replaceWith", "$replaceRoot", "$project"];
+    stages.iter().flat_map(Document::keys).any(|name| new.contains(&name.as_str()))
+}
+
+/// The update without a new stamp, and with those that there were.
+fn unstamped(update: &UpdateSpec, before: &Before, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    match (update, before.as_slice()) {
+        (UpdateSpec::Document(document), _) if is_replacement(document) => {
+            replacement(document, &format!("${}", path(UPDATED)).into(), at)
+        }
+        (UpdateSpec::Pipeline(stages), [(_, document)]) if makes_new_documents(update) => {
+            let info = document.get(INFO)?.and_then(|info| info.as_document());
+            let mut kept = Document::new();
+            for key in [INSERTED, UPDATED] {
+                let value = info.map(|info| info.get(key)).transpose()?.flatten();
+                if let Some(value) = value {
+                    kept.insert(path(key), doc! { "$literal": Bson::try_from(value)? });
+                }
+            }
+            let mut stages = stages.clone();
+            stages.push(doc! { "$unset": [path(INSERTED), path(UPDATED)] });
+            if !kept.is_empty() {
+                stages.push(doc! { "$set": kept });
+            }
+            Ok(UpdateSpec::Pipeline(stages))
+        }
+        _ => Ok(update.clone()),
+    }
+}
+
+/// The update with its stamps, for a document that is inserted by it. A
+/// replacement becomes a pipeline, because it has to keep when its predecessor
+/// was inserted, should there be one by then.
+fn with_stamps(update: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
     match update {
-        UpdateSpec::Document(document) if is_replacement(document) => replacement(document, at),
+        UpdateSpec::Document(document) if is_replacement(document) => replacement(document, &at.into(), at),
         UpdateSpec::Document(document) => Ok(UpdateSpec::Document(operators(document.clone(), at)?)),
         UpdateSpec::Pipeline(stages) => {
             let mut stages = stages.clone();
@@ -37,16 +202,17 @@ fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError>
     Ok(update)
 }
 
-fn replacement(document: &Document, at: DateTime) -> Result<UpdateSpec, QueryError> {
+/// A replacement whose metadata is the application's, `updated`, and when the
+/// document was inserted.
+fn replacement(document: &Document, updated: &Bson, at: DateTime) -> Result<UpdateSpec, QueryError> {
     let mut document = document.clone();
-    let own = match document.remove(INFO) {
-        None => Document::new(),
+    let mut own = match document.remove(INFO) {
         Some(Bson::Document(own)) => own,
-        Some(_) => {
-            return Err(QueryError::type_mismatch(format!("{INFO} holds rmem's metadata and has to be a document")));
-        }
+        _ => Document::new(),
     };
-    let info = doc! { "$mergeObjects": [{ "$literal": own }, { INSERTED: inserted(at), UPDATED: at }] };
+    own.remove(INSERTED);
+    own.remove(UPDATED);
+    let info = doc! { "$mergeObjects": [{ "$literal": own }, { INSERTED: inserted(at), UPDATED: updated }] };
     let whole = doc! { "$mergeObjects": [{ "_id": "$_id" }, { "$literal": document }, { INFO: info }] };
     Ok(UpdateSpec::Pipeline(vec![doc! { "$replaceWith": whole }]))
 }

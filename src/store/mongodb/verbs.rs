@@ -4,10 +4,10 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
-use super::stamped::{is_replacement, with_stamps};
+use super::stamped::is_replacement;
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::document::{settle_all, with_id_first};
+use crate::store::document::{settle, with_id_first};
 use crate::store::stamp;
 use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
 
@@ -16,14 +16,30 @@ const INTERNAL: [&str; 3] = ["admin", "config", "local"];
 
 impl Store for MongoDb {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
-        let (ids, bodies): (Vec<_>, Vec<_>) = settle_all(documents)?.into_iter().unzip();
+        let count = documents.len();
+        let (mut ids, mut bodies, mut refusal) = (Vec::with_capacity(count), Vec::with_capacity(count), None);
+        for document in documents {
+            match settle(document) {
+                Ok((id, body)) => {
+                    ids.push(id);
+                    bodies.push(body);
+                }
+                Err(refused) => {
+                    refusal = Some(StoreError::from(refused));
+                    break;
+                }
+            }
+        }
         if !bodies.is_empty() {
             self.collection(ns)
                 .insert_many(bodies)
                 .run()
                 .map_err(|e| failure::explain_insert(&self.address, ns, &ids, &e))?;
         }
-        Ok(Inserted { ids })
+        match refusal {
+            None => Ok(Inserted { ids }),
+            Some(refusal) => Err(refusal.stopped(ids, count)),
+        }
     }
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
@@ -56,6 +72,9 @@ impl Store for MongoDb {
             action = action.projection(find.projection.clone());
         }
         if find.skip > 0 {
+            if i64::try_from(find.skip).is_err() {
+                return Err(QueryError::bad_value(format!("skip may be at most {}", i64::MAX)).into());
+            }
             action = action.skip(find.skip);
         }
         if find.limit > 0 {
@@ -89,17 +108,10 @@ impl Store for MongoDb {
             let refusal = "a replacement document cannot be applied to many documents";
             return Err(QueryError::failed_to_parse(refusal).into());
         }
-        let spec = match stamp {
-            Some(at) => with_stamps(&update.update, at)?,
-            None => update.update.clone(),
-        };
-        let changed = match spec {
-            UpdateSpec::Document(document) if is_replacement => self.replace(ns, update, &document)?,
-            UpdateSpec::Document(document) => self.modify(ns, update, document.into())?,
-            UpdateSpec::Pipeline(stages) => self.modify(ns, update, stages.into())?,
-        };
-        let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
-        Ok(Updated { matched, modified, upserted })
+        match stamp {
+            Some(at) => self.update_stamped(ns, update, at),
+            None => self.apply(ns, update),
+        }
     }
 
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
@@ -170,6 +182,17 @@ impl MongoDb {
             upsert: true,
         };
         Ok(self.update(ns, &request, stamp)?.modified.min(1))
+    }
+
+    /// Updates in the server's own way.
+    pub(super) fn apply(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
+        let changed = match &update.update {
+            UpdateSpec::Document(document) if is_replacement(document) => self.replace(ns, update, document)?,
+            UpdateSpec::Document(document) => self.modify(ns, update, document.clone().into())?,
+            UpdateSpec::Pipeline(stages) => self.modify(ns, update, stages.clone().into())?,
+        };
+        let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
+        Ok(Updated { matched, modified, upserted })
     }
 
     fn modify(

@@ -1,0 +1,106 @@
+//! `$out` and `$merge`: the results of a pipeline into a collection.
+//!
+//! All of them in one transaction: where one fails, nothing is changed.
+//! (MongoDB keeps what `$merge` did before.)
+
+use std::rc::Rc;
+
+use bson::{DateTime, Document, RawDocumentBuf};
+
+use super::Embedded;
+use super::catalog::Collection;
+use super::pipeline::named;
+use crate::query::{Filter, Merge, Output, QueryError, Update, WhenMatched, WhenNotMatched};
+use crate::store::{Namespace, StoreError, document};
+
+/// MongoDB's code where `$merge` finds no unique index on the fields of `on`.
+const NO_UNIQUE_INDEX: i32 = 51_183;
+/// MongoDB's code where `$merge` finds no document and is to fail then.
+const NO_MATCH: i32 = 13_113;
+
+impl Embedded {
+    /// Writes the results of a pipeline over `ns`.
+    pub(super) fn write_results(
+        &self,
+        ns: &Namespace,
+        output: &Output,
+        results: Vec<RawDocumentBuf>,
+        now: DateTime,
+    ) -> Result<(), StoreError> {
+        match output {
+            Output::Out(origin) => self.replace_collection(&named(origin, ns), results),
+            Output::Merge(merge) if merge.on != ["_id"] => {
+                let message = "$merge `on` needs fields with a unique index; here that is _id only";
+                Err(QueryError::invalid(NO_UNIQUE_INDEX, message).into())
+            }
+            Output::Merge(merge) => self.merge(&named(&merge.into, ns), merge, results, now),
+        }
+    }
+
+    fn replace_collection(&self, ns: &Namespace, results: Vec<RawDocumentBuf>) -> Result<(), StoreError> {
+        self.write(|| {
+            if let Some(collection) = self.collection(ns)? {
+                collection.drop(&self.connection).map_err(|e| self.explain(&e))?;
+            }
+            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            for result in results {
+                let (id, body) = document::settle(Document::try_from(&*result).map_err(QueryError::from)?)?;
+                self.add(ns, collection, &id, &body)?;
+            }
+            Ok(())
+        })
+    }
+
+    fn merge(
+        &self,
+        ns: &Namespace,
+        merge: &Merge,
+        results: Vec<RawDocumentBuf>,
+        now: DateTime,
+    ) -> Result<(), StoreError> {
+        self.write(|| {
+            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            for result in results {
+                let result = Document::try_from(&*result).map_err(QueryError::from)?;
+                self.merge_one(ns, collection, merge, result, now)?;
+            }
+            Ok(())
+        })
+    }
+
+    fn merge_one(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        merge: &Merge,
+        result: Document,
+        now: DateTime,
+    ) -> Result<(), StoreError> {
+        let (id, body) = document::settle(result)?;
+        let result = Document::try_from(&*body).map_err(QueryError::from)?;
+        let Some(found) = self.with_id_of(collection, &result)? else {
+            return match merge.when_not_matched {
+                WhenNotMatched::Insert => self.add(ns, collection, &id, &body),
+                WhenNotMatched::Discard => Ok(()),
+                WhenNotMatched::Fail => {
+                    Err(QueryError::invalid(NO_MATCH, format!("$merge found no document with _id: {id} in {ns}"))
+                        .into())
+                }
+            };
+        };
+        let update = match &merge.when_matched {
+            WhenMatched::KeepExisting => return Ok(()),
+            WhenMatched::Fail => {
+                let key = format!("_id: {id}");
+                return Err(StoreError::Duplicate { namespace: ns.clone(), key, stored: Vec::new() });
+            }
+            WhenMatched::Replace => Update::parse(&result, &[])?,
+            WhenMatched::Merge => Update::parse(&bson::doc! { "$set": result }, &[])?,
+            WhenMatched::Pipeline(stages) => Update::parse_pipeline_with(stages, &merge.constants(&result, now)?)?,
+        };
+        let filter = Rc::new(Filter::parse(&bson::doc! { "_id": { "$eq": &id } })?);
+        let Some(changed) = update.apply(&found.body, &filter, now)? else { return Ok(()) };
+        document::vet(&changed)?;
+        self.rewrite(collection, found.position, &changed)
+    }
+}
