@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use bson::{Bson, RawDocumentBuf};
 
 use super::error::QueryError;
+use super::filter::is_reference_key;
 use super::key;
 use super::path::Path;
 use super::view::View;
@@ -21,6 +22,7 @@ pub fn distinct<E: From<QueryError>>(
     if path.contains('\0') {
         return Err(QueryError::invalid(31_032, "the key field cannot contain a NUL").into());
     }
+    check(path).map_err(|error| error.about(path))?;
     let path = Path::parse(path)?;
     let mut values: BTreeMap<Vec<u8>, Bson> = BTreeMap::new();
     let mut add = |value: View<'_>| {
@@ -41,10 +43,37 @@ pub fn distinct<E: From<QueryError>>(
     Ok(values.into_values().collect())
 }
 
+/// Refuses what is no path of names.
+fn check(path: &str) -> Result<(), QueryError> {
+    if path.is_empty() {
+        return Err(QueryError::invalid(40_352, "the path of a field cannot be empty"));
+    }
+    if path.ends_with('.') {
+        return Err(QueryError::invalid(40_353, format!("the path {path} may not end with a '.'")));
+    }
+    for part in path.split('.') {
+        if part.is_empty() {
+            return Err(QueryError::invalid(15_998, format!("the path {path} may not have empty parts")));
+        }
+        if part.starts_with('$') && !is_reference_key(part) {
+            return Err(QueryError::invalid(16_410, format!("the name {part} may not start with '$'")));
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use bson::rawdoc;
+
+    #[test]
+    fn refuses_what_is_no_path() {
+        for (path, code) in [("", 40_352), ("v.", 40_353), (".v", 15_998), ("v..a", 15_998), ("$v", 16_410)] {
+            let documents = std::iter::empty::<Result<RawDocumentBuf, QueryError>>();
+            assert_eq!(distinct(documents, path).unwrap_err().code, code, "{path}");
+        }
+    }
 
     #[test]
     fn lists_elements_of_arrays_in_order_once() {

@@ -6,7 +6,7 @@
 pub struct QueryError {
     /// MongoDB's error code for the same mistake (2 BadValue, 9 FailedToParse, 14 TypeMismatch, …).
     pub code: i32,
-    /// The operator complained about, like `$where`, where there is one.
+    /// The operator or field complained about, like `$where`, where there is one.
     pub operator: Option<String>,
     /// Whether it is valid MongoDB that rmem does not support.
     pub unsupported: bool,
@@ -47,6 +47,12 @@ impl QueryError {
     #[must_use]
     pub fn type_mismatch(message: impl Into<String>) -> Self {
         Self::invalid(TYPE_MISMATCH, message)
+    }
+
+    /// The error, said to be about an operator or field where it is not yet about one.
+    pub(super) fn about(mut self, name: &str) -> Self {
+        self.operator.get_or_insert_with(|| name.to_owned());
+        self
     }
 
     /// Valid MongoDB that rmem refuses.

@@ -9,6 +9,7 @@ mod calendar;
 mod compare;
 mod decimal;
 mod distinct;
+mod element;
 mod error;
 mod expression;
 mod filter;

@@ -34,6 +34,12 @@ pub(super) fn array_index(name: &str) -> Option<usize> {
     (plain && !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit())).then(|| name.parse().ok())?
 }
 
+/// The index that a name is in an update: digits, leading zeros or not.
+pub(super) fn padded_index(name: &str) -> Option<usize> {
+    let significant = name.trim_start_matches('0');
+    array_index(if significant.is_empty() && !name.is_empty() { "0" } else { significant })
+}
+
 impl Path {
     /// Takes a dotted path apart; empty parts are names too.
     ///
@@ -80,7 +86,7 @@ fn in_fields<'a>(
 ) -> bool {
     while let Some((part, rest)) = parts.split_first() {
         match fields.get(&part.name) {
-            Some(View::Array(items)) if rest.is_empty() => return at_leaf(items, leaves, outer, test),
+            Some(View::Array(items)) if rest.is_empty() || is_end(rest) => return at_leaf(items, leaves, outer, test),
             Some(View::Array(items)) => return in_items(items, rest, leaves, outer, test),
             Some(value) if rest.is_empty() => return test(Some(value), outer),
             Some(View::Document(inner)) => fields = inner,
@@ -89,6 +95,11 @@ fn in_fields<'a>(
         parts = rest;
     }
     false
+}
+
+/// Whether a path ends in a dot here, which says no more at an array.
+fn is_end(parts: &[Part]) -> bool {
+    matches!(parts, [part] if part.name.is_empty())
 }
 
 fn at_leaf<'a>(
@@ -161,6 +172,7 @@ mod tests {
         assert_eq!(reached(&document, "d.e"), ["6"]);
         assert_eq!(reached(&document, "d.e.f"), ["missing"]);
         assert_eq!(reached(&document, "m.0.1"), ["2@0"]);
+        assert_eq!(reached(&document, "m."), ["[1, 2]@0", "[[1, 2]]"]);
         assert_eq!(reached(&document, "m.x"), Vec::<String>::new());
     }
 }

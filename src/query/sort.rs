@@ -52,7 +52,7 @@ impl Sort {
             let descending = match Number::of(direction).map(coerced) {
                 Some(1) => false,
                 Some(-1) => true,
-                _ => return Err(QueryError::invalid(15_975, "a sort direction must be 1 or -1")),
+                _ => return Err(QueryError::invalid(15_975, "a sort direction must be 1 or -1").about(name)),
             };
             if name == "$natural" && pattern.len() == 1 {
                 sort.reversed = descending;
@@ -196,10 +196,10 @@ fn coerced(direction: Number) -> i64 {
 /// Refuses empty names and operators in a sort pattern.
 fn check_name(name: &str) -> Result<()> {
     if name.split('.').any(str::is_empty) {
-        return Err(QueryError::invalid(40_352, "a field path may not have an empty part"));
+        return Err(QueryError::invalid(40_352, "a field path may not have an empty part").about(name));
     }
     if name.split('.').any(|part| part.starts_with('$') && !super::filter::is_reference_key(part)) {
-        return Err(QueryError::invalid(16_410, format!("the sort field {name} may not start with '$'")));
+        return Err(QueryError::invalid(16_410, format!("the sort field {name} may not start with '$'")).about(name));
     }
     Ok(())
 }
@@ -258,6 +258,10 @@ impl<'a> Slot<'a> {
                     }
                 }
                 done += 1;
+                // An array that is itself an element counts whole.
+                if done == path.parts().len() {
+                    break;
+                }
             }
             match value {
                 Some(View::Document(inner)) if done < path.parts().len() => fields = inner,
@@ -317,6 +321,18 @@ mod tests {
         assert_eq!(sorted(doc! {"a": 1}, &documents, None), [4, 3, 1, 2, 5]);
         assert_eq!(sorted(doc! {"a": -1}, &documents, None), [5, 1, 2, 3, 4]);
         assert_eq!(sorted(doc! {"a": -1}, &documents, Some(2)), [5, 1]);
+    }
+
+    #[test]
+    fn takes_an_array_at_an_index_as_a_whole() {
+        let documents = [
+            rawdoc! {"_id": 1, "v": [[1, 2], [3]]},
+            rawdoc! {"_id": 2, "v": {"0": "zero"}},
+            rawdoc! {"_id": 3, "v": [5]},
+            rawdoc! {"_id": 4, "v": [{"a": 1}]},
+        ];
+        assert_eq!(sorted(doc! {"v.0": 1}, &documents, None), [3, 2, 4, 1]);
+        assert_eq!(sorted(doc! {"v.0": -1}, &documents, None), [1, 4, 2, 3]);
     }
 
     #[test]

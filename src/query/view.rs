@@ -1,8 +1,9 @@
 //! A value to look at, whether it lies in raw bytes or in an owned tree.
 
 use bson::oid::ObjectId;
-use bson::{Bson, DbPointer, Document, RawArray, RawBsonRef, RawDbPointerRef, RawDocument};
+use bson::{Bson, DbPointer, Document, RawBsonRef, RawDbPointerRef, RawDocument};
 
+use super::element::{Element, Elements};
 use super::number::Number;
 
 /// A borrowed value. Documents and arrays are looked into only on demand.
@@ -32,6 +33,8 @@ pub(super) enum View<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Pointer<'a> {
     Raw(RawDbPointerRef<'a>),
+    /// The bytes of its value.
+    Bytes(&'a [u8]),
     Owned(&'a DbPointer),
 }
 
@@ -39,6 +42,7 @@ impl Pointer<'_> {
     pub(super) fn to_owned(self) -> Bson {
         match self {
             Self::Raw(raw) => Bson::try_from(RawBsonRef::DbPointer(raw)).unwrap_or(Bson::Null),
+            Self::Bytes(bytes) => pointer_of(bytes).unwrap_or(Bson::Null),
             Self::Owned(owned) => Bson::DbPointer(owned.clone()),
         }
     }
@@ -49,6 +53,17 @@ impl Pointer<'_> {
     }
 }
 
+/// A pointer from its bytes, by way of a document that has nothing else.
+fn pointer_of(bytes: &[u8]) -> Option<Bson> {
+    let length = i32::try_from(bytes.len().checked_add(7)?).ok()?;
+    let mut document = length.to_le_bytes().to_vec();
+    document.extend([0x0C, 0]);
+    document.extend(bytes);
+    document.push(0);
+    let document = Document::try_from(RawDocument::from_bytes(&document).ok()?).ok()?;
+    document.into_iter().next().map(|(_, value)| value)
+}
+
 /// The fields of a document.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Fields<'a> {
@@ -56,10 +71,10 @@ pub(super) enum Fields<'a> {
     Owned(&'a Document),
 }
 
-/// The elements of an array.
+/// The elements of an array; a raw one is a document of indexes.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Items<'a> {
-    Raw(&'a RawArray),
+    Raw(&'a RawDocument),
     Owned(&'a [Bson]),
 }
 
@@ -68,7 +83,10 @@ impl<'a> From<RawBsonRef<'a>> for View<'a> {
         match value {
             RawBsonRef::Double(value) => Self::Number(Number::Double(value)),
             RawBsonRef::String(value) => Self::String(value),
-            RawBsonRef::Array(value) => Self::Array(Items::Raw(value)),
+            RawBsonRef::Array(value) => match RawDocument::from_bytes(value.as_bytes()) {
+                Ok(items) => Self::Array(Items::Raw(items)),
+                Err(_) => Self::Array(Items::Owned(&[])),
+            },
             RawBsonRef::Document(value) => Self::Document(Fields::Raw(value)),
             RawBsonRef::Boolean(value) => Self::Bool(value),
             RawBsonRef::Null => Self::Null,
@@ -135,15 +153,7 @@ impl<'a> Fields<'a> {
     /// The first field of that name. A damaged document ends at the damage.
     pub(super) fn get(self, name: &str) -> Option<View<'a>> {
         match self {
-            Self::Raw(document) => {
-                for element in document.iter_elements() {
-                    let Ok(element) = element else { return None };
-                    if element.key().as_str() == name {
-                        return element.value().ok().map(View::from);
-                    }
-                }
-                None
-            }
+            Self::Raw(document) => Elements::new(document).find(name.as_bytes())?.view(),
             Self::Owned(document) => document.get(name).map(View::from),
         }
     }
@@ -151,7 +161,7 @@ impl<'a> Fields<'a> {
     /// The fields in order.
     pub(super) fn iter(self) -> FieldIter<'a> {
         match self {
-            Self::Raw(document) => FieldIter::Raw(document.iter_elements()),
+            Self::Raw(document) => FieldIter::Raw(Elements::new(document)),
             Self::Owned(document) => FieldIter::Owned(document.iter()),
         }
     }
@@ -168,21 +178,21 @@ impl<'a> Fields<'a> {
 impl<'a> Items<'a> {
     pub(super) fn iter(self) -> ItemIter<'a> {
         match self {
-            Self::Raw(array) => ItemIter::Raw(array.iter_elements()),
+            Self::Raw(array) => ItemIter::Raw(Elements::new(array)),
             Self::Owned(array) => ItemIter::Owned(array.iter()),
         }
     }
 
     pub(super) fn get(self, index: usize) -> Option<View<'a>> {
         match self {
-            Self::Raw(_) => self.iter().nth(index),
+            Self::Raw(array) => Elements::new(array).nth(index).and_then(Element::view),
             Self::Owned(array) => array.get(index).map(View::from),
         }
     }
 
     pub(super) fn len(self) -> usize {
         match self {
-            Self::Raw(array) => array.iter_elements().count(),
+            Self::Raw(array) => Elements::new(array).count(),
             Self::Owned(array) => array.len(),
         }
     }
@@ -197,7 +207,7 @@ impl<'a> Items<'a> {
     /// A copy of its own.
     pub(super) fn to_vec(self) -> Vec<Bson> {
         match self {
-            Self::Raw(array) => array.try_into().unwrap_or_default(),
+            Self::Raw(_) => self.iter().map(View::to_bson).collect(),
             Self::Owned(array) => array.to_vec(),
         }
     }
@@ -205,7 +215,7 @@ impl<'a> Items<'a> {
 
 /// Iterates over fields.
 pub(super) enum FieldIter<'a> {
-    Raw(bson::raw::RawIter<'a>),
+    Raw(Elements<'a>),
     Owned(bson::document::Iter<'a>),
 }
 
@@ -215,8 +225,8 @@ impl<'a> Iterator for FieldIter<'a> {
     fn next(&mut self) -> Option<Self::Item> {
         match self {
             Self::Raw(iter) => {
-                let element = iter.next()?.ok()?;
-                Some((element.key().as_str(), element.value().ok()?.into()))
+                let element = iter.next()?;
+                Some((element.name()?, element.view()?))
             }
             Self::Owned(iter) => iter.next().map(|(name, value)| (name.as_str(), value.into())),
         }
@@ -225,7 +235,7 @@ impl<'a> Iterator for FieldIter<'a> {
 
 /// Iterates over elements.
 pub(super) enum ItemIter<'a> {
-    Raw(bson::raw::RawIter<'a>),
+    Raw(Elements<'a>),
     Owned(std::slice::Iter<'a, Bson>),
 }
 
@@ -234,7 +244,7 @@ impl<'a> Iterator for ItemIter<'a> {
 
     fn next(&mut self) -> Option<Self::Item> {
         match self {
-            Self::Raw(iter) => Some(iter.next()?.ok()?.value().ok()?.into()),
+            Self::Raw(iter) => iter.next()?.view(),
             Self::Owned(iter) => iter.next().map(View::from),
         }
     }

@@ -42,6 +42,63 @@ fn an_update_says_whether_it_changed_the_document() {
 }
 
 #[test]
+fn an_update_keeps_the_id_to_the_byte() {
+    let filter = Filter::parse(&doc! {}).unwrap();
+    let now = DateTime::from_millis(0);
+    let document = raw(&doc! {"_id": 1, "a": [1, 2]});
+    let pipeline = Update::parse_pipeline(&[doc! {"$replaceWith": {"z": 1}}]).unwrap();
+    let after = pipeline.apply(&document, &filter, now).unwrap().unwrap();
+    assert_eq!(Document::try_from(&after).unwrap(), doc! {"_id": 1, "z": 1});
+    let upserted = pipeline.upsert(&doc! {"_id": 9}, now).unwrap();
+    assert_eq!(Document::try_from(&upserted).unwrap(), doc! {"_id": 9, "z": 1});
+    let code = |update: Document| {
+        let after = Update::parse(&update, &[]).and_then(|update| update.apply(&document, &filter, now));
+        after.map_err(|error| error.code)
+    };
+    assert_eq!(code(doc! {"$set": {"_id": 1.0}}), Err(66));
+    assert_eq!(code(doc! {"$set": {"_id": 1}}), Ok(None));
+    assert_eq!(code(doc! {"$set": {"$x": 1}}), Err(52));
+    assert_eq!(code(doc! {"_id": 1, "a": [1, 2]}), Ok(None));
+    assert!(code(doc! {"a": [1, 2]}).unwrap().is_some());
+    let padded = code(doc! {"$set": {"a.01": 9}}).unwrap().unwrap();
+    assert_eq!(Document::try_from(&padded).unwrap(), doc! {"_id": 1, "a": [1, 9]});
+}
+
+#[test]
+fn an_upsert_refuses_what_names_no_one_document() {
+    let now = DateTime::from_millis(0);
+    let set = Update::parse(&doc! {"$set": {"z": 1}}, &[]).unwrap();
+    let code = |filter: Document| set.upsert(&filter, now).map_err(|error| (error.code, error.operator.unwrap()));
+    assert_eq!(code(doc! {"_id": 9, "k": {"$all": [1, 2]}}), Err((54, "k".to_owned())));
+    assert_eq!(code(doc! {"_id": 9, "$nor": [{"$expr": false}]}), Err((224, "$expr".to_owned())));
+    let replacement = Update::parse(&doc! {"z": 1}, &[]).unwrap();
+    assert!(replacement.upsert(&doc! {"_id": 9, "k": {"$all": [1, 2]}}, now).is_ok());
+    assert_eq!(rmem::query::prepare(&doc! {"_id": {"a": {"$x": 1}}}, now).unwrap_err().code, 52);
+    assert!(rmem::query::prepare(&doc! {"_id": {"$ref": "a", "$id": 1}}, now).is_ok());
+}
+
+#[test]
+fn an_error_names_the_word_it_is_about() {
+    let about = |filter: Document| Filter::parse(&filter).unwrap_err().operator;
+    assert_eq!(about(doc! {"a": {"$gt": 1, "$size": "x"}}).as_deref(), Some("$size"));
+    assert_eq!(about(doc! {"$foo": 1}).as_deref(), Some("$foo"));
+    let update = Update::parse(&doc! {"$inc": {"a": "x"}}, &[]).unwrap_err();
+    assert_eq!(update.operator.as_deref(), Some("$inc"));
+    assert_eq!(Projection::parse(&doc! {"a.$": 0}).unwrap_err().code, 31_395);
+}
+
+#[test]
+fn decimals_without_an_integer_have_no_bits_and_a_dot_at_the_end_is_the_array() {
+    for text in ["0.1", "NaN", "Infinity"] {
+        let decimal: bson::Decimal128 = text.parse().unwrap();
+        assert!(matches(doc! {"v": {"$bitsAnyClear": [0, 3]}}, doc! {"v": decimal}));
+    }
+    assert!(!matches(doc! {"v": {"$bitsAnyClear": [0, 3]}}, doc! {"v": 0.1}));
+    assert!(matches(doc! {"w.": 3}, doc! {"w": [1, 2, 3]}));
+    assert!(!matches(doc! {"w.": 3}, doc! {"w": 3}));
+}
+
+#[test]
 fn the_positional_operator_takes_the_element_that_matched() {
     let filter = Filter::parse(&doc! {"a.b": 2}).unwrap();
     let document = raw(&doc! {"_id": 1, "a": [{"b": 1}, {"b": 2}]});

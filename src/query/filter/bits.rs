@@ -35,7 +35,12 @@ impl Bits {
     pub(super) fn matches(&self, value: View<'_>) -> bool {
         match value {
             View::Number(number) => {
-                let Some(number) = number.integral() else { return false };
+                let number = match (number.integral(), number) {
+                    (Some(number), _) => number,
+                    // A decimal that is no integer counts as one without bits.
+                    (None, Number::Decimal(_)) => 0,
+                    (None, _) => return false,
+                };
                 self.test(|position| number >> position.min(63) & 1 == 1)
             }
             View::Binary(subtype, bytes) => {

@@ -82,7 +82,7 @@ impl<'a> Parser<'a> {
                 _ => return Err(QueryError::bad_value("$sampleRate must be between 0 and 1")),
             },
             _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
-            _ => return Err(QueryError::bad_value(format!("unknown top level operator: {name}"))),
+            _ => return Err(QueryError::bad_value(format!("unknown top level operator: {name}")).about(name)),
         }))
     }
 
@@ -119,7 +119,7 @@ impl<'a> Parser<'a> {
         let parser = self.deeper()?;
         let mut tests = Vec::with_capacity(operators.len());
         for (name, value) in operators {
-            tests.extend(field_operator(&parser, name, value, operators)?);
+            tests.extend(field_operator(&parser, name, value, operators).map_err(|error| error.about(name))?);
         }
         Ok(match tests.len() {
             1 => tests.remove(0),

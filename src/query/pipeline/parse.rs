@@ -77,7 +77,7 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
         if name == "$documents" && index > 0 {
             return Err(QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline"));
         }
-        stage(name, argument, scope, depth, &mut stages)?;
+        stage(name, argument, scope, depth, &mut stages).map_err(|error| error.about(name))?;
     }
     Ok((stages, output))
 }

@@ -115,17 +115,19 @@ fn flatten<'a>(
     for (name, value) in spec {
         let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         if policy == Policy::Find && path.ends_with(".$") {
-            if !matches!(value, Bson::Boolean(true)) && Number::of(value).is_none_or(Number::is_zero) {
-                return Err(QueryError::invalid(
-                    31_308,
-                    "positional projection cannot be used with a literal or exclusion",
-                ));
+            if matches!(value, Bson::Boolean(false)) || Number::of(value).is_some_and(Number::is_zero) {
+                return Err(
+                    QueryError::invalid(31_395, "positional projection cannot be used with exclusion").about(name)
+                );
+            }
+            if !matches!(value, Bson::Boolean(true)) && Number::of(value).is_none() {
+                return Err(QueryError::invalid(31_308, "positional projection cannot be used with a literal"));
             }
             let path = path.trim_end_matches(".$").to_owned();
             entries.push((path, Entry::Transform(Kind::Positional)));
             continue;
         }
-        check_path(&path)?;
+        check_path(&path).map_err(|error| error.about(name))?;
         match value {
             Bson::Document(inner) => nested(path, value, inner, policy, entries, depth)?,
             Bson::Boolean(true) => entries.push((path, Entry::Include)),

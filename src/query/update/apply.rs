@@ -8,7 +8,8 @@ use super::field;
 use super::filters::ArrayFilters;
 use super::modifier::{Action, Modifier, Segment};
 use crate::query::error::{QueryError, Result};
-use crate::query::path::array_index;
+use crate::query::filter::is_reference_key;
+use crate::query::path::padded_index;
 
 /// How many nulls an update may pad an array with.
 const MAX_PADDING: usize = 1_500_000;
@@ -45,6 +46,7 @@ impl Application<'_> {
         // A rename changes two places, each in the order of its own path.
         let mut renamed: Vec<(&[Segment], Bson)> = Vec::new();
         for modifier in modifiers {
+            check_name(modifier)?;
             match &modifier.action {
                 Action::SetOnInsert(_) if !self.inserting => {}
                 Action::Rename(target) => {
@@ -105,7 +107,7 @@ impl Application<'_> {
     fn in_array(&self, items: &mut Vec<Bson>, name: &str, path: &[Segment], modifier: &Modifier) -> Result<()> {
         let Some((segment, rest)) = path.split_first() else { return Ok(()) };
         match segment {
-            Segment::Name(part) => match array_index(part) {
+            Segment::Name(part) => match padded_index(part) {
                 Some(index) => self.at_index(items, index, rest, modifier),
                 None if !modifier.action.ignores_dead_ends() => {
                     let message = format!("cannot create field '{part}' in element {{{name}: [...]}}");
@@ -184,6 +186,22 @@ impl Application<'_> {
             return Err(no_position());
         }
         Err(QueryError::bad_value(format!("cannot apply array updates to a non-array element: {}", modifier.text)))
+    }
+}
+
+/// Refuses to make a field at the top whose name is one of an operator.
+fn check_name(modifier: &Modifier) -> Result<()> {
+    let target = match &modifier.action {
+        Action::Rename(target) => target,
+        action if action.creates() => &modifier.path,
+        _ => return Ok(()),
+    };
+    match target.first() {
+        Some(Segment::Name(name)) if name.starts_with('$') => {
+            let message = format!("the dollar ($) prefixed field '{name}' is not allowed at the top of a document");
+            Err(QueryError::invalid(if is_reference_key(name) { 55 } else { 52 }, message).about(name))
+        }
+        _ => Ok(()),
     }
 }
 

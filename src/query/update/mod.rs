@@ -88,7 +88,7 @@ impl Update {
 
     /// The changed document, or nothing where it counts as unmodified. `filter`
     /// is the one the document matched, for the positional `$`. As in MongoDB, a
-    /// replacement, a `$push` and a sum that is NaN count as modifications even
+    /// replacement without `_id`, a `$push` and a sum that is NaN count as modifications even
     /// where the bytes are the same.
     ///
     /// # Errors
@@ -97,9 +97,10 @@ impl Update {
         let before = Document::try_from(document)?;
         let id = before.get("_id").cloned();
         let mut touched = false;
-        let mut after = match &self.kind {
+        let after = match &self.kind {
             Kind::Replacement(replacement) => {
-                touched = true;
+                // One that leaves `_id` to the document counts as a change, as in MongoDB.
+                touched = !replacement.contains_key("_id");
                 replaced(replacement, id.as_ref(), now)
             }
             Kind::Pipeline(stages, variables) => with_id(reshaped(stages, variables, before, now)?, id.as_ref()),
@@ -111,7 +112,7 @@ impl Update {
                 after
             }
         };
-        keep_id(&mut after, id)?;
+        self.keep_id(&after, id.as_ref())?;
         let after = encode(&after)?;
         Ok((touched || after.as_bytes() != document.as_bytes()).then_some(after))
     }
@@ -122,20 +123,30 @@ impl Update {
     /// # Errors
     /// Where the update cannot be applied to the filter's equalities.
     pub fn upsert(&self, filter: &Document, now: DateTime) -> Result<RawDocumentBuf> {
-        let base = upsert::equalities(filter)?;
+        let base = upsert::equalities(filter, self.is_replacement())?;
         let id = base.get("_id").cloned();
-        let mut document = match &self.kind {
+        let document = match &self.kind {
             Kind::Replacement(replacement) => replaced(replacement, id.as_ref(), now),
-            Kind::Pipeline(stages, variables) => reshaped(stages, variables, base, now)?,
+            Kind::Pipeline(stages, variables) => with_id(reshaped(stages, variables, base, now)?, id.as_ref()),
             Kind::Operators(modifiers, filters) => {
                 let touched = Cell::new(false);
                 Application { filters, position: None, now, inserting: true, touched }.apply(modifiers, base)?
             }
         };
-        if id.is_some() {
-            keep_id(&mut document, id)?;
-        }
+        self.keep_id(&document, id.as_ref())?;
         encode(&id_first(document)?)
+    }
+
+    /// Refuses a change of `_id`. Operators may not even change the type of a number.
+    fn keep_id(&self, document: &Document, id: Option<&Bson>) -> Result<()> {
+        let Some(id) = id else { return Ok(()) };
+        let exact = matches!(self.kind, Kind::Operators(..));
+        match document.get("_id") {
+            Some(new) if equal_values(new, id) && (!exact || is_same(new, id)?) => Ok(()),
+            _ => {
+                Err(QueryError::invalid(66, "the (immutable) field '_id' was found to have been altered").about("_id"))
+            }
+        }
     }
 }
 
@@ -191,13 +202,32 @@ fn with_id(document: Document, id: Option<&Bson>) -> Document {
     }
 }
 
-/// Refuses a change of `_id`.
-fn keep_id(document: &mut Document, id: Option<Bson>) -> Result<()> {
-    let Some(id) = id else { return Ok(()) };
-    match document.get("_id") {
-        Some(new) if equal_values(new, &id) => Ok(()),
-        _ => Err(QueryError::invalid(66, "the (immutable) field '_id' was found to have been altered")),
+/// Whether two values are the same to the byte.
+fn is_same(a: &Bson, b: &Bson) -> Result<bool> {
+    let bytes =
+        |value: &Bson| RawDocumentBuf::try_from(&bson::doc! {"": value.clone()}).map(RawDocumentBuf::into_bytes);
+    Ok(a == b || bytes(a)? == bytes(b)?)
+}
+
+/// Refuses names with `$` within an `_id`, but for those of a reference.
+fn check_id(id: &Bson) -> Result<()> {
+    let mut left = vec![id];
+    while let Some(value) = left.pop() {
+        match value {
+            Bson::Document(inner) => {
+                let is_reference = inner.keys().next().is_some_and(|name| name == "$ref");
+                let known = |name: &str| is_reference && super::filter::is_reference_key(name);
+                if let Some(name) = inner.keys().find(|name| name.starts_with('$') && !known(name)) {
+                    let message = format!("the '_id' may not contain fields that start with '$', like {name}");
+                    return Err(QueryError::invalid(52, message).about(name));
+                }
+                left.extend(inner.values());
+            }
+            Bson::Array(items) => left.extend(items),
+            _ => {}
+        }
     }
+    Ok(())
 }
 
 /// The document with its `_id` first; makes one where there is none.
@@ -206,7 +236,10 @@ fn id_first(mut document: Document) -> Result<Document> {
         Some(Bson::Array(_) | Bson::RegularExpression(_) | Bson::Undefined) => {
             return Err(QueryError::invalid(53, "the '_id' value cannot be of type array, regex or undefined"));
         }
-        Some(id) => id,
+        Some(id) => {
+            check_id(&id)?;
+            id
+        }
         None => Bson::ObjectId(bson::oid::ObjectId::new()),
     };
     let mut ordered = Document::new();

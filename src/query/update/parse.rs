@@ -39,19 +39,21 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
         let Some((_, read)) = OPERATORS.iter().find(|(known, _)| known == name) else {
             let message =
                 format!("unknown modifier: {name}; expected an update operator, a replacement, or a pipeline");
-            return Err(QueryError::failed_to_parse(message));
+            return Err(QueryError::failed_to_parse(message).about(name));
         };
         let Bson::Document(fields) = argument else {
-            return Err(QueryError::failed_to_parse(format!("modifiers operate on fields but {name} has none")));
+            return Err(
+                QueryError::failed_to_parse(format!("modifiers operate on fields but {name} has none")).about(name)
+            );
         };
         for (text, value) in fields {
-            let path = path(text)?;
+            let path = path(text).map_err(|error| error.about(text))?;
             for segment in &path {
                 if let Segment::Filtered(identifier) = segment {
                     filters.mark(identifier)?;
                 }
             }
-            let action = read(text, value)?;
+            let action = read(text, value).map_err(|error| error.about(name))?;
             if matches!(action, Action::Rename(_)) && has_positions(&path) {
                 return Err(QueryError::bad_value(format!("the source field for $rename may not be dynamic: {text}")));
             }

@@ -6,11 +6,15 @@ use crate::query::error::{QueryError, Result};
 use crate::query::filter::is_operators;
 
 /// A document of the filter's equalities.
-pub(super) fn equalities(filter: &Document) -> Result<Document> {
+pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
+    check_no_expression(filter, 0)?;
     let mut found = Vec::new();
     collect(filter, &mut found, 0)?;
     let mut document = Document::new();
     for (path, value) in found {
+        if only_id && path != "_id" && !path.starts_with("_id.") {
+            continue;
+        }
         if path == "_id" && document.contains_key("_id") {
             return Err(twice("_id"));
         }
@@ -18,6 +22,28 @@ pub(super) fn equalities(filter: &Document) -> Result<Document> {
         put(&mut document, &parts, value.clone(), &path)?;
     }
     Ok(document)
+}
+
+/// `$expr` says nothing about fields, and MongoDB refuses it wherever it stands.
+fn check_no_expression(filter: &Document, depth: usize) -> Result<()> {
+    if depth > 100 {
+        return Err(QueryError::bad_value("the filter is nested too deeply"));
+    }
+    for (name, value) in filter {
+        match (name.as_str(), value) {
+            ("$expr", _) => {
+                let message = "$expr is not allowed in the query predicate for an upsert";
+                return Err(QueryError::invalid(224, message).about(name));
+            }
+            ("$and" | "$or" | "$nor", Bson::Array(items)) => {
+                for item in items.iter().filter_map(Bson::as_document) {
+                    check_no_expression(item, depth + 1)?;
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 fn collect(filter: &Document, found: &mut Vec<(String, Bson)>, depth: usize) -> Result<()> {
@@ -38,9 +64,7 @@ fn collect(filter: &Document, found: &mut Vec<(String, Bson)>, depth: usize) -> 
             }
             (name, _) if name.starts_with('$') => {}
             (name, Bson::Document(operators)) if is_operators(operators.into()) => {
-                if let Some(value) = equality(operators) {
-                    found.push((name.to_owned(), value.clone()));
-                }
+                found.extend(equal_values(operators).into_iter().map(|value| (name.to_owned(), value.clone())));
             }
             (_, Bson::RegularExpression(_)) => {}
             (name, value) => found.push((name.to_owned(), value.clone())),
@@ -49,17 +73,29 @@ fn collect(filter: &Document, found: &mut Vec<(String, Bson)>, depth: usize) -> 
     Ok(())
 }
 
-fn equality(operators: &Document) -> Option<&Bson> {
-    operators.iter().find_map(|(name, value)| match (name.as_str(), value) {
-        ("$eq", value) => Some(value),
-        ("$in" | "$all", Bson::Array(items)) => match items.as_slice() {
-            [Bson::Document(only)] if is_operators(only.into()) => None,
-            [Bson::RegularExpression(_)] => None,
-            [only] => Some(only),
-            _ => None,
-        },
-        _ => None,
-    })
+/// The values that a field equals by its operators.
+fn equal_values(operators: &Document) -> Vec<&Bson> {
+    let mut values = Vec::new();
+    for (name, value) in operators {
+        match (name.as_str(), value) {
+            ("$eq", value) => values.push(value),
+            ("$in", Bson::Array(items)) if items.len() == 1 => {
+                values.extend(items.iter().filter(|item| is_plain(item)))
+            }
+            ("$all", Bson::Array(items)) => values.extend(items.iter().filter(|item| is_plain(item))),
+            _ => {}
+        }
+    }
+    values
+}
+
+/// Whether a listed value is one to be equal to.
+fn is_plain(value: &Bson) -> bool {
+    match value {
+        Bson::Document(inner) => !is_operators(inner.into()),
+        Bson::RegularExpression(_) => false,
+        _ => true,
+    }
 }
 
 fn put(document: &mut Document, parts: &[&str], value: Bson, path: &str) -> Result<()> {
@@ -78,5 +114,5 @@ fn put(document: &mut Document, parts: &[&str], value: Bson, path: &str) -> Resu
 }
 
 fn twice(path: &str) -> QueryError {
-    QueryError::invalid(54, format!("cannot infer query fields to set, path '{path}' is matched twice"))
+    QueryError::invalid(54, format!("cannot infer query fields to set, path '{path}' is matched twice")).about(path)
 }
