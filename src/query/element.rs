@@ -31,7 +31,7 @@ impl<'a> Elements<'a> {
 
     /// The first element of that name.
     pub(super) fn find(mut self, name: &[u8]) -> Option<Element<'a>> {
-        self.find(|element| element.name == name)
+        Iterator::find(&mut self, |element| element.name == name)
     }
 }
 
