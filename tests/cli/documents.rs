@@ -69,7 +69,7 @@ fn json_is_one_array() {
 fn counts_distinct_values_and_pipelines() {
     let lab = lab();
     assert_eq!(lab.rmem(&["count", "robmem.worldmodel", "{relation: 'on-table'}"]).success(), "2\n");
-    assert_eq!(lab.rmem(&["distinct", "robmem.worldmodel", "relation"]).success(), "\"on-table\"\n\"on\"\n");
+    assert_eq!(lab.rmem(&["distinct", "robmem.worldmodel", "relation"]).success(), "\"on\"\n\"on-table\"\n");
     let pipeline = "[{$group: {_id: '$relation', n: {$sum: 1}}}, {$sort: {_id: 1}}]";
     let text = lab.rmem(&["aggregate", "robmem.worldmodel", pipeline]).success();
     assert_eq!(text, "{\"_id\":\"on\",\"n\":1}\n{\"_id\":\"on-table\",\"n\":2}\n");
