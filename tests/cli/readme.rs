@@ -53,3 +53,21 @@ fn agrees(actual: &str, expected: &str) -> bool {
         }
     }
 }
+
+#[test]
+fn what_contributing_names_is_there() {
+    let text = std::fs::read_to_string(root().join("CONTRIBUTING.md")).unwrap();
+    let mut sources = String::new();
+    for folder in ["tests/real", "tests/conformance"] {
+        for entry in std::fs::read_dir(root().join(folder)).unwrap() {
+            sources += &std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        }
+    }
+    let words = text.split(|c: char| !(c.is_ascii_uppercase() || c == '_')).filter(|word| word.starts_with("RMEM_"));
+    for word in words {
+        assert!(sources.contains(word), "nothing reads {word}");
+    }
+    for path in text.split('`').filter(|word| word.starts_with("src/") || word.starts_with("tests/")) {
+        assert!(root().join(path).exists(), "there is no {path}");
+    }
+}
