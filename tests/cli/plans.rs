@@ -243,8 +243,8 @@ fn a_limit_of_memory_is_22() {
     assert!(run.stderr.contains("memory"), "{run}");
 }
 
-#[test]
-fn an_interruption_is_130_and_leaves_nothing_behind() {
+/// A plan whose planner has started and sleeps; its temporary files go to `tmp` in the lab.
+fn planning() -> (Lab, std::process::Child) {
     let lab = Lab::new();
     lab.write("rmem.toml", "[planner.sleeper]\ncommand = [\"sleep\", \"98.76\"]\noutput = \"ff\"\n");
     std::fs::create_dir(lab.path().join("tmp")).unwrap();
@@ -257,6 +257,12 @@ fn an_interruption_is_130_and_leaves_nothing_behind() {
         assert!(child.try_wait().unwrap().is_none(), "it ended before its planner started");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
+    (lab, child)
+}
+
+#[test]
+fn an_interruption_is_130_and_leaves_nothing_behind() {
+    let (lab, mut child) = planning();
     let pid = rustix::process::Pid::from_child(&child);
     rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
@@ -266,18 +272,7 @@ fn an_interruption_is_130_and_leaves_nothing_behind() {
 
 #[test]
 fn a_killed_rmem_takes_its_planner_along() {
-    let lab = Lab::new();
-    lab.write("rmem.toml", "[planner.sleeper]\ncommand = [\"sleep\", \"98.76\"]\noutput = \"ff\"\n");
-    std::fs::create_dir(lab.path().join("tmp")).unwrap();
-    let mut command = std::process::Command::new(crate::lab::rmem());
-    command.args([&["plan"], &TASK[..], &["--planner", "sleeper"]].concat());
-    lab.isolate(&mut command);
-    command.env("TMPDIR", lab.path().join("tmp")).stderr(std::process::Stdio::null());
-    let mut child = command.spawn().unwrap();
-    while sleepers(&lab) == 0 {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before its planner started");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
+    let (lab, mut child) = planning();
     child.kill().unwrap();
     child.wait().unwrap();
     // The warden notices by itself; how soon is the machine's business.
