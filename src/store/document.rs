@@ -1,8 +1,10 @@
 //! What may be stored, and in which form: MongoDB 6's rules.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use bson::oid::ObjectId;
 use bson::raw::{RawBsonRef, RawElement};
-use bson::{Bson, Document, RawDocument, RawDocumentBuf};
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, Timestamp};
 
 use crate::query::QueryError;
 
@@ -11,9 +13,11 @@ pub const MAX_SIZE: usize = 16 << 20;
 /// How deep documents and arrays may be nested, the document itself included.
 pub const MAX_DEPTH: usize = 180;
 
-/// The document as it is stored: `_id` first, made up where there was none.
-pub(crate) fn settle(document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
+/// The document as it is stored: `_id` first, made up where there was none, and
+/// empty timestamps at the top replaced by the time.
+pub(crate) fn settle(mut document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
     check_depth(&document)?;
+    fill_timestamps(&mut document);
     let id = match document.get("_id") {
         Some(id) => id.clone(),
         None => Bson::ObjectId(ObjectId::new()),
@@ -56,6 +60,18 @@ pub(crate) fn with_id_first(document: Document, id: &Bson) -> Document {
     settled.insert("_id", id.clone());
     settled.extend(document.into_iter().filter(|(key, _)| key != "_id"));
     settled
+}
+
+/// Gives the time to the document's own fields that hold an empty timestamp.
+/// No two get the same.
+pub(crate) fn fill_timestamps(document: &mut Document) {
+    static INCREMENT: AtomicU32 = AtomicU32::new(0);
+    let empty = Bson::Timestamp(Timestamp { time: 0, increment: 0 });
+    for (_, value) in document.iter_mut().filter(|(name, value)| *name != "_id" && **value == empty) {
+        let time = u32::try_from(DateTime::now().timestamp_millis() / 1000).unwrap_or(0);
+        let increment = INCREMENT.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
+        *value = Bson::Timestamp(Timestamp { time, increment });
+    }
 }
 
 fn check_size(document: &RawDocument) -> Result<(), QueryError> {
@@ -154,6 +170,16 @@ mod tests {
         let (second, _) = settle(doc! {}).unwrap();
         assert!(matches!((&first, &second), (Bson::ObjectId(_), Bson::ObjectId(_))));
         assert_ne!(first, second);
+    }
+
+    #[test]
+    fn an_empty_timestamp_at_the_top_becomes_the_time() {
+        let empty = Timestamp { time: 0, increment: 0 };
+        let (_, body) = settle(doc! { "a": empty, "b": empty, "c": { "d": empty } }).unwrap();
+        let time = |name| body.get_timestamp(name).unwrap();
+        assert!(time("a").time > 1_700_000_000);
+        assert_ne!(time("a"), time("b"));
+        assert_eq!(body.get_document("c").unwrap().get_timestamp("d").unwrap(), empty);
     }
 
     #[test]

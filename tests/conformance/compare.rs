@@ -134,7 +134,7 @@ fn in_any_order(a: &[Bson], b: &[Bson], relaxed: &Relaxed) -> bool {
         })
 }
 
-/// The same value of the same type. What is the time now for both is the same.
+/// The same value of the same type. What is the time now, or an `_id` made now, for both is the same.
 fn same(a: &Bson, b: &Bson, any_order: bool) -> bool {
     match (a, b) {
         (Bson::Document(a), Bson::Document(b)) => {
@@ -154,6 +154,10 @@ fn same(a: &Bson, b: &Bson, any_order: bool) -> bool {
         }
         (Bson::Timestamp(a), Bson::Timestamp(b)) => {
             a == b || is_now(i64::from(b.time) * 1000) && is_recent(i64::from(a.time) * 1000)
+        }
+        (Bson::ObjectId(a), Bson::ObjectId(b)) => {
+            let millis = |id: &bson::oid::ObjectId| id.timestamp().timestamp_millis();
+            a == b || is_now(millis(b)) && is_recent(millis(a))
         }
         (Bson::Decimal128(a), Bson::Decimal128(b)) => {
             a.bytes() == b.bytes() || a.to_string() == "NaN" && b.to_string() == "NaN"

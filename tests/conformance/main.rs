@@ -1,14 +1,15 @@
-//! Replays recorded commands of a real mongod and compares the answers.
+//! Replays recorded commands of a real mongod on the embedded store and compares the answers.
 //!
 //! `RMEM_CONFORMANCE` names the recording: a zstd stream of BSON documents
 //! `{test, cmds: [{db, cmd, reply}]}`. Without it the test is reported as
 //! ignored. A table per family is printed; `RMEM_CONFORMANCE_FAMILY` (a part of
 //! a family's name) and `RMEM_CONFORMANCE_SHOW` (how many) print differences.
 
-mod collection;
 mod command;
 mod compare;
+mod modify;
 mod report;
+mod server;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -16,8 +17,9 @@ use std::path::{Path, PathBuf};
 use bson::{Bson, Document};
 use libtest_mimic::{Arguments, Failed, Trial};
 
-use command::{Failure, Model, Server};
+use command::Failure;
 use report::{Outcome, Report};
+use server::Server;
 
 /// The least part of the cases that are not refused which must agree.
 const LEAST: f64 = 0.99;
@@ -41,7 +43,7 @@ fn replay(path: &Path) -> Result<(), Failed> {
         if !report.wants(&name) {
             continue;
         }
-        let outcome = match std::panic::catch_unwind(|| answer(&case, &mut Server::default())) {
+        let outcome = match std::panic::catch_unwind(|| answer(&case)) {
             Ok(outcome) => outcome,
             Err(_) => Outcome::Differs("PANIC".to_owned()),
         };
@@ -56,11 +58,12 @@ fn replay(path: &Path) -> Result<(), Failed> {
 }
 
 /// Runs the commands of a case until an answer differs.
-fn answer(case: &Document, model: &mut dyn Model) -> Outcome {
+fn answer(case: &Document) -> Outcome {
+    let Ok(mut server) = Server::open() else { return Outcome::Differs("no store".to_owned()) };
     let Ok(commands) = case.get_array("cmds") else { return Outcome::Refused("unreadable".to_owned()) };
     for entry in commands.iter().filter_map(Bson::as_document) {
         let (Ok(command), Ok(reply)) = (entry.get_document("cmd"), entry.get_document("reply")) else { continue };
-        let ours = model.run(command, reply);
+        let ours = server.run(command, reply);
         match ours {
             Err(Failure::Refused(name)) => return Outcome::Refused(name),
             ours => {

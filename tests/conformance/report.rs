@@ -73,17 +73,19 @@ impl Report {
         total
     }
 
+    /// Prints the tables, in markdown.
     pub(crate) fn print(&self) {
-        say(&format!("{:<52} {:>6} {:>7} {:>7} {:>6} {:>7}", "family", "cases", "agreed", "refused", "differ", "%"));
+        say("| operator family | cases | agree | differ | refused | agree of those not refused |");
+        say("|---|--:|--:|--:|--:|--:|");
         for (family, counts) in &self.families {
             say(&line(family, counts));
         }
-        say(&line("all", &self.total()));
+        say(&line("**all**", &self.total()));
         let mut refusals: Vec<_> = self.refusals.iter().collect();
         refusals.sort_by(|a, b| b.1.cmp(a.1));
-        say("refused by name:");
+        say("\n| refused by name | cases |\n|---|--:|");
         for (name, count) in refusals {
-            say(&format!("  {count:>6} {name}"));
+            say(&format!("| {} | {count} |", name.replace(['|', '\0'], "?")));
         }
     }
 }
@@ -94,11 +96,13 @@ fn say(text: &str) {
 }
 
 fn line(name: &str, counts: &Counts) -> String {
-    let cases = counts.agreed + counts.refused + counts.differ;
-    let compared = counts.agreed + counts.differ;
-    let percent =
-        if compared == 0 { "-".to_owned() } else { format!("{:.1}", counts.agreed as f64 * 100.0 / compared as f64) };
-    format!("{name:<52} {cases:>6} {:>7} {:>7} {:>6} {percent:>7}", counts.agreed, counts.refused, counts.differ)
+    let Counts { agreed, differ, refused } = *counts;
+    let compared = agreed + differ;
+    let percent = match compared {
+        0 => "–".to_owned(),
+        _ => format!("{:.1} %", agreed as f64 * 100.0 / compared as f64),
+    };
+    format!("| {name} | {} | {agreed} | {differ} | {refused} | {percent} |", compared + refused)
 }
 
 /// The folder of a test.

@@ -45,6 +45,10 @@ const CASES: &[(&str, Case)] = cases![
     a_replacement_of_many_is_refused,
     the_id_cannot_change,
     array_filters_choose_elements,
+    a_pipeline_takes_no_array_filters,
+    a_replacement_counts_as_a_modification_also_where_it_changes_nothing,
+    what_is_set_to_not_a_number_again_is_modified,
+    empty_timestamps_at_the_top_become_the_time,
     an_upsert_inserts_what_filter_and_update_say,
     an_upsert_that_matches_updates,
     a_stamped_update_says_when,
@@ -493,6 +497,36 @@ fn array_filters_choose_elements(store: &dyn Store, ns: &Namespace) {
     };
     assert_eq!(store.update(ns, &request, None).unwrap(), changed(1, 1));
     assert_eq!(all(store, ns)[0], doc! { "_id": 1, "rings": [{ "n": 1 }, { "n": 5, "seen": true }] });
+}
+
+fn a_pipeline_takes_no_array_filters(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "rings": [1] }]);
+    let request = UpdateRequest {
+        update: UpdateSpec::Pipeline(vec![doc! { "$set": { "seen": true } }]),
+        array_filters: vec![doc! { "big": { "$gt": 3 } }],
+        ..update(doc! {}, doc! {})
+    };
+    assert!(store.update(ns, &request, None).is_err());
+    assert_eq!(all(store, ns)[0], doc! { "_id": 1, "rings": [1] });
+}
+
+fn a_replacement_counts_as_a_modification_also_where_it_changes_nothing(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
+    assert_eq!(store.update(ns, &update(doc! {}, doc! { "a": 1 }), None).unwrap(), changed(1, 1));
+}
+
+fn what_is_set_to_not_a_number_again_is_modified(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": f64::NAN }]);
+    assert_eq!(store.update(ns, &update(doc! {}, doc! { "$inc": { "a": 1 } }), None).unwrap(), changed(1, 1));
+}
+
+fn empty_timestamps_at_the_top_become_the_time(store: &dyn Store, ns: &Namespace) {
+    let empty = bson::Timestamp { time: 0, increment: 0 };
+    insert(store, ns, [doc! { "_id": empty, "a": empty, "b": [empty] }]);
+    let stored = all(store, ns).remove(0);
+    assert!(stored.get_timestamp("a").unwrap().time > 1_700_000_000, "{stored}");
+    assert_eq!(stored.get_timestamp("_id").unwrap(), empty);
+    assert_eq!(stored.get_array("b").unwrap(), &[Bson::Timestamp(empty)]);
 }
 
 fn an_upsert_inserts_what_filter_and_update_say(store: &dyn Store, ns: &Namespace) {

@@ -167,6 +167,9 @@ impl Change {
         }
         let update = match &request.update {
             UpdateSpec::Document(update) => Update::parse(update, &request.array_filters)?,
+            UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => {
+                return Err(QueryError::failed_to_parse("a pipeline takes no array filters"));
+            }
             UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages)?,
         };
         if request.many && update.is_replacement() {
@@ -179,7 +182,10 @@ impl Change {
     fn apply(&self, old: &RawDocument) -> Result<Option<RawDocumentBuf>, QueryError> {
         match self.update.apply(old, &self.filter, self.now)? {
             None => Ok(None),
-            Some(new) => settle_change(old, new, self.update.is_replacement(), self.stamp),
+            Some(new) => match self.stamp {
+                Some(at) => stamp::update(old, &new, self.update.is_replacement(), at),
+                None => Ok(Some(new)),
+            },
         }
     }
 }

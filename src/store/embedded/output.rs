@@ -5,7 +5,7 @@
 
 use std::rc::Rc;
 
-use bson::{DateTime, Document, RawDocumentBuf};
+use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
 use super::Embedded;
 use super::catalog::Collection;
@@ -80,7 +80,7 @@ impl Embedded {
         let result = Document::try_from(&*body).map_err(QueryError::from)?;
         let Some(found) = self.with_id_of(collection, &result)? else {
             return match merge.when_not_matched {
-                WhenNotMatched::Insert => self.add(ns, collection, &id, &body),
+                WhenNotMatched::Insert => self.add(ns, collection, &id, &made(merge, &id, &result, body)?),
                 WhenNotMatched::Discard => Ok(()),
                 WhenNotMatched::Fail => {
                     Err(QueryError::invalid(NO_MATCH, format!("$merge found no document with _id: {id} in {ns}"))
@@ -100,7 +100,23 @@ impl Embedded {
         };
         let filter = Rc::new(Filter::parse(&bson::doc! { "_id": { "$eq": &id } })?);
         let Some(changed) = update.apply(&found.body, &filter, now)? else { return Ok(()) };
+        let mut changed = Document::try_from(&*changed).map_err(QueryError::from)?;
+        document::fill_timestamps(&mut changed);
+        let changed = RawDocumentBuf::try_from(&changed).map_err(QueryError::from)?;
         document::vet(&changed)?;
         self.rewrite(collection, found.position, &changed)
     }
+}
+
+/// The document that `$merge` inserts: where it would have merged fields, it
+/// comes of an upsert of them, which sorts them by name.
+fn made(merge: &Merge, id: &Bson, result: &Document, body: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
+    if !matches!(merge.when_matched, WhenMatched::Merge | WhenMatched::KeepExisting) {
+        return Ok(body);
+    }
+    let mut fields: Vec<_> = result.iter().filter(|(name, _)| *name != "_id").collect();
+    fields.sort_by_key(|(name, _)| *name);
+    let mut made = bson::doc! { "_id": id };
+    made.extend(fields.into_iter().map(|(name, value)| (name.clone(), value.clone())));
+    Ok(RawDocumentBuf::try_from(&made)?)
 }
