@@ -4,6 +4,7 @@
 //! spelling is decided in `commands/`; how it is layered over the environment
 //! and `rmem.toml`, in `settings`.
 
+mod plan;
 pub mod quantity;
 
 use std::path::PathBuf;
@@ -14,6 +15,8 @@ use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use crate::exit::TABLE;
 use crate::output::Format;
 use crate::store::Namespace;
+
+pub use plan::{Layout, Plan, PlanCommand, PlanList, PlanSearch};
 
 /// A document-oriented robot memory: PDDL problems from queries, plans back into the memory
 #[derive(Debug, Parser)]
@@ -480,51 +483,6 @@ pub struct GenProblem {
     pub output: PathBuf,
 }
 
-/// `plan`
-#[derive(Debug, Args)]
-pub struct Plan {
-    /// The domain
-    #[arg(short, long, value_name = "FILE")]
-    pub domain: PathBuf,
-    /// A problem; - is stdin
-    #[arg(short, long, value_name = "FILE", required_unless_present = "template", conflicts_with = "template")]
-    pub problem: Option<PathBuf>,
-    /// A template to generate the problem from; - is stdin
-    #[arg(short, long, value_name = "FILE")]
-    pub template: Option<PathBuf>,
-    /// What the template is given.
-    #[command(flatten)]
-    pub options: TemplateOptions,
-    /// builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml
-    #[arg(long, value_name = "NAME", default_value = "builtin")]
-    pub planner: String,
-    /// How long the planner may run
-    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
-    pub timeout: Duration,
-    /// How much memory the planner may use
-    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
-    pub memory_limit: Option<u64>,
-    /// Where the plan is stored
-    #[arg(long, value_name = "NS", default_value = "robmem.plans")]
-    pub into: Namespace,
-    /// How the plan document is laid out: numbered, fawkes
-    #[arg(long, value_name = "LAYOUT", default_value = "numbered", hide_possible_values = true)]
-    pub layout: Layout,
-    /// Do not store the plan
-    #[arg(long)]
-    pub no_store: bool,
-}
-
-/// The layouts of a plan document.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum Layout {
-    /// One numbered key a step.
-    #[default]
-    Numbered,
-    /// An array of actions, as Fawkes stores them.
-    Fawkes,
-}
-
 /// `ff`
 #[derive(Debug, Args)]
 #[command(disable_help_flag = true)]
@@ -693,10 +651,12 @@ mod tests {
 
     #[test]
     fn every_command_has_an_example() {
-        for command in command().get_subcommands() {
+        fn check(command: &clap::Command) {
             let help = command.clone().render_long_help().to_string();
             assert!(help.contains("Example"), "{} has no example", command.get_name());
+            command.get_subcommands().filter(|inner| inner.get_name() != "help").for_each(check);
         }
+        command().get_subcommands().for_each(check);
     }
 
     #[test]

@@ -10,4 +10,5 @@ mod plans;
 mod problems;
 mod readme;
 mod settings;
+mod stored;
 mod worldmodels;

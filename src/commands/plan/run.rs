@@ -1,13 +1,13 @@
-//! `rmem plan`: a problem from the memory, a plan for it, and the plan into the memory.
+//! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
 
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use bson::{Bson, DateTime, doc};
 
-use super::gen_problem::{generate, read_domain};
-use super::{Context, UsageError};
 use crate::cli;
+use crate::commands::gen_problem::{generate, read_domain};
+use crate::commands::{Context, UsageError};
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, Source, pddl::Dialect, shell};
 use crate::memory::Memory;
@@ -18,7 +18,7 @@ use crate::planner::{self, Host, Limits, Outcome, Planner, Run, Task};
 use crate::problem::{Generated, SectionReport, names};
 use crate::store::stamp;
 
-pub(super) fn run(args: &cli::Plan, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &cli::PlanSearch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot])?;
     let planner = choose(&args.planner, context)?;
     let domain = read_domain(&args.domain, args.options.lenient, context)?;
@@ -40,7 +40,7 @@ struct Posed {
 }
 
 /// Reads the problem, or generates it from the template, and checks it against the domain.
-fn pose(args: &cli::Plan, domain: &Domain, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Posed> {
+fn pose(args: &cli::PlanSearch, domain: &Domain, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Posed> {
     let (started, clock) = (DateTime::now(), Instant::now());
     let dialect = Dialect { lenient: args.options.lenient };
     let (problem, template, generated) = match (&args.problem, &args.template) {
@@ -76,7 +76,7 @@ fn search(
     planner: &dyn Planner,
     domain: &Domain,
     problem: &Problem,
-    args: &cli::Plan,
+    args: &cli::PlanSearch,
     context: &mut Context<'_>,
 ) -> Run {
     let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, ..Limits::default() };
@@ -109,7 +109,7 @@ fn simulate(run: &mut Run, domain: &Domain, problem: &Problem, context: &mut Con
 /// Stores the plan, or that there is none, with its lineage.
 fn store(
     run: &Run,
-    args: &cli::Plan,
+    args: &cli::PlanSearch,
     domain: &Domain,
     posed: &Posed,
     memory: &Memory,
@@ -130,14 +130,14 @@ fn store(
     Ok(id)
 }
 
-fn layout(args: &cli::Plan) -> plan::Layout {
+fn layout(args: &cli::PlanSearch) -> plan::Layout {
     match args.layout {
         cli::Layout::Numbered => plan::Layout::Numbered,
         cli::Layout::Fawkes => plan::Layout::Fawkes,
     }
 }
 
-fn lineage(run: &Run, args: &cli::Plan, domain: &Domain, posed: &Posed) -> Lineage {
+fn lineage(run: &Run, args: &cli::PlanSearch, domain: &Domain, posed: &Posed) -> Lineage {
     let goal = args.options.goal.clone().unwrap_or_else(|| goal(&posed.problem));
     let sections = posed.generated.iter().flat_map(|generated| &generated.sections);
     let lineage = Lineage {
@@ -178,7 +178,7 @@ fn print(
     domain: &Domain,
     format: Format,
     id: &str,
-    args: &cli::Plan,
+    args: &cli::PlanSearch,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Exit> {
     let Outcome::Plan(found) = &run.outcome else {
