@@ -4,6 +4,7 @@
 //! spelling is decided in `commands/`; how it is layered over the environment
 //! and `rmem.toml`, in `settings`.
 
+mod index;
 mod plan;
 pub mod quantity;
 
@@ -16,6 +17,7 @@ use crate::exit::TABLE;
 use crate::output::Format;
 use crate::store::Namespace;
 
+pub use index::Index;
 pub use plan::{Layout, Plan, PlanCommand, PlanList, PlanSearch};
 
 /// A document-oriented robot memory: PDDL problems from queries, plans back into the memory
@@ -116,6 +118,14 @@ pub enum Command {
     /// Remove the documents that match
     #[command(after_help = "Example:\n  rmem delete robmem.worldmodel \"{relation: 'holding'}\"")]
     Delete(Delete),
+    /// Make an index, remove one, or list them
+    #[command(
+        after_help = "Examples:\n  rmem index robmem.objects '{name: 1}' --unique\n  rmem index robmem.sightings '{seen: 1}' --ttl 1h\n  rmem index robmem.objects\n  rmem index robmem.objects '{name: 1}' --drop\n\n\
+Prints the name of the index. A unique index refuses documents whose key is taken (exit code 5), and\n\
+is not made where two documents have one already. What became due by --ttl is removed by later\n\
+writers and by rmem expire; on MongoDB, by the server."
+    )]
+    Index(Index),
     /// List the collections
     #[command(after_help = "Example:\n  rmem collections")]
     Collections,

@@ -15,6 +15,7 @@ mod dump;
 mod exit_codes;
 mod ff;
 mod gen_problem;
+mod index;
 mod insert;
 mod lock;
 mod man;
@@ -55,6 +56,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::ExitCodes => exit_codes::run(context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
+        Command::Index(args) => index::run(args, context),
         Command::Insert(args) => insert::run(args, context),
         Command::Lock(args) => lock::run(args, context),
         Command::Man => man::run(context),

@@ -9,6 +9,7 @@ mod clock;
 pub mod difference;
 pub mod dump;
 pub mod dumped;
+mod index;
 mod journal;
 pub mod lock;
 mod operations;

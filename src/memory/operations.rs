@@ -28,9 +28,9 @@ const FIRST_ONLY: [&str; 11] = [
 
 /// A local store and, perhaps, another one for shared databases.
 pub struct Memory {
-    routes: Routes,
-    clock: Clock,
-    journal: Journal,
+    pub(super) routes: Routes,
+    pub(super) clock: Clock,
+    pub(super) journal: Journal,
 }
 
 impl Memory {

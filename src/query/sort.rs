@@ -6,10 +6,10 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
 use super::decimal::Rounding;
 use super::error::{QueryError, Result};
-use super::key;
+use super::keys::Keys;
 use super::number::Number;
-use super::path::{Part, Path};
-use super::view::{Fields, Items, View};
+use super::path::Path;
+use super::view::Fields;
 
 /// The most fields a pattern may have.
 const MAX_FIELDS: usize = 64;
@@ -21,15 +21,9 @@ const MAX_FIELDS: usize = 64;
 /// empty array before it.
 #[derive(Debug, Clone)]
 pub struct Sort {
-    fields: Vec<Field>,
+    keys: Keys,
     /// `{$natural: -1}`.
     reversed: bool,
-}
-
-#[derive(Debug, Clone)]
-struct Field {
-    path: Path,
-    descending: bool,
 }
 
 impl Sort {
@@ -38,7 +32,7 @@ impl Sort {
     /// # Errors
     /// Where a direction is not 1 or -1, or a path is empty.
     pub fn parse(pattern: &Document) -> Result<Self> {
-        let mut sort = Self { fields: Vec::new(), reversed: false };
+        let mut sort = Self { keys: Keys::default(), reversed: false };
         if pattern.len() > MAX_FIELDS {
             return Err(QueryError::bad_value("a sort pattern has more than 64 fields"));
         }
@@ -59,7 +53,7 @@ impl Sort {
                 return Ok(sort);
             }
             check_name(name)?;
-            sort.fields.push(Field { path: Path::parse(name)?, descending });
+            sort.keys.push(Path::parse(name)?, descending);
         }
         Ok(sort)
     }
@@ -67,12 +61,12 @@ impl Sort {
     /// Whether the pattern is empty: natural order.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.fields.is_empty() && !self.reversed
+        self.keys.is_empty() && !self.reversed
     }
 
     /// The paths with their directions (descending or not), for a store that has an index on them.
     pub fn fields(&self) -> impl Iterator<Item = (&str, bool)> {
-        self.fields.iter().map(|field| (field.path.text(), field.descending))
+        self.keys.fields()
     }
 
     /// The place of a document: bytes in the order of the pattern.
@@ -84,49 +78,17 @@ impl Sort {
     }
 
     pub(super) fn key_of(&self, fields: Fields<'_>) -> Result<Vec<u8>> {
-        let slots = self.fields.iter().map(|field| Slot::Path(fields, &field.path, 0)).collect();
         let mut least: Option<Vec<u8>> = None;
-        self.expand(slots, &mut least)?;
-        Ok(least.unwrap_or_default())
-    }
-
-    /// Follows all paths to the first array on the way, and through each of its elements.
-    fn expand(&self, mut slots: Vec<Slot<'_>>, least: &mut Option<Vec<u8>>) -> Result<()> {
-        for slot in &mut slots {
-            slot.advance();
-        }
-        let Some((items, prefix)) = slots.iter().find_map(Slot::array) else {
-            let key = self.encode(&slots);
-            if least.as_ref().is_none_or(|least| key < *least) {
-                *least = Some(key);
-            }
-            return Ok(());
-        };
-        if slots.iter().filter_map(Slot::array).any(|(_, other)| other != prefix) {
-            return Err(QueryError::bad_value("cannot sort with keys that are parallel arrays"));
-        }
-        if items.is_empty() {
-            return self.expand(slots.iter().map(Slot::in_empty).collect(), least);
-        }
-        for item in items.iter() {
-            self.expand(slots.iter().map(|slot| slot.in_item(item)).collect(), least)?;
-        }
-        Ok(())
-    }
-
-    fn encode(&self, slots: &[Slot<'_>]) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(16 * slots.len());
-        for (slot, field) in slots.iter().zip(&self.fields) {
-            let start = bytes.len();
-            let value = if let Slot::Value(Some(value)) = slot { *value } else { View::Null };
-            key::append(value, &mut bytes);
-            if field.descending {
-                for byte in bytes.iter_mut().skip(start) {
-                    *byte = !*byte;
+        let parallel = |_| QueryError::bad_value("cannot sort with keys that are parallel arrays");
+        self.keys
+            .each(fields, &mut |key| {
+                let bytes = key.encode();
+                if least.as_ref().is_none_or(|least| bytes < *least) {
+                    least = Some(bytes);
                 }
-            }
-        }
-        bytes
+            })
+            .map_err(parallel)?;
+        Ok(least.unwrap_or_default())
     }
 
     /// The documents in order, at most `limit` of them; equal ones stay in the order they came.
@@ -138,7 +100,7 @@ impl Sort {
         documents: impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
         limit: Option<usize>,
     ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
-        if self.fields.is_empty() {
+        if self.keys.is_empty() {
             let mut all: Vec<_> = if self.reversed {
                 documents.collect::<std::result::Result<_, E>>()?
             } else {
@@ -227,74 +189,6 @@ impl PartialOrd for Ranked {
 impl Ord for Ranked {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.rank.cmp(&other.rank)
-    }
-}
-
-/// How far one path has been followed.
-#[derive(Clone)]
-enum Slot<'a> {
-    /// In a document, with so many parts behind.
-    Path(Fields<'a>, &'a Path, usize),
-    /// At an array, with so many parts behind.
-    Array(Items<'a>, &'a Path, usize),
-    /// At the end; nothing is a missing value.
-    Value(Option<View<'a>>),
-}
-
-impl<'a> Slot<'a> {
-    fn advance(&mut self) {
-        let Self::Path(mut fields, path, mut done) = *self else { return };
-        while let Some(part) = path.parts().get(done) {
-            let mut value = fields.get(&part.name);
-            done += 1;
-            // A number names an element, as far as it can.
-            while let Some(View::Array(items)) = value {
-                let index = path.parts().get(done).and_then(|part| part.index);
-                match index.and_then(|index| items.get(index)) {
-                    Some(item) => value = Some(item),
-                    None => {
-                        *self = Self::Array(items, path, done);
-                        return;
-                    }
-                }
-                done += 1;
-                // An array that is itself an element counts whole.
-                if done == path.parts().len() {
-                    break;
-                }
-            }
-            match value {
-                Some(View::Document(inner)) if done < path.parts().len() => fields = inner,
-                value => {
-                    *self = Self::Value(value.filter(|_| done == path.parts().len()));
-                    return;
-                }
-            }
-        }
-    }
-
-    fn array(&self) -> Option<(Items<'a>, &'a [Part])> {
-        match self {
-            Self::Array(items, path, done) => Some((*items, path.parts().get(..*done).unwrap_or_default())),
-            _ => None,
-        }
-    }
-
-    fn in_item(&self, item: View<'a>) -> Self {
-        match (self, item) {
-            (Self::Array(_, path, done), item) if *done == path.parts().len() => Self::Value(Some(item)),
-            (Self::Array(_, path, done), View::Document(fields)) => Self::Path(fields, path, *done),
-            (Self::Array(..), _) => Self::Value(None),
-            (other, _) => other.clone(),
-        }
-    }
-
-    fn in_empty(&self) -> Self {
-        match self {
-            Self::Array(_, path, done) if *done == path.parts().len() => Self::Value(Some(View::Undefined)),
-            Self::Array(..) => Self::Value(None),
-            other => other.clone(),
-        }
     }
 }
 

@@ -10,12 +10,14 @@ pub mod embedded;
 pub mod mongodb;
 
 pub(crate) mod document;
+pub mod index;
 pub mod namespace;
 pub mod stamp;
 pub mod uri;
 
 pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
+pub use index::Index;
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
@@ -65,6 +67,17 @@ pub trait Store: Send {
     /// Gives the collection `from` the name `to`, in place of the one that has
     /// it, in one step. Both are in one database. Durable on return.
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError>;
+
+    /// Makes an index, and the collection where there is none; says whether
+    /// the index is new. Over documents that a unique index cannot be made of,
+    /// nothing changes. Durable on return.
+    fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError>;
+
+    /// Removes the index of that name; says whether there was one.
+    fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
+
+    /// The indexes of a collection, that on `_id` first; none where there is no collection.
+    fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError>;
 
     /// All collections, sorted.
     fn collections(&self) -> Result<Vec<Namespace>, StoreError>;

@@ -20,6 +20,8 @@ pub const UPDATED: &str = "updated";
 pub const PERSISTENT: &str = "persistent";
 /// Under [`INFO`]: the date from which on the document is invisible.
 pub const DECAY: &str = "decay_time";
+/// The path of [`DECAY`] in a document.
+pub(crate) const DECAY_PATH: &str = "_robmem_info.decay_time";
 
 /// What rmem's own commands note of a document: where a plan comes from, what
 /// CLIPS makes of its slots, and until when a computed one is good.
@@ -133,7 +135,7 @@ fn reserved(path: &str) -> QueryError {
 
 /// What is true of documents that have not decayed at a time.
 pub(crate) fn visible(at: DateTime) -> Document {
-    doc! { format!("{INFO}.{DECAY}"): { "$not": { "$lte": at } } }
+    doc! { DECAY_PATH: { "$not": { "$lte": at } } }
 }
 
 /// Stamps the outcome of an update of `old`. A replacement keeps when its

@@ -5,6 +5,7 @@ mod lab;
 mod clips;
 mod documents;
 mod exit_codes;
+mod indexes;
 mod locks;
 mod plans;
 mod problems;

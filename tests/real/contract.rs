@@ -5,7 +5,7 @@
 
 use bson::{Bson, Document, doc};
 use libtest_mimic::{Failed, Trial};
-use rmem::store::{Embedded, Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
+use rmem::store::{Embedded, Find, Index, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
 
 type Case = fn(&dyn Store, &Namespace);
 
@@ -65,6 +65,12 @@ const CASES: &[(&str, Case)] = cases![
     collections_are_listed_in_order,
     documents_may_be_read_while_others_are_written,
     values_of_every_type_come_back,
+    an_index_is_listed_until_it_is_dropped,
+    an_index_with_other_options_is_a_conflict,
+    a_unique_index_refuses_a_taken_key_by_its_name,
+    a_unique_index_is_not_made_over_duplicates,
+    a_sparse_unique_index_lets_documents_lack_the_field,
+    indexes_move_with_their_collection_and_stay_below_results,
 ];
 
 /// A store to be examined, and the folder that is removed after it.
@@ -741,4 +747,92 @@ fn values_of_every_type_come_back(store: &dyn Store, ns: &Namespace) {
     };
     insert(store, ns, [values.clone()]);
     assert_eq!(all(store, ns), [values]);
+}
+
+fn duplicate(error: StoreError) -> String {
+    match error {
+        StoreError::Duplicate { key, .. } => key,
+        other => panic!("{other}"),
+    }
+}
+
+fn an_index_is_listed_until_it_is_dropped(store: &dyn Store, ns: &Namespace) {
+    assert_eq!(store.indexes(ns).unwrap(), []);
+    let wanted = Index { expire_after: Some(60), ..Index::on(doc! { "at": -1 }) };
+    assert!(store.create_index(ns, &wanted).unwrap());
+    assert!(!store.create_index(ns, &wanted).unwrap(), "it is there already");
+    assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids(), wanted]);
+    assert!(store.drop_index(ns, "at_-1").unwrap());
+    assert!(!store.drop_index(ns, "at_-1").unwrap());
+    assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids()]);
+    assert!(store.drop_index(ns, "_id_").is_err());
+}
+
+fn an_index_with_other_options_is_a_conflict(store: &dyn Store, ns: &Namespace) {
+    let code = |index: Index| match store.create_index(ns, &index) {
+        Err(StoreError::Query(error)) => error.code,
+        other => panic!("{other:?}"),
+    };
+    let plain = Index::on(doc! { "a": 1 });
+    store.create_index(ns, &plain).unwrap();
+    assert_eq!(code(Index { unique: true, ..plain.clone() }), 86);
+    assert_eq!(code(Index { name: "other".to_owned(), ..plain.clone() }), 85);
+    assert_eq!(code(Index { name: "a_1".to_owned(), ..Index::on(doc! { "b": 1 }) }), 86);
+    assert_eq!(code(Index { name: "x".to_owned(), expire_after: Some(1), ..plain.clone() }), 85);
+    let unique = Index { name: "unique".to_owned(), unique: true, ..plain };
+    assert!(store.create_index(ns, &unique).unwrap(), "unique or not is another index");
+    assert!(store.create_index(ns, &Index::on(doc! { "a": 0 })).is_err());
+    assert!(store.create_index(ns, &Index::on(doc! {})).is_err());
+}
+
+fn a_unique_index_refuses_a_taken_key_by_its_name(store: &dyn Store, ns: &Namespace) {
+    store.create_index(ns, &Index { unique: true, ..Index::on(doc! { "name": 1 }) }).unwrap();
+    insert(store, ns, [doc! { "_id": 1, "name": "a" }, doc! { "_id": 2, "name": ["b", "c"] }]);
+    let taken = |documents| duplicate(store.insert(ns, documents).unwrap_err());
+    assert_eq!(taken(vec![doc! { "_id": 3, "name": "a" }]), "name: \"a\" (unique index name_1)");
+    assert_eq!(taken(vec![doc! { "_id": 3, "name": ["d", "c"] }]), "name: \"c\" (unique index name_1)");
+    let stopped = store.insert(ns, vec![doc! { "_id": 4 }, doc! { "_id": 5, "name": Bson::Null }, doc! { "_id": 6 }]);
+    assert_eq!(stopped.unwrap_err().stored(), [Bson::Int32(4)], "missing is null");
+    let rename = update(doc! { "_id": 1 }, doc! { "$set": { "name": "b" } });
+    assert_eq!(duplicate(store.update(ns, &rename, None).unwrap_err()), "name: \"b\" (unique index name_1)");
+    let same = update(doc! { "_id": 1 }, doc! { "$set": { "name": "a", "n": 1 } });
+    assert_eq!(store.update(ns, &same, None).unwrap().modified, 1, "its own key is no conflict");
+    store.delete(ns, &doc! { "_id": 2 }, false).unwrap();
+    assert_eq!(store.update(ns, &rename, None).unwrap().modified, 1, "a deleted document's keys are free");
+    assert_eq!(ids(store, ns, doc! {}), [1, 4]);
+}
+
+fn a_unique_index_is_not_made_over_duplicates(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }, doc! { "_id": 2, "a": 1 }]);
+    let unique = Index { unique: true, ..Index::on(doc! { "a": 1 }) };
+    assert_eq!(duplicate(store.create_index(ns, &unique).unwrap_err()), "a: 1 (unique index a_1)");
+    assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids()]);
+    insert(store, ns, [doc! { "_id": 3, "a": 1 }]);
+}
+
+fn a_sparse_unique_index_lets_documents_lack_the_field(store: &dyn Store, ns: &Namespace) {
+    let index = Index { unique: true, sparse: true, ..Index::on(doc! { "a.b": 1, "c": 1 }) };
+    store.create_index(ns, &index).unwrap();
+    insert(store, ns, [doc! { "_id": 1 }, doc! { "_id": 2 }, doc! { "_id": 3, "c": 1 }]);
+    assert!(duplicate(store.insert(ns, vec![doc! { "_id": 4, "c": 1 }]).unwrap_err()).contains("c: 1"));
+    let arrays = doc! { "_id": 5, "a": [{ "b": 1 }], "c": [1] };
+    assert!(matches!(store.insert(ns, vec![arrays]), Err(StoreError::Query(error)) if error.code == 171));
+    assert_eq!(ids(store, ns, doc! {}), [1, 2, 3]);
+}
+
+fn indexes_move_with_their_collection_and_stay_below_results(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { collection: format!("{}_other", ns.collection), ..ns.clone() };
+    let unique = Index { unique: true, ..Index::on(doc! { "a": 1 }) };
+    store.create_index(ns, &unique).unwrap();
+    insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
+    insert(store, &other, [doc! { "_id": 7, "a": 1 }, doc! { "_id": 8, "a": 2 }]);
+    let out = |filter: Document| [doc! { "$match": filter }, doc! { "$out": &ns.collection }];
+    store.aggregate(&other, &out(doc! {})).unwrap().for_each(drop);
+    assert_eq!(store.indexes(ns).unwrap().len(), 2);
+    assert!(store.insert(ns, vec![doc! { "a": 2 }]).is_err());
+    store.rename(ns, &other).unwrap();
+    assert_eq!((store.indexes(ns).unwrap().len(), store.indexes(&other).unwrap().len()), (0, 2));
+    assert!(store.insert(&other, vec![doc! { "a": 2 }]).is_err());
+    store.drop(&other).unwrap();
+    insert(store, &other, [doc! { "a": 2 }, doc! { "a": 2 }]);
 }

@@ -9,7 +9,7 @@ use rmem::memory::Memory;
 use rmem::pddl::Domain;
 use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names};
 use rmem::store::embedded::Embedded;
-use rmem::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
+use rmem::store::{Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
 
 fn memory(documents: Vec<Document>) -> Memory {
     let memory = Memory::new(Box::new(Embedded::in_memory().expect("a store")), None, Vec::new());
@@ -340,6 +340,18 @@ impl Store for Talkative {
 
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         Ok(Vec::new())
+    }
+
+    fn create_index(&self, _: &Namespace, _: &Index) -> Result<bool, StoreError> {
+        unreachable!()
+    }
+
+    fn drop_index(&self, _: &Namespace, _: &str) -> Result<bool, StoreError> {
+        unreachable!()
+    }
+
+    fn indexes(&self, _: &Namespace) -> Result<Vec<Index>, StoreError> {
+        unreachable!()
     }
 
     fn describe(&self) -> String {

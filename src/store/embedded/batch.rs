@@ -56,13 +56,15 @@ impl Embedded {
             Ok(Some(id)) => key::encode(id),
             _ => return Err(self.fail("a document without an _id was to be stored")),
         };
+        let indexes = self.expect_decay(ns, collection, self.indexes_of(collection)?, body)?;
+        let entries = self.entries(ns, &indexes, body, None)?;
         let sql = format!("INSERT INTO {} (key, body) VALUES (?, ?)", collection.table());
         let inserted = self
             .connection
             .prepare_cached(&sql)
             .and_then(|mut statement| statement.execute(params![key, body.as_bytes()]));
         match inserted {
-            Ok(_) => Ok(()),
+            Ok(_) => self.add_entries(collection, &indexes, self.connection.last_insert_rowid(), &entries),
             Err(error) if failure::is_duplicate(&error) => {
                 Err(StoreError::Duplicate { namespace: ns.clone(), key: format!("_id: {}", id), stored: Vec::new() })
             }

@@ -5,16 +5,21 @@ use rusqlite::{Connection, OptionalExtension as _, Result, params};
 use super::failure;
 use crate::store::Namespace;
 
-/// A collection of an embedded store: the number its table is called by.
+/// A collection of an embedded store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Collection(i64);
+pub(super) struct Collection {
+    /// The number its table is called by.
+    pub(super) id: i64,
+    /// Grows with every change of its indexes.
+    pub(super) generation: i64,
+}
 
 impl Collection {
     /// The collection called `ns`, where there is one.
     pub(super) fn find(connection: &Connection, ns: &Namespace) -> Result<Option<Self>> {
         connection
-            .prepare_cached("SELECT id FROM collections WHERE database = ? AND name = ?")?
-            .query_row(params![ns.database, ns.collection], |row| row.get(0).map(Self))
+            .prepare_cached("SELECT id, generation FROM collections WHERE database = ? AND name = ?")?
+            .query_row(params![ns.database, ns.collection], |row| Ok(Self { id: row.get(0)?, generation: row.get(1)? }))
             .optional()
     }
 
@@ -26,7 +31,7 @@ impl Collection {
         connection
             .prepare_cached("INSERT INTO collections (database, name) VALUES (?, ?)")?
             .execute(params![ns.database, ns.collection])?;
-        let collection = Self(connection.last_insert_rowid());
+        let collection = Self { id: connection.last_insert_rowid(), generation: 0 };
         connection.execute_batch(&format!(
             "CREATE TABLE {} (position INTEGER PRIMARY KEY, key BLOB NOT NULL UNIQUE, body BLOB NOT NULL) STRICT",
             collection.table()
@@ -36,15 +41,31 @@ impl Collection {
 
     /// Removes the collection and its documents. In a write transaction only.
     pub(super) fn drop(self, connection: &Connection) -> Result<()> {
-        connection.prepare_cached("DELETE FROM collections WHERE id = ?")?.execute([self.0])?;
+        connection.prepare_cached("DELETE FROM collections WHERE id = ?")?.execute([self.id])?;
         connection.execute_batch(&format!("DROP TABLE {}", self.table()))
+    }
+
+    /// Notes that its indexes changed. In a write transaction only.
+    pub(super) fn advance(self, connection: &Connection) -> Result<()> {
+        connection
+            .prepare_cached("UPDATE collections SET generation = generation + 1 WHERE id = ?")?
+            .execute([self.id])
+            .map(|_| ())
+    }
+
+    /// The same collection, of the generation it has now.
+    pub(super) fn reread(self, connection: &Connection) -> Result<Self> {
+        let generation = connection
+            .prepare_cached("SELECT generation FROM collections WHERE id = ?")?
+            .query_row([self.id], |row| row.get(0))?;
+        Ok(Self { generation, ..self })
     }
 
     /// Gives the collection another name, which is free. In a write transaction only.
     pub(super) fn rename(self, connection: &Connection, to: &Namespace) -> Result<()> {
         connection
             .prepare_cached("UPDATE collections SET database = ?, name = ? WHERE id = ?")?
-            .execute(params![to.database, to.collection, self.0])
+            .execute(params![to.database, to.collection, self.id])
             .map(|_| ())
     }
 
@@ -79,6 +100,6 @@ impl Collection {
 
     /// The name of the table that holds the documents.
     pub(super) fn table(self) -> String {
-        format!("documents_{}", self.0)
+        format!("documents_{}", self.id)
     }
 }

@@ -31,7 +31,7 @@ impl Embedded {
                 let most = if request.many { usize::MAX } else { 1 };
                 for found in Scan::new(self, collection, Rc::clone(&change.filter))?.take(most) {
                     done.matched += 1;
-                    done.modified += u64::from(self.change_one(collection, &found?, &change)?);
+                    done.modified += u64::from(self.change_one(ns, collection, &found?, &change)?);
                 }
             }
             if done.matched == 0 && request.upsert {
@@ -41,13 +41,19 @@ impl Embedded {
         })
     }
 
-    fn change_one(&self, collection: Collection, found: &Found, change: &Change) -> Result<bool, StoreError> {
+    fn change_one(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        found: &Found,
+        change: &Change,
+    ) -> Result<bool, StoreError> {
         let Some(body) = change.apply(&found.body)? else { return Ok(false) };
         document::vet(&body)?;
         if id_key(&body)? != id_key(&found.body)? {
             return Err(QueryError::invalid(IMMUTABLE_FIELD, "the _id of a document cannot change").into());
         }
-        self.rewrite(collection, found.position, &body)?;
+        self.rewrite(ns, collection, found, &body)?;
         Ok(true)
     }
 
@@ -102,7 +108,7 @@ impl Embedded {
         match settle_change(&found.body, body, true, stamp)? {
             Some(body) => {
                 done.replaced += 1;
-                self.rewrite(collection, found.position, &body)
+                self.rewrite(ns, collection, &found, &body)
             }
             None => {
                 done.same += 1;
@@ -127,24 +133,41 @@ impl Embedded {
         Ok(Some(Found { position, body: RawDocumentBuf::from_bytes(bytes).map_err(QueryError::from)? }))
     }
 
-    pub(super) fn rewrite(&self, collection: Collection, position: i64, body: &RawDocument) -> Result<(), StoreError> {
+    /// Stores `body` in place of a document. In a write transaction only.
+    pub(super) fn rewrite(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        found: &Found,
+        body: &RawDocument,
+    ) -> Result<(), StoreError> {
+        let indexes = self.expect_decay(ns, collection, self.indexes_of(collection)?, body)?;
+        let entries = self.entries(ns, &indexes, body, Some(found.position))?;
         let sql = format!("UPDATE {} SET body = ? WHERE position = ?", collection.table());
         self.connection
             .prepare_cached(&sql)
-            .and_then(|mut statement| statement.execute(params![body.as_bytes(), position]))
-            .map(|_| ())
-            .map_err(|e| self.explain(&e))
+            .and_then(|mut statement| statement.execute(params![body.as_bytes(), found.position]))
+            .map_err(|e| self.explain(&e))?;
+        self.change_entries(collection, &indexes, found.position, &found.body, &entries)
+    }
+
+    /// Removes a document. In a write transaction only.
+    pub(super) fn erase(&self, collection: Collection, found: &Found) -> Result<(), StoreError> {
+        let sql = format!("DELETE FROM {} WHERE position = ?", collection.table());
+        self.connection
+            .prepare_cached(&sql)
+            .and_then(|mut statement| statement.execute([found.position]))
+            .map_err(|e| self.explain(&e))?;
+        self.remove_entries(&self.indexes_of(collection)?, found.position, &found.body)
     }
 
     pub(super) fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
         let filter = Rc::new(Filter::parse(filter)?);
         self.write(|| {
             let Some(collection) = self.collection(ns)? else { return Ok(0) };
-            let sql = format!("DELETE FROM {} WHERE position = ?", collection.table());
-            let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
             let mut deleted = 0;
             for found in Scan::new(self, collection, filter)?.take(if first_only { 1 } else { usize::MAX }) {
-                statement.execute([found?.position]).map_err(|e| self.explain(&e))?;
+                self.erase(collection, &found?)?;
                 deleted += 1;
             }
             Ok(deleted)

@@ -3,16 +3,21 @@
 //! `application_id` says that an SQLite file is a memory, `user_version` which
 //! layout it has. The layout of version 1:
 //!
-//! - `collections`: one row per collection; ids are never used again.
+//! - `collections`: one row per collection; ids are never used again, the
+//!   generation grows with each change of its indexes.
 //! - `documents_ID`, one per collection: `position` (order of insertion, which
 //!   is MongoDB's natural order), `key` (the `_id` as comparable bytes, unique),
 //!   `body` (the document as BSON). A table of its own keeps a collection's
 //!   documents side by side on the disk, and dropping it is one step.
+//! - `indexes`: one row per index: its definition as BSON, as MongoDB lists it,
+//!   and which of its paths run through arrays, as bits.
+//! - `entries_ID`, one per index: the keys, each with the position of its document.
 
 use std::path::Path;
 
 use rusqlite::{Connection, OpenFlags};
 
+use super::index::Remembered;
 use super::{Embedded, Place, failure, patience};
 use crate::store::StoreError;
 
@@ -26,7 +31,16 @@ CREATE TABLE collections (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
     database TEXT NOT NULL,
     name TEXT NOT NULL,
+    generation INTEGER NOT NULL DEFAULT 0,
     UNIQUE (database, name)
+) STRICT;
+CREATE TABLE indexes (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    collection INTEGER NOT NULL,
+    name TEXT NOT NULL,
+    definition BLOB NOT NULL,
+    multikey INTEGER NOT NULL DEFAULT 0,
+    UNIQUE (collection, name)
 ) STRICT;";
 
 impl Embedded {
@@ -96,7 +110,7 @@ impl Embedded {
             _ => return Err(foreign(&place)),
         }
         tune(&connection).map_err(explain)?;
-        Ok(Self { connection, place })
+        Ok(Self { connection, place, indexes: Remembered::default() })
     }
 }
 

@@ -11,6 +11,7 @@ mod catalog;
 mod change;
 mod failure;
 mod file;
+mod index;
 mod output;
 mod patience;
 mod pipeline;
@@ -30,6 +31,7 @@ pub use file::VERSION;
 pub struct Embedded {
     connection: Connection,
     place: Place,
+    indexes: index::Remembered,
 }
 
 /// Where an embedded store lives; its `Display` is what messages call it.

@@ -39,16 +39,25 @@ impl Embedded {
 
     fn replace_collection(&self, ns: &Namespace, results: Vec<RawDocumentBuf>) -> Result<(), StoreError> {
         self.write(|| {
-            if let Some(collection) = self.collection(ns)? {
-                collection.drop(&self.connection).map_err(|e| self.explain(&e))?;
-            }
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            self.clear(collection)?;
             for result in results {
                 let (id, body) = document::settle(Document::try_from(&*result).map_err(QueryError::from)?)?;
                 self.add(ns, collection, &id, &body)?;
             }
             Ok(())
         })
+    }
+
+    /// Removes all documents of a collection; its indexes stay, as MongoDB has it.
+    fn clear(&self, collection: Collection) -> Result<(), StoreError> {
+        let indexes = self.indexes_of(collection)?;
+        let tables = indexes.iter().filter(|index| index.is_kept()).map(|index| index.table());
+        for table in tables.chain([collection.table()]) {
+            let cleared = self.connection.execute(&format!("DELETE FROM {table}"), []);
+            cleared.map_err(|e| self.explain(&e))?;
+        }
+        Ok(())
     }
 
     fn merge(
@@ -104,7 +113,7 @@ impl Embedded {
         document::fill_timestamps(&mut changed);
         let changed = RawDocumentBuf::try_from(&changed).map_err(QueryError::from)?;
         document::vet(&changed)?;
-        self.rewrite(collection, found.position, &changed)
+        self.rewrite(ns, collection, &found, &changed)
     }
 }
 

@@ -4,7 +4,7 @@ use bson::{Bson, DateTime, Document};
 
 use super::catalog::Collection;
 use super::{Embedded, failure};
-use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
+use crate::store::{Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
 
 impl Store for Embedded {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -41,7 +41,7 @@ impl Store for Embedded {
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
         self.write(|| match self.collection(ns)? {
-            Some(collection) => collection.drop(&self.connection).map(|()| true).map_err(|e| self.explain(&e)),
+            Some(collection) => self.erase_collection(collection).map(|()| true),
             None => Ok(false),
         })
     }
@@ -53,11 +53,23 @@ impl Store for Embedded {
             };
             match self.collection(to)? {
                 Some(present) if present == collection => return Ok(()),
-                Some(present) => present.drop(&self.connection).map_err(|e| self.explain(&e))?,
+                Some(present) => self.erase_collection(present)?,
                 None => {}
             }
             collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
         })
+    }
+
+    fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
+        self.create(ns, index)
+    }
+
+    fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        self.discard(ns, name)
+    }
+
+    fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
+        self.list_indexes(ns)
     }
 
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
@@ -78,7 +90,16 @@ impl Embedded {
             // A failing rollback leaves nothing to do: closing rolls back too.
             let _ = self.run("ROLLBACK");
         }
+        if result.is_err() {
+            self.indexes.clear();
+        }
         result
+    }
+
+    /// Removes a collection with its indexes. In a write transaction only.
+    pub(super) fn erase_collection(&self, collection: Collection) -> Result<(), StoreError> {
+        self.forget_indexes(collection)?;
+        collection.drop(&self.connection).map_err(|e| self.explain(&e))
     }
 
     fn run(&self, sql: &str) -> Result<(), StoreError> {

@@ -96,10 +96,17 @@ fn failed(address: &str, reason: String) -> StoreError {
     StoreError::Failed { address: address.to_owned(), reason }
 }
 
-/// `_id: 7` out of `E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: 7 }`.
+/// `_id: 7` out of `E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: 7 }`;
+/// another index is named.
 fn key(message: &str) -> String {
     let behind = message.split_once("dup key: {").map_or(message, |(_, behind)| behind);
-    behind.trim().trim_end_matches('}').trim().to_owned()
+    let key = behind.trim();
+    let key = key.strip_suffix('}').unwrap_or(key).trim();
+    let index = message.split_once("index: ").and_then(|(_, behind)| behind.split_once(" dup key"));
+    match index {
+        Some((name, _)) if name != "_id_" => format!("{key} (unique index {name})"),
+        _ => key.to_owned(),
+    }
 }
 
 /// What is worth knowing of the driver's account of the servers it tried.
@@ -126,7 +133,8 @@ mod tests {
     #[test]
     fn the_key_is_found_in_the_servers_words() {
         let message = "E11000 duplicate key error collection: a.b index: name_1 dup key: { name: \"x}\" }";
-        assert_eq!(key(message), "name: \"x}\"");
+        assert_eq!(key(message), "name: \"x}\" (unique index name_1)");
+        assert_eq!(key("E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: {} }"), "_id: {}");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 mod client;
 mod failure;
+mod index;
 mod stamped;
 mod verbs;
 

@@ -9,7 +9,9 @@ use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::document::{settle, with_id_first};
 use crate::store::stamp;
-use crate::store::{Documents, Find, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
+use crate::store::{
+    Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated,
+};
 
 /// The server's own databases.
 const INTERNAL: [&str; 3] = ["admin", "config", "local"];
@@ -137,6 +139,18 @@ impl Store for MongoDb {
             "writeConcern": { "w": "majority" },
         };
         self.client().database("admin").run_command(command).run().map(|_| ()).map_err(|e| self.explain(&e))
+    }
+
+    fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
+        self.make_index(ns, index)
+    }
+
+    fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        self.discard_index(ns, name)
+    }
+
+    fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
+        self.list_indexes(ns)
     }
 
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {

@@ -1,0 +1,10 @@
+//! Indexes: which keys a document has in one, and what a query asks of it.
+//!
+//! A key is the values of the indexed paths as bytes in BSON order, descending
+//! ones inverted. As in mongod: a missing field is null; of an array each
+//! element is a key and an empty one is undefined; two paths may not run
+//! through two arrays.
+
+mod pattern;
+
+pub use pattern::{Entries, Pattern};

@@ -1,0 +1,228 @@
+//! The key pattern of an index, and the keys of a document under it.
+
+use bson::{Bson, Document, RawDocument};
+
+use crate::query::error::{QueryError, Result};
+use crate::query::keys::Keys;
+use crate::query::number::Number;
+use crate::query::path::{Part, Path};
+use crate::query::view::{Fields, Items, View};
+
+/// The most fields a pattern may have.
+const MAX_FIELDS: usize = 32;
+/// MongoDB's code for a key pattern that cannot be.
+const CANNOT_CREATE: i32 = 67;
+/// MongoDB's code for a document with two arrays where one may be.
+const PARALLEL: i32 = 171;
+/// MongoDB's code for a path that means an element and a field.
+const AMBIGUOUS: i32 = 16_746;
+/// Geospatial kinds, which are kept in the catalogue and answered by a scan.
+const GEOSPATIAL: [&str; 2] = ["2d", "2dsphere"];
+
+/// A compiled key pattern like `{a: 1, "b.c": -1}`.
+#[derive(Debug)]
+pub struct Pattern {
+    keys: Keys,
+    geospatial: bool,
+}
+
+/// The keys of a document.
+#[derive(Debug, Default)]
+pub struct Entries {
+    /// In order, each once.
+    pub keys: Vec<Vec<u8>>,
+    /// A bit for each path of the pattern that runs through an array.
+    pub multikey: u64,
+}
+
+impl Pattern {
+    /// Reads a key pattern.
+    ///
+    /// # Errors
+    /// Where MongoDB refuses it, or it is of a kind that rmem does not have.
+    pub fn parse(pattern: &Document) -> Result<Self> {
+        let cannot = |message: String| QueryError::invalid(CANNOT_CREATE, message);
+        if pattern.is_empty() {
+            return Err(cannot("an index needs at least one key, like {name: 1}".to_owned()));
+        }
+        if pattern.len() > MAX_FIELDS {
+            return Err(QueryError::invalid(13_103, format!("an index has at most {MAX_FIELDS} keys")));
+        }
+        let (mut keys, mut geospatial) = (Keys::default(), false);
+        for (name, direction) in pattern {
+            check_name(name)?;
+            let descending = match (direction, Number::of(direction).map(Number::to_double)) {
+                (Bson::String(kind), _) if GEOSPATIAL.contains(&kind.as_str()) => {
+                    geospatial = true;
+                    false
+                }
+                (Bson::String(kind), _) => {
+                    let mut refusal = QueryError::unsupported(kind);
+                    refusal.message = format!("an index of the kind `{kind}` is not supported by the embedded store");
+                    return Err(refusal);
+                }
+                (_, Some(number)) if number > 0.0 => false,
+                (_, Some(number)) if number < 0.0 => true,
+                _ => {
+                    return Err(cannot(format!("the key `{name}` of an index takes 1, -1, \"2d\" or \"2dsphere\"")));
+                }
+            };
+            keys.push(Path::parse(name)?, descending);
+        }
+        Ok(Self { keys, geospatial })
+    }
+
+    /// Whether it is of a kind that has no ordered keys.
+    #[must_use]
+    pub fn is_geospatial(&self) -> bool {
+        self.geospatial
+    }
+
+    /// The paths, and whether each is descending.
+    pub fn fields(&self) -> impl ExactSizeIterator<Item = (&str, bool)> {
+        self.keys.fields()
+    }
+
+    /// The keys of a document; with `sparse`, none where all fields are missing.
+    ///
+    /// # Errors
+    /// Where two paths run through different arrays, or a number in a path is
+    /// both an element and a field of an element.
+    pub fn entries(&self, document: &RawDocument, sparse: bool) -> Result<Entries> {
+        let mut keys = Vec::new();
+        let multikey = self.each(document, &mut |key, is_missing| {
+            if !(sparse && is_missing) {
+                keys.push(key);
+            }
+        })?;
+        if keys.len() > 1 {
+            keys.sort_unstable();
+            keys.dedup();
+        }
+        Ok(Entries { keys, multikey })
+    }
+
+    fn each(&self, document: &RawDocument, show: &mut dyn FnMut(Vec<u8>, bool)) -> Result<u64> {
+        let fields = Fields::from(document);
+        if let Some(path) = self.keys.paths().find(|path| is_ambiguous(fields, path.parts())) {
+            let message = format!("a number in the path {} of an index is an element and a field", path.text());
+            return Err(QueryError::invalid(AMBIGUOUS, message));
+        }
+        self.keys.each(fields, &mut |key| show(key.encode(), key.values().all(|value| value.is_none()))).map_err(|_| {
+            let paths: Vec<&str> = self.keys.fields().map(|(name, _)| name).collect();
+            let message =
+                format!("cannot index parallel arrays: two of {} are arrays in one document", paths.join(", "));
+            QueryError::invalid(PARALLEL, message)
+        })
+    }
+
+    /// The values behind a key of a document, path by path.
+    #[must_use]
+    pub fn values(&self, document: &RawDocument, wanted: &[u8]) -> Document {
+        let mut found = Document::new();
+        // A document that was indexed has no parallel arrays.
+        let _ = self.keys.each(document.into(), &mut |key| {
+            if found.is_empty() && key.encode() == wanted {
+                let names = self.keys.fields().map(|(name, _)| name.to_owned());
+                let values = key.values().map(|value| value.map_or(Bson::Null, View::to_bson));
+                found = names.zip(values).collect();
+            }
+        });
+        found
+    }
+}
+
+fn check_name(name: &str) -> Result<()> {
+    if name.is_empty() || name.split('.').any(str::is_empty) {
+        return Err(QueryError::invalid(CANNOT_CREATE, "the keys of an index cannot have an empty part").about(name));
+    }
+    if name.split('.').any(|part| part.starts_with('$') && !crate::query::filter::is_reference_key(part)) {
+        let message = format!("the key `{name}` of an index has a part that starts with '$'");
+        return Err(QueryError::invalid(CANNOT_CREATE, message).about(name));
+    }
+    Ok(())
+}
+
+/// Whether a number of the path is both an element of an array and a field of one of its elements.
+fn is_ambiguous(fields: Fields<'_>, parts: &[Part]) -> bool {
+    if parts.iter().all(|part| part.index.is_none()) {
+        return false;
+    }
+    let Some((part, rest)) = parts.split_first() else { return false };
+    match fields.get(&part.name) {
+        Some(View::Document(inner)) => is_ambiguous(inner, rest),
+        Some(View::Array(items)) => is_ambiguous_in(items, rest),
+        _ => false,
+    }
+}
+
+fn is_ambiguous_in(items: Items<'_>, parts: &[Part]) -> bool {
+    let Some((part, rest)) = parts.split_first() else { return false };
+    let documents =
+        || items.iter().filter_map(|item| if let View::Document(fields) = item { Some(fields) } else { None });
+    let Some(item) = part.index.and_then(|index| items.get(index)) else {
+        return documents().any(|fields| is_ambiguous(fields, parts));
+    };
+    documents().any(|fields| fields.get(&part.name).is_some())
+        || match item {
+            View::Document(fields) => is_ambiguous(fields, rest),
+            View::Array(inner) => is_ambiguous_in(inner, rest),
+            _ => false,
+        }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::query::key;
+    use bson::{bson, doc};
+
+    fn keys(pattern: Document, document: Document) -> (Vec<Vec<u8>>, u64) {
+        let document = bson::RawDocumentBuf::try_from(&document).unwrap();
+        let entries = Pattern::parse(&pattern).unwrap().entries(&document, false).unwrap();
+        (entries.keys, entries.multikey)
+    }
+
+    fn encoded(values: &[Bson]) -> Vec<Vec<u8>> {
+        values.iter().map(key::encode_value).collect()
+    }
+
+    #[test]
+    fn every_element_of_an_array_is_a_key_once() {
+        assert_eq!(keys(doc! {"a": 1}, doc! {"a": [2, 1, 2.0]}), (encoded(&[bson!(1), bson!(2)]), 1));
+        assert_eq!(keys(doc! {"a": 1}, doc! {"a": []}), (encoded(&[Bson::Undefined]), 1));
+        assert_eq!(keys(doc! {"a.b": 1}, doc! {"a": [{"b": 1}, {}]}), (encoded(&[Bson::Null, bson!(1)]), 1));
+        assert_eq!(keys(doc! {"a": 1}, doc! {}), (encoded(&[Bson::Null]), 0));
+    }
+
+    #[test]
+    fn a_sparse_index_leaves_out_what_has_none_of_its_fields() {
+        let pattern = Pattern::parse(&doc! {"a": 1, "b": -1}).unwrap();
+        let count = |document: Document| {
+            let document = bson::RawDocumentBuf::try_from(&document).unwrap();
+            pattern.entries(&document, true).unwrap().keys.len()
+        };
+        assert_eq!([count(doc! {"c": 1}), count(doc! {"b": 1}), count(doc! {"a": Bson::Null})], [0, 1, 1]);
+    }
+
+    #[test]
+    fn what_mongod_refuses_to_index_is_refused() {
+        let refusal = |pattern: Document, document: Document| {
+            let document = bson::RawDocumentBuf::try_from(&document).unwrap();
+            Pattern::parse(&pattern).unwrap().entries(&document, false).unwrap_err().code
+        };
+        assert_eq!(refusal(doc! {"a": 1, "b": 1}, doc! {"a": [1], "b": [2]}), PARALLEL);
+        assert_eq!(refusal(doc! {"a.0": 1}, doc! {"a": [{"0": 1}]}), AMBIGUOUS);
+        for pattern in [doc! {}, doc! {"a": 0}, doc! {"a": "up"}, doc! {"": 1}, doc! {"a..b": 1}, doc! {"$a": 1}] {
+            assert!(Pattern::parse(&pattern).is_err(), "{pattern}");
+        }
+    }
+
+    #[test]
+    fn the_values_of_a_key_can_be_told() {
+        let document = bson::rawdoc! {"a": [1, "x"], "b": 2};
+        let pattern = Pattern::parse(&doc! {"a": 1, "b": 1}).unwrap();
+        let keys = pattern.entries(&document, false).unwrap().keys;
+        assert_eq!(pattern.values(&document, &keys[1]), doc! {"a": "x", "b": 2});
+    }
+}

@@ -1,0 +1,173 @@
+//! What a document has at several paths at once: what a sort orders by, and what an index holds.
+//!
+//! Each combination of values is a key. Paths that run through one array are
+//! followed through each of its elements together; a number in a path names
+//! an element, as far as it can.
+
+use super::key;
+use super::path::{Part, Path};
+use super::view::{Fields, Items, View};
+
+/// Paths with directions.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Keys {
+    fields: Vec<Field>,
+}
+
+#[derive(Debug, Clone)]
+struct Field {
+    path: Path,
+    descending: bool,
+}
+
+/// Two of the paths run through different arrays.
+#[derive(Debug)]
+pub(super) struct Parallel;
+
+/// One combination of values.
+pub(super) struct Key<'a> {
+    keys: &'a Keys,
+    slots: &'a [Slot<'a>],
+}
+
+impl Keys {
+    pub(super) fn push(&mut self, path: Path, descending: bool) {
+        self.fields.push(Field { path, descending });
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.fields.is_empty()
+    }
+
+    /// The paths, and whether each is descending.
+    pub(super) fn fields(&self) -> impl ExactSizeIterator<Item = (&str, bool)> {
+        self.fields.iter().map(|field| (field.path.text(), field.descending))
+    }
+
+    pub(super) fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.fields.iter().map(|field| &field.path)
+    }
+
+    /// Shows every key of a document; gives the paths that run through an array, as bits.
+    pub(super) fn each(&self, fields: Fields<'_>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Parallel> {
+        let slots = self.fields.iter().map(|field| Slot::Path(fields, &field.path, 0)).collect();
+        self.expand(slots, show)
+    }
+
+    /// Follows all paths to the first array on the way, and through each of its elements.
+    fn expand(&self, mut slots: Vec<Slot<'_>>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Parallel> {
+        for slot in &mut slots {
+            slot.advance();
+        }
+        let Some((items, prefix)) = slots.iter().find_map(Slot::array) else {
+            show(Key { keys: self, slots: &slots });
+            return Ok(0);
+        };
+        if slots.iter().filter_map(Slot::array).any(|(_, other)| other != prefix) {
+            return Err(Parallel);
+        }
+        let at_array = slots.iter().enumerate().filter(|(_, slot)| slot.array().is_some());
+        let mut through = at_array.fold(0, |bits, (index, _)| bits | 1u64 << index.min(63));
+        if items.is_empty() {
+            return Ok(through | self.expand(slots.iter().map(Slot::in_empty).collect(), show)?);
+        }
+        for item in items.iter() {
+            through |= self.expand(slots.iter().map(|slot| slot.in_item(item)).collect(), show)?;
+        }
+        Ok(through)
+    }
+}
+
+impl Key<'_> {
+    /// Bytes in the order of the pattern.
+    pub(super) fn encode(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(16 * self.slots.len());
+        for (slot, field) in self.slots.iter().zip(&self.keys.fields) {
+            let start = bytes.len();
+            key::append(slot.value().unwrap_or(View::Null), &mut bytes);
+            if field.descending {
+                for byte in bytes.iter_mut().skip(start) {
+                    *byte = !*byte;
+                }
+            }
+        }
+        bytes
+    }
+
+    /// The values, path by path; nothing where one is missing.
+    pub(super) fn values(&self) -> impl Iterator<Item = Option<View<'_>>> {
+        self.slots.iter().map(Slot::value)
+    }
+}
+
+/// How far one path has been followed.
+#[derive(Debug, Clone)]
+enum Slot<'a> {
+    /// In a document, with so many parts behind.
+    Path(Fields<'a>, &'a Path, usize),
+    /// At an array, with so many parts behind.
+    Array(Items<'a>, &'a Path, usize),
+    /// At the end; nothing is a missing value.
+    Value(Option<View<'a>>),
+}
+
+impl<'a> Slot<'a> {
+    fn advance(&mut self) {
+        let Self::Path(mut fields, path, mut done) = *self else { return };
+        while let Some(part) = path.parts().get(done) {
+            let mut value = fields.get(&part.name);
+            done += 1;
+            // A number names an element, as far as it can.
+            while let Some(View::Array(items)) = value {
+                let index = path.parts().get(done).and_then(|part| part.index);
+                match index.and_then(|index| items.get(index)) {
+                    Some(item) => value = Some(item),
+                    None => {
+                        *self = Self::Array(items, path, done);
+                        return;
+                    }
+                }
+                done += 1;
+                // An array that is itself an element counts whole.
+                if done == path.parts().len() {
+                    break;
+                }
+            }
+            match value {
+                Some(View::Document(inner)) if done < path.parts().len() => fields = inner,
+                value => {
+                    *self = Self::Value(value.filter(|_| done == path.parts().len()));
+                    return;
+                }
+            }
+        }
+    }
+
+    fn value(&self) -> Option<View<'a>> {
+        if let Self::Value(value) = self { *value } else { None }
+    }
+
+    fn array(&self) -> Option<(Items<'a>, &'a [Part])> {
+        match self {
+            Self::Array(items, path, done) => Some((*items, path.parts().get(..*done).unwrap_or_default())),
+            _ => None,
+        }
+    }
+
+    fn in_item(&self, item: View<'a>) -> Self {
+        match (self, item) {
+            (Self::Array(_, path, done), item) if *done == path.parts().len() => Self::Value(Some(item)),
+            (Self::Array(_, path, done), View::Document(fields)) => Self::Path(fields, path, *done),
+            (Self::Array(..), _) => Self::Value(None),
+            (other, _) => other.clone(),
+        }
+    }
+
+    fn in_empty(&self) -> Self {
+        match self {
+            Self::Array(_, path, done) if *done == path.parts().len() => Self::Value(Some(View::Undefined)),
+            Self::Array(..) => Self::Value(None),
+            other => other.clone(),
+        }
+    }
+}

@@ -1,0 +1,427 @@
+//! The indexes of a collection: their catalogue, and the keys in them.
+//!
+//! An index is a table of its own, `entries_ID`: keys, each with the position
+//! of its document. It is changed in the transaction that changes the document.
+//! Every collection has a generation, which grows with each change of its
+//! indexes; by it a store knows whether what it remembers of them still holds.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bson::raw::RawBsonRef;
+use bson::{Document, RawDocument, RawDocumentBuf};
+use rusqlite::{OptionalExtension as _, params};
+
+use super::Embedded;
+use super::catalog::Collection;
+use crate::query::QueryError;
+use crate::query::index::{Entries, Pattern};
+use crate::store::{Index, Namespace, StoreError, index, stamp};
+
+/// MongoDB's code for an index that is there with other options.
+const OPTIONS_CONFLICT: i32 = 85;
+/// MongoDB's code for an index of that name that is another one.
+const KEYS_CONFLICT: i32 = 86;
+/// MongoDB's code for an index that has to stay, or cannot be.
+const INVALID: i32 = 72;
+
+/// An index, ready for use.
+#[derive(Debug)]
+pub(super) struct Indexed {
+    id: i64,
+    pub(super) definition: Index,
+    pub(super) pattern: Pattern,
+    /// A bit for each path that runs through an array in some document.
+    multikey: AtomicU64,
+}
+
+/// The indexes of one collection.
+pub(super) type Indexes = Arc<Vec<Indexed>>;
+
+/// What a store remembers of its indexes: by collection, with their generation.
+#[derive(Debug, Default)]
+pub(super) struct Remembered(Mutex<HashMap<i64, (i64, Indexes)>>);
+
+impl Remembered {
+    /// Forgets everything: a transaction that may have changed it was undone.
+    pub(super) fn clear(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
+    /// What is remembered of this generation or, by this store's own transaction, of a later one.
+    fn get(&self, collection: Collection) -> Option<Indexes> {
+        let remembered = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (generation, indexes) = remembered.get(&collection.id)?;
+        (*generation >= collection.generation).then(|| Arc::clone(indexes))
+    }
+
+    fn set(&self, collection: Collection, indexes: &Indexes) {
+        let mut remembered = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        remembered.insert(collection.id, (collection.generation, Arc::clone(indexes)));
+    }
+}
+
+impl Indexed {
+    /// The name of the table with the keys.
+    pub(super) fn table(&self) -> String {
+        format!("entries_{}", self.id)
+    }
+
+    /// Whether there are keys: geospatial indexes are in the catalogue only.
+    pub(super) fn is_kept(&self) -> bool {
+        !self.pattern.is_geospatial()
+    }
+
+    /// The paths that run through an array in some document, as bits.
+    pub(super) fn multikey(&self) -> u64 {
+        self.multikey.load(Ordering::Relaxed)
+    }
+
+    fn entries(&self, body: &RawDocument) -> Result<Entries, QueryError> {
+        if self.is_kept() { self.pattern.entries(body, self.definition.sparse) } else { Ok(Entries::default()) }
+    }
+}
+
+/// The keys of a document in all indexes, in their order.
+pub(super) type AllEntries = Vec<Entries>;
+
+impl Embedded {
+    /// The indexes of a collection, but the one on `_id`.
+    pub(super) fn indexes_of(&self, collection: Collection) -> Result<Indexes, StoreError> {
+        if let Some(indexes) = self.indexes.get(collection) {
+            return Ok(indexes);
+        }
+        let indexes = Arc::new(self.load_indexes(collection)?);
+        self.indexes.set(collection, &indexes);
+        Ok(indexes)
+    }
+
+    fn load_indexes(&self, collection: Collection) -> Result<Vec<Indexed>, StoreError> {
+        let sql = "SELECT id, definition, multikey FROM indexes WHERE collection = ? ORDER BY id";
+        let rows: Vec<(i64, Vec<u8>, i64)> = self
+            .connection
+            .prepare_cached(sql)
+            .and_then(|mut statement| {
+                statement.query_map([collection.id], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)))?.collect()
+            })
+            .map_err(|e| self.explain(&e))?;
+        rows.into_iter()
+            .map(|(id, definition, multikey)| {
+                let definition = RawDocumentBuf::from_bytes(definition).map_err(QueryError::from)?;
+                let definition = Index::parse(&Document::try_from(&*definition).map_err(QueryError::from)?)?;
+                let pattern = Pattern::parse(&definition.keys)?;
+                Ok(Indexed { id, definition, pattern, multikey: AtomicU64::new(multikey.cast_unsigned()) })
+            })
+            .collect()
+    }
+
+    /// The keys of a document, where no unique index has one of them for
+    /// another document than that at `position`.
+    pub(super) fn entries(
+        &self,
+        ns: &Namespace,
+        indexes: &[Indexed],
+        body: &RawDocument,
+        position: Option<i64>,
+    ) -> Result<AllEntries, StoreError> {
+        indexes
+            .iter()
+            .map(|index| {
+                let entries = index.entries(body)?;
+                if index.definition.unique {
+                    self.check_unique(ns, index, body, &entries, position)?;
+                }
+                Ok(entries)
+            })
+            .collect()
+    }
+
+    fn check_unique(
+        &self,
+        ns: &Namespace,
+        index: &Indexed,
+        body: &RawDocument,
+        entries: &Entries,
+        position: Option<i64>,
+    ) -> Result<(), StoreError> {
+        let sql = format!("SELECT 1 FROM {} WHERE key = ? AND position IS NOT ? LIMIT 1", index.table());
+        let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
+        for key in &entries.keys {
+            let taken = statement.query_row(params![key, position], |_| Ok(())).optional();
+            if taken.map_err(|e| self.explain(&e))?.is_some() {
+                return Err(taken_key(ns, index, body, key));
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes the keys of a document. In a write transaction only.
+    pub(super) fn add_entries(
+        &self,
+        collection: Collection,
+        indexes: &[Indexed],
+        position: i64,
+        entries: &[Entries],
+    ) -> Result<(), StoreError> {
+        for (index, entries) in indexes.iter().zip(entries) {
+            self.note_multikey(collection, index, entries.multikey)?;
+            self.each_key("INSERT OR IGNORE INTO {} (key, position) VALUES (?, ?)", index, &entries.keys, position)?;
+        }
+        Ok(())
+    }
+
+    /// Forgets the keys of a document. In a write transaction only.
+    pub(super) fn remove_entries(
+        &self,
+        indexes: &[Indexed],
+        position: i64,
+        body: &RawDocument,
+    ) -> Result<(), StoreError> {
+        for index in indexes {
+            let keys = index.entries(body)?.keys;
+            self.each_key("DELETE FROM {} WHERE key = ? AND position = ?", index, &keys, position)?;
+        }
+        Ok(())
+    }
+
+    /// Notes new keys of a document instead of old ones. In a write transaction only.
+    pub(super) fn change_entries(
+        &self,
+        collection: Collection,
+        indexes: &[Indexed],
+        position: i64,
+        old: &RawDocument,
+        entries: &[Entries],
+    ) -> Result<(), StoreError> {
+        for (index, new) in indexes.iter().zip(entries) {
+            let old = index.entries(old)?;
+            if old.keys == new.keys && new.multikey & !index.multikey() == 0 {
+                continue;
+            }
+            let gone: Vec<_> = old.keys.iter().filter(|key| !new.keys.contains(key)).cloned().collect();
+            let more: Vec<_> = new.keys.iter().filter(|key| !old.keys.contains(key)).cloned().collect();
+            self.note_multikey(collection, index, new.multikey)?;
+            self.each_key("DELETE FROM {} WHERE key = ? AND position = ?", index, &gone, position)?;
+            self.each_key("INSERT OR IGNORE INTO {} (key, position) VALUES (?, ?)", index, &more, position)?;
+        }
+        Ok(())
+    }
+
+    fn each_key(&self, sql: &str, index: &Indexed, keys: &[Vec<u8>], position: i64) -> Result<(), StoreError> {
+        if keys.is_empty() {
+            return Ok(());
+        }
+        let sql = sql.replace("{}", &index.table());
+        let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
+        for key in keys {
+            statement.execute(params![key, position]).map_err(|e| self.explain(&e))?;
+        }
+        Ok(())
+    }
+
+    fn note_multikey(&self, collection: Collection, index: &Indexed, bits: u64) -> Result<(), StoreError> {
+        let known = index.multikey();
+        if bits & !known == 0 {
+            return Ok(());
+        }
+        self.connection
+            .execute("UPDATE indexes SET multikey = ? WHERE id = ?", params![(known | bits).cast_signed(), index.id])
+            .and_then(|_| collection.advance(&self.connection))
+            .map_err(|e| self.explain(&e))?;
+        index.multikey.store(known | bits, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Makes sure that what decays is found: with the first document that does,
+    /// the index on the dates is made. In a write transaction only.
+    pub(super) fn expect_decay(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        indexes: Indexes,
+        body: &RawDocument,
+    ) -> Result<Indexes, StoreError> {
+        if !may_decay(body) || decay(&indexes).is_some() {
+            return Ok(indexes);
+        }
+        self.make_index(ns, collection, &Index::of_decay())?;
+        self.indexes_of(collection)
+    }
+
+    /// Makes an index, where there is none like it; says whether it is new.
+    pub(super) fn create(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
+        Pattern::parse(&index.keys)?;
+        check(index)?;
+        self.write(|| {
+            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            match conflict(index, &self.indexes_of(collection)?)? {
+                true => Ok(false),
+                false => self.make_index(ns, collection, index).map(|()| true),
+            }
+        })
+    }
+
+    fn make_index(&self, ns: &Namespace, collection: Collection, index: &Index) -> Result<(), StoreError> {
+        let definition = RawDocumentBuf::try_from(&index.definition()).map_err(QueryError::from)?;
+        self.connection
+            .prepare_cached("INSERT INTO indexes (collection, name, definition) VALUES (?, ?, ?)")
+            .and_then(|mut insert| insert.execute(params![collection.id, index.name, definition.as_bytes()]))
+            .map_err(|e| self.explain(&e))?;
+        let made = Indexed {
+            id: self.connection.last_insert_rowid(),
+            definition: index.clone(),
+            pattern: Pattern::parse(&index.keys)?,
+            multikey: AtomicU64::new(0),
+        };
+        if made.is_kept() {
+            let sql = format!(
+                "CREATE TABLE {} (key BLOB NOT NULL, position INTEGER NOT NULL, PRIMARY KEY (key, position)) \
+                 STRICT, WITHOUT ROWID",
+                made.table()
+            );
+            self.connection.execute_batch(&sql).map_err(|e| self.explain(&e))?;
+            self.fill(ns, collection, &made)?;
+        }
+        collection.advance(&self.connection).map_err(|e| self.explain(&e))?;
+        let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
+        let indexes = Arc::new(self.load_indexes(collection)?);
+        self.indexes.set(collection, &indexes);
+        Ok(())
+    }
+
+    /// Notes the keys of all documents that are there.
+    fn fill(&self, ns: &Namespace, collection: Collection, index: &Indexed) -> Result<(), StoreError> {
+        let sql = format!("SELECT position, body FROM {} ORDER BY position", collection.table());
+        let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
+        let mut rows = statement.query([]).map_err(|e| self.explain(&e))?;
+        while let Some(row) = rows.next().map_err(|e| self.explain(&e))? {
+            let position: i64 = row.get(0).map_err(|e| self.explain(&e))?;
+            let bytes = row.get_ref(1).and_then(|column| Ok(column.as_blob()?)).map_err(|e| self.explain(&e))?;
+            let body = RawDocument::from_bytes(bytes).map_err(QueryError::from)?;
+            let entries = index.entries(body)?;
+            if index.definition.unique {
+                self.check_unique(ns, index, body, &entries, Some(position))?;
+            }
+            self.add_entries(collection, std::slice::from_ref(index), position, std::slice::from_ref(&entries))?;
+        }
+        Ok(())
+    }
+
+    /// Removes an index; says whether it was there.
+    pub(super) fn discard(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        check_droppable(name)?;
+        self.write(|| {
+            let Some(collection) = self.collection(ns)? else { return Ok(false) };
+            let indexes = self.indexes_of(collection)?;
+            let Some(index) = indexes.iter().find(|index| index.definition.name == name) else { return Ok(false) };
+            self.forget_index(index)?;
+            collection.advance(&self.connection).map_err(|e| self.explain(&e))?;
+            Ok(true)
+        })
+    }
+
+    /// Removes all indexes of a collection, whose documents are going to be removed too.
+    pub(super) fn forget_indexes(&self, collection: Collection) -> Result<(), StoreError> {
+        self.indexes_of(collection)?.iter().try_for_each(|index| self.forget_index(index))
+    }
+
+    fn forget_index(&self, index: &Indexed) -> Result<(), StoreError> {
+        let forget = || {
+            self.connection.prepare_cached("DELETE FROM indexes WHERE id = ?")?.execute([index.id])?;
+            match index.is_kept() {
+                true => self.connection.execute_batch(&format!("DROP TABLE {}", index.table())),
+                false => Ok(()),
+            }
+        };
+        forget().map_err(|e| self.explain(&e))
+    }
+
+    /// All indexes of a collection, that on `_id` first.
+    pub(super) fn list_indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
+        let Some(collection) = self.collection(ns)? else { return Ok(Vec::new()) };
+        let indexes = self.indexes_of(collection)?;
+        Ok([Index::of_ids()].into_iter().chain(indexes.iter().map(|index| index.definition.clone())).collect())
+    }
+}
+
+/// The index on the dates by which documents decay.
+pub(super) fn decay(indexes: &[Indexed]) -> Option<&Indexed> {
+    let is_decay = |index: &&Indexed| index.definition.name == index::DECAY;
+    indexes.iter().find(is_decay)
+}
+
+/// Whether a document may have a date from which on it is invisible.
+fn may_decay(body: &RawDocument) -> bool {
+    match body.get(stamp::INFO) {
+        Ok(Some(RawBsonRef::Document(info))) => matches!(info.get(stamp::DECAY), Ok(Some(_))),
+        Ok(Some(RawBsonRef::Array(_))) => true,
+        _ => false,
+    }
+}
+
+/// Refuses what only a server can keep.
+fn check(index: &Index) -> Result<(), QueryError> {
+    if let Some((option, _)) = index.other.iter().find(|(option, _)| !option.starts_with("2dsphereIndexVersion")) {
+        let mut refusal = QueryError::unsupported(option);
+        refusal.message = format!("the option `{option}` of an index is not supported by the embedded store");
+        return Err(refusal);
+    }
+    if index.expire_after.is_some() && index.keys.len() != 1 {
+        return Err(QueryError::invalid(67, "an index by which documents expire has one key"));
+    }
+    if index.keys.len() == 1 && index.keys.contains_key("_id") && !index.is_like(&Index::of_ids()) {
+        let message = "the index on _id is there already, and takes no options";
+        return Err(QueryError::invalid(INVALID, message));
+    }
+    Ok(())
+}
+
+/// Refuses to drop what has to stay.
+fn check_droppable(name: &str) -> Result<(), QueryError> {
+    if name == index::ID {
+        return Err(QueryError::invalid(INVALID, "the index on _id cannot be dropped"));
+    }
+    if name == index::DECAY {
+        return Err(QueryError::invalid(INVALID, format!("{name} is rmem's: by it what has decayed is found")));
+    }
+    Ok(())
+}
+
+/// Whether the index is there already.
+///
+/// # Errors
+/// Where one is there that only differs in its name or in its options.
+fn conflict(wanted: &Index, present: &[Indexed]) -> Result<bool, QueryError> {
+    let ids = Index::of_ids();
+    let mut all = present.iter().map(|index| &index.definition).chain([&ids]);
+    if wanted.is_like(&ids) {
+        return Ok(true);
+    }
+    if let Some(same) = all.clone().find(|index| index.name == wanted.name) {
+        return match same.is_same(wanted) {
+            true => Ok(true),
+            false => Err(QueryError::invalid(
+                KEYS_CONFLICT,
+                format!(
+                    "there is another index called {}: {}; drop it first, or give another name",
+                    wanted.name,
+                    same.definition()
+                ),
+            )),
+        };
+    }
+    match all.find(|index| index.is_like(wanted)) {
+        None => Ok(false),
+        Some(same) => {
+            Err(QueryError::invalid(OPTIONS_CONFLICT, format!("the index is there already, as {}", same.definition())))
+        }
+    }
+}
+
+fn taken_key(ns: &Namespace, index: &Indexed, body: &RawDocument, key: &[u8]) -> StoreError {
+    let values = index.pattern.values(body, key);
+    let values: Vec<String> = values.iter().map(|(path, value)| format!("{path}: {value}")).collect();
+    let key = format!("{} (unique index {})", values.join(", "), index.definition.name);
+    StoreError::Duplicate { namespace: ns.clone(), key, stored: Vec::new() }
+}

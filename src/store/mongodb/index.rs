@@ -1,0 +1,57 @@
+//! Indexes, by the server's own commands, so that every option passes.
+
+use bson::{Document, doc};
+use mongodb::error::{Error, ErrorKind};
+
+use super::{MongoDb, failure};
+use crate::query::QueryError;
+use crate::store::{Index, Namespace, StoreError, index};
+
+/// The server's codes for a collection, and for an index, that is not there.
+const NAMESPACE_NOT_FOUND: i32 = 26;
+const INDEX_NOT_FOUND: i32 = 27;
+
+impl MongoDb {
+    pub(super) fn make_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
+        let mut definition = index.definition();
+        definition.remove("v");
+        let command = doc! {
+            "createIndexes": &ns.collection, "indexes": [definition], "writeConcern": { "w": "majority" },
+        };
+        let made = self.client().database(&ns.database).run_command(command).run();
+        let made = made.map_err(|e| failure::explain_write(&self.address, ns, &e))?;
+        let count = |key: &str| made.get_i32(key).unwrap_or_default();
+        Ok(count("numIndexesAfter") > count("numIndexesBefore"))
+    }
+
+    pub(super) fn discard_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        if name == index::DECAY {
+            let message = format!("{name} is rmem's: by it what has decayed is found");
+            return Err(QueryError::invalid(72, message).into());
+        }
+        let command = doc! { "dropIndexes": &ns.collection, "index": name, "writeConcern": { "w": "majority" } };
+        match self.client().database(&ns.database).run_command(command).run() {
+            Ok(_) => Ok(true),
+            Err(error) if [NAMESPACE_NOT_FOUND, INDEX_NOT_FOUND].contains(&code(&error)) => Ok(false),
+            Err(error) => Err(self.explain(&error)),
+        }
+    }
+
+    pub(super) fn list_indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
+        let command = doc! { "listIndexes": &ns.collection };
+        let cursor = match self.client().database(&ns.database).run_cursor_command(command).run() {
+            Err(error) if code(&error) == NAMESPACE_NOT_FOUND => return Ok(Vec::new()),
+            cursor => cursor.map_err(|e| self.explain(&e))?,
+        };
+        cursor
+            .map(|definition: Result<Document, Error>| Ok(Index::parse(&definition.map_err(|e| self.explain(&e))?)?))
+            .collect()
+    }
+}
+
+fn code(error: &Error) -> i32 {
+    match error.kind.as_ref() {
+        ErrorKind::Command(command) => command.code,
+        _ => 0,
+    }
+}

@@ -1,0 +1,43 @@
+//! index: make, list, drop.
+
+use crate::lab::Lab;
+
+#[test]
+fn an_index_is_made_listed_and_dropped() {
+    let lab = Lab::new();
+    let name = lab.rmem(&["index", "robmem.objects", "{name: 1, 'at.x': -1}", "--unique"]).success();
+    assert_eq!(name, "name_1_at.x_-1\n");
+    let listed = lab.rmem(&["index", "robmem.objects"]).success();
+    assert_eq!(
+        listed,
+        "{\"v\":2,\"key\":{\"_id\":1},\"name\":\"_id_\"}\n\
+         {\"v\":2,\"key\":{\"name\":1,\"at.x\":-1},\"name\":\"name_1_at.x_-1\",\"unique\":true}\n"
+    );
+    lab.rmem(&["index", "robmem.objects", "{name: 1, 'at.x': -1}", "--drop"]).success();
+    assert_eq!(lab.rmem(&["index", "robmem.objects"]).success().lines().count(), 1);
+}
+
+#[test]
+fn a_taken_unique_key_is_a_conflict_that_names_key_and_index() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}", "--unique", "--name", "names"]).success();
+    lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]).success();
+    let refused = lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]).exits(5);
+    assert!(refused.stderr.contains("name: \"cup\" (unique index names)"), "{refused}");
+    lab.rmem(&["index", "robmem.objects", "{name: 1}", "--name", "names"]).exits(3);
+}
+
+#[test]
+fn what_is_no_index_is_refused() {
+    let lab = Lab::new();
+    for (args, code) in [
+        (vec!["index", "robmem.objects", "--unique"], 2),
+        (vec!["index", "robmem.objects", "--drop"], 2),
+        (vec!["index", "robmem.objects", "{a: 1}", "--ttl", "500ms"], 2),
+        (vec!["index", "robmem.objects", "{a: 1, b: 1}", "--ttl", "1s"], 3),
+        (vec!["index", "robmem.objects", "{a: 'text'}"], 3),
+        (vec!["index", "robmem.objects", "{a: 0}"], 3),
+    ] {
+        lab.rmem(&args).exits(code);
+    }
+}
