@@ -533,6 +533,9 @@ pub struct Ff {
     /// FF's switch of cost minimization; ignored
     #[arg(short = 'C')]
     pub costs: bool,
+    /// Print the first plan at once and every better one after it, for as long as there may be one
+    #[arg(long)]
+    pub anytime: bool,
     /// The files are a task that rmem has checked and written
     #[arg(long, hide = true)]
     pub checked: bool,

@@ -9,6 +9,7 @@ use crate::memory::dump::DumpError;
 use crate::memory::dumped::DumpedError;
 use crate::memory::restore::RestoreError;
 use crate::output::WriteError;
+use crate::planner::Outcome;
 use crate::query::QueryError;
 use crate::store::{NamespaceError, StoreError};
 
@@ -120,6 +121,22 @@ impl Exit {
             Some(DumpError::Taken { .. }) => Some(Self::BadInput),
             Some(DumpError::Write { .. }) => Some(Self::Store),
             _ => cause.is::<WriteError>().then_some(Self::Store),
+        }
+    }
+}
+
+impl From<&Outcome> for Exit {
+    fn from(outcome: &Outcome) -> Self {
+        match outcome {
+            Outcome::Plan(_) => Self::Done,
+            Outcome::Unsolvable => Self::Unsolvable,
+            Outcome::GaveUp => Self::GaveUp,
+            Outcome::OutOfMemory => Self::OutOfMemory,
+            Outcome::OutOfTime => Self::OutOfTime,
+            Outcome::Failed => Self::PlannerBroken,
+            Outcome::Unsupported => Self::Unsupported,
+            Outcome::NotFound => Self::PlannerNotFound,
+            Outcome::Interrupted => Self::Interrupted,
         }
     }
 }

@@ -87,6 +87,9 @@ pub struct PlanSearch {
     /// How long the planner may run
     #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
     pub timeout: Duration,
+    /// Use all of that time for better plans, and take the best
+    #[arg(long)]
+    pub anytime: bool,
     /// How much memory the planner may use
     #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
     pub memory_limit: Option<u64>,

@@ -21,18 +21,31 @@ pub(super) fn run(args: &Ff, context: &mut Context<'_>) -> anyhow::Result<Exit> 
     }
     let domain = context.read(&prefixed(args, &args.domain))?;
     let problem = context.read(&prefixed(args, &args.problem))?;
-    let (text, code) = match args.checked {
-        true => builtin::child(domain.text(), problem.text(), builtin::Options::default()),
-        false => checked(&domain, &problem)?,
+    let options = builtin::Options { anytime: args.anytime, ..builtin::Options::default() };
+    let mut written = Ok(());
+    // Each piece is passed on at once: who stops this process has the plans found until then.
+    let mut say = |text: &str| {
+        if written.is_ok() {
+            written = context.output.stdout().write_all(text.as_bytes()).and_then(|()| context.output.flush());
+        }
     };
-    context.output.stdout().write_all(text.as_bytes())?;
+    let code = match args.checked {
+        true => builtin::child(domain.text(), problem.text(), options, &mut say),
+        false => checked(&domain, &problem, options, &mut say)?,
+    };
+    written?;
     Ok(Exit::Passed(u8::try_from(code).unwrap_or(Exit::PlannerBroken.code())))
 }
 
-fn checked(domain: &Source, problem: &Source) -> Result<(String, i32), Diagnostics> {
+fn checked(
+    domain: &Source,
+    problem: &Source,
+    options: builtin::Options,
+    say: &mut dyn FnMut(&str),
+) -> Result<i32, Diagnostics> {
     let domain = Domain::read(domain, Dialect::default()).map_err(Diagnostics)?;
     let problem = Problem::read(problem, &domain, Dialect::default()).map_err(Diagnostics)?;
-    Ok(builtin::solve(&Task { domain: &domain, problem: &problem }, builtin::Options::default()))
+    Ok(builtin::solve(&Task { domain: &domain, problem: &problem }, options, say))
 }
 
 /// The path of a file: as FF does it, `-p` and the name without anything between them.

@@ -1,4 +1,4 @@
-//! How a planner's run ended, and the exit codes for it.
+//! How a planner's run ended.
 
 use crate::plan::Plan;
 
@@ -26,22 +26,6 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The exit code.
-    #[must_use]
-    pub fn code(&self) -> u8 {
-        match self {
-            Self::Plan(_) => 0,
-            Self::Unsolvable => 11,
-            Self::GaveUp => 12,
-            Self::OutOfMemory => 22,
-            Self::OutOfTime => 23,
-            Self::Failed => 32,
-            Self::Unsupported => 34,
-            Self::NotFound => 127,
-            Self::Interrupted => 130,
-        }
-    }
-
     /// The word for it in documents.
     #[must_use]
     pub fn word(&self) -> &'static str {

@@ -129,12 +129,16 @@ impl Run {
     }
 }
 
-/// One of the planners that need no configuration: `builtin`, `ff`, `fast-downward`.
+/// One of the planners that need no configuration: `builtin`, `ff`, `fast-downward`. With
+/// `anytime` it improves its plan until the limit of time, where it can.
 #[must_use]
-pub fn by_name(name: &str) -> Option<Box<dyn Planner>> {
+pub fn by_name(name: &str, anytime: bool) -> Option<Box<dyn Planner>> {
     match name {
-        "builtin" => Some(Box::new(Builtin)),
+        "builtin" => Some(Box::new(Builtin { anytime })),
         "ff" => Some(Box::new(Ff::default())),
+        "fast-downward" if anytime => {
+            Some(Box::new(FastDownward { alias: "lama".to_owned(), ..FastDownward::default() }))
+        }
         "fast-downward" => Some(Box::new(FastDownward::default())),
         _ => None,
     }
@@ -217,6 +221,8 @@ fn conclude(
     task: &Task<'_>,
     limits: &Limits,
 ) -> (Outcome, String) {
+    // At a limit, the last of the plans that a planner has made better and better is its answer.
+    let keeps = planner.is_anytime() && answer.verdict == Verdict::Plan;
     match &ended.end {
         End::Missing => return (Outcome::NotFound, planner.install()),
         End::NoInterpreter(path) => {
@@ -226,18 +232,20 @@ fn conclude(
         End::TooMuchOutput => {
             return (Outcome::Failed, format!("it printed more than {} MiB", limits.output >> 20));
         }
-        End::OutOfTime if !(planner.is_anytime() && answer.verdict == Verdict::Plan) => {
+        End::OutOfTime if !keeps => {
             let time = limits.time.unwrap_or_default();
             return (Outcome::OutOfTime, format!("no plan within {time:?}"));
         }
-        End::Starved => return (Outcome::OutOfMemory, memory(limits)),
+        End::Starved if !keeps => return (Outcome::OutOfMemory, memory(limits)),
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
         End::Failed(words) => return (Outcome::Failed, format!("it could not be run: {words}")),
         _ => {}
     }
     let crash = crash(&ended.end);
     match answer.verdict {
-        Verdict::Plan if crash.is_none() => (Outcome::Plan(restored(answer, sent)), String::new()),
+        Verdict::Plan if crash.is_none() || (keeps && ended.out_of_memory) => {
+            (Outcome::Plan(restored(answer, sent)), String::new())
+        }
         Verdict::Unsolvable if crash.is_none() => match task.doubt(planner) {
             None => (Outcome::Unsolvable, answer.message),
             Some(doubt) => (Outcome::GaveUp, format!("{} (no proof for a task with {doubt})", answer.message)),

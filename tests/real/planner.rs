@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use libtest_mimic::{Failed, Trial};
+use rmem::exit::Exit;
 use rmem::formats::Source;
 use rmem::formats::pddl::Dialect;
 use rmem::pddl::{Domain, Problem};
@@ -74,7 +75,7 @@ fn is_installed(program: &str) -> bool {
 fn outcomes(planner: &str) -> Result<(), Failed> {
     for (domain, problem, code) in OUTCOMES {
         let run = plan(planner, domain, problem)?;
-        if run.outcome.code() != code {
+        if Exit::from(&run.outcome).code() != code {
             return Err(format!(
                 "{domain} {problem}: {:?} and not {code}: {}\n{}",
                 run.outcome,
@@ -108,7 +109,7 @@ fn plan(planner: &str, domain: &str, problem: &str) -> Result<Run, Failed> {
         interrupted: &interrupted,
     };
     let limits = Limits { time: Some(Duration::from_secs(30)), ..Limits::default() };
-    let planner = by_name(planner).ok_or("no such planner")?;
+    let planner = by_name(planner, false).ok_or("no such planner")?;
     let run = run(planner.as_ref(), &task, &limits, &host);
     match fs::read_dir(temporary.path())?.count() {
         0 => Ok(run),

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rmem::exit::Exit;
 use rmem::formats::Source;
 use rmem::formats::pddl::Dialect as Spelling;
 use rmem::pddl::{Domain, Problem};
@@ -157,7 +158,7 @@ fn outcomes_of_ff_come_from_its_text() {
         ("exec /no/such/program", 127),
     ] {
         let run = Place::new().ff(body, &within(10.0));
-        assert_eq!(run.outcome.code(), code, "{body}: {run:?}");
+        assert_eq!(Exit::from(&run.outcome).code(), code, "{body}: {run:?}");
     }
 }
 
@@ -290,7 +291,7 @@ fn half_a_plan_file_is_not_a_plan() {
 fn exit_codes_of_fast_downward_are_outcomes() {
     for (code, outcome) in [(11, 11), (12, 12), (22, 22), (23, 23), (31, 32), (34, 34), (30, 32), (0, 32), (139, 32)] {
         let run = Place::new().configured(&format!("exit {code}"), Dialect::Downward, &within(10.0));
-        assert_eq!(run.outcome.code(), outcome, "exit {code}: {run:?}");
+        assert_eq!(Exit::from(&run.outcome).code(), outcome, "exit {code}: {run:?}");
     }
 }
 
@@ -340,8 +341,8 @@ fn the_builtin_planner_answers_like_any_other() {
         ("ffbug_dom", "ffbug_p1", 0),
         ("names_dom", "names_p3", 0),
     ] {
-        let run = Place::fixture(domain, problem).run(&Builtin, &within(30.0));
-        assert_eq!(run.outcome.code(), code, "{domain} {problem}: {run:?}");
+        let run = Place::fixture(domain, problem).run(&Builtin::default(), &within(30.0));
+        assert_eq!(Exit::from(&run.outcome).code(), code, "{domain} {problem}: {run:?}");
     }
 }
 
@@ -353,9 +354,9 @@ fn the_builtin_planner_is_limited_like_any_other() {
       (:action b :parameters (?a ?b ?c ?d ?e) :precondition (and (r ?a ?b ?c ?d ?e) (r ?e ?d ?c ?b ?a)) :effect (g)))";
     let problem = format!("(define (problem n) (:domain d) (:objects {}) (:init) (:goal (g)))", objects.join(" "));
     let place = Place::with(domain, &problem);
-    assert_eq!(place.run(&Builtin, &within(0.5)).outcome, Outcome::OutOfTime);
+    assert_eq!(place.run(&Builtin::default(), &within(0.5)).outcome, Outcome::OutOfTime);
     let limits = Limits { memory: Some(400 << 20), ..within(60.0) };
-    assert_eq!(place.run(&Builtin, &limits).outcome, Outcome::OutOfMemory);
+    assert_eq!(place.run(&Builtin::default(), &limits).outcome, Outcome::OutOfMemory);
 }
 
 /// `rmem ff` in a folder, as a program written for FF calls it.
@@ -428,14 +429,14 @@ fn a_limit_of_memory_is_the_reason_however_small_it_is() {
     let place = Place::new();
     for limit in [1, 5000, 1 << 20, 5 << 20, 10 << 20, 30 << 20] {
         let limits = Limits { memory: Some(limit), ..within(30.0) };
-        let run = place.run(&Builtin, &limits);
+        let run = place.run(&Builtin::default(), &limits);
         assert_eq!(run.outcome, Outcome::OutOfMemory, "{limit}: {run:?}");
     }
     for limit in [60 << 20, 90 << 20, 150 << 20] {
-        let run = place.run(&Builtin, &Limits { memory: Some(limit), ..within(30.0) });
-        assert!([0, 22].contains(&run.outcome.code()), "{limit}: {run:?}");
+        let run = place.run(&Builtin::default(), &Limits { memory: Some(limit), ..within(30.0) });
+        assert!([0, 22].contains(&Exit::from(&run.outcome).code()), "{limit}: {run:?}");
     }
-    let message = |limit| place.run(&Builtin, &Limits { memory: Some(limit), ..within(30.0) }).message;
+    let message = |limit| place.run(&Builtin::default(), &Limits { memory: Some(limit), ..within(30.0) }).message;
     assert_eq!(message(1), "its limit was 1 bytes");
     assert_eq!(message(20_480), "its limit was 20 KiB");
 }
@@ -516,4 +517,48 @@ fn an_interruption_before_the_run_keeps_the_program_from_starting() {
     let run = place.ff(&format!("touch {}; {FOUND}", ran.display()), &within(10.0));
     assert_eq!(run.outcome, Outcome::Interrupted);
     assert!(!ran.exists());
+}
+
+/// Balls to be carried to another room, two at a time.
+fn gripper(balls: usize) -> Place {
+    let domain = "(define (domain gripper) (:requirements :strips :typing) (:types ball hand room)
+      (:predicates (at ?b - ball ?r - room) (robot ?r - room) (free ?h - hand) (holds ?h - hand ?b - ball))
+      (:action go :parameters (?a ?b - room) :precondition (robot ?a) :effect (and (robot ?b) (not (robot ?a))))
+      (:action pick :parameters (?b - ball ?h - hand ?r - room)
+        :precondition (and (at ?b ?r) (robot ?r) (free ?h))
+        :effect (and (holds ?h ?b) (not (at ?b ?r)) (not (free ?h))))
+      (:action drop :parameters (?b - ball ?h - hand ?r - room)
+        :precondition (and (holds ?h ?b) (robot ?r))
+        :effect (and (at ?b ?r) (free ?h) (not (holds ?h ?b)))))";
+    let every = |text: &str| (0..balls).map(|ball| text.replace('#', &ball.to_string())).collect::<String>();
+    let problem = format!(
+        "(define (problem g) (:domain gripper) (:objects {} - ball l r - hand a b - room)
+           (:init (robot a) (free l) (free r) {}) (:goal (and {})))",
+        every("b# "),
+        every("(at b# a)"),
+        every("(at b# b)")
+    );
+    Place::with(domain, &problem)
+}
+
+#[test]
+fn the_best_plan_of_an_anytime_search_is_taken_at_the_limit() {
+    let place = gripper(12);
+    let first = steps(&place.run(&Builtin::default(), &within(60.0)));
+    let best = steps(&place.run(&Builtin { anytime: true }, &within(3.0)));
+    assert!(best.len() <= first.len() && best.len() >= 35, "{} then {}", first.len(), best.len());
+}
+
+#[test]
+fn an_anytime_search_ends_when_nothing_better_is_left() {
+    let run = gripper(2).run(&Builtin { anytime: true }, &within(60.0));
+    assert_eq!(steps(&run).len(), 5, "{run:?}");
+    assert!(run.stdout.contains("found legal plan"), "{run:?}");
+}
+
+#[test]
+fn the_builtin_planner_finds_the_same_plan_each_time() {
+    let place = gripper(9);
+    let plans: Vec<_> = (0..3).map(|_| steps(&place.run(&Builtin::default(), &within(60.0)))).collect();
+    assert!(plans.windows(2).all(|pair| pair[0] == pair[1]), "{plans:?}");
 }

@@ -20,7 +20,7 @@ use crate::store::stamp;
 
 pub(super) fn run(args: &cli::PlanSearch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot])?;
-    let planner = choose(&args.planner, context)?;
+    let planner = choose(&args.planner, args.anytime, context)?;
     let domain = read_domain(&args.domain, args.options.lenient, context)?;
     let memory = context.memory()?;
     let posed = pose(args, &domain, &memory, context)?;
@@ -60,12 +60,12 @@ fn pose(args: &cli::PlanSearch, domain: &Domain, memory: &Memory, context: &mut 
 }
 
 /// The planner of that name: one of rmem's own or of the settings.
-fn choose(name: &str, context: &Context<'_>) -> Result<Box<dyn Planner>, UsageError> {
+fn choose(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn Planner>, UsageError> {
     let configured = context.settings.planners.iter().find(|planner| planner.name == name);
     if let Some(configured) = configured {
         return Ok(Box::new(configured.clone()));
     }
-    planner::by_name(name).ok_or_else(|| {
+    planner::by_name(name, anytime).ok_or_else(|| {
         let mut known = vec!["builtin", "ff", "fast-downward"];
         known.extend(context.settings.planners.iter().map(|planner| planner.name.as_str()));
         UsageError::new(format!("there is no planner `{name}`; expected one of {}", known.join(", ")))
@@ -191,7 +191,7 @@ fn print(
             text = format!("{text}\n  its last words:\n{}", indent(&run.tail()));
         }
         context.output.error(&text);
-        return Ok(exit(&run.outcome));
+        return Ok(Exit::from(&run.outcome));
     };
     let text = match format {
         Format::Json if args.layout == cli::Layout::Fawkes => {
@@ -210,20 +210,6 @@ fn spelling(format: Format) -> plan::Format {
         Format::Ff => plan::Format::Ff,
         Format::Dot => plan::Format::Dot,
         _ => plan::Format::Text,
-    }
-}
-
-fn exit(outcome: &Outcome) -> Exit {
-    match outcome {
-        Outcome::Plan(_) => Exit::Done,
-        Outcome::Unsolvable => Exit::Unsolvable,
-        Outcome::GaveUp => Exit::GaveUp,
-        Outcome::OutOfMemory => Exit::OutOfMemory,
-        Outcome::OutOfTime => Exit::OutOfTime,
-        Outcome::Failed => Exit::PlannerBroken,
-        Outcome::Unsupported => Exit::Unsupported,
-        Outcome::NotFound => Exit::PlannerNotFound,
-        Outcome::Interrupted => Exit::Interrupted,
     }
 }
 
