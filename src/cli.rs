@@ -7,6 +7,7 @@
 mod index;
 mod plan;
 pub mod quantity;
+mod watch;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -19,6 +20,7 @@ use crate::store::Namespace;
 
 pub use index::Index;
 pub use plan::{Layout, Plan, PlanCommand, PlanList, PlanSearch};
+pub use watch::Watch;
 
 /// A document-oriented robot memory: PDDL problems from queries, plans back into the memory
 #[derive(Debug, Parser)]
@@ -173,6 +175,9 @@ mutexes of the first of shared_databases, or of robmem where none is shared."
         after_help = "Example:\n  rmem unlock table --owner r1\n\nExits with 5 where another owner holds it, with 1 where nobody does. About --owner, see rmem help lock."
     )]
     Unlock(Unlock),
+    /// Follow the changes of a collection: triggers
+    #[command(after_help = watch::HELP)]
+    Watch(Watch),
     /// Generate a PDDL problem from a template whose sections are queries
     #[command(
         after_help = "Example:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl"

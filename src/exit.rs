@@ -101,7 +101,8 @@ impl Exit {
     fn of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<Self> {
         if let Some(store) = cause.downcast_ref::<StoreError>() {
             return Some(match store {
-                StoreError::Duplicate { .. } => Self::Conflict,
+                StoreError::Duplicate { .. } | StoreError::Held { .. } => Self::Conflict,
+                StoreError::Unfit { .. } => Self::Usage,
                 StoreError::Query(_) => Self::BadInput,
                 StoreError::Stopped { source, .. } => return Self::of_cause(source.as_ref()),
                 StoreError::Unreachable { .. } | StoreError::Failed { .. } => Self::Store,

@@ -25,6 +25,7 @@ mod restore;
 mod unlock;
 mod update;
 mod validate;
+mod watch;
 
 pub mod context;
 
@@ -66,5 +67,6 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),
+        Command::Watch(args) => watch::run(args, context),
     }
 }

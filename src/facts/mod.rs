@@ -23,11 +23,13 @@ mod import;
 mod nested;
 pub mod record;
 mod schema;
+mod trigger;
 
 pub use export::{Exporter, FactError};
 pub use import::{Importer, Misfit};
 pub use nested::Nested;
 pub use schema::{INITIAL, Schema};
+pub use trigger::{TRIGGER, now, trigger};
 
 /// The key of a document that is the name of its template.
 pub const RELATION: &str = "relation";

@@ -15,6 +15,7 @@ pub mod lock;
 mod operations;
 pub mod restore;
 mod route;
+pub mod watch;
 pub mod world;
 
 pub use clock::Clock;

@@ -62,6 +62,11 @@ impl Memory {
         Self { journal: Journal::new(observer), ..self }
     }
 
+    /// The store of a collection.
+    pub(super) fn store(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
+        self.routes.of(ns)
+    }
+
     /// What the stores are, for `-v` and `doctor`; opens nothing, never shows credentials.
     #[must_use]
     pub fn describe(&self) -> String {

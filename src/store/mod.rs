@@ -10,10 +10,12 @@ pub mod embedded;
 pub mod mongodb;
 
 pub(crate) mod document;
+pub(crate) mod holder;
 pub mod index;
 pub mod namespace;
 pub mod stamp;
 pub mod uri;
+pub mod watch;
 
 pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
@@ -22,6 +24,7 @@ pub use index::Index;
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
 pub use uri::{Role, StoreUri, UriError, open};
+pub use watch::{Change, ChangeKind, Changes, Next};
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
@@ -81,6 +84,14 @@ pub trait Store: Send {
 
     /// All collections, sorted.
     fn collections(&self) -> Result<Vec<Namespace>, StoreError>;
+
+    /// Follows the changes of a collection: from now on, or from where the one who had
+    /// this name before was done. A name belongs to one collection, is kept in the
+    /// store, and is followed by one process at a time.
+    fn watch(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError>;
+
+    /// Forgets a name of [`Store::watch`]; says whether there was one.
+    fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
 
     /// What the store is, for `-v` and `doctor`; never shows credentials.
     fn describe(&self) -> String;
@@ -187,6 +198,20 @@ pub enum StoreError {
         document: Option<usize>,
         /// What went wrong.
         source: Box<StoreError>,
+    },
+    /// Another process, or another use, has what was asked for.
+    #[error("{what}")]
+    Held {
+        /// What, who has it, and what to do.
+        what: String,
+    },
+    /// A store of this kind cannot do what was asked.
+    #[error("{address}: {reason}")]
+    Unfit {
+        /// The address, without credentials.
+        address: String,
+        /// Why, and what to do.
+        reason: String,
     },
     /// Anything else: disk full, no permission, a damaged file, a server's refusal.
     #[error("{address}: {reason}")]

@@ -12,4 +12,5 @@ mod problems;
 mod readme;
 mod settings;
 mod stored;
+mod watch;
 mod worldmodels;

@@ -385,6 +385,14 @@ impl Store for Talkative {
     fn rename(&self, _: &Namespace, _: &Namespace) -> Result<(), StoreError> {
         unreachable!("templates only read")
     }
+
+    fn watch(&self, _: &Namespace, _: Option<&str>) -> Result<Box<dyn rmem::store::Changes + '_>, StoreError> {
+        unreachable!("templates only read")
+    }
+
+    fn forget(&self, _: &Namespace, _: &str) -> Result<bool, StoreError> {
+        unreachable!("templates only read")
+    }
 }
 
 fn asked(template: &str, store: &Talkative) -> Result<Generated, ProblemError> {

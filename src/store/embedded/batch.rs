@@ -4,6 +4,7 @@ use bson::{Bson, Document, RawDocument};
 use rusqlite::params;
 
 use super::catalog::Collection;
+use super::log::Noted;
 use super::{Embedded, failure};
 use crate::query::key;
 use crate::store::{Inserted, Namespace, StoreError, document};
@@ -64,7 +65,10 @@ impl Embedded {
             .prepare_cached(&sql)
             .and_then(|mut statement| statement.execute(params![key, body.as_bytes()]));
         match inserted {
-            Ok(_) => self.add_entries(collection, &indexes, self.connection.last_insert_rowid(), &entries),
+            Ok(_) => {
+                self.add_entries(collection, &indexes, self.connection.last_insert_rowid(), &entries)?;
+                self.note(ns, Noted::insert(body))
+            }
             Err(error) if failure::is_duplicate(&error) => {
                 Err(StoreError::Duplicate { namespace: ns.clone(), key: format!("_id: {}", id), stored: Vec::new() })
             }

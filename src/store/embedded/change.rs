@@ -7,9 +7,10 @@ use rusqlite::{OptionalExtension as _, params};
 
 use super::Embedded;
 use super::catalog::Collection;
+use super::log::Noted;
 use super::scan::{Found, Scan};
 use crate::query::{Filter, QueryError, Update, key};
-use crate::store::{Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, stamp};
+use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, stamp};
 
 /// MongoDB's code for an attempt to change an `_id`.
 const IMMUTABLE_FIELD: i32 = 66;
@@ -53,7 +54,7 @@ impl Embedded {
         if id_key(&body)? != id_key(&found.body)? {
             return Err(QueryError::invalid(IMMUTABLE_FIELD, "the _id of a document cannot change").into());
         }
-        self.rewrite(ns, collection, found, &body)?;
+        self.rewrite(ns, collection, found, &body, change.kind())?;
         Ok(true)
     }
 
@@ -108,7 +109,7 @@ impl Embedded {
         match settle_change(&found.body, body, true, stamp)? {
             Some(body) => {
                 done.replaced += 1;
-                self.rewrite(ns, collection, &found, &body)
+                self.rewrite(ns, collection, &found, &body, ChangeKind::Replace)
             }
             None => {
                 done.same += 1;
@@ -133,13 +134,14 @@ impl Embedded {
         Ok(Some(Found { position, body: RawDocumentBuf::from_bytes(bytes).map_err(QueryError::from)? }))
     }
 
-    /// Stores `body` in place of a document. In a write transaction only.
+    /// Stores `body` in place of what was found. In a write transaction only.
     pub(super) fn rewrite(
         &self,
         ns: &Namespace,
         collection: Collection,
         found: &Found,
         body: &RawDocument,
+        kind: ChangeKind,
     ) -> Result<(), StoreError> {
         let indexes = self.expect_decay(ns, collection, self.indexes_of(collection)?, body)?;
         let entries = self.entries(ns, &indexes, body, Some(found.position))?;
@@ -148,17 +150,19 @@ impl Embedded {
             .prepare_cached(&sql)
             .and_then(|mut statement| statement.execute(params![body.as_bytes(), found.position]))
             .map_err(|e| self.explain(&e))?;
-        self.change_entries(collection, &indexes, found.position, &found.body, &entries)
+        self.change_entries(collection, &indexes, found.position, &found.body, &entries)?;
+        self.note(ns, Noted { kind, before: Some(&found.body), after: Some(body) })
     }
 
     /// Removes a document. In a write transaction only.
-    pub(super) fn erase(&self, collection: Collection, found: &Found) -> Result<(), StoreError> {
+    pub(super) fn erase(&self, ns: &Namespace, collection: Collection, found: &Found) -> Result<(), StoreError> {
         let sql = format!("DELETE FROM {} WHERE position = ?", collection.table());
         self.connection
             .prepare_cached(&sql)
             .and_then(|mut statement| statement.execute([found.position]))
             .map_err(|e| self.explain(&e))?;
-        self.remove_entries(&self.indexes_of(collection)?, found.position, &found.body)
+        self.remove_entries(&self.indexes_of(collection)?, found.position, &found.body)?;
+        self.note(ns, Noted::delete(&found.body))
     }
 
     pub(super) fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
@@ -167,7 +171,7 @@ impl Embedded {
             let Some(collection) = self.collection(ns)? else { return Ok(0) };
             let mut deleted = 0;
             for found in Scan::new(self, collection, filter)?.take(if first_only { 1 } else { usize::MAX }) {
-                self.erase(collection, &found?)?;
+                self.erase(ns, collection, &found?)?;
                 deleted += 1;
             }
             Ok(deleted)
@@ -200,6 +204,11 @@ impl Change {
         }
         let filter = Rc::new(Filter::parse(&request.filter)?);
         Ok(Self { filter, update, now: stamp.unwrap_or_else(DateTime::now), stamp })
+    }
+
+    /// What it does to a document, for those who watch.
+    fn kind(&self) -> ChangeKind {
+        if self.update.is_replacement() { ChangeKind::Replace } else { ChangeKind::Update }
     }
 
     fn apply(&self, old: &RawDocument) -> Result<Option<RawDocumentBuf>, QueryError> {

@@ -12,12 +12,15 @@
 //! - `indexes`: one row per index: its definition as BSON, as MongoDB lists it,
 //!   and which of its paths run through arrays, as bits.
 //! - `entries_ID`, one per index: the keys, each with the position of its document.
+//! - `watchers`: who watches which collection, and how far they are (`watcher`).
+//! - `changes`: what they have not seen (`log`); numbers are never used again.
 
 use std::path::Path;
 
 use rusqlite::{Connection, OpenFlags};
 
 use super::index::Remembered;
+use super::log::Log;
 use super::{Embedded, Place, failure, patience};
 use crate::store::StoreError;
 
@@ -41,7 +44,28 @@ CREATE TABLE indexes (
     definition BLOB NOT NULL,
     multikey INTEGER NOT NULL DEFAULT 0,
     UNIQUE (collection, name)
-) STRICT;";
+) STRICT;
+CREATE TABLE watchers (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    name TEXT UNIQUE,
+    database TEXT NOT NULL,
+    collection TEXT NOT NULL,
+    position INTEGER NOT NULL,
+    missed INTEGER NOT NULL DEFAULT 0,
+    holder TEXT,
+    beat INTEGER NOT NULL
+) STRICT;
+CREATE TABLE changes (
+    sequence INTEGER PRIMARY KEY AUTOINCREMENT,
+    database TEXT NOT NULL,
+    collection TEXT NOT NULL,
+    kind INTEGER NOT NULL,
+    time INTEGER NOT NULL,
+    before BLOB,
+    after BLOB,
+    volume INTEGER NOT NULL
+) STRICT;
+CREATE INDEX changes_of ON changes (database, collection, sequence);";
 
 impl Embedded {
     /// Opens the memory in the file `path`, creating it where there is none
@@ -110,7 +134,7 @@ impl Embedded {
             _ => return Err(foreign(&place)),
         }
         tune(&connection).map_err(explain)?;
-        Ok(Self { connection, place, indexes: Remembered::default() })
+        Ok(Self { connection, place, indexes: Remembered::default(), log: Log::default() })
     }
 }
 

@@ -10,13 +10,17 @@ mod batch;
 mod catalog;
 mod change;
 mod failure;
+mod feed;
 mod file;
 mod index;
+mod log;
 mod output;
 mod patience;
 mod pipeline;
 mod scan;
 mod verbs;
+mod wake;
+mod watcher;
 
 use std::path::PathBuf;
 
@@ -32,6 +36,7 @@ pub struct Embedded {
     connection: Connection,
     place: Place,
     indexes: index::Remembered,
+    log: log::Log,
 }
 
 /// Where an embedded store lives; its `Display` is what messages call it.

@@ -9,9 +9,10 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
 use super::Embedded;
 use super::catalog::Collection;
+use super::log::Noted;
 use super::pipeline::named;
 use crate::query::{Filter, Merge, Output, QueryError, Update, WhenMatched, WhenNotMatched};
-use crate::store::{Namespace, StoreError, document};
+use crate::store::{ChangeKind, Namespace, StoreError, document};
 
 /// MongoDB's code where `$merge` finds no unique index on the fields of `on`.
 const NO_UNIQUE_INDEX: i32 = 51_183;
@@ -39,6 +40,7 @@ impl Embedded {
 
     fn replace_collection(&self, ns: &Namespace, results: Vec<RawDocumentBuf>) -> Result<(), StoreError> {
         self.write(|| {
+            self.note(ns, Noted::drop())?;
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
             self.clear(collection)?;
             for result in results {
@@ -113,7 +115,8 @@ impl Embedded {
         document::fill_timestamps(&mut changed);
         let changed = RawDocumentBuf::try_from(&changed).map_err(QueryError::from)?;
         document::vet(&changed)?;
-        self.rewrite(ns, collection, &found, &changed)
+        let kind = if update.is_replacement() { ChangeKind::Replace } else { ChangeKind::Update };
+        self.rewrite(ns, collection, &found, &changed, kind)
     }
 }
 

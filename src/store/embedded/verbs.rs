@@ -3,8 +3,11 @@
 use bson::{Bson, DateTime, Document};
 
 use super::catalog::Collection;
+use super::log::Noted;
 use super::{Embedded, failure};
-use crate::store::{Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
+use crate::store::{
+    Changes, Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
+};
 
 impl Store for Embedded {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -41,7 +44,10 @@ impl Store for Embedded {
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
         self.write(|| match self.collection(ns)? {
-            Some(collection) => self.erase_collection(collection).map(|()| true),
+            Some(collection) => {
+                self.note(ns, Noted::drop())?;
+                self.erase_collection(collection).map(|()| true)
+            }
             None => Ok(false),
         })
     }
@@ -56,6 +62,7 @@ impl Store for Embedded {
                 Some(present) => self.erase_collection(present)?,
                 None => {}
             }
+            self.note_rename(collection, from, to)?;
             collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
         })
     }
@@ -76,6 +83,14 @@ impl Store for Embedded {
         Collection::all(&self.connection).map_err(|e| self.explain(&e))
     }
 
+    fn watch(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
+        self.follow(ns, name)
+    }
+
+    fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        self.forget_name(ns, name)
+    }
+
     fn describe(&self) -> String {
         self.place.to_string()
     }
@@ -85,8 +100,14 @@ impl Embedded {
     /// Runs `work` in a write transaction: all of it is kept, or, where it fails, nothing.
     pub(super) fn write<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         self.run("BEGIN IMMEDIATE")?;
-        let result = work().and_then(|value| self.run("COMMIT").map(|()| value));
-        if result.is_err() && !self.connection.is_autocommit() {
+        self.open_log();
+        let result = work().and_then(|value| {
+            self.bound_log()?;
+            self.run("COMMIT").map(|()| value)
+        });
+        if result.is_ok() {
+            self.publish_log();
+        } else if !self.connection.is_autocommit() {
             // A failing rollback leaves nothing to do: closing rolls back too.
             let _ = self.run("ROLLBACK");
         }

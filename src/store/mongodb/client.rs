@@ -47,6 +47,10 @@ impl MongoDb {
         &self.client
     }
 
+    pub(super) fn fail(&self, reason: &str) -> StoreError {
+        StoreError::Failed { address: self.address.clone(), reason: reason.to_owned() }
+    }
+
     pub(super) fn explain(&self, error: &mongodb::error::Error) -> StoreError {
         failure::explain(&self.address, error)
     }

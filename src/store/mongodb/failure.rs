@@ -12,6 +12,46 @@ const DUPLICATE: i32 = 11000;
 /// Codes that speak of the server's state, not of what it was asked.
 const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
 
+/// The server's code for a change stream of a server that is not replicated.
+pub(super) const NO_STREAMS: i32 = 40_573;
+
+/// Codes for a change stream that cannot go on where it ended.
+pub(super) const HISTORY_LOST: [i32; 3] = [136, 280, 286];
+
+/// What to do about a server that is not replicated.
+pub(super) const STANDALONE: &str = "this server is not a member of a replica set, and only replica sets tell of \
+     changes; start mongod with --replSet NAME and run rs.initiate() once (one member is enough)";
+
+/// Codes that pass when a member is elected, started again, or found: the server says
+/// so of itself, or that it has lost a cursor.
+const PASSING: [i32; 19] =
+    [6, 7, 43, 63, 64, 89, 91, 133, 134, 150, 189, 234, 246, 262, 9001, 10107, 11600, 11602, 13435];
+
+/// Whether an error passes, so that one may try again.
+pub(super) fn is_passing(error: &Error) -> bool {
+    match error.kind.as_ref() {
+        ErrorKind::Command(command) => {
+            PASSING.contains(&command.code)
+                || command.code == 13436
+                || error.contains_label("ResumableChangeStreamError")
+        }
+        ErrorKind::ServerSelection { .. }
+        | ErrorKind::Io(_)
+        | ErrorKind::DnsResolve { .. }
+        | ErrorKind::ConnectionPoolCleared { .. } => true,
+        _ => error.contains_label("ResumableChangeStreamError"),
+    }
+}
+
+/// The server's code, where the error is the server's.
+pub(super) fn code(error: &Error) -> Option<i32> {
+    match error.kind.as_ref() {
+        ErrorKind::Command(command) => Some(command.code),
+        ErrorKind::Write(WriteFailure::WriteError(write)) => Some(write.code),
+        _ => None,
+    }
+}
+
 /// Puts an error into words; a duplicate needs [`explain_write`].
 pub(super) fn explain(address: &str, error: &Error) -> StoreError {
     let unreachable = |reason| StoreError::Unreachable { address: address.to_owned(), reason };

@@ -6,9 +6,12 @@
 
 mod client;
 mod failure;
+mod image;
 mod index;
+mod position;
 mod stamped;
 mod verbs;
+mod watch;
 
 use mongodb::sync::Client;
 

@@ -10,7 +10,7 @@ use crate::query::QueryError;
 use crate::store::document::{settle, with_id_first};
 use crate::store::stamp;
 use crate::store::{
-    Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated,
+    Changes, Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated,
 };
 
 /// The server's own databases.
@@ -166,6 +166,14 @@ impl Store for MongoDb {
         }
         all.sort();
         Ok(all)
+    }
+
+    fn watch(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
+        self.follow(ns, name)
+    }
+
+    fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        self.forget_name(ns, name)
     }
 
     fn describe(&self) -> String {

@@ -1,0 +1,120 @@
+//! `rmem watch NS [QUERY]`: triggers.
+
+mod delivery;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::Context;
+use super::query::{argument, blame};
+use crate::cli;
+use crate::exit::Exit;
+use crate::memory::watch::{Trigger, Watch};
+use crate::store::{Next, StoreError};
+use delivery::{Delivered, Delivery};
+
+/// How long nothing is looked at but the memory.
+const SLICE: Duration = Duration::from_millis(250);
+/// How long after a change was printed its position is kept at the latest; a kept
+/// position is a durable write, and more than one change may be behind it.
+const LAG: Duration = Duration::from_millis(100);
+/// How long one waits before a store is looked for again.
+const RETREAT: Duration = Duration::from_millis(500);
+
+pub(super) fn run(args: &cli::Watch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let delivery = Delivery::new(args, context)?;
+    let trigger = trigger(args)?;
+    let memory = context.memory()?;
+    if let (true, Some(name)) = (args.forget, &args.resume) {
+        return Ok(if memory.forget_watch(&args.namespace, name)? { Exit::Done } else { Exit::No });
+    }
+    let patience = crate::Patience::new();
+    let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
+    context.output.tell_operations();
+    context.output.note(&format!("watching {}", args.namespace));
+    let session = Session { args, delivery, watch, stop: patience.interrupted(), start: Instant::now(), delivered: 0 };
+    session.follow(context)
+}
+
+fn trigger(args: &cli::Watch) -> anyhow::Result<Trigger> {
+    Ok(Trigger {
+        namespace: args.namespace.clone(),
+        filter: argument("<query>", &args.query)?,
+        name: args.resume.clone(),
+        computed: args.computed,
+        metadata: args.meta,
+    })
+}
+
+/// What is followed, and how far it is.
+struct Session<'a> {
+    args: &'a cli::Watch,
+    delivery: Delivery<'a>,
+    watch: Watch<'a>,
+    stop: &'a AtomicBool,
+    start: Instant,
+    delivered: u64,
+}
+
+impl Session<'_> {
+    /// Delivers changes until there were enough, the time is over, or somebody interrupts.
+    fn follow(mut self, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+        let (mut kept, mut lost) = (Instant::now(), false);
+        loop {
+            if let Some(exit) = self.verdict() {
+                self.watch.done()?;
+                return Ok(exit);
+            }
+            match self.next()? {
+                Next::Change(change) => {
+                    self.delivered += 1;
+                    match self.delivery.deliver(&change, &mut self.watch, self.stop, context)? {
+                        Delivered::Well if self.args.exec.is_some() => self.watch.done()?,
+                        Delivered::Well => {}
+                        Delivered::Badly(code) if self.args.resume.is_some() => return Ok(Exit::Passed(code)),
+                        Delivered::Badly(_) => {}
+                        Delivered::Interrupted => return Ok(Exit::Interrupted),
+                    }
+                }
+                Next::Nothing => {}
+                Next::Interrupted(error) => {
+                    retreat(&error, &mut lost, context);
+                    continue;
+                }
+            }
+            if std::mem::take(&mut lost) {
+                context.output.note(&format!("watching {} again", self.args.namespace));
+            }
+            if kept.elapsed() >= LAG {
+                self.watch.done()?;
+                kept = Instant::now();
+            }
+        }
+    }
+
+    fn next(&mut self) -> anyhow::Result<Next> {
+        let left = self.args.timeout.map_or(SLICE, |timeout| timeout.saturating_sub(self.start.elapsed()));
+        self.watch.next(left.min(SLICE)).map_err(|error| blame(error, &[("<query>", &self.args.query)]))
+    }
+
+    /// How it ends, where it does.
+    fn verdict(&self) -> Option<Exit> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Some(Exit::Interrupted);
+        }
+        if self.args.count.is_some_and(|count| self.delivered >= count) {
+            return Some(Exit::Done);
+        }
+        let over = self.args.timeout.is_some_and(|timeout| self.start.elapsed() >= timeout);
+        let enough = self.args.count.is_none() && self.delivered > 0;
+        over.then_some(if enough { Exit::Done } else { Exit::No })
+    }
+}
+
+/// Says once that the store is lost, and waits a moment.
+fn retreat(error: &StoreError, lost: &mut bool, context: &mut Context<'_>) {
+    if !std::mem::replace(lost, true) {
+        context.output.warn(&format!("{error}; trying again"));
+    }
+    std::thread::sleep(RETREAT);
+}

@@ -1,0 +1,169 @@
+//! Who watches: a row for each watcher, which keeps changes in the log until it is done with them.
+//!
+//! A watcher with a name stays when its process has ended; one without goes with it.
+
+use bson::DateTime;
+use rusqlite::{Connection, OptionalExtension as _, params};
+
+use super::log;
+use crate::store::Namespace;
+use crate::store::holder::{Holder, Life};
+
+/// A process that cannot be seen from here counts as alive for so long after it was heard of.
+const SILENCE: i64 = 60_000;
+
+/// A watcher that is being followed by this process.
+pub(super) struct Watcher {
+    pub(super) id: i64,
+    /// The last change it is done with.
+    pub(super) position: i64,
+}
+
+/// What came of taking a name.
+pub(super) enum Taken {
+    /// It is this process's.
+    Mine(Watcher),
+    /// Another process has it: its id.
+    Held(u32),
+    /// It belongs to another collection.
+    Other(Namespace),
+}
+
+/// How it stands with a watcher.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum State {
+    /// It is this process's, and has missed nothing.
+    Good,
+    /// Changes are gone that it had not seen.
+    Missed,
+    /// It is there no more, or another process has it.
+    Gone,
+}
+
+struct Row {
+    id: i64,
+    namespace: Namespace,
+    position: i64,
+    holder: Option<String>,
+    beat: i64,
+}
+
+impl Row {
+    /// The process that follows the watcher, where one does.
+    fn holder(&self) -> Option<Holder> {
+        let holder: Holder = self.holder.as_ref()?.parse().ok()?;
+        let is_alive = match holder.life() {
+            Life::Running => true,
+            // One file is used by the processes of one kernel only.
+            Life::Over | Life::Elsewhere => false,
+            Life::Unseen => now() - self.beat < SILENCE,
+        };
+        is_alive.then_some(holder)
+    }
+}
+
+fn now() -> i64 {
+    DateTime::now().timestamp_millis()
+}
+
+fn row(row: &rusqlite::Row<'_>) -> rusqlite::Result<Row> {
+    let namespace = Namespace { database: row.get(1)?, collection: row.get(2)? };
+    Ok(Row { id: row.get(0)?, namespace, position: row.get(3)?, holder: row.get(4)?, beat: row.get(5)? })
+}
+
+/// The collections that somebody watches. Removes watchers without a name whose
+/// process has ended. In a write transaction only.
+pub(super) fn watched(connection: &Connection) -> rusqlite::Result<Vec<Namespace>> {
+    let sql = "SELECT id, database, collection, position, holder, beat, name IS NULL FROM watchers WHERE missed = 0";
+    let mut statement = connection.prepare_cached(sql)?;
+    let rows: Vec<(Row, bool)> =
+        statement.query_map([], |found| Ok((row(found)?, found.get(6)?)))?.collect::<Result<_, _>>()?;
+    let (mut watched, mut left) = (Vec::new(), Vec::new());
+    for (row, nameless) in rows {
+        if nameless && row.holder().is_none() {
+            connection.execute("DELETE FROM watchers WHERE id = ?", [row.id])?;
+            left.push(row.namespace);
+        } else if !watched.contains(&row.namespace) {
+            watched.push(row.namespace);
+        }
+    }
+    left.iter().try_for_each(|ns| log::trim(connection, ns))?;
+    Ok(watched)
+}
+
+/// Begins to watch, or goes on by a name that there is. In a write transaction only.
+pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) -> rusqlite::Result<Taken> {
+    // Who has ended keeps nothing.
+    watched(connection)?;
+    let myself = Holder::myself().to_string();
+    if let Some(found) = name.map(|name| find(connection, name)).transpose()?.flatten() {
+        if found.namespace != *ns {
+            return Ok(Taken::Other(found.namespace));
+        }
+        if let Some(holder) = found.holder() {
+            return Ok(Taken::Held(holder.process()));
+        }
+        let sql = "UPDATE watchers SET holder = ?, beat = ? WHERE id = ?";
+        connection.execute(sql, params![myself, now(), found.id])?;
+        return Ok(Taken::Mine(Watcher { id: found.id, position: found.position }));
+    }
+    let position = log::last(connection)?;
+    connection.execute(
+        "INSERT INTO watchers (name, database, collection, position, holder, beat) VALUES (?, ?, ?, ?, ?, ?)",
+        params![name, ns.database, ns.collection, position, myself, now()],
+    )?;
+    Ok(Taken::Mine(Watcher { id: connection.last_insert_rowid(), position }))
+}
+
+fn find(connection: &Connection, name: &str) -> rusqlite::Result<Option<Row>> {
+    let sql = "SELECT id, database, collection, position, holder, beat FROM watchers WHERE name = ?";
+    connection.prepare_cached(sql)?.query_row([name], row).optional()
+}
+
+/// Forgets a name. In a write transaction only.
+pub(super) fn forget(connection: &Connection, ns: &Namespace, name: &str) -> rusqlite::Result<Option<Taken>> {
+    let Some(found) = find(connection, name)? else { return Ok(None) };
+    if found.namespace != *ns {
+        return Ok(Some(Taken::Other(found.namespace)));
+    }
+    if let Some(holder) = found.holder() {
+        return Ok(Some(Taken::Held(holder.process())));
+    }
+    remove(connection, ns, found.id)?;
+    Ok(Some(Taken::Mine(Watcher { id: found.id, position: found.position })))
+}
+
+impl Watcher {
+    pub(super) fn state(&self, connection: &Connection) -> rusqlite::Result<State> {
+        let sql = "SELECT missed, holder FROM watchers WHERE id = ?";
+        let found: Option<(bool, Option<String>)> =
+            connection.prepare_cached(sql)?.query_row([self.id], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
+        Ok(match found {
+            Some((_, holder)) if holder.as_deref() != Some(&Holder::myself().to_string()) => State::Gone,
+            Some((true, _)) => State::Missed,
+            Some((false, _)) => State::Good,
+            None => State::Gone,
+        })
+    }
+
+    /// Notes that the process lives, and how far it is. In a write transaction only.
+    pub(super) fn advance(&self, connection: &Connection, ns: &Namespace) -> rusqlite::Result<()> {
+        let sql = "UPDATE watchers SET position = ?, beat = ? WHERE id = ?";
+        connection.prepare_cached(sql)?.execute([self.position, now(), self.id])?;
+        log::trim(connection, ns)
+    }
+
+    /// Lets go: a name stays for who takes it next. In a write transaction only.
+    pub(super) fn release(&self, connection: &Connection, ns: &Namespace, named: bool) -> rusqlite::Result<()> {
+        if !named {
+            return remove(connection, ns, self.id);
+        }
+        let sql = "UPDATE watchers SET holder = NULL WHERE id = ? AND holder = ?";
+        connection.execute(sql, params![self.id, Holder::myself().to_string()]).map(|_| ())
+    }
+}
+
+fn remove(connection: &Connection, ns: &Namespace, id: i64) -> rusqlite::Result<()> {
+    connection.execute("DELETE FROM watchers WHERE id = ?", [id])?;
+    log::trim(connection, ns)
+}

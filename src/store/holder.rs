@@ -1,0 +1,136 @@
+//! A process that holds something, told so that another process can say whether it lives.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// A process of this machine or of another.
+///
+/// Its text is `BOOT NAMESPACE PID START`: the boot of the kernel, the namespace of
+/// process ids, the id in it, and when the process was started (so that an id which
+/// is used again is not taken for it). Where the system tells less, parts are `-`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Holder {
+    boot: String,
+    space: String,
+    process: u32,
+    started: String,
+}
+
+/// What can be said of a holder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Life {
+    /// It is running.
+    Running,
+    /// It has ended.
+    Over,
+    /// It is a process of this machine that cannot be seen from here: another container's.
+    Unseen,
+    /// It is, or was, a process of another machine, or of this one before it was started again.
+    Elsewhere,
+}
+
+impl Holder {
+    /// This process.
+    pub(crate) fn myself() -> Self {
+        let (boot, space, process) = (boot(), space(), std::process::id());
+        Self { boot, space, process, started: started(process).unwrap_or_else(unknown) }
+    }
+
+    pub(crate) fn life(&self) -> Life {
+        if self.boot != boot() {
+            return Life::Elsewhere;
+        }
+        if self.space != space() {
+            return Life::Unseen;
+        }
+        match started(self.process) {
+            Some(started) if started == self.started => Life::Running,
+            Some(_) => Life::Over,
+            None if exists(self.process) => Life::Running,
+            None => Life::Over,
+        }
+    }
+
+    /// The process id, where it is one's own.
+    pub(crate) fn process(&self) -> u32 {
+        self.process
+    }
+}
+
+impl fmt::Display for Holder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} {} {}", self.boot, self.space, self.process, self.started)
+    }
+}
+
+impl FromStr for Holder {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let [boot, space, process, started] = text.split(' ').collect::<Vec<_>>().try_into().map_err(drop)?;
+        let process = process.parse().map_err(drop)?;
+        Ok(Self { boot: boot.to_owned(), space: space.to_owned(), process, started: started.to_owned() })
+    }
+}
+
+fn unknown() -> String {
+    "-".to_owned()
+}
+
+fn boot() -> String {
+    let id = std::fs::read_to_string("/proc/sys/kernel/random/boot_id");
+    id.map_or_else(|_| unknown(), |id| id.trim().to_owned())
+}
+
+fn space() -> String {
+    let space = std::fs::read_link("/proc/self/ns/pid");
+    space.map_or_else(|_| unknown(), |space| space.display().to_string().replace(' ', ""))
+}
+
+/// When a process was started, in the kernel's ticks: the 22nd field, behind the
+/// name in parentheses. A process that has ended and is not yet waited for has none.
+fn started(process: u32) -> Option<String> {
+    let line = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    let (_, fields) = line.rsplit_once(')')?;
+    let mut fields = fields.split_whitespace();
+    if matches!(fields.next()?, "Z" | "X") {
+        return None;
+    }
+    fields.nth(18).map(str::to_owned)
+}
+
+/// Whether there is such a process, on systems that tell nothing more.
+fn exists(process: u32) -> bool {
+    if std::path::Path::new("/proc/self/stat").exists() {
+        return false;
+    }
+    let process = i32::try_from(process).ok().and_then(rustix::process::Pid::from_raw);
+    process.is_some_and(|process| !matches!(rustix::process::test_kill_process(process), Err(rustix::io::Errno::SRCH)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_is_running_until_it_has_ended() {
+        let myself = Holder::myself();
+        assert_eq!(myself.to_string().parse(), Ok(myself.clone()));
+        assert_eq!(myself.life(), Life::Running);
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        let other = Holder { process: child.id(), ..myself.clone() };
+        child.wait().unwrap();
+        assert_eq!(other.life(), Life::Over);
+    }
+
+    #[test]
+    fn an_id_that_is_used_again_is_another_process() {
+        assert_eq!(Holder { started: "1".to_owned(), ..Holder::myself() }.life(), Life::Over);
+    }
+
+    #[test]
+    fn what_cannot_be_seen_is_not_taken_for_dead() {
+        assert_eq!(Holder { space: "pid:[1]".to_owned(), ..Holder::myself() }.life(), Life::Unseen);
+        assert_eq!(Holder { boot: "another".to_owned(), ..Holder::myself() }.life(), Life::Elsewhere);
+    }
+}

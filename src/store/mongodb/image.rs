@@ -1,0 +1,58 @@
+//! Images of documents before and after changes, which servers from version 6 on keep for
+//! collections that are told to.
+
+use bson::{Document, doc};
+
+use super::{MongoDb, failure};
+use crate::store::{Namespace, StoreError};
+
+/// The first version of the wire protocol that knows of images: MongoDB 6.0.
+const WIRE_VERSION: i32 = 17;
+/// The server's code for a collection that is not there …
+const MISSING: i32 = 26;
+/// … and for one that is.
+const PRESENT: i32 = 48;
+
+/// What a server can do for those who watch.
+pub(super) struct Server {
+    /// Whether it keeps images.
+    pub(super) images: bool,
+}
+
+impl MongoDb {
+    /// Asks whether changes can be watched at all.
+    pub(super) fn examine(&self) -> Result<Server, StoreError> {
+        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
+        let hello = hello.map_err(|e| self.explain(&e))?;
+        let replicated = hello.contains_key("setName") || hello.get_str("msg").is_ok_and(|said| said == "isdbgrid");
+        if !replicated {
+            return Err(self.fail(failure::STANDALONE));
+        }
+        Ok(Server { images: hello.get_i32("maxWireVersion").unwrap_or_default() >= WIRE_VERSION })
+    }
+
+    /// Makes the server keep images of the collection, which is made where it is
+    /// missing. Where that is not allowed, changes are told without what was before.
+    pub(super) fn keep_images(&self, ns: &Namespace, create: bool) -> Result<(), StoreError> {
+        let database = self.client().database(&ns.database);
+        let images = doc! { "enabled": true };
+        let modify = doc! { "collMod": &ns.collection, "changeStreamPreAndPostImages": images.clone() };
+        let asked = database.run_command(modify.clone()).run();
+        let outcome = match asked {
+            Err(error) if create && failure::code(&error) == Some(MISSING) => {
+                let made: Document = doc! { "create": &ns.collection, "changeStreamPreAndPostImages": images };
+                match database.run_command(made).run() {
+                    Err(error) if failure::code(&error) == Some(PRESENT) => database.run_command(modify).run(),
+                    outcome => outcome,
+                }
+            }
+            outcome => outcome,
+        };
+        match outcome {
+            Ok(_) => Ok(()),
+            // The server's refusal is no failure; that it cannot be reached is.
+            Err(error) if failure::code(&error).is_some() => Ok(()),
+            Err(error) => Err(self.explain(&error)),
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Names of watches: how far each is, kept in the collection `watchers` of the watched database.
+//!
+//! `{_id: NAME, namespace, token, holder, until}`: the token of the last change that is
+//! done, which process has the name, and until when it is believed to live where nobody
+//! can see whether it does. What time it is says the server.
+
+use std::time::{Duration, Instant};
+
+use bson::{Bson, Document, doc};
+use mongodb::change_stream::event::ResumeToken;
+use mongodb::sync::Collection;
+
+use super::{MongoDb, failure};
+use crate::store::holder::{Holder, Life};
+use crate::store::{Namespace, StoreError};
+
+/// The collection of names.
+pub(super) const COLLECTION: &str = "watchers";
+/// How long a process that cannot be seen is believed to live, in milliseconds.
+const LEASE: i64 = 15_000;
+/// How often it says that it lives.
+const PULSE: Duration = Duration::from_secs(4);
+/// The server's code for a taken `_id`.
+const DUPLICATE: i32 = 11_000;
+
+/// A name that this process has.
+pub(super) struct Position {
+    names: Collection<Document>,
+    name: String,
+    myself: String,
+    /// What is kept.
+    token: Option<ResumeToken>,
+    pulse: Instant,
+}
+
+impl Position {
+    /// Takes the name. The token is where to go on; none where the name is new.
+    pub(super) fn take(store: &MongoDb, ns: &Namespace, name: &str) -> Result<(Self, Option<ResumeToken>), StoreError> {
+        let names = store.client().database(&ns.database).collection(COLLECTION);
+        let myself = Holder::myself().to_string();
+        let mut position = Self { names, name: name.to_owned(), myself, token: None, pulse: Instant::now() };
+        loop {
+            let found = position.names.find_one(doc! { "_id": name }).run().map_err(|e| store.explain(&e))?;
+            let Some(found) = found else {
+                if position.create(store, ns)? {
+                    return Ok((position, None));
+                }
+                continue;
+            };
+            check_namespace(&found, ns, name)?;
+            let holder = found.get_str("holder").ok().map(str::to_owned);
+            // A name that is held may be taken where its lease is over or its process seen to have ended.
+            let mut free = vec![doc! { "holder": null }];
+            match holder.as_deref().map(|text| (text, text.parse::<Holder>().map(|holder| holder.life()))) {
+                Some((text, Ok(Life::Over))) => free.push(doc! { "holder": text }),
+                Some((_, Ok(Life::Running))) => return Err(held(name, holder.as_deref())),
+                _ => free.push(doc! { "$expr": { "$lte": ["$until", "$$NOW"] } }),
+            }
+            let filter = doc! { "_id": name, "$or": free };
+            let taken = vec![doc! { "$set": { "holder": { "$literal": &position.myself }, "until": until() } }];
+            let updated = position.names.update_one(filter, taken).run().map_err(|e| store.explain(&e))?;
+            if updated.matched_count > 0 {
+                let token = found.get("token").cloned().and_then(|token| bson::deserialize_from_bson(token).ok());
+                position.token = token.clone();
+                return Ok((position, token));
+            }
+            return Err(held(name, holder.as_deref()));
+        }
+    }
+
+    /// Makes the name; says whether nobody was faster.
+    fn create(&self, store: &MongoDb, ns: &Namespace) -> Result<bool, StoreError> {
+        let new = doc! {
+            "namespace": { "$literal": ns.to_string() }, "holder": { "$literal": &self.myself }, "until": until(),
+        };
+        let filter = doc! { "_id": &self.name, "holder": &self.myself };
+        match self.names.update_one(filter, vec![doc! { "$set": new }]).upsert(true).run() {
+            Ok(_) => Ok(true),
+            Err(error) if failure::code(&error) == Some(DUPLICATE) => Ok(false),
+            Err(error) => Err(store.explain(&error)),
+        }
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Keeps how far this is.
+    pub(super) fn keep(&mut self, store: &MongoDb, token: &ResumeToken) -> Result<(), StoreError> {
+        if self.token.as_ref() == Some(token) {
+            return Ok(());
+        }
+        let kept =
+            bson::serialize_to_bson(token).map_err(|error| store.fail(&format!("cannot keep a position: {error}")))?;
+        self.write(store, doc! { "token": { "$literal": kept }, "until": until() })?;
+        self.token = Some(token.clone());
+        Ok(())
+    }
+
+    /// Says that this process lives, where it has not done so for a while.
+    pub(super) fn renew(&mut self, store: &MongoDb) -> Result<(), StoreError> {
+        if self.pulse.elapsed() < PULSE { Ok(()) } else { self.write(store, doc! { "until": until() }) }
+    }
+
+    fn write(&mut self, store: &MongoDb, set: Document) -> Result<(), StoreError> {
+        let mine = doc! { "_id": &self.name, "holder": &self.myself };
+        let updated = self.names.update_one(mine, vec![doc! { "$set": set }]).run().map_err(|e| store.explain(&e))?;
+        if updated.matched_count == 0 {
+            return Err(StoreError::Held {
+                what: format!("another process has taken over, or forgotten, the name `{}`", self.name),
+            });
+        }
+        self.pulse = Instant::now();
+        Ok(())
+    }
+
+    /// Lets go of the name, for whoever takes it next.
+    pub(super) fn release(&self) {
+        // What cannot be released now is free when its process is seen to have ended, or its lease is over.
+        let mine = doc! { "_id": &self.name, "holder": &self.myself };
+        let _ = self.names.update_one(mine, doc! { "$unset": { "holder": 1, "until": 1 } }).run();
+    }
+}
+
+impl MongoDb {
+    /// Forgets a name; says whether there was one.
+    pub(super) fn forget_name(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        let names: Collection<Document> = self.client().database(&ns.database).collection(COLLECTION);
+        let found = names.find_one(doc! { "_id": name }).run().map_err(|e| self.explain(&e))?;
+        let Some(found) = found else { return Ok(false) };
+        check_namespace(&found, ns, name)?;
+        let (position, _) = Position::take(self, ns, name)?;
+        let mine = doc! { "_id": name, "holder": &position.myself };
+        names.delete_one(mine).run().map_err(|e| self.explain(&e))?;
+        Ok(true)
+    }
+}
+
+fn check_namespace(found: &Document, ns: &Namespace, name: &str) -> Result<(), StoreError> {
+    match found.get("namespace") {
+        Some(Bson::String(other)) if *other != ns.to_string() => {
+            Err(StoreError::Held { what: format!("the name `{name}` follows {other}; use another name") })
+        }
+        _ => Ok(()),
+    }
+}
+
+fn held(name: &str, holder: Option<&str>) -> StoreError {
+    let holder = holder.and_then(|text| text.parse::<Holder>().ok());
+    let what = match holder.map(|holder| (holder.life(), holder.process())) {
+        Some((Life::Running, process)) => {
+            format!("process {process} follows changes by the name `{name}`; end it first")
+        }
+        _ => format!(
+            "another process follows changes by the name `{name}`; end it first, or wait {} s where it was lost",
+            LEASE / 1_000
+        ),
+    };
+    StoreError::Held { what }
+}
+
+/// The end of a lease that begins now, by the server's clock.
+fn until() -> Document {
+    doc! { "$add": ["$$NOW", LEASE] }
+}

@@ -1,0 +1,346 @@
+//! The changes of a collection: a change stream, which goes on after whatever ends it.
+//!
+//! Documents before and after a change are the server's images of them. Where it has
+//! none (versions before 6, a user who may not switch them on, the moment after a
+//! collection was made anew), the document after an update is looked up, and may be
+//! newer than the change; that before is left out.
+//!
+//! A drop, and a rename, end a stream of the server's; it is opened again behind them. The
+//! documents of a collection that was renamed to the watched one are read as they were
+//! at that time, and given as inserts.
+
+use std::time::{Duration, Instant};
+
+use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp, doc};
+use mongodb::change_stream::event::{ChangeStreamEvent, OperationType, ResumeToken, UpdateDescription};
+use mongodb::options::{FullDocumentBeforeChangeType, FullDocumentType};
+use mongodb::sync::{ChangeStream, Cursor};
+
+use super::position::{self, Position};
+use super::{MongoDb, failure};
+use crate::query::QueryError;
+use crate::store::stamp::{INFO, INSERTED, UPDATED};
+use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError};
+
+/// How long the server waits for changes before it says that there are none.
+const AWAIT: Duration = Duration::from_millis(200);
+
+type Event = ChangeStreamEvent<RawDocumentBuf>;
+
+/// The changes of a collection.
+struct Stream<'a> {
+    store: &'a MongoDb,
+    namespace: Namespace,
+    position: Option<Position>,
+    images: bool,
+    /// Whether the collection may be another than the one that was told to keep images.
+    renewed: bool,
+    stream: Option<ChangeStream<Event>>,
+    /// Where to open the stream again.
+    token: Option<ResumeToken>,
+    /// How far everything was given.
+    given: Option<ResumeToken>,
+    copy: Option<Copy>,
+}
+
+/// The documents that a rename brought, which are being given.
+struct Copy {
+    documents: Cursor<Document>,
+    time: DateTime,
+    position: String,
+    count: u64,
+}
+
+impl MongoDb {
+    pub(super) fn follow(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
+        if ns.collection == position::COLLECTION {
+            let reason = format!("{ns} holds how far watches are, and cannot be watched itself");
+            return Err(StoreError::Unfit { address: self.address.clone(), reason });
+        }
+        let server = self.examine()?;
+        let (position, token) = match name.map(|name| Position::take(self, ns, name)).transpose()? {
+            Some((position, token)) => (Some(position), token),
+            None => (None, None),
+        };
+        let mut stream = Stream {
+            store: self,
+            namespace: ns.clone(),
+            position,
+            images: server.images,
+            renewed: false,
+            stream: None,
+            token,
+            given: None,
+            copy: None,
+        };
+        if server.images {
+            self.keep_images(ns, true)?;
+        }
+        stream.open().map_err(|error| stream.explain(&error))?;
+        stream.given.clone_from(&stream.token);
+        stream.done()?;
+        Ok(Box::new(stream))
+    }
+}
+
+impl Stream<'_> {
+    /// Opens the stream of the server, behind what was given.
+    fn open(&mut self) -> mongodb::error::Result<()> {
+        let collection = self.store.collection(&self.namespace);
+        let mut action = collection.watch().max_await_time(AWAIT);
+        action = match self.images {
+            true => action
+                .full_document(FullDocumentType::WhenAvailable)
+                .full_document_before_change(FullDocumentBeforeChangeType::WhenAvailable),
+            false => action.full_document(FullDocumentType::UpdateLookup),
+        };
+        if let Some(token) = self.token.clone() {
+            action = action.start_after(token);
+        }
+        let stream = action.run()?;
+        if self.token.is_none() {
+            self.token = stream.resume_token();
+        }
+        self.stream = Some(stream);
+        Ok(())
+    }
+
+    /// One look at the stream: an event, or nothing for now.
+    fn look(&mut self) -> mongodb::error::Result<Option<Event>> {
+        if self.stream.is_none() {
+            self.open()?;
+        }
+        let Some(stream) = &mut self.stream else { return Ok(None) };
+        let event = stream.next_if_any()?;
+        match &event {
+            Some(event) => self.token = Some(event.id.clone()),
+            None => {
+                self.token = stream.resume_token().or_else(|| self.token.take());
+                if !stream.is_alive() {
+                    self.stream = None;
+                }
+            }
+        }
+        Ok(event)
+    }
+
+    /// What an event of the server is to those who watch.
+    fn understand(&mut self, event: Event) -> Result<Option<Change>, StoreError> {
+        let kind = match &event.operation_type {
+            OperationType::Insert => ChangeKind::Insert,
+            OperationType::Update if is_stamp(event.update_description.as_ref()) => return Ok(None),
+            OperationType::Update => ChangeKind::Update,
+            OperationType::Replace => ChangeKind::Replace,
+            OperationType::Delete => ChangeKind::Delete,
+            OperationType::Drop | OperationType::Rename => ChangeKind::Drop,
+            OperationType::Invalidate => {
+                self.stream = None;
+                self.renewed = true;
+                return Ok(None);
+            }
+            _ => return Ok(None),
+        };
+        let position = name(&event.id);
+        let time = event.wall_time.unwrap_or_else(|| date(event.cluster_time));
+        if event.operation_type == OperationType::Rename && self.is_target(&event) {
+            self.copy = Some(self.copy(event.cluster_time, time, &position)?);
+            self.renewed = true;
+        }
+        if kind == ChangeKind::Insert && self.images && std::mem::take(&mut self.renewed) {
+            self.store.keep_images(&self.namespace, false)?;
+        }
+        let id = event.document_key.as_ref().and_then(|key| key.get("_id")).cloned();
+        let after = match (kind, event.full_document, &id) {
+            (ChangeKind::Update, None, Some(id)) => match self.look_up(id)? {
+                // It was removed by now, which is told next.
+                None => return Ok(None),
+                found => found,
+            },
+            (ChangeKind::Delete | ChangeKind::Drop, ..) => None,
+            (_, after, _) => after,
+        };
+        Ok(Some(Change { kind, id, before: event.full_document_before_change, after, time, position }))
+    }
+
+    fn is_target(&self, event: &Event) -> bool {
+        let target = |to: &mongodb::change_stream::event::ChangeNamespace| {
+            to.db == self.namespace.database && to.coll.as_deref() == Some(&self.namespace.collection)
+        };
+        event.to.as_ref().is_some_and(target)
+    }
+
+    /// The documents of the collection as they were at a time, or where the server does
+    /// not remember so far back, as they are.
+    fn copy(&self, at: Option<Timestamp>, time: DateTime, position: &str) -> Result<Copy, StoreError> {
+        let database = self.store.client().database(&self.namespace.database);
+        let find = |concern: Document| {
+            let command = doc! { "find": &self.namespace.collection, "readConcern": concern };
+            database.run_cursor_command(command).run()
+        };
+        let snapshot = at.map(|at| find(doc! { "level": "snapshot", "atClusterTime": at }));
+        let documents = match snapshot {
+            Some(Ok(documents)) => documents,
+            Some(Err(error)) if failure::code(&error).is_none() => return Err(self.store.explain(&error)),
+            _ => find(doc! { "level": "majority" }).map_err(|e| self.store.explain(&e))?,
+        };
+        Ok(Copy { documents, time, position: position.to_owned(), count: 0 })
+    }
+
+    /// The next of the documents that a rename brought.
+    fn copied(&mut self) -> Result<Option<Change>, StoreError> {
+        let Some(copy) = &mut self.copy else { return Ok(None) };
+        let Some(document) = copy.documents.next() else {
+            self.copy = None;
+            self.given.clone_from(&self.token);
+            return Ok(None);
+        };
+        let document = document.map_err(|e| self.store.explain(&e))?;
+        copy.count += 1;
+        Ok(Some(Change {
+            kind: ChangeKind::Insert,
+            id: document.get("_id").cloned(),
+            before: None,
+            after: Some(RawDocumentBuf::try_from(&document).map_err(QueryError::from)?),
+            time: copy.time,
+            position: format!("{}+{}", copy.position, copy.count),
+        }))
+    }
+
+    fn look_up(&self, id: &Bson) -> Result<Option<RawDocumentBuf>, StoreError> {
+        let filter = doc! { "_id": { "$eq": id } };
+        self.store.collection(&self.namespace).find_one(filter).run().map_err(|e| self.store.explain(&e))
+    }
+
+    fn explain(&self, error: &mongodb::error::Error) -> StoreError {
+        let forget = match &self.position {
+            Some(position) => format!(
+                ", and forget the name with `rmem watch {} --resume {} --forget`",
+                self.namespace,
+                position.name()
+            ),
+            None => String::new(),
+        };
+        match failure::code(error) {
+            Some(failure::NO_STREAMS) => self.store.fail(failure::STANDALONE),
+            Some(code) if failure::HISTORY_LOST.contains(&code) => self.store.fail(&format!(
+                "the server's oplog does not reach back to what was seen last of {ns}, so changes are missing; read \
+                 {ns} anew{forget}, and let the oplog be larger",
+                ns = self.namespace
+            )),
+            _ => self.store.explain(error),
+        }
+    }
+
+    /// The next change, where there is one by now.
+    fn step(&mut self) -> Result<Step, StoreError> {
+        if let Some(change) = self.copied()? {
+            return Ok(Step::Change(change));
+        }
+        let event = match self.look() {
+            Ok(event) => event,
+            Err(error) if failure::is_passing(&error) => {
+                self.stream = None;
+                return Ok(Step::Lost(self.store.explain(&error)));
+            }
+            Err(error) => return Err(self.explain(&error)),
+        };
+        let Some(event) = event else {
+            self.given.clone_from(&self.token);
+            return Ok(Step::Nothing);
+        };
+        let before = self.given.clone();
+        match self.understand(event) {
+            Ok(change) => {
+                if self.copy.is_none() {
+                    self.given.clone_from(&self.token);
+                }
+                Ok(change.map_or(Step::Passed, Step::Change))
+            }
+            // To look at the event again, one goes back behind the one before it.
+            Err(error @ StoreError::Unreachable { .. }) => {
+                (self.stream, self.copy) = (None, None);
+                self.token = before;
+                Ok(Step::Lost(error))
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// What one look at the stream gave.
+enum Step {
+    Change(Change),
+    /// Something that is none of those who watch.
+    Passed,
+    Nothing,
+    Lost(StoreError),
+}
+
+impl Changes for Stream<'_> {
+    fn next(&mut self, patience: Duration) -> Result<Next, StoreError> {
+        let start = Instant::now();
+        self.renew()?;
+        loop {
+            match self.step()? {
+                Step::Change(change) => return Ok(Next::Change(Box::new(change))),
+                Step::Lost(error) => return Ok(Next::Interrupted(error)),
+                Step::Nothing | Step::Passed if start.elapsed() >= patience => return Ok(Next::Nothing),
+                Step::Nothing | Step::Passed => {}
+            }
+        }
+    }
+
+    fn done(&mut self) -> Result<(), StoreError> {
+        let (Some(position), Some(given)) = (&mut self.position, &self.given) else { return Ok(()) };
+        passing(position.keep(self.store, given))
+    }
+
+    fn renew(&mut self) -> Result<(), StoreError> {
+        self.position.as_mut().map_or(Ok(()), |position| passing(position.renew(self.store)))
+    }
+}
+
+/// What cannot be written while the server is away is written later.
+fn passing(written: Result<(), StoreError>) -> Result<(), StoreError> {
+    match written {
+        Err(StoreError::Unreachable { .. } | StoreError::Failed { .. }) => Ok(()),
+        written => written,
+    }
+}
+
+impl Drop for Stream<'_> {
+    fn drop(&mut self) {
+        if let Some(position) = &self.position {
+            position.release();
+        }
+    }
+}
+
+/// Whether an update changed nothing but when a document was stored or changed: the
+/// second step of rmem's own updates.
+fn is_stamp(update: Option<&UpdateDescription>) -> bool {
+    let Some(update) = update else { return false };
+    let is_date = |path: &str| {
+        path.strip_prefix(INFO)
+            .and_then(|rest| rest.strip_prefix('.'))
+            .is_some_and(|key| [INSERTED, UPDATED].contains(&key))
+    };
+    let is_dates = |value: &Bson| {
+        value.as_document().is_some_and(|info| info.keys().all(|key| [INSERTED, UPDATED].contains(&key.as_str())))
+    };
+    !update.updated_fields.is_empty()
+        && update.removed_fields.is_empty()
+        && update.truncated_arrays.as_ref().is_none_or(Vec::is_empty)
+        && update.updated_fields.iter().all(|(path, value)| is_date(path) || (path == INFO && is_dates(value)))
+}
+
+/// What a token is called: its text, where it has one.
+fn name(token: &ResumeToken) -> String {
+    let token = bson::serialize_to_bson(token).unwrap_or(Bson::Null);
+    let text = token.as_document().and_then(|token| token.get_str("_data").ok());
+    text.map_or_else(|| token.to_string(), str::to_owned)
+}
+
+fn date(time: Option<Timestamp>) -> DateTime {
+    time.map_or_else(DateTime::now, |time| DateTime::from_millis(i64::from(time.time) * 1_000))
+}

@@ -1,0 +1,90 @@
+//! The changes of a collection, as they are made: what triggers are built on.
+
+use std::time::Duration;
+
+use bson::{Bson, DateTime, RawDocumentBuf};
+
+use super::StoreError;
+
+/// What was done to a document, or to the collection as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ChangeKind {
+    /// A document was stored.
+    Insert,
+    /// A document was changed in part.
+    Update,
+    /// A document took the place of another with its `_id`.
+    Replace,
+    /// A document was removed.
+    Delete,
+    /// The collection was removed with all its documents, or is about to be filled
+    /// anew: what a rename, `restore --drop` or `$out` puts in its place follows as
+    /// inserts.
+    Drop,
+}
+
+impl ChangeKind {
+    /// The word for it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Insert => "insert",
+            Self::Update => "update",
+            Self::Replace => "replace",
+            Self::Delete => "delete",
+            Self::Drop => "drop",
+        }
+    }
+}
+
+/// One change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// What was done.
+    pub kind: ChangeKind,
+    /// To which document; none where it was done to the collection.
+    pub id: Option<Bson>,
+    /// The document before, where there was one and the store has it.
+    pub before: Option<RawDocumentBuf>,
+    /// The document after, where there is one and the store has it.
+    pub after: Option<RawDocumentBuf>,
+    /// When, by the clock of the writing process or server.
+    pub time: DateTime,
+    /// Where in the store's own order; unique.
+    pub position: String,
+}
+
+/// What waiting for a change gave.
+#[derive(Debug)]
+pub enum Next {
+    /// A change.
+    Change(Box<Change>),
+    /// None came in time.
+    Nothing,
+    /// The store cannot be reached; to ask again connects again, and misses nothing.
+    Interrupted(StoreError),
+}
+
+/// The changes of one collection, in the order in which they were made, each at least once.
+pub trait Changes {
+    /// The next change, or nothing if none comes within `patience`.
+    ///
+    /// # Errors
+    /// Where nothing more will come: the position is lost, or somebody else has
+    /// taken its name.
+    fn next(&mut self, patience: Duration) -> Result<Next, StoreError>;
+
+    /// Says that all changes given so far are dealt with: who follows them by the same
+    /// name later goes on behind them.
+    ///
+    /// # Errors
+    /// As [`Changes::next`].
+    fn done(&mut self) -> Result<(), StoreError>;
+
+    /// Shows that this process lives, while it is busy with a change; to be called
+    /// every few seconds.
+    ///
+    /// # Errors
+    /// As [`Changes::next`].
+    fn renew(&mut self) -> Result<(), StoreError>;
+}

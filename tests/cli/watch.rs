@@ -1,0 +1,326 @@
+//! watch: triggers on the embedded store.
+
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use crate::lab::{Lab, rmem};
+
+/// As long as a test waits for what has to come.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A `watch` that runs beside the test.
+struct Watch {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Watch {
+    /// Starts `rmem watch` and waits until it is ready.
+    #[track_caller]
+    fn start(lab: &Lab, args: &[&str]) -> Self {
+        let mut command = Command::new(rmem());
+        command.arg("watch").args(args);
+        Self::run(lab, command)
+    }
+
+    #[track_caller]
+    fn run(lab: &Lab, mut command: Command) -> Self {
+        lab.isolate(&mut command);
+        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let (sender, lines) = channel();
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        let mut said = String::new();
+        BufReader::new(child.stderr.as_mut().unwrap()).read_line(&mut said).unwrap();
+        assert!(said.starts_with("watching "), "{said}");
+        Self { child, lines }
+    }
+
+    /// The next line, without what differs from run to run.
+    #[track_caller]
+    fn next(&self) -> String {
+        let line = self.lines.recv_timeout(PATIENCE).expect("nothing was delivered");
+        match line.split_once(r#","time":"#) {
+            Some((front, _)) => format!("{front}}}"),
+            None => line,
+        }
+    }
+
+    /// Waits for the end; gives the exit code, and what was delivered and not yet taken.
+    #[track_caller]
+    fn end(mut self) -> (i32, Vec<String>) {
+        let since = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                let rest = self.lines.iter().collect();
+                return (status.code().unwrap_or(-1), rest);
+            }
+            assert!(since.elapsed() < PATIENCE, "it does not end");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn signal(&self, signal: &str) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn count(lab: &Lab, sql: &str) -> i64 {
+    let file = lab.path().join("home/.local/share/rmem/memory.rmem");
+    rusqlite::Connection::open(file).unwrap().query_row(sql, [], |row| row.get(0)).unwrap()
+}
+
+#[test]
+fn every_change_is_delivered_in_order_with_what_was_before_and_after() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1, n: 1}", "{_id: 2, n: 1}"]).success();
+    lab.rmem(&["insert", "a.other", "{_id: 1}"]).success();
+    lab.rmem(&["update", "a.b", "{}", "{$inc: {n: 1}}", "--many"]).success();
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{m: 1}"]).success();
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{m: 1}"]).success();
+    lab.rmem(&["update", "a.b", "{_id: 3}", "{$set: {n: 7}}", "--upsert"]).success();
+    lab.rmem(&["delete", "a.b", "{_id: 2}"]).success();
+    lab.rmem(&["drop", "a.b"]).success();
+    for expected in [
+        r#"{"operation":"insert","ns":"a.b","_id":1,"after":{"_id":1,"n":1}}"#,
+        r#"{"operation":"insert","ns":"a.b","_id":2,"after":{"_id":2,"n":1}}"#,
+        r#"{"operation":"update","ns":"a.b","_id":1,"before":{"_id":1,"n":1},"after":{"_id":1,"n":2}}"#,
+        r#"{"operation":"update","ns":"a.b","_id":2,"before":{"_id":2,"n":1},"after":{"_id":2,"n":2}}"#,
+        r#"{"operation":"replace","ns":"a.b","_id":1,"before":{"_id":1,"n":2},"after":{"_id":1,"m":1}}"#,
+        r#"{"operation":"insert","ns":"a.b","_id":3,"after":{"_id":3,"n":7}}"#,
+        r#"{"operation":"delete","ns":"a.b","_id":2,"before":{"_id":2,"n":2}}"#,
+        r#"{"operation":"drop","ns":"a.b"}"#,
+    ] {
+        assert_eq!(watch.next(), expected);
+    }
+}
+
+#[test]
+fn the_query_is_matched_after_a_change_and_before_a_deletion() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "a.b", "{_id: 1, n: 1}", "{_id: 2, n: 5}"]).success();
+    let watch = Watch::start(&lab, &["a.b", "{n: {$gt: 3}}"]);
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 2}}"]).success();
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 4}}"]).success();
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 0}}"]).success();
+    lab.rmem(&["delete", "a.b", "--all"]).success();
+    assert!(watch.next().contains(r#""before":{"_id":1,"n":2},"after":{"_id":1,"n":4}"#));
+    assert!(watch.next().contains(r#""operation":"delete","ns":"a.b","_id":2"#));
+}
+
+#[test]
+fn what_takes_a_collections_place_is_delivered() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["dump", "a.b", "-o", "world.json"]).success();
+    lab.rmem(&["insert", "a.source", "{_id: 7}", "{_id: 8}"]).success();
+    let watch = Watch::start(&lab, &["a.b"]);
+    lab.rmem(&["restore", "world.json", "--drop"]).success();
+    lab.rmem(&["aggregate", "a.source", "[{$match: {_id: 7}}, {$out: 'b'}]"]).success();
+    lab.rmem(&["aggregate", "a.source", "[{$set: {m: 1}}, {$merge: 'b'}]"]).success();
+    for expected in [
+        r#"{"operation":"drop","ns":"a.b"}"#,
+        r#"{"operation":"insert","ns":"a.b","_id":1,"after":{"_id":1}}"#,
+        r#"{"operation":"drop","ns":"a.b"}"#,
+        r#"{"operation":"insert","ns":"a.b","_id":7,"after":{"_id":7}}"#,
+        r#"{"operation":"update","ns":"a.b","_id":7,"before":{"_id":7},"after":{"_id":7,"m":1}}"#,
+        r#"{"operation":"insert","ns":"a.b","_id":8,"after":{"_id":8,"m":1}}"#,
+    ] {
+        assert_eq!(watch.next(), expected);
+    }
+}
+
+#[test]
+fn metadata_and_computed_documents_are_shown_when_asked_for() {
+    let lab = Lab::new();
+    let plain = Watch::start(&lab, &["a.b"]);
+    let all = Watch::start(&lab, &["a.b", "--meta", "--computed"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1, _robmem_info: {computed: true}}", "{_id: 2}"]).success();
+    assert_eq!(plain.next(), r#"{"operation":"insert","ns":"a.b","_id":2,"after":{"_id":2}}"#);
+    assert!(all.next().contains(r#""after":{"_id":1,"_robmem_info":{"computed":true,"inserted":"#));
+    assert!(all.next().contains(r#""after":{"_id":2,"_robmem_info":{"inserted":"#));
+}
+
+#[test]
+fn a_name_goes_on_where_it_was_done() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "a.b", "{_id: 0}"]).success();
+    let named = ["watch", "a.b", "--resume", "x", "--count", "2", "--timeout", "1m"];
+    let watch = Watch::start(&lab, &named[1..]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}", "{_id: 2}", "{_id: 3}"]).success();
+    assert!(watch.next().contains(r#""_id":1"#));
+    assert!(watch.next().contains(r#""_id":2"#));
+    assert_eq!(watch.end(), (0, vec![]));
+    lab.rmem(&["insert", "a.b", "{_id: 4}"]).success();
+    let resumed = lab.rmem(&named).success();
+    let ids: Vec<_> = resumed.lines().map(|line| &line[..42]).collect();
+    assert_eq!(ids, [r#"{"operation":"insert","ns":"a.b","_id":3,""#, r#"{"operation":"insert","ns":"a.b","_id":4,""#]);
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "50ms"]).exits(1);
+}
+
+#[test]
+fn one_process_at_a_time_has_a_name() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b", "--resume", "x"]);
+    let held = lab.rmem(&["watch", "a.b", "--resume", "x"]).exits(5);
+    assert!(held.stderr.contains("follows changes by the name `x`; end it first"), "{held}");
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).exits(5);
+    watch.signal("KILL");
+    watch.end();
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
+    let other = lab.rmem(&["watch", "a.c", "--resume", "x", "--timeout", "10ms"]).exits(5);
+    assert!(other.stderr.contains("the name `x` follows a.b; use another name"), "{other}");
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).success();
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).exits(1);
+    lab.rmem(&["watch", "a.c", "--resume", "x", "--timeout", "10ms"]).exits(1);
+}
+
+#[test]
+fn nobody_watching_costs_nothing_and_the_dead_keep_nothing() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    assert_eq!(count(&lab, "SELECT count(*) FROM changes"), 0);
+    let watch = Watch::start(&lab, &["a.b"]);
+    lab.rmem(&["insert", "a.b", "{_id: 2}"]).success();
+    assert!(watch.next().contains(r#""_id":2"#));
+    watch.signal("KILL");
+    watch.end();
+    lab.rmem(&["insert", "a.b", "{_id: 3}"]).success();
+    assert_eq!(count(&lab, "SELECT count(*) FROM changes"), 0);
+    assert_eq!(count(&lab, "SELECT count(*) FROM watchers"), 0);
+    let watch = Watch::start(&lab, &["a.b", "--resume", "x"]);
+    lab.rmem(&["insert", "a.b", "{_id: 4}"]).success();
+    assert!(watch.next().contains(r#""_id":4"#));
+    watch.signal("TERM");
+    assert_eq!(watch.end().0, 130);
+    assert_eq!(count(&lab, "SELECT count(*) FROM changes"), 0, "what is done is not kept");
+    lab.rmem(&["insert", "a.b", "{_id: 5}"]).success();
+    assert_eq!(count(&lab, "SELECT count(*) FROM changes"), 1, "what a name has not seen is kept");
+}
+
+#[test]
+fn who_missed_changes_is_told_what_to_do() {
+    let lab = Lab::new();
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    let file = lab.path().join("home/.local/share/rmem/memory.rmem");
+    rusqlite::Connection::open(file).unwrap().execute("UPDATE watchers SET missed = 1", []).unwrap();
+    let refused = lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(4);
+    assert!(refused.stderr.contains("forget the name with `rmem watch a.b --resume x --forget`"), "{refused}");
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).success();
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
+}
+
+#[test]
+fn a_command_is_run_for_each_change() {
+    let lab = Lab::new();
+    let line = "cat >> events; echo $RMEM_OPERATION $RMEM_NAMESPACE";
+    let watch = Watch::start(&lab, &["a.b", "--exec", line, "--count", "2"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["delete", "a.b", "{_id: 1}"]).success();
+    assert_eq!((watch.next().as_str(), watch.next().as_str()), ("insert a.b", "delete a.b"));
+    assert_eq!(watch.end(), (0, vec![]));
+    let events = lab.read("events");
+    let operations: Vec<_> = events.lines().filter_map(|line| line.split(',').next()).collect();
+    assert_eq!(operations, [r#"{"operation":"insert""#, r#"{"operation":"delete""#]);
+}
+
+#[test]
+fn a_change_whose_command_fails_comes_again_under_its_name() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b", "--exec", "exit 7", "--count", "2"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}", "{_id: 2}"]).success();
+    assert_eq!(watch.end().0, 0, "without a name, it goes on");
+    let line = "read event; echo $event; test -e allowed || exit 9";
+    let named = ["a.b", "--resume", "x", "--exec", line, "--count", "1", "--timeout", "1m"];
+    let watch = Watch::start(&lab, &named);
+    lab.rmem(&["insert", "a.b", "{_id: 3}"]).success();
+    let first = watch.next();
+    assert_eq!(watch.end().0, 9);
+    lab.write("allowed", "");
+    let watch = Watch::start(&lab, &named);
+    assert_eq!(watch.next(), first);
+    assert_eq!(watch.end().0, 0);
+    lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
+}
+
+#[test]
+fn an_interrupted_command_is_ended_and_its_change_comes_again() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b", "--resume", "x", "--exec", "echo begun; sleep 1000"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    assert_eq!(watch.next(), "begun");
+    watch.signal("INT");
+    assert_eq!(watch.end().0, 130);
+    let again = lab.rmem(&["watch", "a.b", "--resume", "x", "--count", "1"]).success();
+    assert!(again.contains(r#""_id":1"#), "{again}");
+}
+
+#[test]
+fn facts_of_clips_carry_the_change() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b", "--resume", "orders", "--format", "clips"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1, name: 'x'}"]).success();
+    let fact = watch.next();
+    assert!(fact.starts_with(r#"(robmem-trigger (name "orders") (rcvd-at "#), "{fact}");
+    let rest = r#"(operation insert) (namespace "a.b") (id "1") (before "") (after "{\"_id\":1,\"name\":\"x\"}"))"#;
+    assert!(fact.ends_with(rest), "{fact}");
+    assert_eq!(watch.next(), "(orders)");
+}
+
+#[test]
+fn nothing_in_time_is_a_no() {
+    let lab = Lab::new();
+    lab.rmem(&["watch", "a.b", "--timeout", "20ms"]).exits(1);
+    let watch = Watch::start(&lab, &["a.b", "--count", "2", "--timeout", "1s"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    let (code, lines) = watch.end();
+    assert_eq!((code, lines.len()), (1, 1));
+}
+
+#[test]
+fn a_reader_that_goes_away_ends_it_quietly() {
+    let lab = Lab::new();
+    let mut command = Command::new("bash");
+    command.args(["-o", "pipefail", "-c", "rmem watch a.b | head -n 1"]);
+    let mut watch = Watch::run(&lab, command);
+    while watch.child.try_wait().unwrap().is_none() {
+        lab.rmem(&["insert", "a.b", "{}"]).success();
+    }
+    let mut said = String::new();
+    watch.child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    let (code, lines) = watch.end();
+    assert_eq!((code, lines.len(), said.as_str()), (0, 1, ""));
+}
+
+#[test]
+fn what_cannot_be_watched_is_refused_with_the_reason() {
+    let lab = Lab::new();
+    let refused = lab.rmem(&["watch", "a.b", "--memory", "mem:"]).exits(2);
+    assert!(refused.stderr.contains("nobody else can change a memory in this process"), "{refused}");
+    let wrong = lab.rmem(&["watch", "a.b", "{n: {$nope: 1}}", "--timeout", "10ms"]).exits(3);
+    assert!(wrong.stderr.contains("<query>:1:6"), "{wrong}");
+    lab.rmem(&["watch", "a.b", "--count", "0"]).exits(2);
+    lab.rmem(&["watch", "a.b", "--forget"]).exits(2);
+}
+
+#[test]
+fn each_trigger_is_told_with_its_duration() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b", "--count", "1", "--log", "log"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    assert_eq!(watch.end().0, 0);
+    let log = lab.read("log");
+    assert!(log.contains(r#"{"operation":"trigger","subject":"a.b","detail":"insert 1","milliseconds":"#), "{log}");
+}
