@@ -4,6 +4,7 @@
 //! spelling is decided in `commands/`; how it is layered over the environment
 //! and `rmem.toml`, in `settings`.
 
+mod backend;
 mod index;
 mod plan;
 pub mod quantity;
@@ -18,6 +19,7 @@ use crate::exit::TABLE;
 use crate::output::Format;
 use crate::store::Namespace;
 
+pub use backend::{Backend, BackendCommand, BackendName, BackendUp};
 pub use index::Index;
 pub use plan::{Layout, Plan, PlanCommand, PlanList, PlanSearch};
 pub use watch::Watch;
@@ -178,6 +180,11 @@ mutexes of the first of shared_databases, or of robmem where none is shared."
     /// Follow the changes of a collection: triggers
     #[command(after_help = watch::HELP)]
     Watch(Watch),
+    /// Start, look at and stop the mongod processes of this robot
+    #[command(
+        after_help = "Examples:\n  rmem backend up\n  rmem backend status --format table\n  rmem backend down shared"
+    )]
+    Backend(Backend),
     /// Generate a PDDL problem from a template whose sections are queries
     #[command(
         after_help = "Example:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl"

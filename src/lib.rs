@@ -2,7 +2,8 @@
 //!
 //! The story, in the order data flows: a command line ([`cli`]) and settings
 //! ([`settings`]) become a command ([`commands`]). It asks a [`memory`], which
-//! routes operations to [`store`]s that answer MongoDB's languages ([`query`]).
+//! routes operations to [`store`]s that answer MongoDB's languages ([`query`]);
+//! servers that a robot runs itself are started by `backend`.
 //! Templates whose sections are queries become PDDL problems ([`problem`]),
 //! checked against a domain ([`pddl`]); a [`planner`] turns a problem into a
 //! [`plan`], which is simulated, stored as a document and printed. Documents
@@ -21,6 +22,9 @@ pub mod commands;
 
 pub mod memory;
 pub mod store;
+
+#[cfg(feature = "mongodb")]
+pub mod backend;
 
 pub mod query;
 

@@ -3,6 +3,7 @@
 //! [`Settings::resolve`] is the one place that layers them. Nothing is opened
 //! or contacted here but the settings file itself.
 
+pub mod backend;
 pub mod file;
 
 use std::collections::BTreeMap;
@@ -98,6 +99,8 @@ pub struct Settings {
     pub planners: Vec<Configured>,
     /// Computables by configuration.
     pub computables: Vec<file::Computable>,
+    /// The mongod processes of this robot.
+    pub backends: Vec<backend::Backend>,
 }
 
 impl Settings {
@@ -197,6 +200,7 @@ impl Settings {
             log,
             load: flags.load.clone(),
             planners: file.planners(&folder),
+            backends: file.backends(&folder),
             computables: file.computables,
             file: path,
         })

@@ -20,6 +20,9 @@ pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
     for planner in &settings.planners {
         lines.push(format!("planner.{} = {:?}", planner.name, planner.command));
     }
+    for backend in &settings.backends {
+        lines.push(format!("backend.{} at {} in {}", backend.name, backend.address(), backend.path.display()));
+    }
     for computable in &settings.computables {
         lines.push(format!(
             "computable {} on {}: {}",

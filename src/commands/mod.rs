@@ -1,6 +1,7 @@
 //! One file per subcommand; here the dispatch, and what they share.
 
 mod aggregate;
+mod backend;
 mod clips;
 mod collections;
 mod completions;
@@ -43,6 +44,7 @@ use crate::exit::Exit;
 pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     match command {
         Command::Aggregate(args) => aggregate::run(args, context),
+        Command::Backend(args) => backend::run(args, context),
         Command::Clips(args) => clips::run(args, context),
         Command::Collections => collections::run(context),
         Command::Completions(args) => completions::run(args, context),

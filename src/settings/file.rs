@@ -12,6 +12,8 @@ use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::planner::{Configured, Dialect};
 use crate::store::Namespace;
 
+use super::backend::{Backend, Tables};
+
 /// The settings file as it is written; an unknown key or a wrong type is an error.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -36,7 +38,7 @@ pub struct File {
     pub computables: Vec<Computable>,
     /// `[backend.local]`, `[backend.shared]`
     #[serde(default)]
-    pub backend: BTreeMap<String, Backend>,
+    backend: Tables,
     #[serde(skip)]
     text: String,
 }
@@ -85,23 +87,6 @@ pub struct Computable {
     pub command: Option<Vec<String>>,
     /// Body: one of rmem's own.
     pub builtin: Option<String>,
-}
-
-/// A mongod process of this robot: `[backend.local]`, `[backend.shared]`.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Backend {
-    /// The TCP port on loopback.
-    pub port: u16,
-    /// The folder of its data.
-    pub path: String,
-    /// The replica set's name.
-    pub replica_set: Option<String>,
-    /// `host:port` of every member.
-    #[serde(default)]
-    pub members: Vec<String>,
-    /// Size of the operations log in megabytes.
-    pub oplog_size: Option<u32>,
 }
 
 fn optional_duration<'de, D: serde::Deserializer<'de>>(
@@ -165,7 +150,7 @@ impl File {
             let name = &computable.collection;
             Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
         }
-        Ok(())
+        self.backend.check()
     }
 
     /// The line of a key's value.
@@ -188,6 +173,12 @@ impl File {
             folder: folder.to_owned(),
         };
         self.planner.iter().map(planner).collect()
+    }
+
+    /// The mongod processes of this robot; relative paths are relative to `folder`.
+    #[must_use]
+    pub fn backends(&self, folder: &Path) -> Vec<Backend> {
+        self.backend.resolve(folder)
     }
 }
 
@@ -257,5 +248,25 @@ mod tests {
         assert!(text.starts_with("rmem.toml:2:11: expected a program"), "{text}");
         let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{'\n");
         assert!(text.starts_with("rmem.toml:4:6: this is no query"), "{text}");
+    }
+
+    #[test]
+    fn a_backend_that_cannot_be_started_is_an_error_at_its_place() {
+        for (table, wanted) in [
+            ("port = 0", "3:8: expected a port"),
+            ("prot = 1", "3:1: unknown field `prot`"),
+            ("port = 1\nmembers = ['robot1']", "4:12: `robot1` is no member"),
+            ("port = 1\nmembers = ['a:1', 'a:1']", "4:19: `a:1` is given twice"),
+            ("port = 1\nmembers = ['a:2', 'b:2']", "4:11: no member has the port 1"),
+            ("port = 1\noplog_size = '5 apples'", "4:14: `5 apples` is not a size"),
+            ("port = 1\ncache_size = '1M'", "4:14: expected 256M at least"),
+            ("port = 1\nreplica_set = 'a/b'", "4:15: expected the name of a replica set"),
+            ("port = 1\n[backend.shared]\npath = 'y'\nport = 1", "6:8: both backends have this port"),
+        ] {
+            let text = complaint(&format!("[backend.local]\npath = 'x'\n{table}\n"));
+            assert!(text.starts_with(&format!("rmem.toml:{wanted}")), "{text}");
+        }
+        let text = complaint("[backend.other]\nport = 1\npath = 'x'\n");
+        assert!(text.starts_with("rmem.toml:1:10: unknown field `other`"), "{text}");
     }
 }

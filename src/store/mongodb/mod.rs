@@ -4,6 +4,8 @@
 //! are, so the languages mean what the server says they mean. Writes are
 //! acknowledged by a majority, with journal.
 
+pub mod admin;
+
 mod client;
 mod failure;
 mod image;

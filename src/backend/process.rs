@@ -1,0 +1,234 @@
+//! The process: started in the background by mongod itself, known by where its data and log are, stopped.
+
+use std::fs::{self, File};
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::net::{TcpStream, ToSocketAddrs as _};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+use super::{BackendError, failed, said};
+use crate::settings::backend::Backend;
+use crate::store::mongodb::admin::{Admin, AdminError};
+
+/// How long a process may take to accept a connection, and to answer.
+const ANSWER: Duration = Duration::from_secs(3);
+/// How long a primary looks for another member to hand over to.
+const HANDOVER: Duration = Duration::from_secs(3);
+/// How long a process has to end.
+const END: Duration = Duration::from_secs(60);
+/// How often it is looked whether it has ended.
+const LOOK: Duration = Duration::from_millis(25);
+
+/// A process that runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Running {
+    /// Its process id.
+    pub pid: Option<i64>,
+    /// Whether it was started just now.
+    pub started: bool,
+    /// Whether `rmem backend up` started it, now or earlier.
+    pub ours: bool,
+}
+
+/// What became of a process that was to be stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Down {
+    /// It ended.
+    Stopped(Option<i64>),
+    /// It did not run.
+    Absent,
+    /// Something else started it; it was left alone.
+    Foreign(Option<i64>),
+}
+
+pub(super) fn up(backend: &Backend) -> Result<Running, BackendError> {
+    let data = folder(backend)?;
+    // Two that start it at once do so one after the other.
+    let lock = File::open(&data).and_then(|folder| folder.lock().map(|()| folder));
+    let _lock = lock.map_err(|error| failed(backend, format!("cannot lock {}: {error}", data.display())))?;
+    if let Some(running) = look(backend, &data)? {
+        return Ok(running);
+    }
+    start(backend, &data)?;
+    match look(backend, &data)? {
+        Some(running) => {
+            let pid = running.pid.map(|pid| pid.to_string()).unwrap_or_default();
+            // For people, and for a process that does not listen: the process itself says whose it is.
+            let _ = fs::write(beside(&data, "pid"), pid + "\n");
+            Ok(Running { started: true, ..running })
+        }
+        None => Err(failed(backend, format!("mongod ended at once; see {}", beside(&data, "log").display()))),
+    }
+}
+
+/// The folder of the data, made where it is not there, by its full name.
+fn folder(backend: &Backend) -> Result<PathBuf, BackendError> {
+    let path = &backend.path;
+    fs::create_dir_all(path)
+        .and_then(|()| fs::canonicalize(path))
+        .map_err(|error| failed(backend, format!("cannot make the folder {}: {error}", path.display())))
+}
+
+/// A file beside the folder of the data.
+fn beside(data: &Path, extension: &str) -> PathBuf {
+    let mut name = data.as_os_str().to_owned();
+    name.push(".");
+    name.push(extension);
+    name.into()
+}
+
+/// The process, where it runs; an error where something else has its port.
+pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, BackendError> {
+    let address = backend.address();
+    if !is_taken(&address) {
+        return Ok(None);
+    }
+    let admin = Admin::at(&address, ANSWER).map_err(|error| said(backend, error))?;
+    let started = match admin.started() {
+        Ok(started) => started,
+        Err(AdminError::Silent(_)) => {
+            let reason = format!(
+                "the port {} is taken by something that does not answer as mongod does; give another port",
+                backend.port
+            );
+            return Err(failed(backend, reason));
+        }
+        Err(AdminError::Refused { .. }) => {
+            let reason =
+                format!("the port {} is taken by a mongod that wants a login; give another port", backend.port);
+            return Err(failed(backend, reason));
+        }
+    };
+    let its = started.data.as_deref().map(|path| fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()));
+    if its.as_deref() != Some(data) {
+        let its = its.map_or_else(|| "somewhere else".to_owned(), |path| format!("in {}", path.display()));
+        let reason = format!(
+            "the port {} is taken by another mongod, with its data {its}; give another port or path",
+            backend.port
+        );
+        return Err(failed(backend, reason));
+    }
+    let set = started.set.as_deref().map(|set| set.split('/').next().unwrap_or_default());
+    if set != Some(backend.replica_set.as_str()) {
+        let set = set.map_or_else(|| "without a replica set".to_owned(), |set| format!("for the replica set `{set}`"));
+        let reason = format!(
+            "it runs {set}, not for `{}`; stop it, and start it again with `rmem backend up`",
+            backend.replica_set
+        );
+        return Err(failed(backend, reason));
+    }
+    let pid = admin.pid().map_err(|error| said(backend, error))?;
+    let ours = started.log.is_some_and(|log| log == beside(data, "log"));
+    Ok(Some(Running { pid, started: false, ours }))
+}
+
+/// Whether something listens.
+fn is_taken(address: &str) -> bool {
+    let mut addresses = address.to_socket_addrs().into_iter().flatten();
+    addresses.any(|address| TcpStream::connect_timeout(&address, ANSWER).is_ok())
+}
+
+/// The process id that was noted when the process was started.
+fn noted(data: &Path) -> Option<i64> {
+    fs::read_to_string(beside(data, "pid")).ok()?.trim().parse().ok()
+}
+
+/// Starts mongod, which goes into the background once it listens.
+fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
+    let log = beside(data, "log");
+    let before = fs::metadata(&log).map_or(0, |found| found.len());
+    let mut command = Command::new(&backend.mongod);
+    command.arg("--fork").arg("--logappend").arg("--logpath").arg(&log).arg("--dbpath").arg(data);
+    command.args(["--port", &backend.port.to_string(), "--bind_ip", &backend.bind]);
+    command.args(["--replSet", &backend.replica_set]);
+    if let Some(bytes) = backend.oplog_size {
+        command.args(["--oplogSize", &(bytes >> 20).to_string()]);
+    }
+    if let Some(bytes) = backend.cache_size {
+        #[expect(clippy::cast_precision_loss, reason = "a size in GB need not be exact")]
+        command.args(["--wiredTigerCacheSizeGB", &(bytes as f64 / f64::from(1 << 30)).to_string()]);
+    }
+    let output = command.stdin(Stdio::null()).output().map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => {
+            BackendError::NoProgram { backend: backend.name, program: backend.mongod.display().to_string() }
+        }
+        _ => failed(backend, format!("cannot start {}: {error}", backend.mongod.display())),
+    })?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let words = complaint(&log, before).unwrap_or_else(|| {
+        let said = [output.stderr, output.stdout].concat();
+        String::from_utf8_lossy(&said).lines().filter(|line| line.contains("rror")).collect::<Vec<_>>().join("; ")
+    });
+    Err(failed(backend, format!("mongod did not start: {words}; its log is {}", log.display())))
+}
+
+/// The last error in what was added to a log of mongod.
+fn complaint(log: &Path, from: u64) -> Option<String> {
+    let mut added = String::new();
+    let mut file = File::open(log).ok()?;
+    file.seek(SeekFrom::Start(from)).ok()?;
+    file.read_to_string(&mut added).ok()?;
+    let mut entries = added.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let entry = entries.rfind(|entry| matches!(entry["s"].as_str(), Some("E" | "F")))?;
+    let cause = &entry["attr"]["error"];
+    let cause = cause.as_str().or_else(|| cause["errmsg"].as_str());
+    Some(cause.or_else(|| entry["msg"].as_str())?.to_owned())
+}
+
+/// Stops a process that [`up`] started, and waits until it has ended.
+///
+/// # Errors
+/// Where it does not end, or something else has its port.
+pub fn down(backend: &Backend) -> Result<Down, BackendError> {
+    let Ok(data) = fs::canonicalize(&backend.path) else { return Ok(Down::Absent) };
+    let Some(running) = look(backend, &data)? else {
+        return match noted(&data).filter(|pid| is_mongod_of(*pid, &data)) {
+            // It does not listen yet, or any more.
+            Some(pid) => terminate(backend, &data, pid),
+            None => {
+                let _ = fs::remove_file(beside(&data, "pid"));
+                Ok(Down::Absent)
+            }
+        };
+    };
+    let Some(pid) = running.pid.filter(|_| running.ours) else { return Ok(Down::Foreign(running.pid)) };
+    let asked = Admin::at(&backend.address(), ANSWER).and_then(|admin| admin.shut_down(HANDOVER));
+    match asked {
+        Ok(()) => wait(backend, &data, pid),
+        Err(_) => terminate(backend, &data, pid),
+    }
+}
+
+fn terminate(backend: &Backend, data: &Path, pid: i64) -> Result<Down, BackendError> {
+    let process = i32::try_from(pid).ok().and_then(Pid::from_raw).filter(|_| is_mongod_of(pid, data));
+    if let Some(process) = process {
+        kill_process(process, Signal::TERM)
+            .map_err(|error| failed(backend, format!("cannot stop the process {pid}: {error}")))?;
+    }
+    wait(backend, data, pid)
+}
+
+fn wait(backend: &Backend, data: &Path, pid: i64) -> Result<Down, BackendError> {
+    let since = Instant::now();
+    while is_mongod_of(pid, data) {
+        if since.elapsed() > END {
+            let reason = format!("the process {pid} does not end; see {}", beside(data, "log").display());
+            return Err(failed(backend, reason));
+        }
+        std::thread::sleep(LOOK);
+    }
+    let _ = fs::remove_file(beside(data, "pid"));
+    Ok(Down::Stopped(Some(pid)))
+}
+
+/// Whether a process is alive and was started with this folder of data.
+fn is_mongod_of(pid: i64, data: &Path) -> bool {
+    let Ok(line) = fs::read(format!("/proc/{pid}/cmdline")) else { return false };
+    let mut words = line.split(|byte| *byte == 0);
+    words.any(|word| word == b"--dbpath") && words.next() == Some(data.as_os_str().as_encoded_bytes())
+}

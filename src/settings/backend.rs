@@ -1,0 +1,198 @@
+//! `[backend.local]` and `[backend.shared]` of `rmem.toml`: the mongod processes of this robot.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::cli::quantity;
+
+/// A mongod's cache cannot be smaller.
+const SMALLEST_CACHE: u64 = 256 << 20;
+/// A replica set has at most so many members that vote.
+const VOTERS: usize = 7;
+
+/// One of this robot's mongod processes, as the settings want it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Backend {
+    /// `local` or `shared`: which table it is from.
+    pub name: &'static str,
+    /// The program: a path, or a name on PATH.
+    pub mongod: PathBuf,
+    /// The TCP port.
+    pub port: u16,
+    /// The addresses it listens at, as mongod's `--bind_ip` takes them.
+    pub bind: String,
+    /// The folder of its data; log and pid file are beside it.
+    pub path: PathBuf,
+    /// The name of its replica set: the table's name where none is given.
+    pub replica_set: String,
+    /// `host:port` of all members of the set, this one among them.
+    pub members: Vec<String>,
+    /// Size of the operations log, in bytes; mongod's own choice where none is given.
+    pub oplog_size: Option<u64>,
+    /// Size of the cache, in bytes; mongod's own choice where none is given.
+    pub cache_size: Option<u64>,
+}
+
+/// The tables, as they are written.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Tables {
+    local: Option<Table>,
+    shared: Option<Table>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    port: Spanned<u16>,
+    path: Spanned<String>,
+    mongod: Option<Spanned<String>>,
+    bind: Option<Spanned<String>>,
+    replica_set: Option<Spanned<String>>,
+    members: Option<Spanned<Vec<Spanned<String>>>>,
+    oplog_size: Option<Spanned<String>>,
+    cache_size: Option<Spanned<String>>,
+}
+
+/// Where a mistake is, and what it is.
+type Mistake = (Range<usize>, String);
+
+impl Tables {
+    fn named(&self) -> impl Iterator<Item = (&'static str, &Table)> {
+        [("local", &self.local), ("shared", &self.shared)]
+            .into_iter()
+            .filter_map(|(name, table)| table.as_ref().map(|table| (name, table)))
+    }
+
+    /// The first mistake that TOML cannot know.
+    pub(super) fn check(&self) -> Result<(), Mistake> {
+        for (_, table) in self.named() {
+            table.check()?;
+        }
+        if let (Some(local), Some(shared)) = (&self.local, &self.shared) {
+            if local.port.get_ref() == shared.port.get_ref() {
+                return Err((shared.port.span(), "both backends have this port; give each its own".to_owned()));
+            }
+            if local.path.get_ref() == shared.path.get_ref() {
+                return Err((shared.path.span(), "both backends have this folder; give each its own".to_owned()));
+            }
+        }
+        Ok(())
+    }
+
+    /// The processes; relative paths are taken from `folder`.
+    pub(super) fn resolve(&self, folder: &Path) -> Vec<Backend> {
+        self.named().map(|(name, table)| table.resolve(name, folder)).collect()
+    }
+}
+
+impl Table {
+    fn check(&self) -> Result<(), Mistake> {
+        if *self.port.get_ref() == 0 {
+            return Err((self.port.span(), "expected a port from 1 to 65535".to_owned()));
+        }
+        for text in [Some(&self.path), self.mongod.as_ref(), self.bind.as_ref()].into_iter().flatten() {
+            if text.get_ref().trim().is_empty() {
+                return Err((text.span(), "expected something, found an empty text".to_owned()));
+            }
+        }
+        if let Some(name) = &self.replica_set {
+            let wrong = |c: char| c.is_whitespace() || c.is_control() || "/?&,".contains(c);
+            if name.get_ref().is_empty() || name.get_ref().contains(wrong) {
+                return Err((name.span(), "expected the name of a replica set, like shared".to_owned()));
+            }
+        }
+        for (size, least) in [(&self.oplog_size, 1 << 20), (&self.cache_size, SMALLEST_CACHE)] {
+            let Some(size) = size else { continue };
+            let bytes = quantity::size(size.get_ref()).map_err(|message| (size.span(), message))?;
+            if bytes < least {
+                return Err((size.span(), format!("expected {}M at least", least >> 20)));
+            }
+        }
+        self.members.as_ref().map_or(Ok(()), |members| self.check_members(members))
+    }
+
+    fn check_members(&self, members: &Spanned<Vec<Spanned<String>>>) -> Result<(), Mistake> {
+        let mut seen = BTreeSet::new();
+        for member in members.get_ref() {
+            let name = member.get_ref();
+            let parts = name.rsplit_once(':').filter(|(host, _)| !host.is_empty() && !host.contains(['/', '@', ' ']));
+            if parts.and_then(|(_, port)| port.parse::<u16>().ok()).is_none_or(|port| port == 0) {
+                return Err((member.span(), format!("`{name}` is no member; expected HOST:PORT, like robot1:27021")));
+            }
+            if !seen.insert(name) {
+                return Err((member.span(), format!("`{name}` is given twice")));
+            }
+        }
+        if members.get_ref().len() > VOTERS {
+            return Err((members.span(), format!("a replica set has {VOTERS} members at most")));
+        }
+        let port = *self.port.get_ref();
+        if !members.get_ref().iter().any(|member| port_of(member.get_ref()) == Some(port)) {
+            let message =
+                format!("no member has the port {port} of this backend; list all members, this robot among them");
+            return Err((members.span(), message));
+        }
+        Ok(())
+    }
+
+    fn resolve(&self, name: &'static str, folder: &Path) -> Backend {
+        let text = |value: &Option<Spanned<String>>| value.as_ref().map(|value| value.get_ref().clone());
+        let size = |value: &Option<Spanned<String>>| text(value).and_then(|text| quantity::size(&text).ok());
+        let port = *self.port.get_ref();
+        let members: Vec<String> = match &self.members {
+            Some(members) if !members.get_ref().is_empty() => {
+                members.get_ref().iter().map(|member| member.get_ref().clone()).collect()
+            }
+            _ => vec![format!("127.0.0.1:{port}")],
+        };
+        let mongod = text(&self.mongod).unwrap_or_else(|| "mongod".to_owned());
+        Backend {
+            name,
+            mongod: if mongod.contains('/') { folder.join(mongod) } else { mongod.into() },
+            port,
+            bind: text(&self.bind).unwrap_or_else(|| reach(&members).to_owned()),
+            path: folder.join(self.path.get_ref()),
+            replica_set: text(&self.replica_set).unwrap_or_else(|| name.to_owned()),
+            members,
+            oplog_size: size(&self.oplog_size),
+            cache_size: size(&self.cache_size),
+        }
+    }
+}
+
+/// Where a mongod listens so that the members reach each other.
+fn reach(members: &[String]) -> &'static str {
+    let is_loopback = |member: &String| {
+        let host = member.rsplit_once(':').map_or(member.as_str(), |(host, _)| host);
+        host == "localhost" || host.starts_with("127.")
+    };
+    if members.iter().all(is_loopback) { "127.0.0.1" } else { "0.0.0.0" }
+}
+
+fn port_of(member: &str) -> Option<u16> {
+    member.rsplit_once(':').and_then(|(_, port)| port.parse().ok())
+}
+
+impl Backend {
+    /// Where this machine reaches the process: `host:port`.
+    #[must_use]
+    pub fn address(&self) -> String {
+        let first = self.bind.split(',').map(str::trim).next().unwrap_or_default();
+        let host = match first {
+            "" | "0.0.0.0" | "::" | "*" | "localhost" => "127.0.0.1",
+            other => other,
+        };
+        format!("{host}:{}", self.port)
+    }
+
+    /// Whether other machines reach it too.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.bind.split(',').map(str::trim).any(|host| host != "localhost" && !host.starts_with("127."))
+    }
+}
