@@ -81,9 +81,9 @@ pub struct PlanSearch {
     /// What the template is given.
     #[command(flatten)]
     pub options: TemplateOptions,
-    /// builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml
+    /// builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml; several race each other
     #[arg(long, value_name = "NAME", default_value = "builtin")]
-    pub planner: String,
+    pub planner: Vec<String>,
     /// How long the planner may run
     #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
     pub timeout: Duration,

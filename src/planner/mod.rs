@@ -5,7 +5,7 @@
 //! do, writes the task in names every planner understands ([`names`]), runs the program
 //! under [`Limits`] with nothing left behind ([`warden`]), and turns what comes
 //! back into a [`Run`] whose [`Outcome`] has an exit code and whose plan is in the
-//! domain's and the problem's own spelling.
+//! domain's and the problem's own spelling. [`race`] lets several planners run at once.
 
 pub mod builtin;
 pub mod names;
@@ -18,6 +18,7 @@ mod host;
 mod launch;
 mod outcome;
 mod process;
+mod race;
 mod run;
 
 pub use builtin::Builtin;
@@ -26,4 +27,5 @@ pub use downward::FastDownward;
 pub use ff::Ff;
 pub use host::{Host, Limits};
 pub use outcome::Outcome;
+pub use race::{Race, race};
 pub use run::{Output, Planner, Run, Task, by_name, run};

@@ -85,6 +85,8 @@ pub(super) struct Ended {
     /// The plan files it left, the last of them the best.
     pub(super) plans: Vec<Source>,
     pub(super) wall: Duration,
+    /// The processor time of all its processes, where the warden lived to say it.
+    pub(super) cpu: Option<Duration>,
     /// It ran into the limit of memory.
     pub(super) out_of_memory: bool,
 }
@@ -107,6 +109,7 @@ impl Default for Ended {
             stderr: String::new(),
             plans: Vec::new(),
             wall: Duration::ZERO,
+            cpu: None,
             out_of_memory: false,
         }
     }
@@ -127,10 +130,12 @@ fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended>
     }
     let started = Instant::now();
     let mut warden = Warden::start(job, limits, host, directory)?;
-    let (end, peak) = warden.wait(limits, host, started);
+    let (end, usage) = warden.wait(limits, host, started);
     let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
     let mut ended = warden.collect(limits, &Reading { host, deadline: rest.map(|rest| Instant::now() + rest) })?;
     ended.wall = started.elapsed();
+    ended.cpu = usage.as_ref().map(|usage| usage.cpu);
+    let peak = usage.map_or(0, |usage| usage.peak);
     ended.out_of_memory = end == End::Starved || limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
     // What was asked to stop has an end of its own; what was cut off in reading has not.
     ended.end = match ended.end {
@@ -165,7 +170,16 @@ struct Warden {
 /// What the warden has said.
 enum Word {
     Nothing,
-    Ended(End, u64),
+    Ended(End, Usage),
+}
+
+/// What a program used.
+#[derive(Debug, Clone, Copy, Default)]
+struct Usage {
+    /// Address space at most, in KiB.
+    peak: u64,
+    /// Processor time.
+    cpu: Duration,
 }
 
 impl Warden {
@@ -189,17 +203,18 @@ impl Warden {
     }
 
     /// Waits for the end, and brings it about at a limit.
-    fn wait(&mut self, limits: &Limits, host: &Host<'_>, started: Instant) -> (End, u64) {
+    fn wait(&mut self, limits: &Limits, host: &Host<'_>, started: Instant) -> (End, Option<Usage>) {
         let mut stopped: Option<(End, Instant)> = None;
         loop {
             let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()));
             let patience = rest.unwrap_or(LOOK).clamp(Duration::from_millis(1), LOOK);
             match self.hear(patience) {
-                Ok(Word::Ended(end, peak)) => return (stopped.map_or(end, |(reason, _)| reason), peak),
+                Ok(Word::Ended(end, usage)) => return (stopped.map_or(end, |(reason, _)| reason), Some(usage)),
                 Ok(Word::Nothing) => {}
                 Err(error) => {
                     self.abandon();
-                    return (stopped.map_or(End::Failed(format!("its warden is gone: {error}")), |(end, _)| end), 0);
+                    let gone = || End::Failed(format!("its warden is gone: {error}"));
+                    return (stopped.map_or_else(gone, |(end, _)| end), None);
                 }
             }
             match &stopped {
@@ -212,7 +227,7 @@ impl Warden {
                 Some((reason, since)) if since.elapsed() > GRACE + PATIENCE => {
                     let reason = reason.clone();
                     self.abandon();
-                    return (reason, 0);
+                    return (reason, None);
                 }
                 Some(_) => {}
             }
@@ -261,17 +276,21 @@ impl Warden {
         let (verb, rest) = line.split_once(' ').unwrap_or((line, ""));
         let mut numbers = rest.split(' ').map(|word| word.parse::<i64>().unwrap_or_default());
         let mut number = || numbers.next().unwrap_or_default();
+        let usage = |peak: i64, cpu: i64| Usage {
+            peak: u64::try_from(peak).unwrap_or_default(),
+            cpu: Duration::from_millis(u64::try_from(cpu).unwrap_or_default()),
+        };
         match verb {
             "started" => {
                 self.group = i32::try_from(number()).ok().and_then(Pid::from_raw);
                 Word::Nothing
             }
-            "exited" => Word::Ended(End::Exited(number() as i32), number() as u64),
-            "killed" => Word::Ended(End::Signalled(number() as i32), number() as u64),
-            "starved" => Word::Ended(End::Starved, 0),
-            "missing" => Word::Ended(End::Missing, 0),
-            "interpreter" => Word::Ended(End::NoInterpreter(rest.to_owned()), 0),
-            _ => Word::Ended(End::Failed(rest.to_owned()), 0),
+            "exited" => Word::Ended(End::Exited(number() as i32), usage(number(), number())),
+            "killed" => Word::Ended(End::Signalled(number() as i32), usage(number(), number())),
+            "starved" => Word::Ended(End::Starved, usage(number(), number())),
+            "missing" => Word::Ended(End::Missing, Usage::default()),
+            "interpreter" => Word::Ended(End::NoInterpreter(rest.to_owned()), Usage::default()),
+            _ => Word::Ended(End::Failed(rest.to_owned()), Usage::default()),
         }
     }
 

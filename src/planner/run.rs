@@ -11,7 +11,7 @@ use super::process::{self, End, Ended, Job};
 use super::{Builtin, FastDownward, Ff};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
-use crate::pddl::{Domain, Feature, Problem};
+use crate::pddl::{Domain, Feature, Problem, Validation, validate};
 use crate::plan::Plan;
 
 /// How many of a planner's last lines an error message repeats.
@@ -106,6 +106,10 @@ pub struct Run {
     pub command: Vec<String>,
     /// Wall time.
     pub time: Duration,
+    /// Processor time of all its processes, to a hundredth of a second, where it is known.
+    pub cpu: Option<Duration>,
+    /// Why the plan could not be simulated, where that is so.
+    pub unjudged: Option<String>,
     /// What is to be said about the outcome: the planner's own words, or what it lacks
     /// and where, or how to install it. Empty for a plan.
     pub message: String,
@@ -116,6 +120,20 @@ pub struct Run {
 }
 
 impl Run {
+    /// Simulates the plan, if there is one. A plan that does not reach the goal is none, whatever its
+    /// planner says.
+    pub fn simulate(&mut self, task: &Task<'_>) {
+        let Outcome::Plan(plan) = &mut self.outcome else { return };
+        match validate(task.domain, task.problem, &plan.steps) {
+            Validation::Valid { value } => plan.cost = value.or(plan.cost),
+            Validation::Unjudged(reason) => self.unjudged = Some(reason),
+            verdict @ Validation::Invalid(_) => {
+                self.message = format!("it returned a plan that is not valid: {verdict}");
+                self.outcome = Outcome::Failed;
+            }
+        }
+    }
+
     /// The last lines of what the planner printed, for messages.
     #[must_use]
     pub fn tail(&self) -> String {
@@ -158,10 +176,11 @@ pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<
     let (mut ended, mut answer) = ask(planner, &command, &sent, limits, host);
     if let Some(other) = planner.again(&answer, &command) {
         let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..*limits };
-        let first = ended.wall;
+        let (first, cpu) = (ended.wall, ended.cpu);
         command = other;
         (ended, answer) = ask(planner, &command, &sent, &rest, host);
         ended.wall += first;
+        ended.cpu = ended.cpu.zip(cpu).map(|(one, other)| one + other);
     }
     let (outcome, message) = conclude(planner, &ended, answer, &sent, task, limits);
     report(planner, outcome, message, &command, ended)
@@ -314,6 +333,8 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
         version: planner.version(),
         command: command.iter().enumerate().map(shown).collect(),
         time: ended.wall,
+        cpu: ended.cpu,
+        unjudged: None,
         message,
         stdout: ended.stdout,
         stderr: ended.stderr,

@@ -9,9 +9,9 @@
 //! | warden says | |
 //! |---|---|
 //! | `started PID` | the program is about to run; `PID` is its group |
-//! | `exited CODE PEAK` | it ended with an exit code; `PEAK` KiB of address space were seen |
-//! | `killed SIGNAL PEAK` | it ended by a signal |
-//! | `starved` | its processes together were over the limit of memory, and were ended |
+//! | `exited CODE PEAK CPU` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` ms of processors |
+//! | `killed SIGNAL PEAK CPU` | it ended by a signal |
+//! | `starved PEAK CPU` | its processes together were over the limit of memory, and were ended |
 //! | `missing` | there is no such program |
 //! | `interpreter PATH` | the program is a script, and its interpreter is not there |
 //! | `failed WORDS` | it could not be started |
@@ -235,10 +235,10 @@ impl Ward {
         bury();
         match status {
             Ok(Watched::Ended(status)) => match status.code() {
-                Some(code) => format!("exited {code} {}", self.peak),
-                None => format!("killed {} {}", status.signal().unwrap_or_default(), self.peak),
+                Some(code) => format!("exited {code} {} {}", self.peak, spent()),
+                None => format!("killed {} {} {}", status.signal().unwrap_or_default(), self.peak, spent()),
             },
-            Ok(Watched::Starved) => "starved".to_owned(),
+            Ok(Watched::Starved) => format!("starved {} {}", self.peak, spent()),
             Err(error) => format!("failed {error}"),
         }
     }
@@ -344,6 +344,14 @@ fn bury() {
             Err(_) => return,
         }
     }
+}
+
+/// How much processor time the children that were waited for had, and theirs, in milliseconds: two fields of
+/// `stat` that count hundredths of a second.
+fn spent() -> u64 {
+    let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = stat.rsplit_once(") ").map_or("", |(_, fields)| fields).split(' ').skip(13).take(2);
+    fields.filter_map(|field| field.parse::<u64>().ok()).sum::<u64>() * 10
 }
 
 /// The living children of this process.

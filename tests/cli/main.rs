@@ -9,6 +9,7 @@ mod indexes;
 mod locks;
 mod plans;
 mod problems;
+mod races;
 mod readme;
 mod settings;
 mod stored;

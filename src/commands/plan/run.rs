@@ -12,20 +12,20 @@ use crate::exit::Exit;
 use crate::formats::{Diagnostics, Source, pddl::Dialect, shell};
 use crate::memory::Memory;
 use crate::output::Format;
-use crate::pddl::{Domain, Problem, Validation, validate};
+use crate::pddl::{Domain, Problem};
 use crate::plan::{self, Answered, Lineage};
-use crate::planner::{self, Host, Limits, Outcome, Planner, Run, Task};
+use crate::planner::{self, Host, Limits, Outcome, Planner, Race, Run, Task};
 use crate::problem::{Generated, SectionReport, names};
 use crate::store::stamp;
 
 pub(super) fn run(args: &cli::PlanSearch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot])?;
-    let planner = choose(&args.planner, args.anytime, context)?;
+    let planners =
+        args.planner.iter().map(|name| choose(name, args.anytime, context)).collect::<Result<Vec<_>, _>>()?;
     let domain = read_domain(&args.domain, args.options.lenient, context)?;
     let memory = context.memory()?;
     let posed = pose(args, &domain, &memory, context)?;
-    let mut run = search(planner.as_ref(), &domain, &posed.problem, args, context);
-    simulate(&mut run, &domain, &posed.problem, context);
+    let run = search(&planners, &Task { domain: &domain, problem: &posed.problem }, args, context)?;
     let id = if args.no_store { None } else { Some(store(&run, args, &domain, &posed, &memory, context)?) };
     print(&run, &domain, format, id.as_deref().unwrap_or("plan"), args, context)
 }
@@ -72,13 +72,13 @@ fn choose(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn Pl
     })
 }
 
+/// Runs the planners; of several, the winner's run is what counts.
 fn search(
-    planner: &dyn Planner,
-    domain: &Domain,
-    problem: &Problem,
+    planners: &[Box<dyn Planner>],
+    task: &Task<'_>,
     args: &cli::PlanSearch,
     context: &mut Context<'_>,
-) -> Run {
+) -> anyhow::Result<Run> {
     let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, ..Limits::default() };
     let patience = crate::Patience::new();
     let host = Host {
@@ -86,24 +86,17 @@ fn search(
         temporary: context.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into),
         interrupted: patience.interrupted(),
     };
-    let task = Task { domain, problem };
     let start = Instant::now();
-    let run = planner::run(planner, &task, &limits, &host);
-    context.output.operation("plan", &run.planner, run.outcome.word(), start.elapsed());
-    run
-}
-
-/// A plan that does not reach the goal is none, whatever its planner says.
-fn simulate(run: &mut Run, domain: &Domain, problem: &Problem, context: &mut Context<'_>) {
-    let Outcome::Plan(plan) = &mut run.outcome else { return };
-    match validate(domain, problem, &plan.steps) {
-        Validation::Valid { value } => plan.cost = value.or(plan.cost),
-        Validation::Unjudged(reason) => context.output.warn(&format!("the plan was not simulated: {reason}")),
-        verdict @ Validation::Invalid(_) => {
-            run.message = format!("it returned a plan that is not valid: {verdict}");
-            run.outcome = Outcome::Failed;
-        }
+    let race = planner::race(planners, task, &limits, &host);
+    if let Some(race) = race.as_ref().filter(|race| race.runs.len() > 1) {
+        context.output.note(&race.to_string());
     }
+    let run = race.as_ref().and_then(Race::winner).ok_or_else(|| UsageError::new("expected --planner"))?.clone();
+    context.output.operation("plan", &run.planner, run.outcome.word(), start.elapsed());
+    if let Some(reason) = &run.unjudged {
+        context.output.warn(&format!("the plan was not simulated: {reason}"));
+    }
+    Ok(run)
 }
 
 /// Stores the plan, or that there is none, with its lineage.

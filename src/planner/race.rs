@@ -1,0 +1,130 @@
+//! Several planners at once on one task.
+//!
+//! The first whose plan is right wins, and the others are ended. A proof that there is no plan
+//! ends the race as well: nobody will find one. A planner that cannot handle the task, is not
+//! installed or fails does not take part any longer, and keeps nobody from winning.
+//!
+//! The limit of time is one for all. The limit of memory is shared out, so that all of them
+//! together keep it.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
+use super::host::{Host, Limits};
+use super::outcome::Outcome;
+use super::run::{self, Planner, Run, Task};
+
+/// How often an interruption is looked for.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// A race that is over.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Race {
+    /// What each planner did, in the order they were named. Who was ended because another had won
+    /// has [`Outcome::Interrupted`].
+    pub runs: Vec<Run>,
+    /// Whose outcome counts, by its place among the runs.
+    pub winner: usize,
+}
+
+impl Race {
+    /// The run whose outcome counts; there is one in every race.
+    #[must_use]
+    pub fn winner(&self) -> Option<&Run> {
+        self.runs.get(self.winner)
+    }
+}
+
+/// Lets planners run against each other; each plan is simulated as soon as it is there. Without
+/// planners there is no race.
+#[must_use]
+pub fn race(planners: &[Box<dyn Planner>], task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Option<Race> {
+    let share = u64::try_from(planners.len()).ok().filter(|share| *share > 0)?;
+    let limits = Limits { memory: limits.memory.map(|bytes| bytes / share), ..*limits };
+    let stopped = AtomicBool::new(host.is_interrupted());
+    let (sender, ended) = mpsc::channel();
+    let mut runs: Vec<Option<Run>> = planners.iter().map(|_| None).collect();
+    let mut first = None;
+    thread::scope(|scope| {
+        for (place, planner) in planners.iter().enumerate() {
+            let sender = sender.clone();
+            let host = Host { exe: host.exe.clone(), temporary: host.temporary.clone(), interrupted: &stopped };
+            scope.spawn(move || {
+                let mut run = run::run(planner.as_ref(), task, &limits, &host);
+                run.simulate(task);
+                let _ = sender.send((place, run));
+            });
+        }
+        drop(sender);
+        loop {
+            match ended.recv_timeout(LOOK) {
+                Ok((place, run)) => {
+                    if first.is_none() && is_decided(&run.outcome) {
+                        first = Some(place);
+                        stopped.store(true, Ordering::SeqCst);
+                    }
+                    if let Some(slot) = runs.get_mut(place) {
+                        *slot = Some(run);
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) if host.is_interrupted() => stopped.store(true, Ordering::SeqCst),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+    });
+    // A racer that said nothing has panicked, which the scope has passed on.
+    let runs: Vec<Run> = runs.into_iter().flatten().collect();
+    let winner = first.filter(|place| *place < runs.len()).or_else(|| most_telling(&runs))?;
+    Some(Race { runs, winner })
+}
+
+/// Whether nobody has to go on.
+fn is_decided(outcome: &Outcome) -> bool {
+    matches!(outcome, Outcome::Plan(_) | Outcome::Unsolvable)
+}
+
+/// Whose outcome says most where nobody won: a limit that can be raised before a planner that gave up by
+/// itself, and what a planner did before what kept it from doing anything. Of equals, the first named.
+fn most_telling(runs: &[Run]) -> Option<usize> {
+    let rank = |outcome: &Outcome| match outcome {
+        Outcome::Plan(_) | Outcome::Unsolvable => 0,
+        Outcome::Interrupted => 1,
+        Outcome::OutOfTime => 2,
+        Outcome::OutOfMemory => 3,
+        Outcome::GaveUp => 4,
+        Outcome::Failed => 5,
+        Outcome::Unsupported => 6,
+        Outcome::NotFound => 7,
+    };
+    runs.iter().enumerate().min_by_key(|(_, run)| rank(&run.outcome)).map(|(place, _)| place)
+}
+
+/// A table: who, with which outcome, after which time, with how much of a processor, and how many steps.
+impl fmt::Display for Race {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let width = self.runs.iter().map(|run| run.planner.chars().count()).max().unwrap_or_default().max(7);
+        write!(f, "{:<width$}  {:<13}  {:>9}  {:>9}  {:>6}", "planner", "outcome", "time", "cpu", "steps")?;
+        let is_won = self.winner().is_some_and(|run| is_decided(&run.outcome));
+        for (place, run) in self.runs.iter().enumerate() {
+            let outcome = match run.outcome {
+                Outcome::Interrupted if is_won => "ended",
+                ref outcome => outcome.word(),
+            };
+            let seconds = |time: Duration| format!("{:.2} s", time.as_secs_f64());
+            let steps = run.outcome.plan().map_or_else(|| "-".to_owned(), |plan| plan.steps.len().to_string());
+            let (time, cpu) = (seconds(run.time), run.cpu.map_or_else(|| "-".to_owned(), seconds));
+            let mark = match run.outcome {
+                _ if place != self.winner => "",
+                Outcome::Plan(_) => "  wins",
+                Outcome::Unsolvable => "  decides",
+                _ => "",
+            };
+            write!(f, "\n{:<width$}  {outcome:<13}  {time:>9}  {cpu:>9}  {steps:>6}{mark}", run.planner)?;
+        }
+        Ok(())
+    }
+}
