@@ -13,6 +13,7 @@ mod element;
 mod error;
 mod expression;
 mod filter;
+mod geo;
 pub mod index;
 pub mod key;
 mod keys;

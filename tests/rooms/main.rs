@@ -8,6 +8,7 @@ mod plan;
 mod planner;
 mod problem;
 mod query;
+mod query_places;
 mod shell;
 mod store;
 mod transcripts;

@@ -8,13 +8,13 @@ use super::parse::{Parser, array};
 use super::test::{Leaf, Order, Set, Test};
 use super::types::TypeSet;
 use crate::query::error::{QueryError, Result};
+use crate::query::geo::{Region, alone};
 use crate::query::number::{Number, double_to_long};
 use crate::query::regex::Pattern;
 use crate::query::view::View;
 
 /// Geospatial operators, which need an index of their own.
-const REFUSED: [&str; 8] =
-    ["$near", "$nearSphere", "$geoNear", "$geoWithin", "$geoIntersects", "$within", "$maxDistance", "$minDistance"];
+const REFUSED: [&str; 5] = ["$near", "$nearSphere", "$geoNear", "$maxDistance", "$minDistance"];
 
 /// The test that an operator stands for; `siblings` is the document it is in.
 pub(super) fn field_operator(
@@ -53,6 +53,14 @@ pub(super) fn field_operator(
         "$bitsAllClear" => Leaf::Bits(Bits::parse(value.into(), true, false)?),
         "$bitsAnySet" => Leaf::Bits(Bits::parse(value.into(), false, true)?),
         "$bitsAnyClear" => Leaf::Bits(Bits::parse(value.into(), false, false)?),
+        "$geoWithin" | "$within" => {
+            alone(name, siblings)?;
+            Leaf::Place(Box::new(Region::within(name, value)?))
+        }
+        "$geoIntersects" => {
+            alone(name, siblings)?;
+            Leaf::Place(Box::new(Region::meets(value)?))
+        }
         "$comment" => return Ok(None),
         _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
         _ => return Err(QueryError::bad_value(format!("unknown operator: {name}"))),

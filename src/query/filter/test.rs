@@ -9,6 +9,7 @@ use super::tree::{Context, Node};
 use super::types::TypeSet;
 use crate::query::compare::{canonical_type, compare_values, views};
 use crate::query::error::Result;
+use crate::query::geo::Region;
 use crate::query::number::{Number, double_to_long};
 use crate::query::regex::Pattern;
 use crate::query::view::{Fields, Items, View};
@@ -38,6 +39,8 @@ pub(in crate::query) enum Leaf {
     ElementMatches(Box<Node>),
     /// An element that passes.
     ElementPasses(Box<Test>),
+    /// A geometry in a region.
+    Place(Box<Region>),
     Never,
 }
 
@@ -121,6 +124,7 @@ impl Leaf {
             (Self::Type(types), value) => types.contains(value),
             (Self::Mod(divisor, remainder), View::Number(number)) => has_remainder(number, *divisor, *remainder),
             (Self::Bits(bits), value) => bits.matches(value),
+            (Self::Place(region), value) => region.takes(value),
             (Self::Size(size), View::Array(items)) => i64::try_from(items.len()).is_ok_and(|length| length == *size),
             (Self::ElementMatches(node), View::Array(items)) => {
                 first_element(items, context, |item, context| match item {
