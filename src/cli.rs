@@ -21,7 +21,10 @@ use crate::store::Namespace;
 
 pub use backend::{Backend, BackendCommand, BackendName, BackendUp};
 pub use index::Index;
-pub use plan::{Layout, Plan, PlanCommand, PlanList, PlanSearch};
+pub use plan::{
+    Layout, Plan, PlanCheck, PlanCommand, PlanEffort, PlanImport, PlanList, PlanRerun, PlanSearch, PlanShow, PlanState,
+    PlanStep, PlanTask,
+};
 pub use watch::Watch;
 
 /// A document-oriented robot memory: PDDL problems from queries, plans back into the memory

@@ -29,6 +29,8 @@ pub enum Format {
     Ff,
     /// A graph for Graphviz.
     Dot,
+    /// A drawing.
+    Svg,
 }
 
 impl Format {
@@ -44,6 +46,7 @@ impl Format {
             Self::Clips => "clips",
             Self::Ff => "ff",
             Self::Dot => "dot",
+            Self::Svg => "svg",
         }
     }
 }

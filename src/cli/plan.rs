@@ -50,9 +50,99 @@ impl FromArgMatches for Plan {
 /// The commands about stored plans.
 #[derive(Debug, Subcommand)]
 pub enum PlanCommand {
+    /// Does the rest of a stored plan still reach its goal, from the memory as it is now?
+    #[command(
+        after_help = "Examples:\n  rmem plan check last\n  rmem plan check 65f0 --format json\n  rmem gen-problem -t now.j2 | rmem plan check last --problem -\n\n\
+Exits with 0 where it does, else with 1 and the first broken step and what is false there. The\n\
+problem is generated again from the domain, the template, the goal and the parameters that are\n\
+kept with the plan; steps that are done are not simulated. The plan of a problem that was a\n\
+file says nothing about the memory: give the problem of now with --problem."
+    )]
+    Check(PlanCheck),
+    /// Note how the execution of a step went
+    #[command(after_help = "Examples:\n  rmem plan step last 1 --started\n  rmem plan step last 1 --done\n\n\
+Steps count from 1; `next` is the first that is not done. In the plan's document, the step gets\n\
+the keys _status (running, done, failed), _started and _ended (dates).")]
+    Step(PlanStep),
+    /// Print a stored plan
+    #[command(
+        after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg > plan.svg\n\n\
+Formats: text (as in planning competitions), json, dot, svg, clips, ff."
+    )]
+    Show(PlanShow),
+    /// Tell where a stored plan comes from
+    #[command(after_help = "Example:\n  rmem plan why last")]
+    Why(PlanShow),
     /// List the stored plans, the newest first
     #[command(after_help = "Example:\n  rmem plan list --limit 5")]
     List(PlanList),
+    /// Store a plan from a file, after it is validated
+    #[command(
+        after_help = "Examples:\n  rmem plan import plan.txt --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  ff -o domain.pddl -f problem.pddl | rmem plan import - --domain domain.pddl --problem problem.pddl\n\n\
+Reads what FF prints, plans as in planning competitions, and temporal plans. A plan that does\n\
+not reach the goal is not stored; exits with 1 then."
+    )]
+    Import(PlanImport),
+    /// Plan again for the task of a stored plan, from the memory as it is now
+    #[command(after_help = "Examples:\n  rmem plan rerun last\n  rmem plan rerun last --timeout 5s")]
+    Rerun(PlanRerun),
+}
+
+/// A stored plan.
+#[derive(Debug, Clone, Args)]
+pub struct PlanShow {
+    /// The plan: its id, what only its id begins with, or last
+    #[arg(value_name = "ID")]
+    pub id: String,
+    /// Where the plans are
+    #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]
+    pub namespace: Namespace,
+}
+
+/// `plan check`
+#[derive(Debug, Args)]
+pub struct PlanCheck {
+    /// Which plan.
+    #[command(flatten)]
+    pub plan: PlanShow,
+    /// The problem as it is now, instead of the memory; - is stdin
+    #[arg(short, long, value_name = "FILE")]
+    pub problem: Option<PathBuf>,
+}
+
+/// `plan step`
+#[derive(Debug, Args)]
+pub struct PlanStep {
+    /// The plan: its id, what only its id begins with, or last
+    #[arg(value_name = "ID")]
+    pub id: String,
+    /// The step, from 1; next is the first that is not done
+    #[arg(value_name = "N")]
+    pub step: String,
+    /// What became of it.
+    #[command(flatten)]
+    pub state: PlanState,
+    /// Where the plans are
+    #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]
+    pub namespace: Namespace,
+}
+
+/// What became of a step.
+#[derive(Debug, Clone, Copy, Args)]
+#[group(required = true, multiple = false)]
+pub struct PlanState {
+    /// It has begun
+    #[arg(long)]
+    pub started: bool,
+    /// It has ended well
+    #[arg(long)]
+    pub done: bool,
+    /// It has ended badly
+    #[arg(long)]
+    pub failed: bool,
+    /// Forget what was noted of it
+    #[arg(long)]
+    pub open: bool,
 }
 
 /// `plan list`
@@ -66,9 +156,57 @@ pub struct PlanList {
     pub limit: u64,
 }
 
+/// `plan import`
+#[derive(Debug, Args)]
+pub struct PlanImport {
+    /// The plan; - is stdin
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// What it is a plan for.
+    #[command(flatten)]
+    pub task: PlanTask,
+    /// Where the plan is stored
+    #[arg(long, value_name = "NS", default_value = "robmem.plans")]
+    pub into: Namespace,
+    /// How the plan document is laid out: numbered, fawkes
+    #[arg(long, value_name = "LAYOUT", default_value = "numbered", hide_possible_values = true)]
+    pub layout: Layout,
+}
+
+/// `plan rerun`
+#[derive(Debug, Args)]
+pub struct PlanRerun {
+    /// Which plan.
+    #[command(flatten)]
+    pub plan: PlanShow,
+    /// Another planner than the plan's; several race each other
+    #[arg(long, value_name = "NAME")]
+    pub planner: Vec<String>,
+    /// Another limit of time than the plan's
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    pub timeout: Option<Duration>,
+    /// Another limit of memory than the plan's
+    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    pub memory_limit: Option<u64>,
+    /// Do not store the plan
+    #[arg(long)]
+    pub no_store: bool,
+}
+
 /// What is planned, and how.
 #[derive(Debug, Clone, Args)]
 pub struct PlanSearch {
+    /// What is planned.
+    #[command(flatten)]
+    pub task: PlanTask,
+    /// How.
+    #[command(flatten)]
+    pub effort: PlanEffort,
+}
+
+/// What a plan is for.
+#[derive(Debug, Clone, Args)]
+pub struct PlanTask {
     /// The domain
     #[arg(short, long, value_name = "FILE")]
     pub domain: PathBuf,
@@ -81,6 +219,11 @@ pub struct PlanSearch {
     /// What the template is given.
     #[command(flatten)]
     pub options: TemplateOptions,
+}
+
+/// How a plan is looked for, and where it goes.
+#[derive(Debug, Clone, Args)]
+pub struct PlanEffort {
     /// builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml; several race each other
     #[arg(long, value_name = "NAME", default_value = "builtin")]
     pub planner: Vec<String>,

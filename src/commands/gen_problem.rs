@@ -16,7 +16,8 @@ pub(super) fn run(args: &GenProblem, context: &mut Context<'_>) -> anyhow::Resul
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.options.lenient, context)).transpose()?;
     let template = context.read(&args.template)?;
     let memory = context.memory()?;
-    let generated = generate(&template, &args.options, &memory, context)?;
+    let request = request(template, &args.options, context)?;
+    let generated = generate(&request, args.options.strict, &memory, context)?;
     if let Some(domain) = &domain {
         generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
     }
@@ -30,15 +31,14 @@ pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>)
     Ok(Domain::read(&source, Dialect { lenient }).map_err(Diagnostics)?)
 }
 
-/// Renders a template and tells how many documents each section matched.
-pub(super) fn generate(
-    template: &Source,
+/// What a template is to be rendered with.
+pub(super) fn request(
+    template: Source,
     options: &TemplateOptions,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> anyhow::Result<Generated> {
-    let request = Request {
-        template: template.clone(),
+    context: &Context<'_>,
+) -> Result<Request, Diagnostic> {
+    Ok(Request {
+        template,
         syntax: match options.syntax {
             TemplateSyntax::Auto => Syntax::Auto,
             TemplateSyntax::Minijinja => Syntax::Minijinja,
@@ -48,9 +48,18 @@ pub(super) fn generate(
         goal: options.goal.clone(),
         parameters: options.definitions.iter().map(parameter).collect::<Result<_, _>>()?,
         lenient: options.lenient,
-    };
-    let generated = problem::generate(&request, memory)?;
-    report(&generated, options.strict, context)?;
+    })
+}
+
+/// Renders a template and tells how many documents each section matched.
+pub(super) fn generate(
+    request: &Request,
+    strict: bool,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> anyhow::Result<Generated> {
+    let generated = problem::generate(request, memory)?;
+    report(&generated, strict, context)?;
     Ok(generated)
 }
 

@@ -11,7 +11,8 @@
 //! or two parameters of one name) gets the first number that makes it new: `action_2`.
 //! An argument for which the domain names no parameter is `arg1`, `arg2`, … by its
 //! place. Times of temporal plans are `_start` and `_duration` in a numbered step, which
-//! no PDDL name can be, and `start` and `duration` in the other layout.
+//! no PDDL name can be, and `start` and `duration` in the other layout. Whoever executes
+//! the plan notes its [`Progress`](super::Progress) in the same way.
 
 use bson::{Array, Bson, Document, doc};
 
@@ -166,7 +167,7 @@ fn entries(document: &Document) -> Result<Vec<(String, &Bson)>, PlanDocumentErro
 fn step(key: &str, entry: &Bson, name: &dyn Fn(&Bson) -> Option<String>) -> Result<Step, PlanDocumentError> {
     let entry = entry.as_document().ok_or_else(|| PlanDocumentError::NotAStep(key.to_owned()))?;
     let action = entry.get_str("action").map_err(|_| PlanDocumentError::NoAction(key.to_owned()))?;
-    let arguments = entry.iter().filter(|(key, _)| !["action", "_start", "_duration"].contains(&key.as_str()));
+    let arguments = entry.iter().filter(|(key, _)| *key != "action" && !key.starts_with('_'));
     let arguments = arguments
         .map(|(argument, value)| name(value).ok_or_else(|| PlanDocumentError::NotAName(format!("{key}.{argument}"))));
     Ok(Step {

@@ -6,7 +6,11 @@ use std::time::Duration;
 use bson::{Array, Bson, DateTime, Document, doc};
 use sha2::{Digest as _, Sha256};
 
+use super::Recipe;
 use crate::planner::Run;
+
+/// What stands for the planner of a plan that came from a file.
+pub const IMPORTED: &str = "import";
 
 /// The SHA-256 of a text, in hexadecimal.
 #[must_use]
@@ -58,6 +62,18 @@ pub struct Lineage {
     pub length: Option<usize>,
     /// When planning began.
     pub started: Option<DateTime>,
+    /// What the plan was made from.
+    pub sources: Option<Recipe>,
+    /// The planners that were asked.
+    pub planners: Vec<String>,
+    /// Whether they were to use all of their time.
+    pub anytime: bool,
+    /// How long the planners were allowed to take.
+    pub timeout: Option<Duration>,
+    /// How many bytes of memory the planner was allowed to use.
+    pub memory_limit: Option<u64>,
+    /// The id of the plan whose task this one was found for again.
+    pub rerun_of: Option<String>,
     /// How long each part of the way took: `render`, `plan`, `validate`, ….
     pub times: Vec<(String, Duration)>,
 }
@@ -98,6 +114,12 @@ impl Lineage {
         insert(&mut document, "started", self.started);
         let times = self.times.iter().map(|(name, time)| (name.clone(), Bson::Double(time.as_secs_f64() * 1000.0)));
         document.insert("times", times.collect::<Document>());
+        document.insert("planners", &self.planners);
+        document.insert("anytime", self.anytime);
+        insert(&mut document, "timeout", self.timeout.map(|timeout| timeout.as_secs_f64() * 1000.0));
+        insert(&mut document, "memory_limit", self.memory_limit.and_then(|limit| i64::try_from(limit).ok()));
+        insert(&mut document, "rerun_of", self.rerun_of.clone());
+        insert(&mut document, "sources", self.sources.as_ref().map(Recipe::to_document));
         document
     }
 }

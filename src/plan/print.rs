@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
-use bson::Bson;
+use bson::{Bson, Document};
 
-use super::{Layout, Plan, to_document};
-use crate::formats::pddl::ast::Domain;
+use super::{Plan, Status, svg};
 use crate::pddl::Step;
 
 /// How a plan is printed.
@@ -22,6 +21,8 @@ pub enum Format {
     Ff,
     /// A graph for Graphviz.
     Dot,
+    /// A drawing for browsers: boxes in order, or bars over time.
+    Svg,
 }
 
 /// What a format has no way to write.
@@ -32,41 +33,113 @@ pub enum PrintError {
     Nul(String),
 }
 
-/// Prints a plan; the text ends with a line break. `value` gives the memory's value for a
-/// name of the problem, for those formats that the memory's programs read; `id` is the
-/// plan's name in facts and graphs.
-///
-/// # Errors
-///
-/// A value that the format cannot spell.
-pub fn print(
-    plan: &Plan,
-    format: Format,
-    domain: &Domain,
-    id: &str,
-    value: &dyn Fn(&str) -> Bson,
-) -> Result<String, PrintError> {
-    match format {
-        Format::Text => Ok(text(plan)),
-        Format::Json => Ok(json(plan, domain, value)),
-        Format::Clips => clips(plan, id, value),
-        Format::Ff => Ok(ff(plan)),
-        Format::Dot => Ok(dot(plan, id, value)),
-    }
+/// A plan with what is printed along with it.
+#[derive(Clone, Copy)]
+pub struct Page<'a> {
+    /// The plan, with the names of the problem.
+    pub plan: &'a Plan,
+    /// Its document, which is what [`Format::Json`] prints.
+    pub document: &'a Document,
+    /// How far each step is; a step beyond them is open.
+    pub statuses: &'a [Status],
+    /// The plan's name in facts and graphs.
+    pub id: &'a str,
+    /// The memory's value for a name of the problem, for those formats that the memory's programs read.
+    pub value: &'a dyn Fn(&str) -> Bson,
 }
 
-/// `(unstack b a)`, or `0.001: (move r1 a b) [5.000]`.
-fn text(plan: &Plan) -> String {
-    let mut text: String = plan.steps.iter().map(|step| format!("{}\n", line(step))).collect();
-    let length = plan.steps.len() as f64;
-    let _ = match plan.cost {
-        // The number of steps is what a plan costs where nothing else was asked for, and says
-        // nothing about one with times.
-        Some(cost) if cost != length => writeln!(text, "; cost = {cost} (general cost)"),
-        _ if plan.is_temporal() => Ok(()),
-        _ => writeln!(text, "; cost = {length} (unit cost)"),
-    };
-    text
+impl Page<'_> {
+    /// Prints the plan; the text ends with a line break.
+    ///
+    /// # Errors
+    ///
+    /// A value that the format cannot spell.
+    pub fn print(&self, format: Format) -> Result<String, PrintError> {
+        match format {
+            Format::Text => Ok(self.text()),
+            // Documents become JSON without fail: their keys are strings.
+            Format::Json => Ok(serde_json::to_string(self.document).unwrap_or_default() + "\n"),
+            Format::Clips => self.clips(),
+            Format::Ff => Ok(ff(self.plan)),
+            Format::Dot => Ok(self.dot()),
+            Format::Svg => Ok(svg::draw(self)),
+        }
+    }
+
+    /// How far a step is; steps count from 0.
+    pub(super) fn status(&self, index: usize) -> Status {
+        self.statuses.get(index).copied().unwrap_or_default()
+    }
+
+    /// A step with the memory's values, as people read it.
+    pub(super) fn readable(&self, step: &Step) -> String {
+        let arguments = step.arguments.iter().map(|name| readable(&(self.value)(name))).collect();
+        line(&Step { arguments, ..step.clone() })
+    }
+
+    /// `(unstack b a)`, or `0.001: (move r1 a b) [5.000]`; what is known of a step is a comment.
+    fn text(&self) -> String {
+        let mut text = String::new();
+        for (index, step) in self.plan.steps.iter().enumerate() {
+            text.push_str(&line(step));
+            if self.status(index) != Status::Open {
+                let _ = write!(text, " ; {}", self.status(index));
+            }
+            text.push('\n');
+        }
+        let length = self.plan.steps.len() as f64;
+        let _ = match self.plan.cost {
+            // The number of steps is what a plan costs where nothing else was asked for, and says
+            // nothing about one with times.
+            Some(cost) if cost != length => writeln!(text, "; cost = {cost} (general cost)"),
+            _ if self.plan.is_temporal() => Ok(()),
+            _ => writeln!(text, "; cost = {length} (unit cost)"),
+        };
+        text
+    }
+
+    fn clips(&self) -> Result<String, PrintError> {
+        let id = spelled(symbol(self.id))?;
+        let mut text = format!("(plan (id {id})");
+        if let Some(cost) = self.plan.cost {
+            let _ = write!(text, " (cost {cost:?})");
+        }
+        text.push_str(")\n");
+        for (index, step) in self.plan.steps.iter().enumerate() {
+            let arguments = step.arguments.iter().map(|name| Ok(format!(" {}", spelled(slot(&(self.value)(name)))?)));
+            let arguments = arguments.collect::<Result<String, PrintError>>()?;
+            let number = index + 1;
+            let name = spelled(symbol(&step.action))?;
+            let _ = write!(text, "(plan-action (id {number}) (plan-id {id}) (name {name}) (arguments{arguments})");
+            if let Some(start) = step.start {
+                let _ = write!(text, " (start {start:?})");
+            }
+            if let Some(duration) = step.duration {
+                let _ = write!(text, " (duration {duration:?})");
+            }
+            let _ = writeln!(text, " (status {}))", self.status(index).symbol());
+        }
+        Ok(text)
+    }
+
+    fn dot(&self) -> String {
+        let mut text =
+            format!("digraph \"{}\" {{\n  node [shape=box];\n  init [shape=circle, label=\"\"];\n", label(self.id));
+        for (index, step) in self.plan.steps.iter().enumerate() {
+            let number = index + 1;
+            let style = match self.status(index) {
+                Status::Open => "",
+                Status::Running => ", style=filled, fillcolor=lightblue",
+                Status::Done => ", style=filled, fillcolor=palegreen",
+                Status::Failed => ", style=filled, fillcolor=lightcoral",
+            };
+            let _ = writeln!(text, "  s{number} [label=\"{number}: {}\"{style}];", label(&self.readable(step)));
+        }
+        text.push_str("  goal [shape=doublecircle, label=\"\"];\n  init");
+        text.extend((1..=self.plan.steps.len()).map(|number| format!(" -> s{number}")));
+        text.push_str(" -> goal;\n}\n");
+        text
+    }
 }
 
 fn line(step: &Step) -> String {
@@ -83,18 +156,12 @@ fn words(step: &Step) -> String {
 }
 
 /// Three digits after the point, as temporal planners write, unless that loses something.
-fn time(time: f64) -> String {
+pub(super) fn time(time: f64) -> String {
     let short = format!("{time:.3}");
     match short.parse() == Ok(time) {
         true => short,
         false => time.to_string(),
     }
-}
-
-fn json(plan: &Plan, domain: &Domain, value: &dyn Fn(&str) -> Bson) -> String {
-    let document = to_document(plan, domain, Layout::Numbered, value);
-    // Documents become JSON without fail: their keys are strings.
-    format!("{}\n", serde_json::to_string(&document).unwrap_or_default())
 }
 
 fn ff(plan: &Plan) -> String {
@@ -112,30 +179,6 @@ fn ff(plan: &Plan) -> String {
         let _ = writeln!(text, "plan cost: {cost:.6}");
     }
     text
-}
-
-fn clips(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> Result<String, PrintError> {
-    let id = spelled(symbol(id))?;
-    let mut text = format!("(plan (id {id})");
-    if let Some(cost) = plan.cost {
-        let _ = write!(text, " (cost {cost:?})");
-    }
-    text.push_str(")\n");
-    for (index, step) in plan.steps.iter().enumerate() {
-        let arguments = step.arguments.iter().map(|name| Ok(format!(" {}", spelled(slot(&value(name)))?)));
-        let arguments = arguments.collect::<Result<String, PrintError>>()?;
-        let number = index + 1;
-        let name = spelled(symbol(&step.action))?;
-        let _ = write!(text, "(plan-action (id {number}) (plan-id {id}) (name {name}) (arguments{arguments})");
-        if let Some(start) = step.start {
-            let _ = write!(text, " (start {start:?})");
-        }
-        if let Some(duration) = step.duration {
-            let _ = write!(text, " (duration {duration:?})");
-        }
-        text.push_str(" (status FORMULATED))\n");
-    }
-    Ok(text)
 }
 
 /// A word of a fact that CLIPS reads as a whole.
@@ -171,20 +214,6 @@ fn symbol(text: &str) -> String {
 
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
-}
-
-fn dot(plan: &Plan, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
-    let mut text = format!("digraph \"{}\" {{\n  node [shape=box];\n  init [shape=circle, label=\"\"];\n", label(id));
-    for (index, step) in plan.steps.iter().enumerate() {
-        let number = index + 1;
-        let arguments = step.arguments.iter().map(|name| readable(&value(name))).collect();
-        let line = line(&Step { arguments, ..step.clone() });
-        let _ = writeln!(text, "  s{number} [label=\"{number}: {}\"];", label(&line));
-    }
-    text.push_str("  goal [shape=doublecircle, label=\"\"];\n  init");
-    text.extend((1..=plan.steps.len()).map(|number| format!(" -> s{number}")));
-    text.push_str(" -> goal;\n}\n");
-    text
 }
 
 /// A value as people read it.

@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use bson::Bson;
+
 use super::names;
 use super::origin::{DocumentId, Kind, Placed, from_document};
 use crate::formats::{Diagnostic, Source, Span};
@@ -18,6 +20,8 @@ pub(super) struct Emitted {
     pub(super) document: Option<DocumentId>,
     /// Whether it is the goal: PDDL text, and no name.
     pub(super) goal: bool,
+    /// The value, where it is no text.
+    pub(super) value: Option<Bson>,
 }
 
 enum Part {
@@ -56,6 +60,16 @@ pub(super) struct Assembler<'a> {
     token: Vec<Part>,
     /// Names by their folded case.
     spellings: HashMap<String, Spelling>,
+    /// What names by their folded case stand for, where that is no text.
+    values: HashMap<String, Bson>,
+}
+
+/// A problem put together.
+#[derive(Debug, Default)]
+pub(super) struct Assembled {
+    pub(super) text: String,
+    pub(super) placed: Vec<Placed>,
+    pub(super) values: HashMap<String, Bson>,
 }
 
 /// What ends a token.
@@ -65,7 +79,14 @@ fn is_delimiter(c: char) -> bool {
 
 impl<'a> Assembler<'a> {
     pub(super) fn new(template: &'a Source) -> Self {
-        Self { template, out: String::new(), placed: Vec::new(), token: Vec::new(), spellings: HashMap::new() }
+        Self {
+            template,
+            out: String::new(),
+            placed: Vec::new(),
+            token: Vec::new(),
+            spellings: HashMap::new(),
+            values: HashMap::new(),
+        }
     }
 
     /// Adds text whose place in the template is not known.
@@ -132,9 +153,9 @@ impl<'a> Assembler<'a> {
     }
 
     /// Ends the problem.
-    pub(super) fn finish(mut self) -> Result<(String, Vec<Placed>), Diagnostic> {
+    pub(super) fn finish(mut self) -> Result<Assembled, Diagnostic> {
         self.flush()?;
-        Ok((self.out, self.placed))
+        Ok(Assembled { text: self.out, placed: self.placed, values: self.values })
     }
 
     fn flush(&mut self) -> Result<(), Diagnostic> {
@@ -144,6 +165,10 @@ impl<'a> Assembler<'a> {
         let whole = joined(&parts);
         let mangle_all = !plain && (names::looks_mangled(&whole) || names::is_operator(&whole));
         let mut first: Option<(Span, Option<DocumentId>)> = None;
+        let only = match parts.as_slice() {
+            [Part::Value(value)] => value.value.clone(),
+            _ => None,
+        };
         for part in parts {
             match part {
                 Part::Text(text, place) => self.write(&text, place),
@@ -170,6 +195,10 @@ impl<'a> Assembler<'a> {
                     });
                 }
             }
+        }
+        if let Some(value) = only {
+            let name = self.out.get(start..).unwrap_or_default().to_ascii_lowercase();
+            self.values.entry(name).or_insert(value);
         }
         match first {
             Some((template, document)) if !plain => self.remember(start, template, document),
@@ -238,11 +267,18 @@ mod tests {
             let (value, after) = after.split_once('}').expect("a closed brace");
             let (number, value) = value.strip_prefix('#').map_or((false, value), |value| (true, value));
             let template = Span::at(text.len() - after.len());
-            assembler.value(Emitted { text: value.to_owned(), number, template, document: None, goal: false });
+            assembler.value(Emitted {
+                text: value.to_owned(),
+                number,
+                template,
+                document: None,
+                goal: false,
+                value: None,
+            });
             rest = after;
         }
         assembler.text(rest).map_err(|error| error.to_string())?;
-        assembler.finish().map(|(text, _)| text).map_err(|error| error.to_string())
+        assembler.finish().map(|assembled| assembled.text).map_err(|error| error.to_string())
     }
 
     #[test]

@@ -8,7 +8,7 @@ use minijinja::value::Value;
 use minijinja::{AutoEscape, Environment, Error, ErrorKind, UndefinedBehavior};
 
 use super::answer;
-use super::assembly::Assembler;
+use super::assembly::{Assembled, Assembler};
 use super::function::{Context, Piece, pieces, register};
 use super::instrument::{Instrumented, instrument};
 use super::value::{CLOSE, OPEN, from_bson};
@@ -71,7 +71,7 @@ impl Drop for End<'_> {
 /// The parameters and the goal.
 fn variables(request: &Request, goal: Option<&str>) -> Vec<(String, Value)> {
     let namespace = Arc::new(request.collection.clone());
-    let value = |(name, value): &(String, bson::Bson)| (name.clone(), from_bson(value, &namespace));
+    let value = |(name, value): &(String, bson::Bson)| (name.clone(), from_bson(value, &namespace, &Arc::default()));
     let mut variables: Vec<(String, Value)> = request.parameters.iter().map(value).collect();
     if let Some(goal) = goal {
         variables.push(("goal".to_owned(), Value::from_safe_string(goal.to_owned())));
@@ -115,12 +115,12 @@ fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Co
 
 fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Generated, ProblemError> {
     let template = &request.template;
-    let values = context.emitted();
+    let emitted = context.emitted();
     let mut assembler = Assembler::new(template);
     for piece in pieces(rendered) {
         match piece {
             Piece::Text(text) => assembler.text(text)?,
-            Piece::Value(number) => match values.get(number) {
+            Piece::Value(number) => match emitted.get(number) {
                 Some(value) if value.goal => assembler.goal(&value.text, value.template)?,
                 Some(value) => assembler.value(value.clone()),
                 None => {
@@ -130,7 +130,7 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
             },
         }
     }
-    let (text, placed) = assembler.finish()?;
+    let Assembled { text, placed, values } = assembler.finish()?;
     let sections = context.asked().into_iter().map(|asked| {
         let span = asked.site.and_then(|site| context.sites.get(site)).copied().unwrap_or_default();
         SectionReport {
@@ -142,7 +142,7 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
         }
     });
     let sections = sections.collect();
-    Ok(Generated { text, sections, template: template.clone(), placed })
+    Ok(Generated { text, sections, template: template.clone(), placed, values })
 }
 
 /// What went wrong, at its place in the template as it was written.

@@ -1,6 +1,6 @@
 //! The functions and filters that templates have.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::fmt;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -27,6 +27,8 @@ pub(super) struct Context {
     failure: Mutex<Option<StoreError>>,
     emitted: Mutex<Vec<Emitted>>,
     asked: Mutex<Vec<Asked>>,
+    /// Values that the filter `name` made texts of, by those texts.
+    named: Mutex<HashMap<String, Bson>>,
 }
 
 /// A query that was asked, perhaps several times with different filters.
@@ -56,6 +58,7 @@ impl Context {
             failure: Mutex::default(),
             emitted: Mutex::default(),
             asked: Mutex::default(),
+            named: Mutex::default(),
         }
     }
 
@@ -82,9 +85,10 @@ impl Context {
     /// Keeps a value for the problem; its number in brackets stands for it in the rendered text.
     pub(super) fn emit(&self, value: &Value) -> Result<String, Error> {
         let (text, number) = self.spell(value)?;
+        let value = self.typed(value).or_else(|| lock(&self.named).get(&text).cloned());
         let template = self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default();
         let mut emitted = lock(&self.emitted);
-        emitted.push(Emitted { text, number, template, document: self.looked.take(), goal: false });
+        emitted.push(Emitted { text, number, template, document: self.looked.take(), goal: false, value });
         Ok(format!("{OPEN}{}{CLOSE}", emitted.len() - 1))
     }
 
@@ -93,8 +97,41 @@ impl Context {
         let template = self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default();
         self.looked.take();
         let mut emitted = lock(&self.emitted);
-        emitted.push(Emitted { text: goal.to_owned(), number: false, template, document: None, goal: true });
+        emitted.push(Emitted {
+            text: goal.to_owned(),
+            number: false,
+            template,
+            document: None,
+            goal: true,
+            value: None,
+        });
         format!("{OPEN}{}{CLOSE}", emitted.len() - 1)
+    }
+
+    /// The name of a value as text; what it was is remembered.
+    fn name(&self, value: &Value) -> Result<String, Error> {
+        let (text, _) = self.spell(value)?;
+        if let Some(value) = self.typed(value) {
+            lock(&self.named).entry(text.clone()).or_insert(value);
+        }
+        Ok(text)
+    }
+
+    /// The value in the memory, where it is no text.
+    fn typed(&self, value: &Value) -> Option<Bson> {
+        if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
+            return matches!(other, Bson::ObjectId(_)).then(|| other.clone());
+        }
+        match value.kind() {
+            ValueKind::Bool => Some(Bson::Boolean(value.is_true())),
+            ValueKind::Number if value.is_integer() => {
+                let number = value.as_i64()?;
+                let short = i32::try_from(number).ok().filter(|_| !self.looked.is_long(number));
+                Some(short.map_or(Bson::Int64(number), Bson::Int32))
+            }
+            ValueKind::Number => f64::try_from(value.clone()).ok().map(Bson::Double),
+            _ => None,
+        }
     }
 
     /// A value's text, and whether it is a number.
@@ -447,7 +484,7 @@ fn distinct(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
     match context.ask(Question::Distinct(namespace.as_ref().clone(), field, filter))? {
         Answer::Values(values) => {
             matched.fetch_add(values.len() as u64, Ordering::Relaxed);
-            Ok(values.iter().map(|value| from_bson(value, &namespace)).collect())
+            Ok(values.iter().map(|value| from_bson(value, &namespace, &context.looked)).collect())
         }
         _ => Err(invalid("the memory gave no values")),
     }
@@ -494,7 +531,7 @@ pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>
     let shared = Arc::clone(context);
     environment.add_filter("number", move |value: Value, digits: Option<u32>| number(&shared, &value, digits));
     let shared = Arc::clone(context);
-    environment.add_filter("name", move |value: Value| shared.spell(&value).map(|(text, _)| text));
+    environment.add_filter("name", move |value: Value| shared.name(&value));
     environment.add_function("param", move |name: String, default: Option<Value>| {
         let found = parameters.iter().find(|(known, _)| *known == name).map(|(_, value)| value.clone());
         found.or(default).ok_or_else(|| invalid(format!("the parameter `{name}` is not given; say -D {name}=…")))

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bson::raw::RawBsonRef;
 use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
-use super::assembly::{Assembler, Emitted, Literal};
+use super::assembly::{Assembled, Assembler, Emitted, Literal};
 use super::origin::DocumentId;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::marker::{self, Node, QueryKind, Section};
@@ -40,8 +40,8 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
         latest: HashMap::new(),
     };
     expander.nodes(&template.nodes, None)?;
-    let (text, placed) = expander.assembler.finish()?;
-    Ok(Generated { text, sections: expander.reports, template: request.template.clone(), placed })
+    let Assembled { text, placed, values } = expander.assembler.finish()?;
+    Ok(Generated { text, sections: expander.reports, template: request.template.clone(), placed, values })
 }
 
 /// The sections whose documents are needed more than once: those inside of others, and those used again by name.
@@ -238,7 +238,8 @@ impl<'a> Expander<'a> {
         document: Option<DocumentId>,
     ) -> Result<(), ProblemError> {
         if let Some((text, number)) = spell(value) {
-            self.assembler.value(Emitted { text, number, template, document, goal: false });
+            let value = Bson::try_from(value).ok().filter(|value| !matches!(value, Bson::String(_) | Bson::Symbol(_)));
+            self.assembler.value(Emitted { text, number, template, document, goal: false, value });
             return Ok(());
         }
         if self.request.lenient {

@@ -11,6 +11,7 @@ mod answer;
 mod assembly;
 mod bound;
 mod engine;
+mod explain;
 mod function;
 mod goal;
 mod instrument;
@@ -20,5 +21,6 @@ mod origin;
 mod request;
 mod value;
 
+pub use explain::{Explanation, Part};
 pub use origin::{Generated, Origin};
 pub use request::{ProblemError, Request, SectionReport, Syntax, generate};

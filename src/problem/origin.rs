@@ -1,10 +1,11 @@
 //! Where each part of a problem came from.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use bson::Bson;
 
-use super::SectionReport;
+use super::{SectionReport, names};
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::pddl::{Domain, Problem};
@@ -56,6 +57,8 @@ pub struct Generated {
     pub(super) template: Source,
     /// In the order of the output, without overlaps.
     pub(super) placed: Vec<Placed>,
+    /// The values of names, in lower case, that are no texts.
+    pub(super) values: HashMap<String, Bson>,
 }
 
 impl Generated {
@@ -71,6 +74,24 @@ impl Generated {
     /// What is wrong with it, each at the template's place.
     pub fn check(&self, domain: &Domain, dialect: Dialect) -> Result<Problem, Vec<Diagnostic>> {
         Problem::read(&self.source(), domain, dialect).map_err(|complaints| self.explain(complaints))
+    }
+
+    /// The memory's value for a name of the problem: of its own type where the whole name was a number, a
+    /// truth value or an ObjectId, else the text that the name stands for. Where several of those
+    /// have one name, it is the first that was written.
+    #[must_use]
+    pub fn value(&self, name: &str) -> Bson {
+        let known = self.values.get(&name.to_ascii_lowercase()).cloned();
+        known.unwrap_or_else(|| Bson::String(names::restore(name)))
+    }
+
+    /// The document of a value that stands at this place of the problem.
+    pub(super) fn value_at(&self, place: Span) -> Option<(Namespace, Bson)> {
+        let next = self.placed.partition_point(|placed| placed.output.end <= place.start);
+        let within = self.placed.iter().skip(next).take_while(|placed| placed.output.start < place.end);
+        let mut values = within.filter(|placed| placed.kind == Kind::Value && placed.output.start >= place.start);
+        let (namespace, id) = values.find_map(|placed| placed.document.as_ref())?;
+        Some((namespace.as_ref().clone(), id.clone()))
     }
 
     /// Where the byte at `offset` of the problem came from.

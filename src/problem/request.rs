@@ -20,7 +20,7 @@ pub enum Syntax {
 }
 
 /// A problem wanted.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// The template.
     pub template: Source,

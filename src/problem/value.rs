@@ -1,6 +1,7 @@
 //! Documents as values of the template engine, read where they lie.
 
 use std::cmp::Ordering;
+use std::collections::HashSet;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -23,18 +24,34 @@ pub(super) const CLOSE: char = '\u{FDD1}';
 const MAX_DEPTH: usize = 100;
 
 /// The document that the template looked into last.
+type Last = Option<(Arc<Namespace>, Arc<RawDocumentBuf>)>;
+
+/// What the template looked at: the last document, and which numbers were of 64 bits, which the engine
+/// does not tell from those of 32.
 #[derive(Debug, Default)]
-pub(super) struct Looked(Mutex<Option<(Arc<Namespace>, Arc<RawDocumentBuf>)>>);
+pub(super) struct Looked {
+    last: Mutex<Last>,
+    longs: Mutex<HashSet<i64>>,
+}
 
 impl Looked {
     fn at(&self, namespace: &Arc<Namespace>, document: &Arc<RawDocumentBuf>) {
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         *last = Some((Arc::clone(namespace), Arc::clone(document)));
     }
 
-    /// Its `_id`; nothing the next time.
+    fn long(&self, number: i64) {
+        self.longs.lock().unwrap_or_else(PoisonError::into_inner).insert(number);
+    }
+
+    /// Whether the number was seen with 64 bits.
+    pub(super) fn is_long(&self, number: i64) -> bool {
+        self.longs.lock().unwrap_or_else(PoisonError::into_inner).contains(&number)
+    }
+
+    /// The last document's `_id`; nothing the next time.
     pub(super) fn take(&self) -> Option<DocumentId> {
-        let (namespace, document) = self.0.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        let (namespace, document) = self.last.lock().unwrap_or_else(PoisonError::into_inner).take()?;
         let id = document.get("_id").ok().flatten()?;
         Some((namespace, Bson::try_from(id).ok()?))
     }
@@ -89,7 +106,10 @@ impl Doc {
             }
             RawBsonRef::String(text) | RawBsonRef::Symbol(text) => self::text(text),
             RawBsonRef::Int32(number) => Value::from(number),
-            RawBsonRef::Int64(number) => Value::from(number),
+            RawBsonRef::Int64(number) => {
+                self.looked.long(number);
+                Value::from(number)
+            }
             RawBsonRef::Double(number) => Value::from(number),
             RawBsonRef::Boolean(flag) => Value::from(flag),
             RawBsonRef::Null => Value::from(()),
@@ -162,9 +182,9 @@ pub(super) fn text(text: &str) -> Value {
 }
 
 /// A parameter, or a distinct value.
-pub(super) fn from_bson(value: &Bson, namespace: &Arc<Namespace>) -> Value {
+pub(super) fn from_bson(value: &Bson, namespace: &Arc<Namespace>, looked: &Arc<Looked>) -> Value {
     let Ok(raw) = RawDocumentBuf::try_from(&bson::doc! { "value": value.clone() }) else { return Value::UNDEFINED };
-    let doc = Doc { raw: Arc::new(raw), root: None, namespace: Arc::clone(namespace), looked: Arc::default() };
+    let doc = Doc { raw: Arc::new(raw), root: None, namespace: Arc::clone(namespace), looked: Arc::clone(looked) };
     doc.raw.get("value").ok().flatten().map_or(Value::UNDEFINED, |value| doc.convert(value))
 }
 

@@ -5,11 +5,20 @@ use rmem::formats::Source;
 use rmem::formats::pddl::{Dialect, ast, read_domain, read_problem};
 use rmem::formats::plan::{Spelling, read_plan};
 use rmem::pddl::Step;
-use rmem::plan::{Answered, Format, Layout, Lineage, Plan, Stored, failure, from_document, hash, to_document};
+use rmem::plan::{
+    Answered, Format, Layout, Lineage, Page, Plan, PrintError, Status, Stored, failure, from_document, hash,
+    to_document,
+};
+
+/// A printed plan of which nothing is executed.
+fn shown(plan: &Plan, format: Format, id: &str, value: &dyn Fn(&str) -> Bson) -> Result<String, PrintError> {
+    let document = to_document(plan, &domain(), Layout::Numbered, value);
+    Page { plan, document: &document, statuses: &[], id, value }.print(format)
+}
 
 /// Prints what can be printed.
-fn print(plan: &Plan, format: Format, domain: &ast::Domain, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
-    rmem::plan::print(plan, format, domain, id, value).unwrap()
+fn print(plan: &Plan, format: Format, id: &str, value: &dyn Fn(&str) -> Bson) -> String {
+    shown(plan, format, id, value).unwrap()
 }
 
 fn domain() -> ast::Domain {
@@ -138,7 +147,7 @@ fn what_is_not_a_stored_plan_is_refused_with_its_key() {
 
 #[test]
 fn text_is_what_the_planning_competitions_write() {
-    let shown = |plan: &Plan| print(plan, Format::Text, &domain(), "p", &value);
+    let shown = |plan: &Plan| print(plan, Format::Text, "p", &value);
     assert_eq!(shown(&plan([step("unstack B A"), step("wait")])), "(unstack B A)\n(wait)\n; cost = 2 (unit cost)\n");
     assert_eq!(shown(&Plan { cost: Some(7.5), ..plan([step("wait")]) }), "(wait)\n; cost = 7.5 (general cost)\n");
     assert_eq!(shown(&Plan::default()), "; cost = 0 (unit cost)\n");
@@ -158,7 +167,7 @@ fn text_and_ff_read_back() {
         (Format::Ff, plan([step("unstack B A"), step("wait")]), Spelling::Ff),
         (Format::Ff, plan([timed("move r1 a", 0.001, 5.0)]), Spelling::Temporal),
     ] {
-        let text = print(&plan, format, &domain(), "p", &value);
+        let text = print(&plan, format, "p", &value);
         let read = read_plan(&Source::new("plan", text.clone())).unwrap();
         assert_eq!((read.spelling, read.actions.len()), (spelling, plan.steps.len()), "{text}");
         for (action, step) in read.actions.iter().zip(&plan.steps) {
@@ -173,7 +182,7 @@ fn facts_are_symbols_where_they_can_be() {
     let plan = plan([step("unstack B two%20words"), timed("move 1 r", 0.0, 5.0)]);
     let value = |name: &str| Bson::from(name.replace("%20", " "));
     assert_eq!(
-        print(&plan, Format::Clips, &domain(), "p1", &value),
+        print(&plan, Format::Clips, "p1", &value),
         "(plan (id p1))\n\
          (plan-action (id 1) (plan-id p1) (name unstack) (arguments B \"two words\") (status FORMULATED))\n\
          (plan-action (id 2) (plan-id p1) (name move) (arguments \"1\" r) (start 0.0) (duration 5.0) (status FORMULATED))\n"
@@ -183,20 +192,20 @@ fn facts_are_symbols_where_they_can_be() {
 #[test]
 fn a_value_that_clips_would_cut_short_is_an_error() {
     let value = |_: &str| Bson::from("A\0B");
-    let shown = |format| rmem::plan::print(&plan([step("putdown x")]), format, &domain(), "p", &value);
+    let shown = |format| self::shown(&plan([step("putdown x")]), format, "p", &value);
     assert!(shown(Format::Clips).unwrap_err().to_string().contains("NUL"));
     assert!(shown(Format::Json).unwrap().contains(r"A\u0000B"));
 }
 
 #[test]
 fn json_is_the_document_on_one_line() {
-    let text = print(&plan([step("putdown B")]), Format::Json, &domain(), "p", &value);
+    let text = print(&plan([step("putdown B")]), Format::Json, "p", &value);
     assert_eq!(text, "{\"plan\":\"success\",\"1\":{\"action\":\"putdown\",\"x\":\"B\"}}\n");
 }
 
 #[test]
 fn the_graph_runs_from_start_to_goal() {
-    let text = print(&plan([step("putdown B"), step("wait")]), Format::Dot, &domain(), "a\"b", &value);
+    let text = print(&plan([step("putdown B"), step("wait")]), Format::Dot, "a\"b", &value);
     assert!(text.starts_with("digraph \"a\\\"b\" {"), "{text}");
     assert!(text.contains("s1 [label=\"1: (putdown B)\"]") && text.contains("init -> s1 -> s2 -> goal;"), "{text}");
 }
@@ -204,7 +213,7 @@ fn the_graph_runs_from_start_to_goal() {
 #[test]
 fn the_graph_shows_the_values_of_the_memory() {
     let value = |name: &str| if name == "n-3" { Bson::Int32(3) } else { Bson::from("Ann \"the\\cook\"\n") };
-    let text = print(&plan([step("unstack x--1 n-3")]), Format::Dot, &domain(), "p", &value);
+    let text = print(&plan([step("unstack x--1 n-3")]), Format::Dot, "p", &value);
     assert!(text.contains(r#"s1 [label="1: (unstack Ann \"the\\cook\"\\n 3)"]"#), "{text}");
 }
 
@@ -237,4 +246,38 @@ fn an_imported_plan_gets_the_spelling_of_its_task() {
     let file = read_plan(&Source::new("plan", "step    0: UNSTACK BOX-A B\n        1: FLY C\n")).unwrap();
     let plan = Plan::from(file).spelled(&domain(), &problem);
     assert_eq!(plan.steps, [step("unstack Box-A b"), step("FLY C")]);
+}
+
+#[test]
+fn what_was_executed_is_seen_in_every_format() {
+    let plan = plan([step("putdown B"), step("wait"), step("putdown A")]);
+    let document = to_document(&plan, &domain(), Layout::Numbered, &value);
+    let statuses = [Status::Done, Status::Running];
+    let page = Page { plan: &plan, document: &document, statuses: &statuses, id: "p", value: &value };
+    let text = page.print(Format::Text).unwrap();
+    assert_eq!(text, "(putdown B) ; done\n(wait) ; running\n(putdown A)\n; cost = 3 (unit cost)\n");
+    assert_eq!(read_plan(&Source::new("plan", text)).unwrap().actions.len(), 3);
+    let clips = page.print(Format::Clips).unwrap();
+    for status in ["(status FINAL)", "(status RUNNING)", "(status FORMULATED)"] {
+        assert_eq!(clips.matches(status).count(), 1, "{clips}");
+    }
+    assert_eq!(page.print(Format::Dot).unwrap().matches("style=filled").count(), 2);
+    assert_eq!(page.print(Format::Svg).unwrap().matches("#cdf5cd").count(), 1);
+}
+
+#[test]
+fn a_drawing_has_a_box_or_a_bar_a_step_and_no_markup_of_the_memory() {
+    let boxes = print(&plan([step("putdown A<&\u{1}"), step("wait")]), Format::Svg, "\"p\"", &value);
+    assert_eq!((boxes.matches("<rect").count(), boxes.matches("<path").count()), (2, 1), "{boxes}");
+    assert!(boxes.contains("A&lt;&amp;\\u{1}") && boxes.contains("<title>&quot;p&quot;</title>"), "{boxes}");
+    let bars = print(&plan([timed("move r1 a", 0.0, 5.0), timed("move r2 a", 5.0, 5.0)]), Format::Svg, "p", &value);
+    assert!(bars.contains("width=\"320\"") && bars.contains(">10.000</text>"), "{bars}");
+    assert!(print(&Plan::default(), Format::Svg, "p", &value).ends_with("</svg>\n"));
+}
+
+#[test]
+fn what_is_noted_in_a_step_is_no_argument() {
+    let document = doc! { "plan": "success", "1": { "action": "putdown", "x": "B", "_status": "done" } };
+    let Ok(Stored::Plan(read)) = from_document(&document, &name) else { panic!("no plan") };
+    assert_eq!(read.steps, [step("putdown B")]);
 }

@@ -1,26 +1,23 @@
 //! `rmem plan list`: the stored plans, the newest first.
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document};
 
 use crate::cli::PlanList;
 use crate::commands::Context;
 use crate::exit::Exit;
-use crate::store::{Find, stamp};
+use crate::plan::{Archive, Record, Status};
+use crate::store::stamp;
 
 pub(super) fn run(args: &PlanList, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
-    let newest = doc! { format!("{}.{}", stamp::INFO, stamp::INSERTED): -1, "_id": -1 };
-    let find =
-        Find { filter: doc! { "plan": { "$exists": true } }, sort: newest, limit: args.limit, ..Find::default() };
-    let plans = memory.find_with_metadata(&args.namespace, &find)?;
-    context.print_documents(plans.map(|plan| Ok(line(&Document::try_from(&*plan?)?))))?;
+    let plans = Archive::new(&memory, &args.namespace).newest(args.limit)?;
+    context.print_documents(plans.map(|plan| Ok(line(&plan?))))?;
     Ok(Exit::Done)
 }
 
 /// What a list says of a plan.
-fn line(plan: &Document) -> Document {
-    let info = plan.get_document(stamp::INFO).ok();
-    let lineage = info.and_then(|info| info.get_document("lineage").ok());
+fn line(plan: &Record) -> Document {
+    let info = plan.document.get_document(stamp::INFO).ok();
     let of = |document: Option<&Document>, key: &str| document.and_then(|document| document.get(key)).cloned();
     let mut line = Document::new();
     let mut say = |key: &str, value: Option<Bson>| {
@@ -28,11 +25,15 @@ fn line(plan: &Document) -> Document {
             line.insert(key, value);
         }
     };
-    say("_id", of(Some(plan), "_id"));
+    let progress = plan.progress();
+    let done = progress.iter().filter(|step| step.status == Status::Done).count();
+    let number = |count: usize| i32::try_from(count).ok().map(Bson::Int32);
+    say("_id", of(Some(&plan.document), "_id"));
     say("stored", of(info, stamp::INSERTED));
-    say("outcome", of(lineage, "outcome"));
-    say("steps", of(lineage, "length"));
-    say("planner", of(lineage, "planner"));
-    say("goal", of(lineage, "goal"));
+    say("outcome", of(plan.lineage(), "outcome").or_else(|| of(Some(&plan.document), "plan")));
+    say("steps", number(progress.len()));
+    say("done", number(done));
+    say("planner", of(plan.lineage(), "planner"));
+    say("goal", of(plan.lineage(), "goal"));
     line
 }

@@ -1,7 +1,15 @@
 //! `rmem plan`: finding plans, and what is done with those that are stored; one file per command.
 
+mod check;
+mod import;
 mod list;
+mod pose;
+mod rerun;
 mod run;
+mod show;
+mod step;
+mod stored;
+mod why;
 
 use super::Context;
 use crate::cli::{Plan, PlanCommand};
@@ -10,6 +18,12 @@ use crate::exit::Exit;
 pub(super) fn run(args: &Plan, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     match args {
         Plan::Search(search) => run::run(search, context),
+        Plan::Stored(PlanCommand::Check(args)) => check::run(args, context),
+        Plan::Stored(PlanCommand::Import(args)) => import::run(args, context),
         Plan::Stored(PlanCommand::List(args)) => list::run(args, context),
+        Plan::Stored(PlanCommand::Rerun(args)) => rerun::run(args, context),
+        Plan::Stored(PlanCommand::Show(args)) => show::run(args, context),
+        Plan::Stored(PlanCommand::Step(args)) => step::run(args, context),
+        Plan::Stored(PlanCommand::Why(args)) => why::run(args, context),
     }
 }

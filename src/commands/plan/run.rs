@@ -1,66 +1,60 @@
 //! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::Context as _;
-use bson::{Bson, DateTime, doc};
+use bson::{Bson, Document, doc};
 
+use super::pose::{self, Posed, Sections, pose};
+use super::show;
 use crate::cli;
-use crate::commands::gen_problem::{generate, read_domain};
 use crate::commands::{Context, UsageError};
 use crate::exit::Exit;
-use crate::formats::{Diagnostics, Source, pddl::Dialect, shell};
+use crate::formats::shell;
 use crate::memory::Memory;
-use crate::output::Format;
-use crate::pddl::{Domain, Problem};
-use crate::plan::{self, Answered, Lineage};
+use crate::pddl::Domain;
+use crate::plan::{self, Recipe};
 use crate::planner::{self, Host, Limits, Outcome, Planner, Race, Run, Task};
-use crate::problem::{Generated, SectionReport, names};
-use crate::store::stamp;
+use crate::store::{Namespace, stamp};
 
 pub(super) fn run(args: &cli::PlanSearch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let format = context.format(&[Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot])?;
-    let planners =
-        args.planner.iter().map(|name| choose(name, args.anytime, context)).collect::<Result<Vec<_>, _>>()?;
-    let domain = read_domain(&args.domain, args.options.lenient, context)?;
+    context.format(&show::FORMATS)?;
+    choose(&args.effort, context)?;
+    let recipe = pose::recipe(&args.task, context)?;
+    let domain = pose::domain(&recipe)?;
     let memory = context.memory()?;
-    let posed = pose(args, &domain, &memory, context)?;
-    let run = search(&planners, &Task { domain: &domain, problem: &posed.problem }, args, context)?;
-    let id = if args.no_store { None } else { Some(store(&run, args, &domain, &posed, &memory, context)?) };
-    print(&run, &domain, format, id.as_deref().unwrap_or("plan"), args, context)
+    let sections = Sections::from(&args.task.options);
+    find(&Order { recipe, domain, sections, effort: &args.effort, rerun_of: None }, &memory, context)
 }
 
-/// A problem, and what is known about where it came from.
-struct Posed {
-    problem: Problem,
-    template: Option<Source>,
-    generated: Option<Generated>,
-    started: DateTime,
-    took: Duration,
+/// A plan wanted.
+pub(super) struct Order<'a> {
+    pub(super) recipe: Recipe,
+    pub(super) domain: Domain,
+    pub(super) sections: Sections,
+    pub(super) effort: &'a cli::PlanEffort,
+    pub(super) rerun_of: Option<String>,
 }
 
-/// Reads the problem, or generates it from the template, and checks it against the domain.
-fn pose(args: &cli::PlanSearch, domain: &Domain, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Posed> {
-    let (started, clock) = (DateTime::now(), Instant::now());
-    let dialect = Dialect { lenient: args.options.lenient };
-    let (problem, template, generated) = match (&args.problem, &args.template) {
-        (Some(path), _) => {
-            let source = context.read(path)?;
-            (Problem::read(&source, domain, dialect).map_err(Diagnostics)?, None, None)
-        }
-        (None, Some(path)) => {
-            let template = context.read(path)?;
-            let generated = generate(&template, &args.options, memory, context)?;
-            let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
-            (problem, Some(template), Some(generated))
-        }
-        (None, None) => return Err(UsageError::new("expected --problem or --template").into()),
+/// Poses the problem, finds a plan, checks it, stores it, prints it.
+pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let planners = choose(order.effort, context)?;
+    let posed = pose(&order.recipe, &order.domain, order.sections, memory, context)?;
+    let run = search(&planners, &Task { domain: &order.domain, problem: &posed.problem }, order.effort, context)?;
+    let document = document(&run, order, &posed);
+    let id = match order.effort.no_store {
+        true => "plan".to_owned(),
+        false => store(with_lineage(&document, &run, order, &posed), &order.effort.into, memory, context)?,
     };
-    Ok(Posed { problem, template, generated, started, took: clock.elapsed() })
+    print(&run, &document, &posed, &id, context)
+}
+
+fn choose(effort: &cli::PlanEffort, context: &Context<'_>) -> Result<Vec<Box<dyn Planner>>, UsageError> {
+    effort.planner.iter().map(|name| by_name(name, effort.anytime, context)).collect()
 }
 
 /// The planner of that name: one of rmem's own or of the settings.
-fn choose(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn Planner>, UsageError> {
+fn by_name(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn Planner>, UsageError> {
     let configured = context.settings.planners.iter().find(|planner| planner.name == name);
     if let Some(configured) = configured {
         return Ok(Box::new(configured.clone()));
@@ -76,7 +70,7 @@ fn choose(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn Pl
 fn search(
     planners: &[Box<dyn Planner>],
     task: &Task<'_>,
-    args: &cli::PlanSearch,
+    args: &cli::PlanEffort,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Run> {
     let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, ..Limits::default() };
@@ -99,81 +93,52 @@ fn search(
     Ok(run)
 }
 
-/// Stores the plan, or that there is none, with its lineage.
-fn store(
-    run: &Run,
-    args: &cli::PlanSearch,
-    domain: &Domain,
-    posed: &Posed,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> anyhow::Result<String> {
-    let layout = layout(args);
-    let mut document = match &run.outcome {
-        Outcome::Plan(plan) => plan::to_document(plan, domain.tree(), layout, &value),
+/// The document of the plan, or of there being none.
+fn document(run: &Run, order: &Order<'_>, posed: &Posed) -> Document {
+    let layout = layout(order.effort.layout);
+    match &run.outcome {
+        Outcome::Plan(plan) => plan::to_document(plan, order.domain.tree(), layout, &|name| posed.value(name)),
         other => plan::failure(other.word(), layout),
-    };
-    document.insert(stamp::INFO, doc! { "lineage": lineage(run, args, domain, posed).to_document() });
-    let inserted = memory.insert(&args.into, vec![document]).context("storing the plan")?;
-    let id = match inserted.ids.first() {
-        Some(Bson::ObjectId(id)) => id.to_hex(),
-        other => other.map(shell::relaxed_value).unwrap_or_default(),
-    };
-    context.output.note(&format!("stored in {} as {id}", args.into));
-    Ok(id)
+    }
 }
 
-fn layout(args: &cli::PlanSearch) -> plan::Layout {
-    match args.layout {
+pub(super) fn layout(layout: cli::Layout) -> plan::Layout {
+    match layout {
         cli::Layout::Numbered => plan::Layout::Numbered,
         cli::Layout::Fawkes => plan::Layout::Fawkes,
     }
 }
 
-fn lineage(run: &Run, args: &cli::PlanSearch, domain: &Domain, posed: &Posed) -> Lineage {
-    let goal = args.options.goal.clone().unwrap_or_else(|| goal(&posed.problem));
-    let sections = posed.generated.iter().flat_map(|generated| &generated.sections);
-    let lineage = Lineage {
-        domain: plan::hash(domain.source().text()),
-        problem: plan::hash(posed.problem.source().text()),
-        template: posed.template.as_ref().map(|template| plan::hash(template.text())),
-        goal,
-        queries: sections.map(answered).collect(),
-        started: Some(posed.started),
-        times: vec![("pose".to_owned(), posed.took)],
-        ..Lineage::default()
+fn with_lineage(document: &Document, run: &Run, order: &Order<'_>, posed: &Posed) -> Document {
+    let mut lineage = posed.lineage(order.recipe.clone()).with_run(run);
+    lineage.planners.clone_from(&order.effort.planner);
+    lineage.anytime = order.effort.anytime;
+    lineage.timeout = Some(order.effort.timeout);
+    lineage.memory_limit = order.effort.memory_limit;
+    lineage.rerun_of.clone_from(&order.rerun_of);
+    let mut document = document.clone();
+    document.insert(stamp::INFO, doc! { "lineage": lineage.to_document() });
+    document
+}
+
+/// Stores a plan's document with its lineage.
+pub(super) fn store(
+    document: Document,
+    into: &Namespace,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> anyhow::Result<String> {
+    let inserted = memory.insert(into, vec![document]).context("storing the plan")?;
+    let id = match inserted.ids.first() {
+        Some(Bson::ObjectId(id)) => id.to_hex(),
+        other => other.map(shell::relaxed_value).unwrap_or_default(),
     };
-    lineage.with_run(run)
-}
-
-/// The goal as PDDL.
-fn goal(problem: &Problem) -> String {
-    problem.tree().goal.as_ref().map(ToString::to_string).unwrap_or_default()
-}
-
-fn answered(section: &SectionReport) -> Answered {
-    Answered {
-        name: section.name.clone(),
-        namespace: section.namespace.to_string(),
-        query: shell::relaxed(&section.query),
-        count: section.matched,
-    }
-}
-
-/// The memory's value for a name of the problem.
-fn value(name: &str) -> Bson {
-    Bson::String(names::restore(name))
+    context.output.note(&format!("stored in {into} as {id}"));
+    Ok(id)
 }
 
 /// Prints the plan; says why there is none.
-fn print(
-    run: &Run,
-    domain: &Domain,
-    format: Format,
-    id: &str,
-    args: &cli::PlanSearch,
-    context: &mut Context<'_>,
-) -> anyhow::Result<Exit> {
+fn print(run: &Run, document: &Document, posed: &Posed, id: &str, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let Outcome::Plan(found) = &run.outcome else {
         let mut text = match (&run.outcome, run.message.as_str()) {
             (Outcome::Failed, said) if !said.is_empty() => format!("{}: {said}", run.planner),
@@ -186,24 +151,8 @@ fn print(
         context.output.error(&text);
         return Ok(Exit::from(&run.outcome));
     };
-    let text = match format {
-        Format::Json if args.layout == cli::Layout::Fawkes => {
-            shell::relaxed(&plan::to_document(found, domain.tree(), layout(args), &value)) + "\n"
-        }
-        _ => plan::print(found, spelling(format), domain.tree(), id, &value)?,
-    };
-    context.output.stdout().write_all(text.as_bytes())?;
+    show::print(&plan::Page { plan: found, document, statuses: &[], id, value: &|name| posed.value(name) }, context)?;
     Ok(Exit::Done)
-}
-
-fn spelling(format: Format) -> plan::Format {
-    match format {
-        Format::Json => plan::Format::Json,
-        Format::Clips => plan::Format::Clips,
-        Format::Ff => plan::Format::Ff,
-        Format::Dot => plan::Format::Dot,
-        _ => plan::Format::Text,
-    }
 }
 
 /// A planner's words, with control characters made visible: they are not for this terminal to obey.

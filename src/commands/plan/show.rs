@@ -1,0 +1,69 @@
+//! `rmem plan show ID`: a stored plan, as text, JSON, a drawing, facts, or what FF prints.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+
+use anyhow::anyhow;
+use bson::Bson;
+
+use super::stored;
+use crate::cli::PlanShow;
+use crate::commands::{Context, WrongInput};
+use crate::exit::Exit;
+use crate::formats::shell;
+use crate::output::Format;
+use crate::plan::{self, Page, Status, Stored};
+use crate::problem::names;
+use crate::store::stamp;
+
+/// The formats a plan is printed in; the first is the usual one.
+pub(super) const FORMATS: [Format; 6] =
+    [Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
+
+pub(super) fn run(args: &PlanShow, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let format = context.format(&FORMATS)?;
+    let memory = context.memory()?;
+    let record = stored::get(&args.id, &args.namespace, &memory)?;
+    let id = record.id();
+    let mut document = record.document.clone();
+    document.remove(stamp::INFO);
+    if format == Format::Json {
+        writeln!(context.output.stdout(), "{}", shell::relaxed(&document))?;
+        return Ok(Exit::Done);
+    }
+    // The memory's own values, with their types, by the names that stand for them here.
+    let values = RefCell::new(HashMap::new());
+    let name = |value: &Bson| {
+        let name = plan::spelled(value)?;
+        values.borrow_mut().insert(name.clone(), value.clone());
+        Some(name)
+    };
+    let found = match record.plan(&name).map_err(|error| stored::broken(&id, &error))? {
+        Stored::Plan(plan) => plan,
+        Stored::Failure(outcome) => {
+            let outcome = outcome.unwrap_or_else(|| "none was found".to_owned());
+            return Err(WrongInput::new(format!("{id} has no plan: {outcome}")).into());
+        }
+    };
+    let statuses: Vec<Status> = record.progress().iter().map(|progress| progress.status).collect();
+    let values = values.into_inner();
+    let value = |name: &str| values.get(name).cloned().unwrap_or_else(|| Bson::String(names::restore(name)));
+    print(&Page { plan: &found, document: &document, statuses: &statuses, id: &id, value: &value }, context)?;
+    Ok(Exit::Done)
+}
+
+/// Prints a plan in the format in force.
+pub(super) fn print(page: &Page<'_>, context: &mut Context<'_>) -> anyhow::Result<()> {
+    let format = match context.format(&FORMATS)? {
+        Format::Text => plan::Format::Text,
+        Format::Json => plan::Format::Json,
+        Format::Clips => plan::Format::Clips,
+        Format::Ff => plan::Format::Ff,
+        Format::Dot => plan::Format::Dot,
+        Format::Svg => plan::Format::Svg,
+        other => return Err(anyhow!("a plan has no format `{}`", other.name())),
+    };
+    let text = page.print(format)?;
+    context.output.stdout().write_all(text.as_bytes())?;
+    Ok(())
+}

@@ -1,0 +1,105 @@
+//! `rmem plan why ID`: where a stored plan comes from.
+
+use bson::{Bson, Document};
+
+use super::stored;
+use crate::cli::PlanShow;
+use crate::commands::{Context, WrongInput};
+use crate::exit::Exit;
+use crate::formats::shell;
+use crate::plan::{Record, hash};
+
+/// How wide the names are.
+const WIDTH: usize = 12;
+/// How many digits of a hash tell enough.
+const DIGITS: usize = 12;
+
+pub(super) fn run(args: &PlanShow, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let memory = context.memory()?;
+    let record = stored::get(&args.id, &args.namespace, &memory)?;
+    let lineage = record.lineage().ok_or_else(|| {
+        WrongInput::new(format!("{} says nothing about where it comes from; rmem did not store it", record.id()))
+    })?;
+    for (name, text) in story(&record, lineage) {
+        context.output.line(&format!("{name:WIDTH$}{text}"))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// The lines of the story: a name, and what is said of it.
+fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
+    let mut story = vec![("plan", record.id())];
+    let mut say = |name: &'static str, text: Option<String>| story.extend(text.map(|text| (name, text)));
+    let text = |key: &str| lineage.get(key).map(readable);
+    say("outcome", text("outcome"));
+    say("length", text("length").map(|length| format!("{length} steps")));
+    say("cost", text("cost"));
+    say("goal", text("goal"));
+    let sources = lineage.get_document("sources").ok();
+    for what in ["domain", "template", "problem"] {
+        let kept = sources.and_then(|sources| sources.get_document(what).ok());
+        say(what, lineage.get_str(what).ok().map(|hash| source(kept, hash)));
+    }
+    for key in ["collection", "parameters"] {
+        let value = sources.and_then(|sources| sources.get(key));
+        say(key, value.filter(|value| value.as_document().is_none_or(|inner| !inner.is_empty())).map(readable));
+    }
+    for query in lineage.get_array("queries").into_iter().flatten().filter_map(Bson::as_document) {
+        let part = |key: &str| query.get(key).map(readable).unwrap_or_default();
+        let documents = if part("count") == "1" { "document" } else { "documents" };
+        let line =
+            format!("{} {} in {}: {} {documents}", part("name"), part("query"), part("namespace"), part("count"));
+        say("query", Some(line));
+    }
+    say("planner", planner(lineage));
+    say(
+        "command",
+        lineage
+            .get_array("arguments")
+            .ok()
+            .filter(|words| !words.is_empty())
+            .map(|words| words.iter().map(readable).collect::<Vec<_>>().join(" ")),
+    );
+    say("timeout", lineage.get_f64("timeout").ok().map(|millis| format!("{millis} ms")));
+    say("memory", lineage.get_i64("memory_limit").ok().map(|bytes| format!("{bytes} bytes at most")));
+    say("started", text("started"));
+    let times = lineage.get_document("times").into_iter().flatten();
+    let times: Vec<String> =
+        times.filter_map(|(name, millis)| Some(format!("{name} {:.1} ms", millis.as_f64()?))).collect();
+    say("times", (!times.is_empty()).then(|| times.join(", ")));
+    say("rerun of", text("rerun_of"));
+    let progress = record.progress();
+    let count = |status| progress.iter().filter(|step| step.status == status).count();
+    let [done, running, failed] =
+        [crate::plan::Status::Done, crate::plan::Status::Running, crate::plan::Status::Failed].map(count);
+    if done + running + failed > 0 {
+        story.push(("execution", format!("{done} done, {running} running, {failed} failed, of {}", progress.len())));
+    }
+    story
+}
+
+/// `builtin 0.3`
+fn planner(lineage: &Document) -> Option<String> {
+    let name = lineage.get_str("planner").ok()?;
+    Some(lineage.get_str("version").map_or_else(|_| name.to_owned(), |version| format!("{name} {version}")))
+}
+
+/// Where a text was read, what it was, and whether it still is.
+fn source(kept: Option<&Document>, known: &str) -> String {
+    let short = known.get(..DIGITS).unwrap_or(known);
+    let Some(name) = kept.and_then(|kept| kept.get_str("name").ok()) else { return format!("sha256 {short}") };
+    let changed = match std::fs::read_to_string(name) {
+        Ok(text) if hash(&text) != known => ", the file is another now",
+        _ => "",
+    };
+    format!("{name} (sha256 {short}{changed})")
+}
+
+fn readable(value: &Bson) -> String {
+    match value {
+        Bson::String(text) => text.split_whitespace().collect::<Vec<_>>().join(" "),
+        Bson::DateTime(date) => date.try_to_rfc3339_string().unwrap_or_else(|_| date.timestamp_millis().to_string()),
+        Bson::Double(number) => number.to_string(),
+        other => shell::relaxed_value(other),
+    }
+}

@@ -1,0 +1,149 @@
+//! What is behind an atom of a problem: a place of the template, and documents.
+
+use bson::Bson;
+
+use super::names;
+use super::origin::{Generated, Origin};
+use crate::formats::pddl::ast::{Atom, Condition, ConditionKind, Init, Problem, Term};
+use crate::formats::{Source, Span};
+use crate::store::Namespace;
+
+/// Where a problem says something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// Among the objects.
+    Objects,
+    /// In the initial state.
+    Init,
+    /// In the goal.
+    Goal,
+}
+
+/// An atom or an object of the problem, and where it came from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Explanation {
+    /// Where it stands in the problem.
+    pub part: Part,
+    /// As the problem has it, like `(on A B)`.
+    pub text: String,
+    /// The line of the problem, from 1.
+    pub line: usize,
+    /// The place in the template.
+    pub origin: Origin,
+    /// The line of the template as it is there.
+    pub written: String,
+    /// The documents that its values were read from.
+    pub documents: Vec<(Namespace, Bson)>,
+}
+
+impl Generated {
+    /// What is behind an atom like `(on A B)`, a number like `(= (fuel r1) 3)` or its `(fuel r1)`, or an
+    /// object like `A`; case does not count. Nothing where the problem does not say so.
+    #[must_use]
+    pub fn explain_atom(&self, problem: &Problem, atom: &str) -> Vec<Explanation> {
+        let wanted = words(atom);
+        let mut found = Vec::new();
+        let mut note = |part, text: String, spans: Vec<Span>, also: Option<String>| {
+            let is_it = |text: &str| words(text) == wanted || words(&restored(text)) == wanted;
+            if is_it(&text) || also.as_deref().is_some_and(is_it) {
+                found.push(self.explanation(part, text, &spans));
+            }
+        };
+        for object in &problem.objects {
+            note(Part::Objects, object.name.as_str().to_owned(), vec![object.name.span()], None);
+        }
+        for element in &problem.init {
+            let (spans, inner) = match element {
+                Init::Atom(atom) | Init::Not(atom) => (spans(atom), None),
+                Init::At(_, _, atom) => (spans(atom), Some(atom.to_string())),
+                Init::Value(Term::Call(atom), _) => (spans(atom), Some(atom.to_string())),
+                Init::Value(term, _) => (vec![term.span()], Some(format!("({term})"))),
+            };
+            note(Part::Init, element.to_string(), spans, inner);
+        }
+        let mut atoms = Vec::new();
+        problem.goal.iter().for_each(|goal| atoms_of(goal, &mut atoms));
+        for atom in atoms {
+            note(Part::Goal, atom.to_string(), spans(atom), None);
+        }
+        found
+    }
+
+    /// The places of the template that write atoms of a predicate.
+    #[must_use]
+    pub fn writers(&self, predicate: &str) -> Vec<(usize, String)> {
+        let is_written = |line: &str| {
+            line.match_indices('(').any(|(at, _)| {
+                let rest = line.get(at + 1..).unwrap_or_default().trim_start();
+                let word = rest.split(|c: char| c.is_whitespace() || "(){<".contains(c)).next();
+                word.is_some_and(|word| word.eq_ignore_ascii_case(predicate))
+            })
+        };
+        let lines = self.template.text().lines().zip(1..).filter(|(line, _)| is_written(line));
+        lines.map(|(line, number)| (number, line.trim().to_owned())).collect()
+    }
+
+    /// The template it was made from.
+    #[must_use]
+    pub fn template(&self) -> &Source {
+        &self.template
+    }
+
+    fn explanation(&self, part: Part, text: String, spans: &[Span]) -> Explanation {
+        let start = spans.first().map_or(0, |span| span.start);
+        let origin = self.locate(start);
+        let mut documents: Vec<(Namespace, Bson)> = Vec::new();
+        // What stands on the same line may come from another document; the names themselves do not lie.
+        for document in spans.iter().filter_map(|span| self.value_at(*span)) {
+            if !documents.contains(&document) {
+                documents.push(document);
+            }
+        }
+        documents.extend(origin.document.clone().filter(|_| documents.is_empty()));
+        let written = self.template.text().lines().nth(origin.line.saturating_sub(1)).unwrap_or_default();
+        let line = self.source().position(start).0;
+        Explanation { part, text, line, origin, written: written.trim().to_owned(), documents }
+    }
+}
+
+/// The place of an atom, then those of its names.
+fn spans(atom: &Atom) -> Vec<Span> {
+    let arguments = atom.arguments.iter().map(Term::span);
+    [atom.place.0, atom.name.span()].into_iter().chain(arguments).collect()
+}
+
+fn atoms_of<'a>(condition: &'a Condition, atoms: &mut Vec<&'a Atom>) {
+    match &condition.kind {
+        ConditionKind::Atom(atom) => atoms.push(atom),
+        ConditionKind::Not(inner)
+        | ConditionKind::Forall(_, inner)
+        | ConditionKind::Exists(_, inner)
+        | ConditionKind::Timed(_, inner)
+        | ConditionKind::Preference(_, inner) => atoms_of(inner, atoms),
+        ConditionKind::And(parts) | ConditionKind::Or(parts) | ConditionKind::Modal(_, _, parts) => {
+            parts.iter().for_each(|part| atoms_of(part, atoms));
+        }
+        ConditionKind::Imply(left, right) => {
+            atoms_of(left, atoms);
+            atoms_of(right, atoms);
+        }
+        ConditionKind::Comparison(..) => {}
+    }
+}
+
+/// The words and brackets of a text, in lower case, one blank between words.
+fn words(text: &str) -> String {
+    let spaced = text.to_lowercase().replace('(', " ( ").replace(')', " ) ");
+    spaced.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// A text with the memory's spelling of its names.
+fn restored(text: &str) -> String {
+    let delimiter = |c: char| c.is_whitespace() || "()".contains(c);
+    text.split_inclusive(delimiter)
+        .map(|word| {
+            let name = word.trim_end_matches(delimiter);
+            format!("{}{}", names::restore(name), word.get(name.len()..).unwrap_or_default())
+        })
+        .collect()
+}
