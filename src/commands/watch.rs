@@ -18,6 +18,8 @@ const SLICE: Duration = Duration::from_millis(250);
 /// How long after a change was printed its position is kept at the latest; a kept
 /// position is a durable write, and more than one change may be behind it.
 const LAG: Duration = Duration::from_millis(100);
+/// How long nothing more comes until the position is kept earlier.
+const LULL: Duration = Duration::from_millis(20);
 /// How long one waits before a store is looked for again.
 const RETREAT: Duration = Duration::from_millis(500);
 
@@ -32,7 +34,16 @@ pub(super) fn run(args: &cli::Watch, context: &mut Context<'_>) -> anyhow::Resul
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.tell_operations();
     context.output.note(&format!("watching {}", args.namespace));
-    let session = Session { args, delivery, watch, stop: patience.interrupted(), start: Instant::now(), delivered: 0 };
+    let session = Session {
+        args,
+        delivery,
+        watch,
+        stop: patience.interrupted(),
+        start: Instant::now(),
+        delivered: 0,
+        behind: false,
+        kept: None,
+    };
     session.follow(context)
 }
 
@@ -54,20 +65,24 @@ struct Session<'a> {
     stop: &'a AtomicBool,
     start: Instant,
     delivered: u64,
+    /// Whether something was delivered since the position was kept.
+    behind: bool,
+    kept: Option<Instant>,
 }
 
 impl Session<'_> {
     /// Delivers changes until there were enough, the time is over, or somebody interrupts.
     fn follow(mut self, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-        let (mut kept, mut lost) = (Instant::now(), false);
+        let mut lost = false;
         loop {
             if let Some(exit) = self.verdict() {
                 self.watch.done()?;
                 return Ok(exit);
             }
+            let mut quiet = false;
             match self.next()? {
                 Next::Change(change) => {
-                    self.delivered += 1;
+                    (self.delivered, self.behind) = (self.delivered + 1, true);
                     match self.delivery.deliver(&change, &mut self.watch, self.stop, context)? {
                         Delivered::Well if self.args.exec.is_some() => self.watch.done()?,
                         Delivered::Well => {}
@@ -76,7 +91,7 @@ impl Session<'_> {
                         Delivered::Interrupted => return Ok(Exit::Interrupted),
                     }
                 }
-                Next::Nothing => {}
+                Next::Nothing => quiet = true,
                 Next::Interrupted(error) => {
                     retreat(&error, &mut lost, context);
                     continue;
@@ -85,16 +100,23 @@ impl Session<'_> {
             if std::mem::take(&mut lost) {
                 context.output.note(&format!("watching {} again", self.args.namespace));
             }
-            if kept.elapsed() >= LAG {
-                self.watch.done()?;
-                kept = Instant::now();
-            }
+            self.keep(quiet)?;
         }
     }
 
     fn next(&mut self) -> anyhow::Result<Next> {
-        let left = self.args.timeout.map_or(SLICE, |timeout| timeout.saturating_sub(self.start.elapsed()));
-        self.watch.next(left.min(SLICE)).map_err(|error| blame(error, &[("<query>", &self.args.query)]))
+        let slice = if self.behind { LULL } else { SLICE };
+        let left = self.args.timeout.map_or(slice, |timeout| timeout.saturating_sub(self.start.elapsed()));
+        self.watch.next(left.min(slice)).map_err(|error| blame(error, &[("<query>", &self.args.query)]))
+    }
+
+    /// Keeps the position, where nothing more comes for now or it was not kept for long.
+    fn keep(&mut self, quiet: bool) -> anyhow::Result<()> {
+        if quiet || self.kept.is_none_or(|kept| kept.elapsed() >= LAG) {
+            self.watch.done()?;
+            (self.kept, self.behind) = (Some(Instant::now()), false);
+        }
+        Ok(())
     }
 
     /// How it ends, where it does.

@@ -16,6 +16,9 @@ mod processes;
 #[cfg(feature = "mongodb")]
 mod server;
 #[cfg(feature = "mongodb")]
+mod triggers;
+mod watching;
+#[cfg(feature = "mongodb")]
 mod worlds;
 
 use std::process::ExitCode;
@@ -31,6 +34,7 @@ fn main() -> ExitCode {
     trials.extend(processes::trials());
     trials.extend(planner::trials());
     trials.extend(clips::trials());
+    trials.extend(watching::trials());
     let stop = with_servers(&arguments, &mut trials);
     let conclusion = libtest_mimic::run(&arguments, trials);
     stop();

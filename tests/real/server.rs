@@ -13,7 +13,7 @@ use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
 
 use crate::contract;
 use crate::mongod::Mongod;
-use crate::worlds;
+use crate::{triggers, worlds};
 
 /// The one server of this run, started by the first test that needs it.
 static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
@@ -25,9 +25,17 @@ const LOST: &str = "mongodb::an_operation_on_a_server_that_falls_silent_ends";
 /// The names of the tests that need a server.
 pub(crate) fn names() -> Vec<String> {
     let mut names = contract::names(PREFIX);
-    names.extend(worlds::CASES.iter().map(|(name, _)| (*name).to_owned()));
+    names.extend(cases().map(|(name, _)| name.to_owned()));
+    names.extend(triggers::KILLERS.iter().map(|(name, _)| (*name).to_owned()));
     names.extend([ANOTHER, LOST].map(str::to_owned));
     names
+}
+
+type Case = fn(&str) -> Result<(), Failed>;
+
+/// What is tried on the one server, by its address.
+fn cases() -> impl Iterator<Item = (&'static str, Case)> {
+    worlds::CASES.iter().chain(triggers::CASES).copied()
 }
 
 /// The tests; those that need a server are ignored where there is no program.
@@ -37,11 +45,15 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
     let another = Trial::test(ANOTHER, move || another_set(server.as_deref()));
     let server = program.clone();
     let lost = Trial::test(LOST, move || lost(server.as_deref())).with_ignored_flag(missing);
-    let worlds = worlds::CASES.iter().map(|(name, case)| {
+    let cases = cases().map(|(name, case)| {
         let program = program.clone();
-        Trial::test(*name, move || case(&uri(program.as_deref().ok_or("there is no mongod")?)?))
+        Trial::test(name, move || case(&uri(program.as_deref().ok_or("there is no mongod")?)?))
     });
-    let mut trials: Vec<_> = worlds.collect();
+    let killers = triggers::KILLERS.iter().map(|(name, killer)| {
+        let program = program.clone();
+        Trial::test(*name, move || killer(program.as_deref().ok_or("there is no mongod")?))
+    });
+    let mut trials: Vec<_> = cases.chain(killers).collect();
     trials.extend(contract::trials(PREFIX, move || match &program {
         Some(program) => connect(program),
         None => Err("there is no mongod".into()),

@@ -92,7 +92,7 @@ impl MongoDb {
         let ids: Vec<Bson> = before.iter().map(|(id, _)| id.clone()).collect();
         let these = doc! { "_id": { "$in": &ids } };
         let request = UpdateRequest {
-            filter: doc! { "$and": [request.filter.clone(), these.clone()] },
+            filter: doc! { "$and": [request.filter.clone(), these.clone(), as_it_was(&request.update, before)?] },
             update: unstamped(&request.update, before, at)?,
             upsert: false,
             ..request.clone()
@@ -152,18 +152,19 @@ fn makes_new_documents(update: &UpdateSpec) -> bool {
 /// The update without a new stamp, and with those that there were.
 fn unstamped(update: &UpdateSpec, before: &Before, at: DateTime) -> Result<UpdateSpec, QueryError> {
     match (update, before.as_slice()) {
-        (UpdateSpec::Document(document), _) if is_replacement(document) => {
-            replacement(document, &format!("${}", path(UPDATED)).into(), at)
+        (UpdateSpec::Document(document), [(_, old)]) if is_replacement(document) => {
+            let old = dates(old)?;
+            let (mut document, mut info) = apart(document);
+            info.insert(INSERTED, old.get(INSERTED).cloned().unwrap_or_else(|| at.into()));
+            info.extend(old.get(UPDATED).cloned().map(|updated| (UPDATED.to_owned(), updated)));
+            document.insert(INFO, info);
+            Ok(UpdateSpec::Document(document))
         }
         (UpdateSpec::Pipeline(stages), [(_, document)]) if makes_new_documents(update) => {
-            let info = document.get(INFO)?.and_then(|info| info.as_document());
-            let mut kept = Document::new();
-            for key in [INSERTED, UPDATED] {
-                let value = info.map(|info| info.get(key)).transpose()?.flatten();
-                if let Some(value) = value {
-                    kept.insert(path(key), doc! { "$literal": Bson::try_from(value)? });
-                }
-            }
+            let kept: Document = dates(document)?
+                .into_iter()
+                .map(|(key, value)| (path(&key), doc! { "$literal": value }.into()))
+                .collect();
             let mut stages = stages.clone();
             stages.push(doc! { "$unset": [path(INSERTED), path(UPDATED)] });
             if !kept.is_empty() {
@@ -175,12 +176,48 @@ fn unstamped(update: &UpdateSpec, before: &Before, at: DateTime) -> Result<Updat
     }
 }
 
+/// What has to be true of a document for its stamps to be known: a replacement says when
+/// its predecessor was inserted, and that may be another by now.
+fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document, QueryError> {
+    match (update, before.as_slice()) {
+        (UpdateSpec::Document(document), [(_, old)]) if is_replacement(document) => {
+            let inserted = dates(old)?.get(INSERTED).cloned().unwrap_or(Bson::Null);
+            Ok(doc! { path(INSERTED): { "$eq": inserted } })
+        }
+        _ => Ok(Document::new()),
+    }
+}
+
+/// The stamps of a document.
+fn dates(document: &RawDocumentBuf) -> Result<Document, QueryError> {
+    let info = document.get(INFO)?.and_then(|info| info.as_document());
+    let mut dates = Document::new();
+    for key in [INSERTED, UPDATED] {
+        if let Some(value) = info.map(|info| info.get(key)).transpose()?.flatten() {
+            dates.insert(key, Bson::try_from(value)?);
+        }
+    }
+    Ok(dates)
+}
+
+/// A replacement without its metadata, and of that what is the application's.
+fn apart(document: &Document) -> (Document, Document) {
+    let mut document = document.clone();
+    let mut own = match document.remove(INFO) {
+        Some(Bson::Document(own)) => own,
+        _ => Document::new(),
+    };
+    own.remove(INSERTED);
+    own.remove(UPDATED);
+    (document, own)
+}
+
 /// The update with its stamps, for a document that is inserted by it. A
 /// replacement becomes a pipeline, because it has to keep when its predecessor
 /// was inserted, should there be one by then.
 fn with_stamps(update: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
     match update {
-        UpdateSpec::Document(document) if is_replacement(document) => replacement(document, &at.into(), at),
+        UpdateSpec::Document(document) if is_replacement(document) => replacement(document, at),
         UpdateSpec::Document(document) => Ok(UpdateSpec::Document(operators(document.clone(), at)?)),
         UpdateSpec::Pipeline(stages) => {
             let mut stages = stages.clone();
@@ -202,17 +239,11 @@ fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError>
     Ok(update)
 }
 
-/// A replacement whose metadata is the application's, `updated`, and when the
+/// A replacement whose metadata is the application's, when it was made, and when the
 /// document was inserted.
-fn replacement(document: &Document, updated: &Bson, at: DateTime) -> Result<UpdateSpec, QueryError> {
-    let mut document = document.clone();
-    let mut own = match document.remove(INFO) {
-        Some(Bson::Document(own)) => own,
-        _ => Document::new(),
-    };
-    own.remove(INSERTED);
-    own.remove(UPDATED);
-    let info = doc! { "$mergeObjects": [{ "$literal": own }, { INSERTED: inserted(at), UPDATED: updated }] };
+fn replacement(document: &Document, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    let (document, own) = apart(document);
+    let info = doc! { "$mergeObjects": [{ "$literal": own }, { INSERTED: inserted(at), UPDATED: at }] };
     let whole = doc! { "$mergeObjects": [{ "_id": "$_id" }, { "$literal": document }, { INFO: info }] };
     Ok(UpdateSpec::Pipeline(vec![doc! { "$replaceWith": whole }]))
 }

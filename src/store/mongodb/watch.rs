@@ -144,7 +144,9 @@ impl Stream<'_> {
         let time = event.wall_time.unwrap_or_else(|| date(event.cluster_time));
         if event.operation_type == OperationType::Rename && self.is_target(&event) {
             self.copy = Some(self.copy(event.cluster_time, time, &position)?);
-            self.renewed = true;
+            if self.images {
+                self.store.keep_images(&self.namespace, false)?;
+            }
         }
         if kind == ChangeKind::Insert && self.images && std::mem::take(&mut self.renewed) {
             self.store.keep_images(&self.namespace, false)?;

@@ -1,0 +1,222 @@
+//! Watches, and writers, that are killed: nothing is missed, and the order holds.
+
+use std::collections::HashMap;
+use std::io::{BufRead as _, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use bson::{Document, doc};
+use libtest_mimic::{Failed, Trial};
+use rmem::store::{Embedded, Namespace, Role, StoreUri, UpdateRequest, UpdateSpec, open};
+
+/// How often a watch is killed.
+const KILLS: &str = "RMEM_TEST_WATCH_KILLS";
+/// How long what has to come may take.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// What needs no server.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![Trial::test("watching::a_killed_watch_of_a_file_misses_nothing", kill_watch_of_a_file)]
+}
+
+pub(crate) fn namespace(name: &str) -> Namespace {
+    Namespace { database: "watching".to_owned(), collection: name.to_owned() }
+}
+
+/// An update that inserts where nothing matches.
+pub(crate) fn update(filter: Document, update: UpdateSpec, many: bool) -> UpdateRequest {
+    UpdateRequest { filter, update, array_filters: Vec::new(), many, upsert: true }
+}
+
+/// A `rmem watch` that prints what it is told.
+pub(crate) struct Watching {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Watching {
+    /// Starts it and waits until it is ready.
+    pub(crate) fn start(uri: &str, ns: &Namespace, home: &Path) -> Result<Self, Failed> {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_rmem"))
+            .args(["--memory", uri, "watch", &ns.to_string(), "--resume", "x"])
+            .current_dir(home)
+            .env("HOME", home)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let (sender, lines) = channel();
+        let stdout = BufReader::new(child.stdout.take().ok_or("no stdout")?);
+        std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        let mut stderr = BufReader::new(child.stderr.take().ok_or("no stderr")?);
+        let mut said = String::new();
+        stderr.read_line(&mut said)?;
+        if !said.starts_with("watching ") {
+            child.kill()?;
+            return Err(format!("it says {said}").into());
+        }
+        // What it says later must not fill the pipe.
+        std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
+        Ok(Self { child, lines })
+    }
+
+    /// Kills it at once; gives what it had said.
+    pub(crate) fn kill(mut self) -> Result<Vec<String>, Failed> {
+        self.child.kill()?;
+        self.child.wait()?;
+        Ok(self.lines.iter().collect())
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What was delivered of the writers' changes, checked as it comes.
+///
+/// Writer `w` changes its document to `n: 0, 1, 2, …`. Of each writer, every number
+/// has to come, and none before the one below it came; a number may come again.
+#[derive(Default)]
+pub(crate) struct Heard {
+    last: HashMap<i32, i32>,
+    pub(crate) again: usize,
+}
+
+impl Heard {
+    pub(crate) fn hear(&mut self, line: &str) -> Result<(), Failed> {
+        // A line that was cut by the kill was not delivered.
+        let Ok(event) = serde_json::from_str::<serde_json::Value>(line) else { return Ok(()) };
+        let number = |value: &serde_json::Value| value.as_i64().and_then(|n| i32::try_from(n).ok());
+        let (Some(writer), Some(n)) = (number(&event["after"]["_id"]), number(&event["after"]["n"])) else {
+            return Err(format!("unexpected: {line}").into());
+        };
+        let last = self.last.entry(writer).or_insert(-1);
+        if n > *last + 1 {
+            return Err(format!("writer {writer}: {n} came after {last}").into());
+        }
+        if n == *last + 1 {
+            *last = n;
+            let before = number(&event["before"]["n"]).unwrap_or(-1);
+            if event.get("before").is_some() && before != n - 1 {
+                return Err(format!("writer {writer}: {n} came with {before} before it").into());
+            }
+        } else {
+            self.again += 1;
+        }
+        Ok(())
+    }
+
+    pub(crate) fn hear_all(&mut self, lines: &[String]) -> Result<(), Failed> {
+        lines.iter().try_for_each(|line| self.hear(line))
+    }
+}
+
+const WRITERS: i32 = 2;
+
+/// Writers in threads, each with a connection of its own; how far each is.
+pub(crate) struct Writers {
+    stop: Arc<AtomicBool>,
+    threads: Vec<std::thread::JoinHandle<Result<(), String>>>,
+    written: Vec<Arc<AtomicI32>>,
+}
+
+impl Writers {
+    /// Where `patient`, a writer whose server is away tries again.
+    pub(crate) fn start(uri: &str, ns: &Namespace, patient: bool) -> Result<Self, Failed> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut writers = Self { stop: Arc::clone(&stop), threads: Vec::new(), written: Vec::new() };
+        for writer in 0..WRITERS {
+            let written = Arc::new(AtomicI32::new(0));
+            writers.written.push(Arc::clone(&written));
+            let (uri, ns, stop) = (StoreUri::parse(uri)?, ns.clone(), Arc::clone(&stop));
+            writers.threads.push(std::thread::spawn(move || {
+                let store = open(&uri, Role::Local).map_err(|error| error.to_string())?;
+                while !stop.load(Ordering::Relaxed) {
+                    let n = written.load(Ordering::Relaxed);
+                    // The number is set, not added to, so that what was done twice changes nothing.
+                    let spec = UpdateSpec::Document(doc! { "$set": { "n": n } });
+                    match store.update(&ns, &update(doc! { "_id": writer }, spec, false), None) {
+                        Ok(_) => written.store(n + 1, Ordering::Relaxed),
+                        Err(_) if patient => std::thread::sleep(Duration::from_millis(20)),
+                        Err(error) => return Err(error.to_string()),
+                    }
+                }
+                Ok(())
+            }));
+        }
+        Ok(writers)
+    }
+
+    /// Stops them; how many changes each made.
+    pub(crate) fn stop(self) -> Result<Vec<i32>, Failed> {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads {
+            thread.join().map_err(|_| "a writer panicked")??;
+        }
+        Ok(self.written.iter().map(|written| written.load(Ordering::Relaxed)).collect())
+    }
+}
+
+/// A pause between two kills, different each time.
+pub(crate) struct Pause(u64);
+
+impl Pause {
+    pub(crate) fn new() -> Self {
+        Self(u64::from(std::process::id()) | 1)
+    }
+
+    pub(crate) fn sleep(&mut self, most: u64) {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        std::thread::sleep(Duration::from_micros((self.0 >> 33) % most));
+    }
+}
+
+pub(crate) fn kills() -> usize {
+    std::env::var(KILLS).ok().and_then(|text| text.parse().ok()).unwrap_or(12)
+}
+
+/// Takes what is still to come, until all of it is there.
+pub(crate) fn drain(watching: Watching, heard: &mut Heard, written: &[i32]) -> Result<(), Failed> {
+    let since = Instant::now();
+    let all: HashMap<i32, i32> = (0..WRITERS).zip(written.iter().map(|count| count - 1)).collect();
+    while heard.last != all {
+        if since.elapsed() > PATIENCE {
+            return Err(format!("{:?} of {all:?} came", heard.last).into());
+        }
+        if let Ok(line) = watching.lines.recv_timeout(Duration::from_millis(100)) {
+            heard.hear(&line)?;
+        }
+    }
+    heard.hear_all(&watching.kill()?)
+}
+
+pub(crate) fn killed_watch(uri: &str, ns: &Namespace) -> Result<(), Failed> {
+    let home = tempfile::tempdir()?;
+    let (mut heard, mut pause) = (Heard::default(), Pause::new());
+    // The name has to be there before the first change.
+    Watching::start(uri, ns, home.path())?.kill()?;
+    let writers = Writers::start(uri, ns, false)?;
+    for _ in 0..kills() {
+        let watching = Watching::start(uri, ns, home.path())?;
+        pause.sleep(300_000);
+        heard.hear_all(&watching.kill()?)?;
+    }
+    let written = writers.stop()?;
+    drain(Watching::start(uri, ns, home.path())?, &mut heard, &written)?;
+    eprintln!("{ns}: {} changes, {} of them again", written.iter().sum::<i32>(), heard.again);
+    Ok(())
+}
+
+fn kill_watch_of_a_file() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("robot.rmem");
+    drop(Embedded::open(&path)?);
+    killed_watch(&format!("file:{}", path.display()), &namespace("killed"))
+}
