@@ -263,6 +263,9 @@ pub struct Query {
     /// Show the memory's metadata, `_robmem_info`
     #[arg(long)]
     pub meta: bool,
+    /// Instead of documents, say how they are found: by which index, and how much was looked at
+    #[arg(long)]
+    pub explain: bool,
 }
 
 /// `count`

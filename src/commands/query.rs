@@ -21,6 +21,11 @@ pub(super) fn run(args: &Query, context: &mut Context<'_>) -> anyhow::Result<Exi
     ];
     let given: Vec<_> = texts.into_iter().filter(|(_, text)| !text.is_empty() && *text != "{}").collect();
     let memory = context.memory()?;
+    if args.explain {
+        let account = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &given))?;
+        context.print_documents([Ok(account)].into_iter())?;
+        return Ok(Exit::Done);
+    }
     let documents = match args.meta {
         true => memory.find_with_metadata(&args.namespace, &find),
         false => memory.find(&args.namespace, &find),

@@ -111,6 +111,12 @@ impl Memory {
         Ok(self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
     }
 
+    /// Says how a query is answered; see [`Store::explain`].
+    pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        let find = Find { filter: self.visible(&find.filter), ..find.clone() };
+        self.journal.note("explain", Some(ns), |_| 1, || self.routes.reading(ns)?.explain(ns, &find))
+    }
+
     /// Counts matches; see [`Store::count`].
     pub fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
         let filter = self.visible(filter);

@@ -32,7 +32,7 @@ impl Sort {
     /// # Errors
     /// Where a direction is not 1 or -1, or a path is empty.
     pub fn parse(pattern: &Document) -> Result<Self> {
-        let mut sort = Self { keys: Keys::default(), reversed: false };
+        let mut sort = Self::none();
         if pattern.len() > MAX_FIELDS {
             return Err(QueryError::bad_value("a sort pattern has more than 64 fields"));
         }
@@ -62,6 +62,18 @@ impl Sort {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.keys.is_empty() && !self.reversed
+    }
+
+    /// No order: as documents come.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { keys: Keys::default(), reversed: false }
+    }
+
+    /// Whether it is the order of insertion, reversed.
+    #[must_use]
+    pub fn is_natural(&self) -> bool {
+        self.reversed
     }
 
     /// The paths with their directions (descending or not), for a store that has an index on them.

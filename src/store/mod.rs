@@ -43,6 +43,12 @@ pub trait Store: Send {
     /// The documents that match, lazily.
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError>;
 
+    /// Answers a query to say how: `{index, keys, bounds}` of the index that is
+    /// used (`index: null` where all documents are looked at; `any: [{…}]`
+    /// where alternatives have one each), `sort: "index"` or `"memory"` where
+    /// there is a sort, `keys_examined`, `documents_examined`, `returned`.
+    fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError>;
+
     /// How many documents match.
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError>;
 

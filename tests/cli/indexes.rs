@@ -41,3 +41,18 @@ fn what_is_no_index_is_refused() {
         lab.rmem(&args).exits(code);
     }
 }
+
+#[test]
+fn explain_tells_how_a_query_is_answered() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}"]).success();
+    lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}", "{name: 'jar'}"]).success();
+    let account = lab.rmem(&["query", "robmem.objects", "{name: 'cup'}", "--explain"]).success();
+    assert_eq!(
+        account,
+        "{\"index\":\"name_1\",\"keys\":{\"name\":1},\"bounds\":{\"name\":[\"[\\\"cup\\\", \\\"cup\\\"]\"]},\
+         \"keys_examined\":1,\"documents_examined\":1,\"returned\":1}\n"
+    );
+    let scan = lab.rmem(&["query", "robmem.objects", "{mass: {$gt: 1}}", "--explain"]).success();
+    assert_eq!(scan, "{\"index\":null,\"keys_examined\":0,\"documents_examined\":2,\"returned\":0}\n");
+}

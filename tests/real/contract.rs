@@ -71,6 +71,7 @@ const CASES: &[(&str, Case)] = cases![
     a_unique_index_is_not_made_over_duplicates,
     a_sparse_unique_index_lets_documents_lack_the_field,
     indexes_move_with_their_collection_and_stay_below_results,
+    an_explanation_names_the_index_and_counts_what_was_looked_at,
 ];
 
 /// A store to be examined, and the folder that is removed after it.
@@ -835,4 +836,36 @@ fn indexes_move_with_their_collection_and_stay_below_results(store: &dyn Store, 
     assert!(store.insert(&other, vec![doc! { "a": 2 }]).is_err());
     store.drop(&other).unwrap();
     insert(store, &other, [doc! { "a": 2 }, doc! { "a": 2 }]);
+}
+
+fn an_explanation_names_the_index_and_counts_what_was_looked_at(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (0..50).map(|n| doc! { "_id": n, "n": n, "tags": [n % 5, n % 7] }));
+    store.create_index(ns, &Index::on(doc! { "n": 1 })).unwrap();
+    store.create_index(ns, &Index::on(doc! { "tags": 1 })).unwrap();
+    let number = |account: &Document, name: &str| match account.get(name) {
+        Some(Bson::Int32(number)) => i64::from(*number),
+        Some(Bson::Int64(number)) => *number,
+        other => panic!("{other:?} in {account}"),
+    };
+    let account = |filter, sort| store.explain(ns, &Find { filter, sort, ..Find::default() }).unwrap();
+    for (filter, sort, index, documents, returned) in [
+        (doc! { "n": { "$gte": 10, "$lt": 20 } }, doc! {}, Some("n_1"), 10, 10),
+        (doc! { "n": { "$gte": 10, "$lt": 20 }, "tags": 9 }, doc! {}, None, 0, 0),
+        (doc! { "tags": 6 }, doc! {}, Some("tags_1"), 7, 7),
+        (doc! { "_id": 3 }, doc! {}, Some("_id_"), 1, 1),
+        (doc! { "other": 3 }, doc! {}, None, 50, 0),
+        (doc! {}, doc! { "n": -1 }, Some("n_1"), 50, 50),
+    ] {
+        let account = account(filter, sort.clone());
+        if index.is_some() {
+            assert_eq!(account.get_str("index").ok(), index, "{account}");
+        }
+        assert_eq!(number(&account, "documents_examined"), documents, "{account}");
+        assert_eq!(number(&account, "returned"), returned, "{account}");
+        assert_eq!(account.get_str("sort").ok(), (!sort.is_empty()).then_some("index"), "{account}");
+    }
+    let sorted = account(doc! {}, doc! { "other": 1 });
+    assert_eq!(sorted.get_str("sort").unwrap(), "memory", "{sorted}");
+    let either = account(doc! { "$or": [{ "n": 3 }, { "tags": 6 }] }, doc! {});
+    assert_eq!(either.get_array("any").map(Vec::len).unwrap_or_default(), 2, "{either}");
 }

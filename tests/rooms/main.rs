@@ -2,6 +2,7 @@
 
 mod clips;
 mod facts;
+mod index;
 mod marker;
 mod pddl;
 mod plan;

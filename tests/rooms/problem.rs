@@ -342,6 +342,10 @@ impl Store for Talkative {
         Ok(Vec::new())
     }
 
+    fn explain(&self, _: &Namespace, _: &Find) -> Result<Document, StoreError> {
+        unreachable!()
+    }
+
     fn create_index(&self, _: &Namespace, _: &Index) -> Result<bool, StoreError> {
         unreachable!()
     }

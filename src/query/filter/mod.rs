@@ -19,7 +19,7 @@ use super::error::Result;
 use super::expression::{Scope, Variables};
 use super::view::{Fields, View};
 pub(super) use parse::Parser;
-pub(super) use test::Test;
+pub(super) use test::{Leaf, Order, Set, Test};
 pub(super) use tree::{Context, Node};
 
 /// A compiled filter.
@@ -86,23 +86,41 @@ impl Filter {
         Context { variables: Some(&self.variables), now: Some(self.now), ..Context::default() }
     }
 
+    pub(super) fn root(&self) -> &Node {
+        &self.root
+    }
+
+    /// Leaves out conditions on a path that hold of every document which lacks
+    /// it. To be applied to such documents only.
+    pub fn assume_missing(&mut self, path: &str) {
+        let empty = Document::new();
+        let holds = |node: &Node| match node {
+            Node::Field(own, _) if own.text() == path => {
+                node.matches((&empty).into(), &mut Context::default()).unwrap_or(false)
+            }
+            _ => false,
+        };
+        let root = std::mem::replace(&mut self.root, Node::And(Vec::new()));
+        self.root = Node::all(root.conjuncts().into_iter().filter(|node| !holds(node)).collect());
+    }
+
+    /// The date, where the filter is only that the dates at a path are not at or before it.
+    #[must_use]
+    pub fn not_before(&self, path: &str) -> Option<DateTime> {
+        match &self.root {
+            Node::Field(own, Test::Not(test)) if own.text() == path => match test.as_ref() {
+                Test::Leaf(Leaf::Order(Order::LessOrEqual, Bson::DateTime(date))) => Some(*date),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
     /// Whether every document matches.
     #[must_use]
     pub fn matches_all(&self) -> bool {
         matches!(&self.root, Node::And(children) if children.is_empty())
     }
-
-    /// The only values of `_id` that a match can have, where the filter says so:
-    /// an index may be asked for them. The filter must still be applied.
-    #[must_use]
-    pub fn ids(&self) -> Option<Vec<Bson>> {
-        self.root.ids()
-    }
-}
-
-/// Whether a value can be looked up in an index of whole values.
-fn indexable(value: &Bson) -> bool {
-    !matches!(value, Bson::Array(_) | Bson::Null | Bson::Undefined | Bson::RegularExpression(_))
 }
 
 /// Whether a document is one of operators: its first key has a `$` and it is no reference.

@@ -57,8 +57,8 @@ pub(in crate::query) enum Order {
 #[derive(Debug)]
 pub(in crate::query) struct Set {
     /// In BSON order, without duplicates.
-    pub(super) values: Vec<Bson>,
-    pub(super) patterns: Vec<Pattern>,
+    pub(in crate::query) values: Vec<Bson>,
+    pub(in crate::query) patterns: Vec<Pattern>,
     pub(super) has_null: bool,
 }
 

@@ -1,8 +1,7 @@
 //! The compiled filter and how it walks a document.
 
-use bson::{Bson, DateTime};
+use bson::DateTime;
 
-use super::indexable;
 use super::schema::Schema;
 use super::test::{Leaf, Test};
 use crate::query::error::Result;
@@ -39,6 +38,19 @@ pub(in crate::query) struct Context<'a> {
 }
 
 impl Node {
+    /// All of these together.
+    pub(super) fn all(mut nodes: Vec<Self>) -> Self {
+        if nodes.len() == 1 { nodes.remove(0) } else { Self::And(nodes) }
+    }
+
+    /// The conditions that must hold together, taken out of nested ones.
+    pub(super) fn conjuncts(self) -> Vec<Self> {
+        match self {
+            Self::And(children) => children.into_iter().flat_map(Self::conjuncts).collect(),
+            other => vec![other],
+        }
+    }
+
     pub(in crate::query) fn matches(&self, fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
         match self {
             Self::And(children) => {
@@ -69,14 +81,6 @@ impl Node {
             Self::Schema(schema) => Ok(schema.accepts(View::Document(fields))),
             Self::Always(answer) => Ok(*answer),
             Self::Sample(rate) => Ok(crate::query::expression::random() < *rate),
-        }
-    }
-
-    pub(super) fn ids(&self) -> Option<Vec<Bson>> {
-        match self {
-            Self::And(children) => children.iter().find_map(Self::ids),
-            Self::Field(path, test) if path.text() == "_id" => test.ids(),
-            _ => None,
         }
     }
 }
@@ -120,17 +124,6 @@ impl Test {
                 Ok(!found)
             }
             Self::Leaf(leaf) => leaf.on_path(path, fields, context),
-        }
-    }
-
-    fn ids(&self) -> Option<Vec<Bson>> {
-        match self {
-            Self::And(tests) => tests.iter().find_map(Self::ids),
-            Self::Leaf(Leaf::Equal(value)) => indexable(value).then(|| vec![value.clone()]),
-            Self::Leaf(Leaf::In(set)) if set.patterns.is_empty() && set.values.iter().all(indexable) => {
-                Some(set.values.clone())
-            }
-            _ => None,
         }
     }
 }

@@ -5,6 +5,9 @@
 //! element is a key and an empty one is undefined; two paths may not run
 //! through two arrays.
 
+mod bounds;
 mod pattern;
+mod plan;
 
 pub use pattern::{Entries, Pattern};
+pub use plan::{Access, Candidate, Range, alternatives, ways};

@@ -2,25 +2,28 @@
 
 use std::rc::Rc;
 
-use bson::{Bson, DateTime, Document};
+use bson::{Bson, DateTime, Document, doc};
 
 use super::Embedded;
-use super::scan::Scan;
+use super::index::decay;
+use super::scan::{Scan, sharpen};
 use crate::query::{self, Filter, Projection, QueryError, Sort};
-use crate::store::{Documents, Find, Namespace, StoreError};
+use crate::store::{Documents, Find, Namespace, StoreError, stamp};
 
 impl Embedded {
     pub(super) fn answer(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let filter = Rc::new(Filter::parse(&find.filter)?);
+        let mut filter = Rc::new(Filter::parse(&find.filter)?);
         let sort = Sort::parse(&find.sort)?;
         let projection = match find.projection.is_empty() {
             true => None,
             false => Some(Projection::parse(&find.projection)?),
         };
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        let matches = Scan::new(self, collection, Rc::clone(&filter))?.map(|found| found.map(|found| found.body));
+        let scan = Scan::sorted(self, collection, &mut filter, &sort)?;
+        let is_sorted = scan.in_order();
+        let matches = scan.map(|found| found.map(|found| found.body));
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
-        let ordered: Documents<'_> = match sort.is_empty() {
+        let ordered: Documents<'_> = match is_sorted {
             true => Box::new(matches),
             false => Box::new(sort.sort(matches, skip.checked_add(limit))?.into_iter().map(Ok)),
         };
@@ -30,22 +33,55 @@ impl Embedded {
         Ok(Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))))
     }
 
-    pub(super) fn tally(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        let filter = Filter::parse(filter)?;
-        let Some(collection) = self.collection(ns)? else { return Ok(0) };
-        if filter.matches_all() {
-            return collection.size(&self.connection).map_err(|e| self.explain(&e));
+    /// Answers a query to say how it is answered.
+    pub(super) fn account(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        let mut filter = Rc::new(Filter::parse(&find.filter)?);
+        let sort = Sort::parse(&find.sort)?;
+        let Some(collection) = self.collection(ns)? else {
+            return Ok(doc! { "index": Bson::Null, "keys_examined": 0, "documents_examined": 0, "returned": 0 });
+        };
+        let (scan, mut account) = Scan::explained(self, collection, &mut filter, &sort)?;
+        let (examined, is_sorted) = (scan.examined(), scan.in_order());
+        let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
+        let most = if is_sorted { skip.saturating_add(limit) } else { usize::MAX };
+        let mut matches = 0usize;
+        for found in scan.take(most) {
+            found?;
+            matches += 1;
         }
-        Scan::new(self, collection, Rc::new(filter))?.count()
+        if !find.sort.is_empty() {
+            account.insert("sort", if is_sorted { "index" } else { "memory" });
+        }
+        let returned = matches.saturating_sub(skip).min(limit);
+        let numbers = [
+            ("keys_examined", examined.keys.get()),
+            ("documents_examined", examined.documents.get()),
+            ("returned", returned as u64),
+        ];
+        account.extend(numbers.map(|(name, number)| (name.to_owned(), number.cast_signed().into())));
+        Ok(account)
+    }
+
+    pub(super) fn tally(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        let mut filter = Rc::new(Filter::parse(filter)?);
+        let Some(collection) = self.collection(ns)? else { return Ok(0) };
+        let indexes = self.indexes_of(collection)?;
+        sharpen(&indexes, &mut filter);
+        let size = || collection.size(&self.connection).map_err(|e| self.explain(&e));
+        match (decay(&indexes), filter.not_before(stamp::DECAY_PATH)) {
+            _ if filter.matches_all() => size(),
+            (Some(index), Some(date)) => Ok(size()?.saturating_sub(self.decayed(index, date)?)),
+            _ => Scan::new(self, collection, &mut filter)?.count(),
+        }
     }
 
     pub(super) fn values(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
         check_path(field)?;
-        let filter = Filter::parse(filter)?;
+        let mut filter = Rc::new(Filter::parse(filter)?);
         let Some(collection) = self.collection(ns)? else {
             return query::distinct(std::iter::empty::<Result<_, StoreError>>(), field);
         };
-        let found = Scan::new(self, collection, Rc::new(filter))?;
+        let found = Scan::new(self, collection, &mut filter)?;
         query::distinct(found.map(|found| found.map(|found| found.body)), field)
     }
 }

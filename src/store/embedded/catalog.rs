@@ -53,6 +53,11 @@ impl Collection {
             .map(|_| ())
     }
 
+    /// Whether nobody dropped it meanwhile.
+    pub(super) fn is_there(self, connection: &Connection) -> Result<bool> {
+        connection.prepare_cached("SELECT 1 FROM collections WHERE id = ?")?.exists([self.id])
+    }
+
     /// The same collection, of the generation it has now.
     pub(super) fn reread(self, connection: &Connection) -> Result<Self> {
         let generation = connection

@@ -24,13 +24,14 @@ impl Embedded {
         request: &UpdateRequest,
         stamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        let change = Change::parse(request, stamp)?;
+        let mut change = Change::parse(request, stamp)?;
         self.write(|| {
             let collection = self.collection(ns)?;
             let mut done = Updated::default();
             if let Some(collection) = collection {
                 let most = if request.many { usize::MAX } else { 1 };
-                for found in Scan::new(self, collection, Rc::clone(&change.filter))?.take(most) {
+                let scan = Scan::new(self, collection, &mut change.filter)?;
+                for found in scan.take(most) {
                     done.matched += 1;
                     done.modified += u64::from(self.change_one(ns, collection, &found?, &change)?);
                 }
@@ -166,11 +167,11 @@ impl Embedded {
     }
 
     pub(super) fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        let filter = Rc::new(Filter::parse(filter)?);
+        let mut filter = Rc::new(Filter::parse(filter)?);
         self.write(|| {
             let Some(collection) = self.collection(ns)? else { return Ok(0) };
             let mut deleted = 0;
-            for found in Scan::new(self, collection, filter)?.take(if first_only { 1 } else { usize::MAX }) {
+            for found in Scan::new(self, collection, &mut filter)?.take(if first_only { 1 } else { usize::MAX }) {
                 self.erase(ns, collection, &found?)?;
                 deleted += 1;
             }

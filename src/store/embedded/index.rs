@@ -425,3 +425,75 @@ fn taken_key(ns: &Namespace, index: &Indexed, body: &RawDocument, key: &[u8]) ->
     let key = format!("{} (unique index {})", values.join(", "), index.definition.name);
     StoreError::Duplicate { namespace: ns.clone(), key, stored: Vec::new() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Store as _, UpdateRequest, UpdateSpec};
+    use bson::doc;
+
+    /// Keys with the positions of documents.
+    type Rows = Vec<(Vec<u8>, i64)>;
+
+    /// What is in the tables of all indexes, by name.
+    fn tables(store: &Embedded, ns: &Namespace) -> Vec<(String, Rows)> {
+        let collection = store.collection(ns).unwrap().unwrap();
+        let indexes = store.load_indexes(collection).unwrap();
+        let rows = |index: &Indexed| {
+            let sql = format!("SELECT key, position FROM {}", index.table());
+            let mut statement = store.connection.prepare(&sql).unwrap();
+            let rows = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?))).unwrap();
+            rows.collect::<Result<Vec<_>, _>>().unwrap()
+        };
+        indexes.iter().map(|index| (index.definition.name.clone(), rows(index))).collect()
+    }
+
+    fn update(filter: Document, update: Document) -> UpdateRequest {
+        let update = UpdateSpec::Document(update);
+        UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert: true }
+    }
+
+    #[test]
+    fn every_kind_of_write_keeps_the_keys_exact() {
+        let store = Embedded::in_memory().unwrap();
+        let (ns, other) = (Namespace::parse("a.b").unwrap(), Namespace::parse("a.c").unwrap());
+        let wanted = [
+            Index::on(doc! { "n": 1 }),
+            Index::on(doc! { "tags": -1, "n": 1 }),
+            Index { sparse: true, ..Index::on(doc! { "at.x": 1 }) },
+        ];
+        for index in &wanted {
+            store.create_index(&ns, index).unwrap();
+        }
+        let soon = bson::DateTime::from_millis(i64::MAX);
+        let documents = (0..20).map(|n| doc! { "_id": n, "n": n % 4, "tags": [n % 3, n % 2], "at": { "x": n } });
+        store.insert(&ns, documents.collect()).unwrap();
+        let decaying = doc! { "_id": 50, "_robmem_info": { "decay_time": soon } };
+        store.put(&ns, vec![doc! { "_id": 3, "n": 9 }, decaying], None).unwrap();
+        store
+            .update(&ns, &update(doc! { "n": 1 }, doc! { "$push": { "tags": "new" }, "$unset": { "at": 1 } }), None)
+            .unwrap();
+        store.update(&ns, &update(doc! { "_id": 99 }, doc! { "$set": { "n": 7 } }), None).unwrap();
+        store.delete(&ns, &doc! { "tags": 2 }, false).unwrap();
+        store.delete(&ns, &doc! {}, true).unwrap();
+        store.insert(&other, vec![doc! { "_id": 5, "n": 70 }, doc! { "_id": 77, "tags": [] }]).unwrap();
+        let merge = [doc! { "$merge": { "into": "b", "whenMatched": "replace" } }];
+        store.aggregate(&other, &merge).unwrap().for_each(drop);
+        assert!(store.insert(&ns, vec![doc! { "_id": 5 }]).is_err());
+        let kept = tables(&store, &ns);
+        assert_eq!(kept.len(), 4, "three were made, and one by the document that decays");
+        assert!(kept.iter().all(|(_, rows)| !rows.is_empty()));
+        for index in &wanted {
+            store.drop_index(&ns, &index.name).unwrap();
+            store.create_index(&ns, index).unwrap();
+        }
+        let mut made_anew = tables(&store, &ns);
+        made_anew.rotate_left(1);
+        for ((name, kept), (_, anew)) in kept.iter().zip(&made_anew) {
+            assert_eq!(kept, anew, "{name}");
+        }
+        let out = [doc! { "$out": "b" }];
+        store.aggregate(&other, &out).unwrap().for_each(drop);
+        assert_eq!(tables(&store, &ns).iter().map(|(_, rows)| rows.len()).collect::<Vec<_>>(), [0, 2, 2, 0]);
+    }
+}

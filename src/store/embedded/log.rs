@@ -79,7 +79,7 @@ impl Embedded {
             return Ok(());
         }
         self.note(to, Noted::drop())?;
-        for found in Scan::new(self, collection, Rc::new(Filter::parse(&Document::new())?))? {
+        for found in Scan::new(self, collection, &mut Rc::new(Filter::parse(&Document::new())?))? {
             self.note(to, Noted::insert(&found?.body))?;
         }
         Ok(())

@@ -5,6 +5,7 @@
 //! the same time: writers take turns (see `patience`), readers never wait for
 //! writers. A write is on the disk when it returns.
 
+mod access;
 mod answer;
 mod batch;
 mod catalog;

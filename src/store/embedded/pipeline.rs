@@ -32,9 +32,9 @@ impl Embedded {
 
     /// The documents that match, in natural order.
     fn matches(&self, ns: &Namespace, filter: &Document) -> Result<Documents<'_>, StoreError> {
-        let filter = Rc::new(Filter::parse(filter)?);
+        let mut filter = Rc::new(Filter::parse(filter)?);
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        Ok(Box::new(Scan::new(self, collection, filter)?.map(|found| found.map(|found| found.body))))
+        Ok(Box::new(Scan::new(self, collection, &mut filter)?.map(|found| found.map(|found| found.body))))
     }
 }
 

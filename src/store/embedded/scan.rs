@@ -1,4 +1,4 @@
-//! Walking over a collection, page by page.
+//! Walking over a collection or an index, page by page.
 //!
 //! Each page is a statement of its own that goes on after the last position.
 //! So a reader that takes its time holds no read transaction, which would keep
@@ -7,16 +7,19 @@
 //! it has when its page is read, as with MongoDB's cursors; what is stored
 //! after the walk began is not seen, so that it ends.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-use bson::{RawDocument, RawDocumentBuf};
-use rusqlite::OptionalExtension as _;
+use bson::{Document, RawDocument, RawDocumentBuf};
+use rusqlite::params;
 
+use super::access::{Listing, Way};
 use super::catalog::Collection;
+use super::index::{Indexes, decay};
 use super::{Embedded, failure};
-use crate::query::{Filter, key};
-use crate::store::StoreError;
+use crate::query::{Filter, Sort};
+use crate::store::{StoreError, stamp};
 
 /// At most so many bytes of documents wait to be taken.
 const PAGE_BYTES: usize = 256 << 10;
@@ -31,7 +34,7 @@ pub(super) struct Found {
     pub(super) body: RawDocumentBuf,
 }
 
-/// Documents of a collection that match, in order of insertion.
+/// Documents of a collection that match.
 pub(super) struct Scan<'a> {
     store: &'a Embedded,
     collection: Collection,
@@ -39,14 +42,33 @@ pub(super) struct Scan<'a> {
     rest: Rest,
     page: VecDeque<Found>,
     page_documents: usize,
+    is_sorted: bool,
+    examined: Rc<Examined>,
+}
+
+/// What was looked at to answer a query.
+#[derive(Debug, Default)]
+pub(super) struct Examined {
+    /// Keys of indexes.
+    pub(super) keys: Cell<u64>,
+    /// Documents.
+    pub(super) documents: Cell<u64>,
+}
+
+impl Examined {
+    fn count(counter: &Cell<u64>) {
+        counter.set(counter.get() + 1);
+    }
 }
 
 /// What has not been looked at.
 enum Rest {
     /// The documents behind a position, up to another.
     Between(i64, i64),
-    /// The documents at these positions, for a filter that names its `_id`s.
+    /// The documents at these positions.
     At(VecDeque<i64>),
+    /// The documents that an index lists, in its order, behind a key and a position, up to another position.
+    Listed(Listing, Option<(Vec<u8>, i64)>, i64),
     Nothing,
 }
 
@@ -54,12 +76,74 @@ enum Rest {
 type Room = bool;
 
 impl<'a> Scan<'a> {
-    pub(super) fn new(store: &'a Embedded, collection: Collection, filter: Rc<Filter>) -> Result<Self, StoreError> {
-        let rest = match filter.ids() {
-            Some(ids) => Rest::At(positions(store, collection, &ids).map_err(|e| store.explain(&e))?),
-            None => Rest::Between(i64::MIN, collection.last(&store.connection).map_err(|e| store.explain(&e))?),
+    /// The matches in order of insertion.
+    pub(super) fn new(
+        store: &'a Embedded,
+        collection: Collection,
+        filter: &mut Rc<Filter>,
+    ) -> Result<Self, StoreError> {
+        Ok(Self::choose(store, collection, filter, &Sort::none(), false)?.0)
+    }
+
+    /// The matches in the order of the sort, where an index has it, else in
+    /// order of insertion; [`Scan::in_order`] says which.
+    pub(super) fn sorted(
+        store: &'a Embedded,
+        collection: Collection,
+        filter: &mut Rc<Filter>,
+        sort: &Sort,
+    ) -> Result<Self, StoreError> {
+        Ok(Self::choose(store, collection, filter, sort, false)?.0)
+    }
+
+    /// The same with an account of the way that is taken.
+    pub(super) fn explained(
+        store: &'a Embedded,
+        collection: Collection,
+        filter: &mut Rc<Filter>,
+        sort: &Sort,
+    ) -> Result<(Self, Document), StoreError> {
+        Self::choose(store, collection, filter, sort, true)
+    }
+
+    fn choose(
+        store: &'a Embedded,
+        collection: Collection,
+        filter: &mut Rc<Filter>,
+        sort: &Sort,
+        is_explained: bool,
+    ) -> Result<(Self, Document), StoreError> {
+        let indexes = store.indexes_of(collection)?;
+        sharpen(&indexes, filter);
+        let chosen = store.choose(collection, &indexes, filter, sort, is_explained)?;
+        let last = |store: &Embedded| collection.last(&store.connection).map_err(|e| store.explain(&e));
+        let rest = match chosen.way {
+            Way::Walk => Rest::Between(i64::MIN, last(store)?),
+            Way::Positions(positions) => Rest::At(positions),
+            Way::Listed(listing) => Rest::Listed(listing, None, last(store)?),
         };
-        Ok(Self { store, collection, filter, rest, page: VecDeque::new(), page_documents: 1 })
+        let examined = Examined { keys: Cell::new(chosen.keys), documents: Cell::default() };
+        let scan = Self {
+            store,
+            collection,
+            filter: Rc::clone(filter),
+            rest,
+            page: VecDeque::new(),
+            page_documents: 1,
+            is_sorted: chosen.is_sorted,
+            examined: Rc::new(examined),
+        };
+        Ok((scan, chosen.account))
+    }
+
+    /// Whether the matches come in the order of the sort.
+    pub(super) fn in_order(&self) -> bool {
+        self.is_sorted
+    }
+
+    /// What is looked at, counted as it is.
+    pub(super) fn examined(&self) -> Rc<Examined> {
+        Rc::clone(&self.examined)
     }
 
     /// How many documents match.
@@ -90,13 +174,21 @@ impl<'a> Scan<'a> {
 
     /// Shows matching documents to `take` until it has no room, or enough have been looked at.
     fn read(&mut self, take: &mut dyn FnMut(i64, &RawDocument) -> Room) -> Result<(), StoreError> {
+        let was_listed = matches!(self.rest, Rest::Listed(..));
         let read = match std::mem::replace(&mut self.rest, Rest::Nothing) {
             Rest::Between(position, last) => self.read_between(position, last, take),
             Rest::At(positions) => self.read_at(positions, take),
+            Rest::Listed(listing, behind, last) => self.read_listed(listing, behind, last, take),
             Rest::Nothing => Ok(Rest::Nothing),
         };
         self.rest = match read {
-            Err(Trouble::Store(error)) if failure::is_gone(&error) => Rest::Nothing,
+            Err(Trouble::Store(error)) if failure::is_gone(&error) => {
+                // Of a collection that another process dropped nothing is left.
+                if was_listed && self.collection.is_there(&self.store.connection).map_err(|e| self.store.explain(&e))? {
+                    return Err(self.store.fail("an index was dropped while it was read; repeat the query"));
+                }
+                Rest::Nothing
+            }
             Err(Trouble::Store(error)) => return Err(self.store.explain(&error)),
             Err(Trouble::Query(error)) => return Err(error.into()),
             Ok(rest) => rest,
@@ -118,6 +210,7 @@ impl<'a> Scan<'a> {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
             position = row.get(0)?;
             let body = document(row.get_ref(1)?)?;
+            Examined::count(&self.examined.documents);
             if self.filter.matches(body)? && !take(position, body) {
                 break;
             }
@@ -136,11 +229,57 @@ impl<'a> Scan<'a> {
             let mut rows = statement.query([position])?;
             let Some(row) = rows.next()? else { continue };
             let body = document(row.get_ref(0)?)?;
+            Examined::count(&self.examined.documents);
             if self.filter.matches(body)? && !take(position, body) {
                 return Ok(Rest::At(positions));
             }
         }
         Ok(Rest::Nothing)
+    }
+
+    fn read_listed(
+        &self,
+        mut listing: Listing,
+        mut behind: Option<(Vec<u8>, i64)>,
+        last: i64,
+        take: &mut dyn FnMut(i64, &RawDocument) -> Room,
+    ) -> Result<Rest, Trouble> {
+        let sql = listing.sql(&self.collection.table());
+        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        while let Some(range) = listing.ranges.front() {
+            let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
+            let (key, position) = behind.take().unwrap_or_else(|| (from.clone(), i64::MIN));
+            let mut rows = statement.query(params![key, position, to, last])?;
+            while let Some(row) = rows.next()? {
+                Examined::count(&self.examined.keys);
+                Examined::count(&self.examined.documents);
+                let position = row.get(1)?;
+                let body = document(row.get_ref(2)?)?;
+                if self.filter.matches(body)? && !take(position, body) {
+                    behind = Some((row.get(0)?, position));
+                    return Ok(Rest::Listed(listing, behind, last));
+                }
+            }
+            drop(rows);
+            listing.ranges.pop_front();
+        }
+        Ok(Rest::Nothing)
+    }
+}
+
+impl Listing {
+    /// What reads a range behind a key and a position.
+    fn sql(&self, documents: &str) -> String {
+        let (from, index) = match self.table == documents {
+            true => (documents.to_owned(), documents),
+            false => (format!("{0} CROSS JOIN {documents} USING (position)", self.table), self.table.as_str()),
+        };
+        let (behind, before, order) = if self.backwards { ("<", ">=", "DESC") } else { (">", "<", "ASC") };
+        format!(
+            "SELECT {index}.key, {index}.position, {documents}.body FROM {from} \
+             WHERE ({index}.key, {index}.position) {behind} (?1, ?2) AND {index}.key {before} ?3 \
+             AND {index}.position <= ?4 ORDER BY {index}.key {order}, {index}.position {order}"
+        )
     }
 }
 
@@ -163,20 +302,11 @@ impl Iterator for Scan<'_> {
     }
 }
 
-/// Where the documents with these `_id`s are, in order of insertion.
-fn positions(store: &Embedded, collection: Collection, ids: &[bson::Bson]) -> rusqlite::Result<VecDeque<i64>> {
-    let sql = format!("SELECT position FROM {} WHERE key = ?", collection.table());
-    let mut statement = match store.connection.prepare_cached(&sql) {
-        Err(error) if failure::is_gone(&error) => return Ok(VecDeque::new()),
-        prepared => prepared?,
-    };
-    let mut positions = Vec::with_capacity(ids.len());
-    for id in ids {
-        positions.extend(statement.query_row([key::encode_value(id)], |row| row.get::<_, i64>(0)).optional()?);
+/// Leaves out of a filter what holds of every document while none decays.
+pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
+    if let (None, Some(filter)) = (decay(indexes), Rc::get_mut(filter)) {
+        filter.assume_missing(stamp::DECAY_PATH);
     }
-    positions.sort_unstable();
-    positions.dedup();
-    Ok(positions.into())
 }
 
 /// The document that a column holds.

@@ -22,6 +22,10 @@ impl Store for Embedded {
         self.answer(ns, find)
     }
 
+    fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        self.account(ns, find)
+    }
+
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
         self.tally(ns, filter)
     }

@@ -7,6 +7,7 @@
 pub mod admin;
 
 mod client;
+mod explain;
 mod failure;
 mod image;
 mod index;

@@ -86,6 +86,10 @@ impl Store for MongoDb {
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
     }
 
+    fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        self.account(ns, find)
+    }
+
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
         self.collection(ns).count_documents(filter.clone()).run().map_err(|e| self.explain(&e))
     }

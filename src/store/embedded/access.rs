@@ -1,0 +1,215 @@
+//! How the documents of a query are reached: by walking over all of them, or through an index.
+//!
+//! Positions that an index gives are put in the order of insertion, so that
+//! an answer without a sort has the order it has without the index (mongod
+//! gives the index's). Where an index has the order of the sort, it is read in
+//! that order, a page at a time. The choice between equally promising indexes
+//! is made by counting, up to a limit.
+
+use std::collections::VecDeque;
+use std::sync::LazyLock;
+
+use bson::{Bson, Document, doc};
+use rusqlite::params;
+
+use super::Embedded;
+use super::catalog::Collection;
+use super::failure;
+use super::index::{Indexed, Indexes};
+use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, ways};
+use crate::query::{Filter, QueryError, Sort};
+use crate::store::{Index, StoreError};
+
+/// How many keys are counted to choose between indexes.
+const PROBE: i64 = 1_000;
+
+/// The pattern of the index on `_id`, which is part of the documents' table.
+static IDS: LazyLock<Pattern> =
+    LazyLock::new(|| Pattern::parse(&doc! { "_id": 1 }).expect("a pattern that is written here"));
+
+/// The way to the documents of a query.
+pub(super) enum Way {
+    /// All documents.
+    Walk,
+    /// Those at these positions, in this order.
+    Positions(VecDeque<i64>),
+    /// Those that a table of keys lists, as it lists them.
+    Listed(Listing),
+}
+
+/// Ranges of a table with keys, being read.
+pub(super) struct Listing {
+    /// The table of an index, or that of the documents.
+    pub(super) table: String,
+    pub(super) ranges: VecDeque<Range>,
+    pub(super) backwards: bool,
+}
+
+/// A way, and what is to be told of it.
+pub(super) struct Chosen {
+    pub(super) way: Way,
+    /// Whether it gives documents in the order of the sort.
+    pub(super) is_sorted: bool,
+    /// What `explain` says of it; empty unless it was asked for.
+    pub(super) account: Document,
+    /// How many keys were read to find it.
+    pub(super) keys: u64,
+}
+
+impl Embedded {
+    /// Chooses a way to what a filter may match. `is_explained` gives an account of it.
+    pub(super) fn choose(
+        &self,
+        collection: Collection,
+        indexes: &Indexes,
+        filter: &Filter,
+        sort: &Sort,
+        is_explained: bool,
+    ) -> Result<Chosen, StoreError> {
+        let kept: Vec<&Indexed> = indexes.iter().filter(|index| index.is_kept()).collect();
+        let candidates: Vec<Candidate<'_>> = [Candidate { pattern: &IDS, multikey: 0, sparse: false }]
+            .into_iter()
+            .chain(kept.iter().map(|index| Candidate {
+                pattern: &index.pattern,
+                multikey: index.multikey(),
+                sparse: index.definition.sparse,
+            }))
+            .collect();
+        let table = |candidate: usize| match candidate.checked_sub(1).and_then(|nth| kept.get(nth)) {
+            Some(index) => index.table(),
+            None => collection.table(),
+        };
+        let account = |access: &Access<'_>| match is_explained {
+            false => Document::new(),
+            true => {
+                let index = access.candidate.checked_sub(1).and_then(|nth| kept.get(nth));
+                let (definition, pattern) = match index {
+                    Some(index) => (index.definition.clone(), &index.pattern),
+                    None => (Index::of_ids(), &*IDS),
+                };
+                doc! { "index": definition.name, "keys": definition.keys, "bounds": access.bounds(pattern) }
+            }
+        };
+        let found = ways(filter, sort, &candidates);
+        if let Some(access) = self.best(found, table)? {
+            let (account, table, is_sorted) = (account(&access), table(access.candidate), access.sorted.is_some());
+            let backwards = access.sorted.unwrap_or(false);
+            if access.is_natural && sort.is_empty() || is_sorted && !sort.is_empty() {
+                let listing = Listing { table, ranges: in_turn(access.ranges, backwards), backwards };
+                return Ok(Chosen { way: Way::Listed(listing), is_sorted, account, keys: 0 });
+            }
+            return self.positions(&[(table, access.ranges)], account, sort.is_empty());
+        }
+        let Some(parts) = alternatives(filter, &candidates) else {
+            let account = if is_explained {
+                doc! { "index": Bson::Null }
+            } else {
+                Document::new()
+            };
+            return Ok(Chosen { way: Way::Walk, is_sorted: sort.is_empty(), account, keys: 0 });
+        };
+        let account = match is_explained {
+            true => doc! { "any": parts.iter().map(account).collect::<Vec<_>>() },
+            false => Document::new(),
+        };
+        let parts: Vec<_> = parts.into_iter().map(|access| (table(access.candidate), access.ranges)).collect();
+        self.positions(&parts, account, sort.is_empty())
+    }
+
+    /// The one of several ways with the fewest keys.
+    fn best<'f>(
+        &self,
+        mut ways: Vec<Access<'f>>,
+        table: impl Fn(usize) -> String,
+    ) -> Result<Option<Access<'f>>, StoreError> {
+        if ways.len() < 2 {
+            return Ok(ways.pop());
+        }
+        let mut best: Option<(i64, Access<'f>)> = None;
+        for way in ways {
+            let keys = self.probe(&table(way.candidate), &way.ranges)?;
+            if best.as_ref().is_none_or(|(fewest, _)| keys < *fewest) {
+                best = Some((keys, way));
+            }
+        }
+        Ok(best.map(|(_, way)| way))
+    }
+
+    /// How many keys there are in the ranges, counted up to [`PROBE`].
+    fn probe(&self, table: &str, ranges: &[Range]) -> Result<i64, StoreError> {
+        let sql = format!("SELECT count(*) FROM (SELECT 1 FROM {table} WHERE key >= ? AND key < ? LIMIT ?)");
+        let count = || -> rusqlite::Result<i64> {
+            let mut statement = self.connection.prepare_cached(&sql)?;
+            let mut keys = 0;
+            for range in ranges {
+                keys +=
+                    statement.query_row(params![range.low, range.high, PROBE - keys], |row| row.get::<_, i64>(0))?;
+                if keys >= PROBE {
+                    break;
+                }
+            }
+            Ok(keys)
+        };
+        match count() {
+            Err(error) if failure::is_gone(&error) => Ok(PROBE),
+            counted => counted.map_err(|e| self.explain(&e)),
+        }
+    }
+
+    /// The positions that ranges of tables list, in order of insertion, each
+    /// once. Where a table is gone, all documents have to be looked at.
+    fn positions(
+        &self,
+        parts: &[(String, Vec<Range>)],
+        account: Document,
+        is_sorted: bool,
+    ) -> Result<Chosen, StoreError> {
+        let mut positions: Vec<i64> = Vec::new();
+        for (table, ranges) in parts {
+            match self.list(table, ranges, &mut positions) {
+                Err(error) if failure::is_gone(&error) => {
+                    return Ok(Chosen { way: Way::Walk, is_sorted, account, keys: 0 });
+                }
+                listed => listed.map_err(|e| self.explain(&e))?,
+            }
+        }
+        let keys = positions.len() as u64;
+        positions.sort_unstable();
+        positions.dedup();
+        Ok(Chosen { way: Way::Positions(positions.into()), is_sorted, account, keys })
+    }
+
+    fn list(&self, table: &str, ranges: &[Range], positions: &mut Vec<i64>) -> rusqlite::Result<()> {
+        let sql = format!("SELECT position FROM {table} WHERE key >= ? AND key < ?");
+        let mut statement = self.connection.prepare_cached(&sql)?;
+        for range in ranges {
+            let mut rows = statement.query([&range.low, &range.high])?;
+            while let Some(row) = rows.next()? {
+                positions.push(row.get(0)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// How many documents have a date at or before `date` in the index on decay.
+    pub(super) fn decayed(&self, index: &Indexed, date: bson::DateTime) -> Result<u64, StoreError> {
+        let filter = Filter::parse(&doc! { crate::store::stamp::DECAY_PATH: { "$lte": date } })?;
+        let candidate = Candidate { pattern: &index.pattern, multikey: index.multikey(), sparse: true };
+        let Some(access) = ways(&filter, &Sort::none(), &[candidate]).pop() else {
+            return Err(QueryError::bad_value("the index on decay has no dates").into());
+        };
+        let mut positions = Vec::new();
+        self.list(&index.table(), &access.ranges, &mut positions).map_err(|e| self.explain(&e))?;
+        positions.sort_unstable();
+        positions.dedup();
+        Ok(positions.len() as u64)
+    }
+}
+
+/// The ranges in the order in which they are read.
+fn in_turn(mut ranges: Vec<Range>, backwards: bool) -> VecDeque<Range> {
+    if backwards {
+        ranges.reverse();
+    }
+    ranges.into()
+}
