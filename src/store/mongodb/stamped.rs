@@ -17,6 +17,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::MongoDb;
 use crate::query::QueryError;
+use crate::store::document::with_id_first;
 use crate::store::stamp::{self, INFO, INSERTED, UPDATED};
 use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
 
@@ -152,12 +153,16 @@ fn makes_new_documents(update: &UpdateSpec) -> bool {
 /// The update without a new stamp, and with those that there were.
 fn unstamped(update: &UpdateSpec, before: &Before, at: DateTime) -> Result<UpdateSpec, QueryError> {
     match (update, before.as_slice()) {
-        (UpdateSpec::Document(document), [(_, old)]) if is_replacement(document) => {
+        (UpdateSpec::Document(document), [(id, old)]) if is_replacement(document) => {
             let old = dates(old)?;
             let (mut document, mut info) = apart(document);
             info.insert(INSERTED, old.get(INSERTED).cloned().unwrap_or_else(|| at.into()));
             info.extend(old.get(UPDATED).cloned().map(|updated| (UPDATED.to_owned(), updated)));
             document.insert(INFO, info);
+            if !document.contains_key("_id") {
+                // Without it, the server takes the same document for another.
+                document = with_id_first(document, id);
+            }
             Ok(UpdateSpec::Document(document))
         }
         (UpdateSpec::Pipeline(stages), [(_, document)]) if makes_new_documents(update) => {
