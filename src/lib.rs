@@ -5,8 +5,8 @@
 //! routes operations to [`store`]s that answer MongoDB's languages ([`query`]);
 //! servers that a robot runs itself are started by `backend`.
 //! Templates whose sections are queries become PDDL problems ([`problem`]),
-//! checked against a domain ([`pddl`]); a [`planner`] turns a problem into a
-//! [`plan`], which is simulated, stored as a document and printed. Documents
+//! checked against a domain ([`pddl`]); a [`planner`], a program run as a [`process`],
+//! turns a problem into a [`plan`], which is simulated, stored as a document and printed. Documents
 //! become [`facts`] of CLIPS, and facts documents. Text on either side is read
 //! and written in [`formats`]. What rmem is given comes through [`input`], what
 //! the user sees goes through [`output`], and a command ends with a code of
@@ -35,6 +35,8 @@ pub mod pddl;
 pub mod planner;
 
 pub mod plan;
+
+pub mod process;
 
 pub mod facts;
 
@@ -81,8 +83,8 @@ pub struct Process<'a> {
 pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Exit {
     let mut args = args.into_iter().peekable();
     let program = args.next();
-    if args.peek().is_some_and(|word| word == planner::warden::COMMAND) {
-        return Exit::Passed(u8::try_from(planner::warden::run(args.skip(1))).unwrap_or(u8::MAX));
+    if args.peek().is_some_and(|word| word == process::warden::COMMAND) {
+        return Exit::Passed(u8::try_from(process::warden::run(args.skip(1))).unwrap_or(u8::MAX));
     }
     let args = program.into_iter().chain(args);
     let mut output = Output::new(process.stdout, process.stderr);

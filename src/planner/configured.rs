@@ -4,10 +4,10 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use super::ff::DOUBTS;
-use super::host::Host;
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, Verdict, downward, ff, temporal};
 use crate::pddl::Feature;
+use crate::process::Host;
 
 /// How a planner's output is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,11 +2,11 @@
 
 use std::ffi::OsString;
 
-use super::host::Host;
-use super::process::{DOMAIN, PLAN, PROBLEM};
+use super::files::{DOMAIN, PLAN, PROBLEM};
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, downward};
 use crate::pddl::Feature;
+use crate::process::Host;
 
 const LACKS: [Feature; 9] = [
     Feature::DurativeActions,

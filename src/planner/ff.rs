@@ -2,11 +2,11 @@
 
 use std::ffi::OsString;
 
-use super::host::Host;
-use super::process::{DOMAIN, PROBLEM};
+use super::files::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner};
 use crate::formats::plan::{Transcript, Verdict, ff};
 use crate::pddl::Feature;
+use crate::process::Host;
 
 /// What FF 2.3 and Metric-FF 2.1 cannot do. That FF 2.3 knows no numbers it says itself.
 const LACKS: [Feature; 8] = [

@@ -3,29 +3,26 @@
 //! A [`Planner`] says how its program is called and how what it says is read.
 //! [`run`] does the rest, for all of them alike: it refuses what the planner cannot
 //! do, writes the task in names every planner understands ([`names`]), runs the program
-//! under [`Limits`] with nothing left behind ([`warden`]), and turns what comes
+//! under [`Limits`] with nothing left behind ([`crate::process`]), and turns what comes
 //! back into a [`Run`] whose [`Outcome`] has an exit code and whose plan is in the
 //! domain's and the problem's own spelling. [`race`] lets several planners run at once.
 
 pub mod builtin;
 pub mod names;
-pub mod warden;
 
 mod configured;
 mod downward;
 mod ff;
-mod host;
-mod launch;
+mod files;
 mod outcome;
-mod process;
 mod race;
 mod run;
 
+pub use crate::process::{Host, Limits};
 pub use builtin::Builtin;
 pub use configured::{Configured, Dialect};
 pub use downward::FastDownward;
 pub use ff::Ff;
-pub use host::{Host, Limits};
 pub use outcome::Outcome;
 pub use race::{Race, race};
 pub use run::{Output, Planner, Run, Task, by_name, run};

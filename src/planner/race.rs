@@ -13,9 +13,9 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use super::host::{Host, Limits};
 use super::outcome::Outcome;
 use super::run::{self, Planner, Run, Task};
+use crate::process::{Host, Limits};
 
 /// How often an interruption is looked for.
 const LOOK: Duration = Duration::from_millis(20);

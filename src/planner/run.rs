@@ -4,15 +4,15 @@ use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::time::Duration;
 
-use super::host::{Host, Limits};
+use super::files::{self, DOMAIN, PLAN, PROBLEM};
 use super::names::{self, Sent};
 use super::outcome::Outcome;
-use super::process::{self, End, Ended, Job};
 use super::{Builtin, FastDownward, Ff};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
 use crate::pddl::{Domain, Feature, Problem, Validation, validate};
 use crate::plan::Plan;
+use crate::process::{self, End, Ended, Host, Job, Limits};
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
@@ -215,16 +215,22 @@ fn ask(
     let job = Job {
         program,
         arguments: command.get(1..).unwrap_or_default(),
-        domain: &sent.domain,
-        problem: &sent.problem,
+        files: &[
+            (DOMAIN, "domain.pddl", Some(&sent.domain)),
+            (PROBLEM, "problem.pddl", Some(&sent.problem)),
+            (PLAN, "plan", None),
+        ],
+        input: None,
+        folder: None,
         environment: planner.environment(),
+        wanted: files::order,
     };
     let mut ended = process::run(&job, limits, host);
     let output = Output {
         code: ended.code(),
         stdout: std::mem::take(&mut ended.stdout),
         stderr: std::mem::take(&mut ended.stderr),
-        plans: std::mem::take(&mut ended.plans),
+        plans: std::mem::take(&mut ended.files),
     };
     let answer = planner.read(&output);
     (ended.stdout, ended.stderr) = (output.stdout, output.stderr);

@@ -21,12 +21,12 @@ use ferroplan::types::{Domain, Problem};
 use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
 use self::speech::NoPlan;
-use super::host::Host;
+use super::files::{DOMAIN, PROBLEM};
 use super::names::{self, Sent};
-use super::process::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner, Task, refuse};
 use crate::formats::plan::{Transcript, ff};
 use crate::pddl::Feature;
+use crate::process::Host;
 
 /// The version of the engine.
 const ENGINE: &str = "ferroplan 0.30.0";

@@ -1,4 +1,4 @@
-//! The process side of a run: a temporary directory, a warden, limits, what is left.
+//! A run: a temporary directory, a warden, limits, what is left.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
@@ -19,15 +19,8 @@ use super::host::{Host, Limits};
 use super::warden::GRACE;
 use crate::formats::Source;
 
-/// What stands for the domain's file in a command.
-pub(super) const DOMAIN: &str = "{domain}";
-/// What stands for the problem's file in a command.
-pub(super) const PROBLEM: &str = "{problem}";
-/// What stands in a command for the file that a planner may write its plan to.
-pub(super) const PLAN: &str = "{plan}";
-
-/// The files in the run's directory for what stands in a command.
-const FILES: [(&str, &str); 3] = [(DOMAIN, "domain.pddl"), (PROBLEM, "problem.pddl"), (PLAN, "plan")];
+/// The file in the run's directory that the program reads as standard input.
+const INPUT: &str = "stdin";
 
 /// How often interruption, time and output are looked at.
 const LOOK: Duration = Duration::from_millis(20);
@@ -45,22 +38,29 @@ const SMALL: u64 = 64 << 20;
 /// How much of a file is read or written between two looks at the clock.
 const PIECE: usize = 1 << 20;
 
-/// The largest plan file that is read, in bytes.
-const LARGEST_PLAN: u64 = 256 << 20;
+/// The largest file that is read, in bytes.
+const LARGEST_FILE: u64 = 256 << 20;
 
-/// A program to run on a domain and a problem, in a directory that has both.
-pub(super) struct Job<'a> {
-    pub(super) program: &'a OsStr,
-    pub(super) arguments: &'a [OsString],
-    pub(super) domain: &'a str,
-    pub(super) problem: &'a str,
+/// A program to run, in a directory made for the run.
+pub(crate) struct Job<'a> {
+    pub(crate) program: &'a OsStr,
+    pub(crate) arguments: &'a [OsString],
+    /// Files in the run's directory: what stands for one in the arguments, its name there,
+    /// and its text; without text it is the program's to write.
+    pub(crate) files: &'a [(&'a str, &'a str, Option<&'a str>)],
+    /// What the program reads as standard input; nothing where it is left out.
+    pub(crate) input: Option<&'a str>,
+    /// Where the program runs, where that is not the run's directory.
+    pub(crate) folder: Option<&'a Path>,
     /// The whole environment, where it is not rmem's.
-    pub(super) environment: Option<&'a [(&'a str, &'a str)]>,
+    pub(crate) environment: Option<&'a [(&'a str, &'a str)]>,
+    /// Which of the files it leaves are wanted: where one stands among them, by its name.
+    pub(crate) wanted: fn(&str) -> Option<u64>,
 }
 
 /// How a program ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum End {
+pub(crate) enum End {
     Exited(i32),
     Signalled(i32),
     OutOfTime,
@@ -78,22 +78,22 @@ pub(super) enum End {
 
 /// A program that has ended.
 #[derive(Debug)]
-pub(super) struct Ended {
-    pub(super) end: End,
-    pub(super) stdout: String,
-    pub(super) stderr: String,
-    /// The plan files it left, the last of them the best.
-    pub(super) plans: Vec<Source>,
-    pub(super) wall: Duration,
+pub(crate) struct Ended {
+    pub(crate) end: End,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    /// The wanted files it left, in their order.
+    pub(crate) files: Vec<Source>,
+    pub(crate) wall: Duration,
     /// The processor time of all its processes, where the warden lived to say it.
-    pub(super) cpu: Option<Duration>,
+    pub(crate) cpu: Option<Duration>,
     /// It ran into the limit of memory.
-    pub(super) out_of_memory: bool,
+    pub(crate) out_of_memory: bool,
 }
 
 impl Ended {
     /// The exit code, where there is one.
-    pub(super) fn code(&self) -> Option<i32> {
+    pub(crate) fn code(&self) -> Option<i32> {
         match self.end {
             End::Exited(code) => Some(code),
             _ => None,
@@ -107,7 +107,7 @@ impl Default for Ended {
             end: End::Failed(String::new()),
             stdout: String::new(),
             stderr: String::new(),
-            plans: Vec::new(),
+            files: Vec::new(),
             wall: Duration::ZERO,
             cpu: None,
             out_of_memory: false,
@@ -117,14 +117,16 @@ impl Default for Ended {
 
 /// Runs a program to its end or its limits. When this returns, neither its processes
 /// nor its directory are left.
-pub(super) fn run(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Ended {
+pub(crate) fn run(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Ended {
     attempt(job, limits, host).unwrap_or_else(|error| Ended { end: End::Failed(error.to_string()), ..Ended::default() })
 }
 
 fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended> {
-    let directory = tempfile::Builder::new().prefix("rmem-plan-").tempdir_in(&host.temporary)?;
-    write(&directory.path().join("domain.pddl"), job.domain, host)?;
-    write(&directory.path().join("problem.pddl"), job.problem, host)?;
+    let directory = tempfile::Builder::new().prefix("rmem-run-").tempdir_in(&host.temporary)?;
+    let texts = job.files.iter().filter_map(|(_, name, text)| Some((*name, (*text)?)));
+    for (name, text) in texts.chain(job.input.map(|text| (INPUT, text))) {
+        write(&directory.path().join(name), text, host)?;
+    }
     if host.is_interrupted() {
         return Ok(Ended { end: End::Interrupted, ..Ended::default() });
     }
@@ -132,7 +134,8 @@ fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended>
     let mut warden = Warden::start(job, limits, host, directory)?;
     let (end, usage) = warden.wait(limits, host, started);
     let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
-    let mut ended = warden.collect(limits, &Reading { host, deadline: rest.map(|rest| Instant::now() + rest) })?;
+    let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
+    let mut ended = warden.collect(limits, &reading, job.wanted)?;
     ended.wall = started.elapsed();
     ended.cpu = usage.as_ref().map(|usage| usage.cpu);
     let peak = usage.map_or(0, |usage| usage.peak);
@@ -190,8 +193,14 @@ impl Warden {
         if let Some(bytes) = limits.memory {
             command.arg("--memory").arg(bytes.to_string());
         }
+        if job.input.is_some() {
+            command.arg("--input").arg(directory.path().join(INPUT));
+        }
+        if let Some(folder) = job.folder {
+            command.arg("--folder").arg(std::path::absolute(folder)?);
+        }
         command.arg("--").arg(located(job.program));
-        command.args(job.arguments.iter().map(|word| filled(word, directory.path())));
+        command.args(job.arguments.iter().map(|word| filled(word, directory.path(), job.files)));
         if let Some(environment) = job.environment {
             command.env_clear().envs(environment.iter().copied());
         }
@@ -303,12 +312,12 @@ impl Warden {
     }
 
     /// Reads what the program left, removes it, and lets the warden go.
-    fn collect(mut self, limits: &Limits, reading: &Reading<'_>) -> io::Result<Ended> {
+    fn collect(mut self, limits: &Limits, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> io::Result<Ended> {
         let mut ended = Ended::default();
         if let Some(directory) = self.directory.take() {
             let stream = |name: &str| reading.text(directory.path(), name, limits.output).unwrap_or_default();
             (ended.stdout, ended.stderr) = (stream("stdout"), stream("stderr"));
-            ended.plans = plans(directory.path(), reading);
+            ended.files = files(directory.path(), reading, wanted);
             directory.close()?;
         }
         if let Some(cut) = reading.over() {
@@ -337,17 +346,17 @@ fn located(program: &OsStr) -> OsString {
 
 /// A word of a command with the paths of the run's files in it. They are absolute, for the
 /// sake of wrappers that change the folder.
-fn filled(word: &OsStr, directory: &Path) -> OsString {
+fn filled(word: &OsStr, directory: &Path, files: &[(&str, &str, Option<&str>)]) -> OsString {
     match word.to_str() {
         Some(text) if text.contains('{') => {
             let path = |file: &str| directory.join(file).to_string_lossy().into_owned();
-            FILES.iter().fold(text.to_owned(), |text, (mark, file)| text.replace(mark, &path(file))).into()
+            files.iter().fold(text.to_owned(), |text, (mark, file, _)| text.replace(mark, &path(file))).into()
         }
         _ => word.to_owned(),
     }
 }
 
-/// A file for a stream; appended to, so that a planner that seeks loses nothing.
+/// A file for a stream; appended to, so that a program that seeks loses nothing.
 fn stream(directory: &Path, name: &str) -> io::Result<Stdio> {
     File::options().create(true).append(true).open(directory.join(name)).map(Stdio::from)
 }
@@ -387,28 +396,17 @@ impl Reading<'_> {
     }
 }
 
-/// The plan files in the run's directory: `plan`, `plan.1`, … as asked for, and what
-/// planners write unasked: `sas_plan`, `sas_plan.1`, `plan_1.SOL`.
-fn plans(directory: &Path, reading: &Reading<'_>) -> Vec<Source> {
+/// The wanted files in the run's directory, in their order.
+fn files(directory: &Path, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> Vec<Source> {
     let Ok(entries) = fs::read_dir(directory) else { return Vec::new() };
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
-    let mut names: Vec<(u64, String)> = names.filter_map(|name| Some((order(&name)?, name))).collect();
+    let mut names: Vec<(u64, String)> = names.filter_map(|name| Some((wanted(&name)?, name))).collect();
     names.sort();
     let texts = names.into_iter().filter_map(|(_, name)| {
-        let text = reading.text(directory, &name, LARGEST_PLAN)?;
+        let text = reading.text(directory, &name, LARGEST_FILE)?;
         Some(Source::new(name, text))
     });
     texts.collect()
-}
-
-/// Where a plan file stands among the others: by its number, the one without before them.
-fn order(name: &str) -> Option<u64> {
-    let rest = ["plan", "sas_plan"].into_iter().find_map(|stem| name.strip_prefix(stem))?;
-    let number = rest.trim_start_matches(['.', '_']).trim_end_matches(".SOL");
-    match number {
-        "" => Some(0),
-        number => number.parse().ok(),
-    }
 }
 
 /// Whether a program ended for want of memory: it ended badly, and either says so or
@@ -449,22 +447,4 @@ fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
     let close = matches!(end, End::Signalled(_)) && peak.saturating_mul(1024) >= limit / 10 * 8;
     let small = matches!(end, End::Signalled(_)) && limit < SMALL;
     badly && (said || close || small)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn plan_files_are_in_the_order_of_their_numbers() {
-        let mut names = ["plan.10", "plan.9", "plan", "problem.pddl", "plan.txt", "plan_2.SOL", "stdout"]
-            .into_iter()
-            .filter_map(|name| Some((order(name)?, name)))
-            .collect::<Vec<_>>();
-        names.sort_unstable();
-        assert_eq!(
-            names.iter().map(|(_, name)| *name).collect::<Vec<_>>(),
-            ["plan", "plan_2.SOL", "plan.9", "plan.10"]
-        );
-    }
 }

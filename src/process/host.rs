@@ -1,10 +1,10 @@
-//! What a planner's run may use, and what it is allowed.
+//! What the run of a program may use, and what it is allowed.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// What the process that runs planners lends them. The library reads no environment.
+/// What the process that runs programs lends them. The library reads no environment.
 #[derive(Debug, Clone)]
 pub struct Host<'a> {
     /// The rmem executable: it starts itself again as `__warden` and as `ff`.
@@ -28,10 +28,10 @@ impl Host<'_> {
 pub struct Limits {
     /// Wall time.
     pub time: Option<Duration>,
-    /// Address space of each process of the planner, and what all of them together may have
+    /// Address space of each process of the program, and what all of them together may have
     /// resident, in bytes.
     pub memory: Option<u64>,
-    /// What it may print on one stream, in bytes; a planner that prints more is stopped.
+    /// What it may print on one stream, in bytes; a program that prints more is stopped.
     pub output: u64,
 }
 

@@ -1,4 +1,4 @@
-//! The last step before a planner runs: the process that becomes its program.
+//! The last step before a program runs: the process that becomes its program.
 //!
 //! It is started by the warden, is a process of its own, and looks for the program where
 //! its environment says.
@@ -19,7 +19,7 @@ use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_deat
 pub(super) const GO: &[u8] = b"g";
 
 /// Becomes the program; returns only where that fails, which it says on standard
-/// input. The arguments are `--parent PID [--memory BYTES] -- PROGRAM ARGUMENT…`.
+/// input. The arguments are `--parent PID [--memory BYTES] [--input FILE] -- PROGRAM ARGUMENT…`.
 pub(super) fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
     let Ok(warden) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
     let mut warden = UnixStream::from(warden);
@@ -32,12 +32,13 @@ fn become_program(
     mut arguments: impl Iterator<Item = OsString>,
     warden: &mut UnixStream,
 ) -> Result<Infallible, String> {
-    let (mut parent, mut memory) = (None, None);
+    let (mut parent, mut memory, mut input) = (None, None, None);
     let number = |arguments: &mut dyn Iterator<Item = OsString>| arguments.next()?.to_str()?.parse::<u64>().ok();
     loop {
         match arguments.next().as_deref().and_then(OsStr::to_str) {
             Some("--parent") => parent = number(&mut arguments),
             Some("--memory") => memory = number(&mut arguments),
+            Some("--input") => input = arguments.next(),
             Some("--") => break,
             _ => return Err("failed to understand its order".to_owned()),
         }
@@ -50,7 +51,11 @@ fn become_program(
     }
     let program = arguments.next().unwrap_or_default();
     let mut command = Command::new(&program);
-    command.args(arguments).stdin(Stdio::null());
+    let stdin = match input {
+        Some(file) => File::open(file).map_err(|error| failed(&error))?.into(),
+        None => Stdio::null(),
+    };
+    command.args(arguments).stdin(stdin);
     if let Some(bytes) = memory {
         let limit = Rlimit { current: Some(bytes), maximum: Some(bytes) };
         setrlimit(Resource::As, limit).map_err(|error| failed(&error))?;

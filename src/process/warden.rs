@@ -1,8 +1,8 @@
-//! The warden: the process between rmem and a planner.
+//! The warden: the process between rmem and a program.
 //!
-//! rmem starts itself again as `rmem __warden [--memory BYTES] --directory DIR --
-//! PROGRAM ARGUMENT…`, with one end of a socket pair as standard input, the
-//! *lifeline*. The warden starts the program in a process group of its own under
+//! rmem starts itself again as `rmem __warden [--memory BYTES] [--input FILE] [--folder DIR]
+//! --directory DIR -- PROGRAM ARGUMENT…`, with one end of a socket pair as standard input,
+//! the *lifeline*. The warden starts the program in a process group of its own under
 //! limits, adopts whatever the program leaves behind (it is a subreaper), and says on
 //! the lifeline what happens, one line each:
 //!
@@ -89,24 +89,32 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
 
 /// What the warden is told to do.
 struct Order {
+    /// The run's directory, removed when rmem is gone.
     directory: PathBuf,
     memory: Option<u64>,
+    /// What the program reads.
+    input: Option<OsString>,
+    /// Where it runs; else in the directory.
+    folder: Option<PathBuf>,
     program: OsString,
     arguments: Vec<OsString>,
 }
 
 impl Order {
     fn read(mut arguments: impl Iterator<Item = OsString>) -> Option<Self> {
-        let (mut directory, mut memory) = (None, None);
+        let (mut directory, mut memory, mut input, mut folder) = (None, None, None, None);
         loop {
             match arguments.next()?.to_str()? {
                 "--directory" => directory = Some(PathBuf::from(arguments.next()?)),
                 "--memory" => memory = Some(arguments.next()?.to_str()?.parse().ok()?),
+                "--input" => input = Some(arguments.next()?),
+                "--folder" => folder = Some(PathBuf::from(arguments.next()?)),
                 "--" => break,
                 _ => return None,
             }
         }
-        Some(Self { directory: directory?, memory, program: arguments.next()?, arguments: arguments.collect() })
+        let (directory, program) = (directory?, arguments.next()?);
+        Some(Self { directory, memory, input, folder, program, arguments: arguments.collect() })
     }
 
     fn start(&self, lifeline: &mut Lifeline) -> io::Result<Started> {
@@ -118,8 +126,14 @@ impl Order {
         if let Some(bytes) = self.memory {
             command.args(["--memory", &bytes.to_string()]);
         }
+        if let Some(file) = &self.input {
+            command.arg("--input").arg(file);
+        }
         command.arg("--").arg(&self.program).args(&self.arguments);
-        command.current_dir(&self.directory).stdin(Stdio::from(OwnedFd::from(theirs))).process_group(0);
+        command
+            .current_dir(self.folder.as_ref().unwrap_or(&self.directory))
+            .stdin(Stdio::from(OwnedFd::from(theirs)))
+            .process_group(0);
         let mut child = command.spawn()?;
         drop(command);
         // The program does not run before rmem can know its group, whatever becomes of the warden.
