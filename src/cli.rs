@@ -5,6 +5,7 @@
 //! and `rmem.toml`, in `settings`.
 
 mod backend;
+mod computables;
 mod index;
 mod plan;
 pub mod quantity;
@@ -20,6 +21,7 @@ use crate::output::Format;
 use crate::store::Namespace;
 
 pub use backend::{Backend, BackendCommand, BackendName, BackendUp};
+pub use computables::Computables;
 pub use index::Index;
 pub use plan::{
     Layout, Plan, PlanCheck, PlanCommand, PlanEffort, PlanImport, PlanList, PlanRerun, PlanSearch, PlanShow, PlanState,
@@ -188,6 +190,15 @@ mutexes of the first of shared_databases, or of robmem where none is shared."
         after_help = "Examples:\n  rmem backend up\n  rmem backend status --format table\n  rmem backend down shared"
     )]
     Backend(Backend),
+    /// List the computables, or say which would run for a query
+    #[command(
+        after_help = "Examples:\n  rmem computables\n  rmem computables --check robmem.blocks \"{relation: 'on-table'}\"\n\n\
+Computables are [[computable]] tables in rmem.toml: a name, a collection, a spec, and a pipeline, a\n\
+command or a builtin (transform, nearest). One runs when a query, count, distinct, aggregate or template\n\
+asks its collection a query that, as a document, matches its spec; its documents are stored there, and\n\
+for the time of its cache an equal query computes nothing. --check computes nothing."
+    )]
+    Computables(Computables),
     /// Generate a PDDL problem from a template whose sections are queries
     #[command(
         after_help = "Example:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl"

@@ -105,7 +105,9 @@ impl Exit {
                 StoreError::Unfit { .. } => Self::Usage,
                 StoreError::Query(_) => Self::BadInput,
                 StoreError::Stopped { source, .. } => return Self::of_cause(source.as_ref()),
-                StoreError::Unreachable { .. } | StoreError::Failed { .. } => Self::Store,
+                StoreError::Unreachable { .. } | StoreError::Failed { .. } | StoreError::Computable { .. } => {
+                    Self::Store
+                }
             });
         }
         if cause.is::<Diagnostic>() || cause.is::<Diagnostics>() || cause.is::<QueryError>() || cause.is::<WrongInput>()

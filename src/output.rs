@@ -191,7 +191,7 @@ impl<'a> Output<'a> {
         for operation in self.operations.take() {
             let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
             let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| format!("{count} documents"));
-            self.operation(operation.name, &subject, &detail, operation.took);
+            self.operation(&operation.name, &subject, &detail, operation.took);
         }
     }
 

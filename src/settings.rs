@@ -4,6 +4,7 @@
 //! or contacted here but the settings file itself.
 
 pub mod backend;
+mod computable;
 pub mod file;
 
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use clap::ValueEnum as _;
 
 use crate::cli::{Color, Global};
 use crate::input::{UsageError, decode, unreadable};
+use crate::memory::computables::Definition;
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::store::Namespace;
@@ -98,7 +100,7 @@ pub struct Settings {
     /// Planners by configuration.
     pub planners: Vec<Configured>,
     /// Computables by configuration.
-    pub computables: Vec<file::Computable>,
+    pub computables: Vec<Definition>,
     /// The mongod processes of this robot.
     pub backends: Vec<backend::Backend>,
 }
@@ -201,7 +203,7 @@ impl Settings {
             load: flags.load.clone(),
             planners: file.planners(&folder),
             backends: file.backends(&folder),
-            computables: file.computables,
+            computables: file.computables(&folder),
             file: path,
         })
     }

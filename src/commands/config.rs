@@ -2,6 +2,7 @@
 
 use super::Context;
 use crate::exit::Exit;
+use crate::formats::shell;
 use crate::settings::Origin;
 use crate::store::StoreUri;
 
@@ -27,8 +28,8 @@ pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
         lines.push(format!(
             "computable {} on {}: {}",
             computable.name,
-            computable.collection.get_ref(),
-            computable.spec.get_ref()
+            computable.namespace,
+            shell::relaxed(&computable.spec)
         ));
     }
     for line in lines {

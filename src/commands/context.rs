@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -9,8 +10,10 @@ use bson::Document;
 
 use crate::formats::{Source, shell};
 use crate::input::{UsageError, decode, unreadable};
+use crate::memory::computables::Registry;
 use crate::memory::{Memory, world};
 use crate::output::{Format, Output};
+use crate::process::Host;
 use crate::settings::{Environment, Origin, Settings};
 use crate::store::StoreUri;
 
@@ -45,11 +48,8 @@ impl<'a> Context<'a> {
     /// # Errors
     /// Where a store cannot be opened or a world file is wrong.
     pub fn memory(&mut self) -> anyhow::Result<Memory> {
-        if !self.settings.computables.is_empty() {
-            let names: Vec<_> = self.settings.computables.iter().map(|computable| computable.name.as_str()).collect();
-            self.output.warn(&format!("computables are not run by this version: {}", names.join(", ")));
-        }
-        let mut memory = open(&self.settings)?;
+        let registry = Registry::new(self.settings.computables.clone(), &self.host())?;
+        let mut memory = open(&self.settings)?.with_computables(registry);
         if let Some(observer) = self.output.observer() {
             memory = memory.with_observer(observer);
         }
@@ -60,6 +60,19 @@ impl<'a> Context<'a> {
             self.output.operation("load", source.name(), &loaded.to_string(), start.elapsed());
         }
         Ok(memory)
+    }
+
+    /// What programs are run with that end when rmem does.
+    #[must_use]
+    pub fn host(&self) -> Host<'static> {
+        static NEVER: AtomicBool = AtomicBool::new(false);
+        Host { exe: self.executable.clone(), temporary: self.temporary(), interrupted: &NEVER }
+    }
+
+    /// Where temporary directories are made.
+    #[must_use]
+    pub fn temporary(&self) -> PathBuf {
+        self.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into)
     }
 
     /// Reads a whole text file, or stdin for `-`.

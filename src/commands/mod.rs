@@ -5,6 +5,7 @@ mod backend;
 mod clips;
 mod collections;
 mod completions;
+mod computables;
 mod config;
 mod count;
 mod delete;
@@ -47,6 +48,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Backend(args) => backend::run(args, context),
         Command::Clips(args) => clips::run(args, context),
         Command::Collections => collections::run(context),
+        Command::Computables(args) => computables::run(args, context),
         Command::Completions(args) => completions::run(args, context),
         Command::Config => config::run(context),
         Command::Count(args) => count::run(args, context),

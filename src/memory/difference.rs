@@ -10,7 +10,6 @@ use std::iter::Peekable;
 use bson::{Document, RawDocumentBuf};
 
 use super::Memory;
-use super::dump::stored;
 use super::dumped::{Dumped, DumpedError, Part};
 use crate::query::{QueryError, key};
 use crate::store::{Find, Namespace, StoreError, stamp};
@@ -120,8 +119,8 @@ impl Side {
     fn documents(&self, ns: &Namespace) -> Result<Ordered<'_>, DiffError> {
         let documents: Box<dyn Iterator<Item = Result<Keyed, DiffError>>> = match self {
             Self::Memory(memory) => {
-                let find = Find { sort: bson::doc! { "_id": 1 }, ..stored() };
-                let found = memory.find_with_metadata(ns, &find)?;
+                let find = Find { sort: bson::doc! { "_id": 1 }, ..Find::default() };
+                let found = memory.stored(ns, &find)?;
                 Box::new(found.map(|document| Ok(keyed(document?)?)))
             }
             Self::Dump(dumped) => {

@@ -10,8 +10,6 @@ use std::io::{self, BufWriter, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
-use bson::doc;
-
 use super::Memory;
 use crate::formats::mongodump::{ArchiveWriter, Metadata, Packer, encode};
 use crate::store::{Find, Namespace, StoreError};
@@ -41,11 +39,6 @@ pub enum DumpError {
         /// What went wrong.
         source: StoreError,
     },
-}
-
-/// Which documents belong into a dump: those that no computable made.
-pub(super) fn stored() -> Find {
-    Find { filter: doc! { "_robmem_info.computed": { "$ne": true } }, ..Find::default() }
 }
 
 /// Writes the namespaces into the folder `path`, whole or not at all; gives
@@ -102,7 +95,7 @@ pub fn write_archive(
     for ns in &namespaces {
         let unread = |source| DumpError::Store { namespace: ns.to_string(), source };
         let mut count = 0;
-        for document in memory.find_with_metadata(ns, &stored()).map_err(unread)? {
+        for document in memory.stored(ns, &Find::default()).map_err(unread)? {
             archive.document(&ns.database, &ns.collection, &document.map_err(unread)?).map_err(failed)?;
             count += 1;
         }
@@ -142,7 +135,7 @@ fn write_collection(memory: &Memory, ns: &Namespace, path: &Path, folder: &Path,
     };
     let mut documents = create("bson").map_err(failed)?;
     let mut count = 0;
-    for document in memory.find_with_metadata(ns, &stored()).map_err(unread)? {
+    for document in memory.stored(ns, &Find::default()).map_err(unread)? {
         documents.write_all(document.map_err(unread)?.as_bytes()).map_err(failed)?;
         count += 1;
     }

@@ -1,5 +1,6 @@
 //! What the memory did, operation by operation: for `-v` and `--log`.
 
+use std::borrow::Cow;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -8,8 +9,8 @@ use crate::store::{Documents, Namespace, StoreError};
 /// One operation that is over.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Operation {
-    /// What was done: `find`, `insert`, ….
-    pub name: &'static str,
+    /// What was done: `find`, `insert`, `compute on-table`, ….
+    pub name: Cow<'static, str>,
     /// Where.
     pub namespace: Option<Namespace>,
     /// How many documents (or values) it concerned; none where it failed.
@@ -42,8 +43,15 @@ impl Journal {
         let start = Instant::now();
         let result = work();
         let count = result.as_ref().ok().map(count);
-        observer(&Operation { name, namespace: namespace.cloned(), count, took: start.elapsed() });
+        observer(&Operation { name: name.into(), namespace: namespace.cloned(), count, took: start.elapsed() });
         result
+    }
+
+    /// Notes what is over.
+    pub(super) fn tell(&self, operation: &Operation) {
+        if let Some(observer) = &self.0 {
+            observer(operation);
+        }
     }
 
     /// Notes a query when its documents are dropped.
@@ -57,7 +65,12 @@ impl Journal {
         let Some(observer) = &self.0 else { return documents };
         let watched = Watched {
             observer: observer.clone(),
-            operation: Operation { name, namespace: Some(namespace.clone()), count: Some(0), took: start.elapsed() },
+            operation: Operation {
+                name: name.into(),
+                namespace: Some(namespace.clone()),
+                count: Some(0),
+                took: start.elapsed(),
+            },
             documents,
         };
         Box::new(watched)

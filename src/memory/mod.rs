@@ -6,6 +6,7 @@
 //! network works with what is its own.
 
 mod clock;
+pub mod computables;
 pub mod difference;
 pub mod dump;
 pub mod dumped;

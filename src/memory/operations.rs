@@ -5,32 +5,19 @@ use std::time::Instant;
 use bson::{Bson, Document, doc};
 
 use super::clock::Clock;
+use super::computables::{self, Computables, Computed, Registry, View};
 use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
 use crate::store::{
     Documents, Find, Inserted, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated, stamp,
 };
 
-/// Stages that have to be the first of a pipeline.
-const FIRST_ONLY: [&str; 11] = [
-    "$changeStream",
-    "$collStats",
-    "$currentOp",
-    "$documents",
-    "$geoNear",
-    "$indexStats",
-    "$listLocalSessions",
-    "$listSessions",
-    "$planCacheStats",
-    "$search",
-    "$searchMeta",
-];
-
 /// A local store and, perhaps, another one for shared databases.
 pub struct Memory {
     pub(super) routes: Routes,
     pub(super) clock: Clock,
     pub(super) journal: Journal,
+    pub(super) computables: Box<Computables>,
 }
 
 impl Memory {
@@ -38,7 +25,7 @@ impl Memory {
     #[must_use]
     pub fn new(local: Box<dyn Store>, shared: Option<Box<dyn Store>>, shared_databases: Vec<String>) -> Self {
         let routes = Routes::new(Lazy::open(local), shared.map(Lazy::open), shared_databases);
-        Self { routes, clock: Clock::System, journal: Journal::default() }
+        Self { routes, clock: Clock::System, journal: Journal::default(), computables: Box::default() }
     }
 
     /// A memory over the stores at these addresses. Each is opened by the
@@ -47,7 +34,7 @@ impl Memory {
     pub fn at(local: StoreUri, shared: StoreUri, shared_databases: Vec<String>) -> Self {
         let shared = (local != shared).then(|| Lazy::at(shared, Role::Shared));
         let routes = Routes::new(Lazy::at(local, Role::Local), shared, shared_databases);
-        Self { routes, clock: Clock::System, journal: Journal::default() }
+        Self { routes, clock: Clock::System, journal: Journal::default(), computables: Box::default() }
     }
 
     /// The same memory with another clock.
@@ -106,32 +93,60 @@ impl Memory {
 
     /// Answers a query with documents and their metadata.
     pub fn find_with_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        self.answer(&[(ns, &find.filter)], true, |view| {
+            let start = Instant::now();
+            let find = Find { filter: view.filter(ns, &find.filter), ..find.clone() };
+            settled(view, self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
+        })
+    }
+
+    /// Documents as they are stored, with their metadata: nothing is computed, and what was
+    /// computed is left out.
+    pub fn stored(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let start = Instant::now();
-        let find = Find { filter: self.visible(&find.filter), ..find.clone() };
+        let stored = doc! { stamp::info_path("computed"): { "$ne": true } };
+        let filter = if find.filter.is_empty() {
+            stored
+        } else {
+            doc! { "$and": [find.filter.clone(), stored] }
+        };
+        let find = Find { filter: self.visible(ns, &filter), ..find.clone() };
         Ok(self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
     }
 
-    /// Says how a query is answered; see [`Store::explain`].
+    /// Says how a query is answered; see [`Store::explain`]. Where there are computables, those
+    /// that the query needs run, and `computables` says what they did.
     pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        let find = Find { filter: self.visible(&find.filter), ..find.clone() };
-        self.journal.note("explain", Some(ns), |_| 1, || self.routes.reading(ns)?.explain(ns, &find))
+        let mut account = self.answer(&[(ns, &find.filter)], true, |view| {
+            let find = Find { filter: view.filter(ns, &find.filter), ..find.clone() };
+            self.journal.note("explain", Some(ns), |_| 1, || self.routes.reading(ns)?.explain(ns, &find))
+        })?;
+        if self.computables().next().is_some() {
+            let computed: Vec<Document> = self.computed().iter().map(Computed::to_document).collect();
+            account.insert("computables", computed);
+        }
+        Ok(account)
     }
 
     /// Counts matches; see [`Store::count`].
     pub fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        let filter = self.visible(filter);
-        self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, &filter))
+        self.answer(&[(ns, filter)], true, |view| {
+            let filter = view.filter(ns, filter);
+            self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, &filter))
+        })
     }
 
     /// Distinct values; see [`Store::distinct`].
     pub fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
-        let filter = self.visible(filter);
-        self.journal.note(
-            "distinct",
-            Some(ns),
-            |values: &Vec<Bson>| length(values),
-            || self.routes.reading(ns)?.distinct(ns, field, &filter),
-        )
+        self.answer(&[(ns, filter)], true, |view| {
+            let filter = view.filter(ns, filter);
+            self.journal.note(
+                "distinct",
+                Some(ns),
+                |values: &Vec<Bson>| length(values),
+                || self.routes.reading(ns)?.distinct(ns, field, &filter),
+            )
+        })
     }
 
     /// Runs a pipeline; its results are without metadata, see [`Store::aggregate`].
@@ -141,18 +156,22 @@ impl Memory {
 
     /// Runs a pipeline; its results keep their metadata.
     pub fn aggregate_with_metadata(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        let start = Instant::now();
         let last = pipeline.last().and_then(|stage| stage.keys().next());
-        let store = match last.is_some_and(|name| name == "$out" || name == "$merge") {
-            true => self.routes.of(ns)?,
-            false => self.routes.reading(ns)?,
+        let writes = last.is_some_and(|name| name == "$out" || name == "$merge");
+        let asked = computables::questions(ns, pipeline);
+        let work = |view: &View| {
+            let start = Instant::now();
+            let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };
+            let stages = computables::visible_stages(ns, pipeline, view);
+            settled(view, self.journal.watch("aggregate", ns, start, store.aggregate(ns, &stages)?))
         };
-        Ok(self.journal.watch("aggregate", ns, start, store.aggregate(ns, &self.visible_only(pipeline))?))
+        let asked: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
+        self.answer(&asked, !writes, work)
     }
 
     /// Changes documents; see [`Store::update`].
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        let update = UpdateRequest { filter: self.visible(&update.filter), ..update.clone() };
+        let update = UpdateRequest { filter: self.visible(ns, &update.filter), ..update.clone() };
         let work = || {
             let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
             store.update(ns, &update, Some(self.clock.now()))
@@ -162,50 +181,61 @@ impl Memory {
 
     /// Removes documents; see [`Store::delete`].
     pub fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        let filter = self.visible(filter);
-        self.journal.note(
-            "delete",
-            Some(ns),
-            |count| *count,
-            || self.routes.reading(ns)?.delete(ns, &filter, first_only),
-        )
+        let store = self.routes.reading(ns)?;
+        let visible = self.visible(ns, filter);
+        let deleted =
+            self.journal.note("delete", Some(ns), |count| *count, || store.delete(ns, &visible, first_only))?;
+        if filter.is_empty() && !first_only {
+            computables::forget(store, ns)?;
+        }
+        Ok(deleted)
     }
 
     /// Removes a collection; see [`Store::drop`].
     pub fn drop_collection(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        self.journal.note("drop", Some(ns), |found| u64::from(*found), || self.routes.reading(ns)?.drop(ns))
+        let work = || {
+            let store = self.routes.reading(ns)?;
+            computables::forget(store, ns)?;
+            store.drop(ns)
+        };
+        self.journal.note("drop", Some(ns), |found| u64::from(*found), work)
     }
 
     /// The filter, for documents that have not decayed.
-    fn visible(&self, filter: &Document) -> Document {
-        let visible = stamp::visible(self.clock.now());
-        if filter.is_empty() {
-            visible
-        } else {
-            doc! { "$and": [filter.clone(), visible] }
-        }
+    fn visible(&self, ns: &Namespace, filter: &Document) -> Document {
+        View::at(self.clock.now()).filter(ns, filter)
     }
 
-    /// The pipeline over documents that have not decayed. Those of other
-    /// collections, which it looks up, are all seen.
-    fn visible_only(&self, pipeline: &[Document]) -> Vec<Document> {
-        let mut stages = pipeline.to_vec();
-        match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
-            Some((name, Bson::Document(filter))) if name == "$match" => *filter = self.visible(filter),
-            Some((name, _)) if FIRST_ONLY.contains(&name.as_str()) => {}
-            _ => stages.insert(0, doc! { "$match": stamp::visible(self.clock.now()) }),
-        }
-        stages
+    /// The same memory with computables, which run where a query needs them.
+    #[must_use]
+    pub fn with_computables(self, registry: Registry) -> Self {
+        Self { computables: Box::new(Computables::new(registry)), ..self }
+    }
+
+    /// What was computed, or found in the cache, for the last query, count or pipeline.
+    #[must_use]
+    pub fn computed(&self) -> Vec<Computed> {
+        self.computables.told()
     }
 
     /// Gives a collection the name of another, in its place; see [`Store::rename`].
     pub fn rename_collection(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
-        self.journal.note("rename", Some(to), |()| 1, || self.routes.of(to)?.rename(from, to))
+        let work = || {
+            let store = self.routes.of(to)?;
+            computables::forget(store, to)?;
+            store.rename(from, to)
+        };
+        self.journal.note("rename", Some(to), |()| 1, work)
     }
 
     /// All collections of both stores, each where its database belongs, sorted.
     pub fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
-        self.journal.note("collections", None, |found: &Vec<Namespace>| length(found), || self.routes.collections())
+        let work = || {
+            let mut found = self.routes.collections()?;
+            found.retain(|ns| !computables::is_records(ns));
+            Ok(found)
+        };
+        self.journal.note("collections", None, |found: &Vec<Namespace>| length(found), work)
     }
 }
 
@@ -216,6 +246,15 @@ fn length<T>(items: &[T]) -> u64 {
 /// Whether a dotted path leads into the metadata.
 fn is_metadata(path: &str) -> bool {
     path.split('.').next() == Some(stamp::INFO)
+}
+
+/// Documents that may be computed anew meanwhile are read at once.
+fn settled<'a>(view: &View, documents: Documents<'a>) -> Result<Documents<'a>, StoreError> {
+    if !view.is_computed() {
+        return Ok(documents);
+    }
+    let documents = documents.collect::<Result<Vec<_>, _>>()?;
+    Ok(Box::new(documents.into_iter().map(Ok)))
 }
 
 fn without_metadata(documents: Documents<'_>) -> Documents<'_> {

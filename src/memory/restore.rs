@@ -134,7 +134,7 @@ fn merge(memory: &Memory, batch: Vec<Document>, dry_run: bool, restored: &mut Re
     let ids: Vec<&Bson> = batch.iter().filter_map(|document| document.get("_id")).collect();
     let find = Find { filter: doc! { "_id": { "$in": ids } }, ..Find::default() };
     let mut present = HashMap::new();
-    for document in memory.find_with_metadata(&restored.namespace, &find)? {
+    for document in memory.stored(&restored.namespace, &find)? {
         let document = document?;
         let key = document.get("_id").map_err(QueryError::from)?.map(key::encode).unwrap_or_default();
         present.insert(key, document);

@@ -87,6 +87,13 @@ impl Routes {
         self.lazy(ns).reading()
     }
 
+    /// The same for what is stored to be found again, but can do without that: a file that
+    /// is not there is made, where that is possible.
+    pub(super) fn keeping(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
+        let lazy = self.lazy(ns);
+        lazy.get().or_else(|_| lazy.reading())
+    }
+
     fn lazy(&self, ns: &Namespace) -> &Lazy {
         match &self.shared {
             Some(shared) if self.is_shared(ns) => shared,

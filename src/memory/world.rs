@@ -89,7 +89,7 @@ pub fn dump(memory: &Memory, namespaces: &[Namespace]) -> Result<String, StoreEr
 fn dump_documents(memory: &Memory, ns: &Namespace, text: &mut String) -> Result<usize, StoreError> {
     let find = Find { sort: doc! { "_id": 1 }, ..Find::default() };
     let mut count = 0;
-    for document in memory.find_with_metadata(ns, &find)? {
+    for document in memory.stored(ns, &find)? {
         let mut document = Document::try_from(&*document?).map_err(QueryError::from)?;
         forget_dates(&mut document);
         text.push_str(if count == 0 { "\n    " } else { ",\n    " });

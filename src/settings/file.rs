@@ -7,8 +7,9 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::cli::quantity;
-use crate::formats::{Diagnostic, Source, Span, shell};
+use super::computable;
+use crate::formats::{Diagnostic, Source, Span};
+use crate::memory::computables::Definition;
 use crate::planner::{Configured, Dialect};
 use crate::store::Namespace;
 
@@ -35,7 +36,7 @@ pub struct File {
     planner: BTreeMap<Spanned<String>, PlannerTable>,
     /// `[[computable]]`
     #[serde(default, rename = "computable")]
-    pub computables: Vec<Computable>,
+    computables: Vec<computable::Table>,
     /// `[backend.local]`, `[backend.shared]`
     #[serde(default)]
     backend: Tables,
@@ -60,40 +61,6 @@ enum DialectName {
     Downward,
     /// As temporal planners print them.
     Temporal,
-}
-
-/// A computable by configuration: `[[computable]]`.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Computable {
-    /// What messages call it.
-    pub name: String,
-    /// The namespace it computes for.
-    pub collection: Spanned<String>,
-    /// The query that asked queries are matched against.
-    pub spec: Spanned<String>,
-    /// Higher runs first.
-    #[serde(default)]
-    pub priority: i64,
-    /// How long its documents stay good.
-    #[serde(default, deserialize_with = "optional_duration")]
-    pub cache: Option<std::time::Duration>,
-    /// How long a command may take.
-    #[serde(default, deserialize_with = "optional_duration")]
-    pub timeout: Option<std::time::Duration>,
-    /// Body: an aggregation over the memory.
-    pub pipeline: Option<String>,
-    /// Body: a program.
-    pub command: Option<Vec<String>>,
-    /// Body: one of rmem's own.
-    pub builtin: Option<String>,
-}
-
-fn optional_duration<'de, D: serde::Deserializer<'de>>(
-    deserializer: D,
-) -> Result<Option<std::time::Duration>, D::Error> {
-    let text = String::deserialize(deserializer)?;
-    quantity::duration(&text).map(Some).map_err(serde::de::Error::custom)
 }
 
 impl File {
@@ -143,13 +110,7 @@ impl File {
                 ));
             }
         }
-        for computable in &self.computables {
-            let spec = &computable.spec;
-            shell::parse_document(&Source::new("spec", spec.get_ref().as_str()))
-                .map_err(|error| (spec.span(), format!("this is no query: {}", error.message())))?;
-            let name = &computable.collection;
-            Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
-        }
+        computable::definitions(&self.computables, Path::new(""))?;
         self.backend.check()
     }
 
@@ -157,6 +118,13 @@ impl File {
     #[must_use]
     pub fn line(&self, span: Range<usize>) -> usize {
         self.text.get(..span.start).unwrap_or_default().matches('\n').count() + 1
+    }
+
+    /// The computables; commands run in `folder`.
+    #[must_use]
+    pub fn computables(&self, folder: &Path) -> Vec<Definition> {
+        // They were checked when the file was read.
+        computable::definitions(&self.computables, folder).unwrap_or_default()
     }
 
     /// The configured planners; relative paths in their commands are relative to `folder`.
@@ -246,8 +214,26 @@ mod tests {
         assert!(text.starts_with("rmem.toml:1:10: `builtin` is a planner"), "{text}");
         let text = complaint("[planner.x]\ncommand = []\noutput = \"ff\"\n");
         assert!(text.starts_with("rmem.toml:2:11: expected a program"), "{text}");
+        let computable =
+            |rest: &str| complaint(&format!("[[computable]]\nname='a'\ncollection='a.b'\nspec='{{}}'\n{rest}"));
         let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{'\n");
         assert!(text.starts_with("rmem.toml:4:6: this is no query"), "{text}");
+        for (rest, words) in [
+            ("", "rmem.toml:2:6: a computable has one body"),
+            ("pipeline='[]'\ncommand=['x']", "rmem.toml:2:6: a computable has one body"),
+            ("pipeline='['", "rmem.toml:5:10: this is no pipeline"),
+            ("command=[]", "rmem.toml:5:9: expected a program"),
+            ("builtin='tf'", "rmem.toml:5:9: there is no builtin `tf`; expected one of transform, nearest"),
+            ("builtin='nearest'\nframes='a.b'", "rmem.toml:6:8: `frames` means nothing"),
+            ("builtin='transform'\nframes='a'", "rmem.toml:6:8: `a` is not a namespace"),
+            (
+                "builtin='nearest'\n[[computable]]\nname='a'\ncollection='a.b'\nspec='{}'\nbuiltin='nearest'",
+                "rmem.toml:7:6: there are two computables `a`",
+            ),
+        ] {
+            let text = computable(rest);
+            assert!(text.starts_with(words), "{text}");
+        }
     }
 
     #[test]

@@ -219,6 +219,14 @@ pub enum StoreError {
         /// Why, and what to do.
         reason: String,
     },
+    /// Documents that are computed when a query asks for them could not be had.
+    #[error("the computable `{name}` failed: {source}")]
+    Computable {
+        /// The computable.
+        name: String,
+        /// What went wrong.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// Anything else: disk full, no permission, a damaged file, a server's refusal.
     #[error("{address}: {reason}")]
     Failed {

@@ -23,9 +23,12 @@ pub const DECAY: &str = "decay_time";
 /// The path of [`DECAY`] in a document.
 pub(crate) const DECAY_PATH: &str = "_robmem_info.decay_time";
 
+/// Under [`INFO`]: of a computed document, the computable and which of its runs made it.
+pub(crate) const COMPUTATION: &str = "computation";
+
 /// What rmem's own commands note of a document: where a plan comes from, what
 /// CLIPS makes of its slots, and until when a computed one is good.
-const NOTES: [&str; 4] = ["lineage", "clips", "computed", "cached_until"];
+const NOTES: [&str; 5] = ["lineage", "clips", "computed", "cached_until", COMPUTATION];
 
 const RAW_INFO: &CStr = cstr!("_robmem_info");
 
@@ -133,7 +136,18 @@ fn reserved(path: &str) -> QueryError {
     QueryError::invalid(66, message)
 }
 
-/// What is true of documents that have not decayed at a time.
+/// The path of a key under [`INFO`].
+pub(crate) fn info_path(key: &str) -> String {
+    format!("{INFO}.{key}")
+}
+
+/// The path of what is noted of the computation that made a document.
+pub(crate) fn computation(key: &str) -> String {
+    format!("{INFO}.{COMPUTATION}.{key}")
+}
+
+/// What is true of documents that have not decayed at a time. What is computed decays
+/// when it is not good any more.
 pub(crate) fn visible(at: DateTime) -> Document {
     doc! { DECAY_PATH: { "$not": { "$lte": at } } }
 }

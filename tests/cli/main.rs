@@ -3,6 +3,7 @@
 mod lab;
 
 mod clips;
+mod computables;
 mod documents;
 mod exit_codes;
 mod indexes;

@@ -77,14 +77,3 @@ fn a_variable_that_is_not_utf_8_is_refused() {
     let run = Lab::new().shell("RMEM_MEMORY=$'file:\\xff' rmem count robmem.x").exits(2);
     assert!(run.stderr.contains("RMEM_MEMORY"), "{run}");
 }
-
-#[test]
-fn a_computable_that_is_not_run_is_not_passed_over_in_silence() {
-    let lab = Lab::new();
-    lab.write(
-        "rmem.toml",
-        "[[computable]]\nname = \"sum\"\ncollection = \"robmem.calc\"\nspec = \"{}\"\ncommand = [\"sum\"]\n",
-    );
-    let run = lab.rmem(&["count", "robmem.calc"]).exits(0);
-    assert!(run.stderr.contains("computables are not run by this version: sum"), "{run}");
-}

@@ -8,6 +8,7 @@
 #[cfg(feature = "mongodb")]
 mod backend;
 mod clips;
+mod computables;
 mod contract;
 #[cfg(feature = "mongodb")]
 mod mongod;
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
     trials.extend(planner::trials());
     trials.extend(clips::trials());
     trials.extend(watching::trials());
+    trials.extend(computables::embedded());
     let stop = with_servers(&arguments, &mut trials);
     let conclusion = libtest_mimic::run(&arguments, trials);
     stop();

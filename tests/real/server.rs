@@ -11,6 +11,7 @@ use bson::doc;
 use libtest_mimic::{Failed, Trial};
 use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
 
+use crate::computables;
 use crate::contract;
 use crate::mongod::Mongod;
 use crate::{triggers, worlds};
@@ -19,6 +20,7 @@ use crate::{triggers, worlds};
 static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
 
 const PREFIX: &str = "contract::mongodb";
+const COMPUTABLES: &str = "computables::mongodb";
 const ANOTHER: &str = "mongodb::a_replica_set_of_another_name_is_not_taken_for_a_silent_server";
 const LOST: &str = "mongodb::an_operation_on_a_server_that_falls_silent_ends";
 
@@ -27,6 +29,7 @@ pub(crate) fn names() -> Vec<String> {
     let mut names = contract::names(PREFIX);
     names.extend(cases().map(|(name, _)| name.to_owned()));
     names.extend(triggers::KILLERS.iter().map(|(name, _)| (*name).to_owned()));
+    names.extend(computables::names(COMPUTABLES));
     names.extend([ANOTHER, LOST].map(str::to_owned));
     names
 }
@@ -54,6 +57,10 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
         Trial::test(*name, move || killer(program.as_deref().ok_or("there is no mongod")?))
     });
     let mut trials: Vec<_> = cases.chain(killers).collect();
+    let server = program.clone();
+    trials.extend(computables::trials(COMPUTABLES, true, move || {
+        Ok(computables::Place { uri: uri(server.as_deref().ok_or("there is no mongod")?)?, folder: None })
+    }));
     trials.extend(contract::trials(PREFIX, move || match &program {
         Some(program) => connect(program),
         None => Err("there is no mongod".into()),

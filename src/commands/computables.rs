@@ -1,0 +1,59 @@
+//! `rmem computables`: the registered ones; with `--check`, which a query would run and why.
+
+use bson::{Bson, Document, doc};
+
+use super::Context;
+use super::query::argument;
+use crate::cli::Computables;
+use crate::exit::Exit;
+use crate::formats::shell;
+use crate::memory::computables::{Check, Computable, Verdict};
+use crate::store::Namespace;
+
+pub(super) fn run(args: &Computables, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let memory = context.memory()?;
+    let rows: Vec<Document> = match args.check.as_slice() {
+        [namespace, query] => {
+            let namespace: Namespace = namespace.parse()?;
+            let query = argument("<query>", query)?;
+            memory.check_computables(&namespace, &query)?.iter().map(checked).collect()
+        }
+        _ => memory.computables().map(listed).collect(),
+    };
+    if rows.is_empty() {
+        context.output.note("no computables are declared; they are [[computable]] tables in rmem.toml");
+    }
+    context.print_documents(rows.into_iter().map(Ok))?;
+    Ok(Exit::Done)
+}
+
+/// A registered computable.
+fn listed(computable: &Computable) -> Document {
+    let definition = &computable.definition;
+    doc! {
+        "name": &definition.name,
+        "collection": definition.namespace.to_string(),
+        "spec": definition.spec.clone(),
+        "priority": definition.priority,
+        "cache": definition.cache.map_or(Bson::Null, |cache| format!("{cache:?}").into()),
+        "body": computable.describe(),
+    }
+}
+
+/// What a query means for a computable.
+fn checked(check: &Check<'_>) -> Document {
+    let (runs, why) = match &check.verdict {
+        Verdict::Runs => (true, "the query matches the spec".to_owned()),
+        Verdict::Cached { until, documents } => {
+            let until = until.try_to_rfc3339_string().unwrap_or_else(|_| until.to_string());
+            (false, format!("the cache holds {documents} documents for an equal query until {until}"))
+        }
+        Verdict::Busy => (false, "another process computes for an equal query, and is waited for".to_owned()),
+        Verdict::Unneeded(clauses) => {
+            let clauses: Vec<String> = clauses.iter().map(shell::relaxed).collect();
+            (false, format!("the query does not match {} of the spec", clauses.join(" and ")))
+        }
+        Verdict::Elsewhere => (false, format!("it computes documents of {}", check.computable.definition.namespace)),
+    };
+    doc! { "name": &check.computable.definition.name, "runs": runs, "why": why }
+}

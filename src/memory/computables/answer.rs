@@ -1,0 +1,420 @@
+//! Answering: compute what a query needs, then ask the store.
+
+use std::cell::RefCell;
+use std::time::{Duration, Instant};
+
+use bson::oid::ObjectId;
+use bson::{Bson, DateTime, Document, doc};
+
+use super::body::{Asked, ComputeError};
+use super::cache::{self, Entry, State, after};
+use super::definition::Definition;
+use super::key;
+use super::registry::{Computable, Registry};
+use super::report::Computed;
+use super::view::View;
+use crate::memory::Memory;
+use crate::memory::journal::Operation;
+use crate::store::{Namespace, Store, StoreError, stamp};
+
+/// How often an answer is made again because its documents were replaced meanwhile.
+const ATTEMPTS: usize = 5;
+/// How deep computables may depend on each other.
+const DEPTH: usize = 16;
+/// At most so many documents of one computation.
+const MOST_DOCUMENTS: usize = 100_000;
+/// How many of them are stored at once.
+const BATCH: usize = 1_000;
+/// How long a body without a limit is waited for by other processes, and how
+/// long storing may take.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// How long those who wait sleep at first …
+const SHORTEST: Duration = Duration::from_millis(2);
+/// … and at most.
+const LONGEST: Duration = Duration::from_millis(50);
+
+/// The computables of a memory at work.
+#[derive(Default)]
+pub(in crate::memory) struct Computables {
+    pub(super) registry: Registry,
+    /// Those whose bodies are at work, each for what the one before asked.
+    running: RefCell<Vec<Running>>,
+    /// What was done for the last operation.
+    told: RefCell<Vec<Computed>>,
+}
+
+/// A computable that a query needs.
+struct Wanted<'a> {
+    computable: &'a Computable,
+    query: &'a Document,
+    key: String,
+}
+
+/// A computable whose body is at work.
+struct Running {
+    name: String,
+    namespace: Namespace,
+    key: String,
+    /// Those of the namespace that are due after it for the same question: what its body
+    /// asks does not run them, for it is they who see what it gives.
+    later: Vec<String>,
+}
+
+/// A computation whose documents count.
+struct Held {
+    namespace: Namespace,
+    key: String,
+    token: ObjectId,
+    /// Until when they are there.
+    until: DateTime,
+    /// The `_id`s of those that are removed when the query is answered.
+    own: Option<Vec<Bson>>,
+}
+
+impl Computables {
+    pub(in crate::memory) fn new(registry: Registry) -> Self {
+        Self { registry, ..Self::default() }
+    }
+
+    /// What was computed, or found in the cache, for the last operation.
+    pub(in crate::memory) fn told(&self) -> Vec<Computed> {
+        self.told.borrow().clone()
+    }
+
+    /// All that the questions need, in the order in which it runs.
+    fn wanted<'a>(&'a self, questions: &[(&Namespace, &'a Document)]) -> Result<Vec<Wanted<'a>>, StoreError> {
+        let mut wanted: Vec<Wanted<'a>> = Vec::new();
+        for (ns, query) in questions {
+            for computable in self.registry.matching(ns, query)? {
+                let key = key::of(&computable.definition, query);
+                if !wanted.iter().any(|other| other.key == key) && !self.is_due(&computable.definition) {
+                    wanted.push(Wanted { computable, query, key });
+                }
+            }
+        }
+        wanted.sort_by_key(|wanted| std::cmp::Reverse(wanted.computable.definition.priority));
+        Ok(wanted)
+    }
+
+    /// Whether a computable is due after one whose body is at work.
+    fn is_due(&self, definition: &Definition) -> bool {
+        let running = self.running.borrow();
+        running.iter().any(|at| at.namespace == definition.namespace && at.later.contains(&definition.name))
+    }
+
+    /// What is visible now to a body at work, or to anybody else.
+    fn view(&self, now: DateTime) -> View {
+        let mut view = View::at(now);
+        for running in self.running.borrow().iter() {
+            view.limit(&running.namespace, &running.name);
+            running.later.iter().for_each(|name| view.limit(&running.namespace, name));
+        }
+        view
+    }
+}
+
+impl Memory {
+    /// Does `work` once all that the questions need is computed. Where it is
+    /// `repeatable`, it is done again when documents were replaced under its hands.
+    pub(in crate::memory) fn answer<T>(
+        &self,
+        questions: &[(&Namespace, &Document)],
+        repeatable: bool,
+        mut work: impl FnMut(&View) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let wanted = self.computables.wanted(questions)?;
+        if self.computables.running.borrow().is_empty() {
+            self.computables.told.borrow_mut().clear();
+        }
+        if wanted.is_empty() {
+            return work(&self.computables.view(self.clock.now()));
+        }
+        let mut held = Vec::new();
+        let answered = self.answer_computed(&wanted, repeatable, &mut held, &mut work);
+        let tidied = held.iter().try_for_each(|held: &Held| self.tidy(held));
+        answered.and_then(|answer| tidied.map(|()| answer))
+    }
+
+    fn answer_computed<T>(
+        &self,
+        all: &[Wanted<'_>],
+        repeatable: bool,
+        held: &mut Vec<Held>,
+        work: &mut impl FnMut(&View) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let mut attempt = 1;
+        loop {
+            let mut view = self.computables.view(self.clock.now());
+            held.iter().for_each(|held| view.allow(held.token));
+            for (index, wanted) in all.iter().enumerate() {
+                if !held.iter().any(|held| held.key == wanted.key) {
+                    let later = all.get(index + 1..).unwrap_or_default();
+                    let obtained = self.obtain(wanted, later)?;
+                    view.allow(obtained.token);
+                    held.push(obtained);
+                }
+                view.limit(&wanted.computable.definition.namespace, &wanted.computable.definition.name);
+            }
+            let answer = work(&view)?;
+            if !repeatable || self.still_holds(held)? || attempt == ATTEMPTS {
+                return Ok(answer);
+            }
+            attempt += 1;
+        }
+    }
+
+    /// Whether all that an answer was made of was there all the time. What was not is let go.
+    fn still_holds(&self, held: &mut Vec<Held>) -> Result<bool, StoreError> {
+        let now = self.clock.now();
+        let mut current = Vec::new();
+        let mut namespaces: Vec<&Namespace> =
+            held.iter().filter(|held| held.own.is_none()).map(|held| &held.namespace).collect();
+        namespaces.sort();
+        namespaces.dedup_by(|a, b| a.database == b.database);
+        for ns in namespaces {
+            let entries: Vec<_> = held
+                .iter()
+                .filter(|held| held.own.is_none() && held.namespace.database == ns.database)
+                .map(|held| (held.key.clone(), held.token))
+                .collect();
+            current.extend(cache::current(self.routes.reading(ns)?, ns, &entries)?);
+        }
+        let before = held.len();
+        held.retain(|held| held.own.is_some() || (held.until > now && current.contains(&held.key)));
+        Ok(held.len() == before)
+    }
+
+    /// The computation that answers the query: of the cache, or a new one.
+    fn obtain(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<Held, StoreError> {
+        let start = Instant::now();
+        let definition = &wanted.computable.definition;
+        let (held, cached, documents) = match definition.cache {
+            Some(cache) => self.obtain_cached(wanted, rest, cache)?,
+            None => self.compute_once(wanted, rest)?,
+        };
+        let computed = Computed {
+            name: definition.name.clone(),
+            namespace: definition.namespace.clone(),
+            cached,
+            documents,
+            took: start.elapsed(),
+        };
+        self.journal.tell(&Operation {
+            name: format!("{} {}", if cached { "cached" } else { "compute" }, computed.name).into(),
+            namespace: Some(computed.namespace.clone()),
+            count: Some(computed.documents),
+            took: computed.took,
+        });
+        self.computables.told.borrow_mut().push(computed);
+        Ok(held)
+    }
+
+    fn obtain_cached(
+        &self,
+        wanted: &Wanted<'_>,
+        rest: &[Wanted<'_>],
+        good_for: Duration,
+    ) -> Result<(Held, bool, u64), StoreError> {
+        let definition = &wanted.computable.definition;
+        let ns = &definition.namespace;
+        let store = self.routes.keeping(ns)?;
+        let entry = Entry::new(store, ns, wanted.key.clone());
+        let held = |token, until| Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: None };
+        let patience = wanted.computable.body.timeout().map_or(PATIENCE, |timeout| timeout + PATIENCE);
+        let (started, mut pause) = (Instant::now(), SHORTEST);
+        loop {
+            let now = self.clock.now();
+            match entry.state(now)? {
+                State::Good { token, until, documents } => return Ok((held(token, until), true, documents)),
+                State::Busy { .. } if started.elapsed() < patience * 2 => {
+                    self.check_cycle(wanted)?;
+                    std::thread::sleep(pause);
+                    pause = (pause * 2).min(LONGEST);
+                }
+                State::Busy { until } => {
+                    return Err(failed(
+                        wanted,
+                        format!("another process has been computing it for long, and may until {until}").into(),
+                    ));
+                }
+                State::Stale(former) => {
+                    let token = ObjectId::new();
+                    let until = after(now, patience);
+                    if !entry
+                        .claim(former.as_ref(), definition, wanted.query, token, until)
+                        .map_err(|error| unstorable(wanted, error))?
+                    {
+                        continue;
+                    }
+                    let made = self.compute(wanted, rest).and_then(|documents| {
+                        former.iter().try_for_each(|former| entry.clear(former))?;
+                        let until = after(self.clock.now(), good_for);
+                        let ids = self.publish(store, wanted, documents, token, until)?;
+                        Ok((ids, until))
+                    });
+                    let (ids, until) = match made {
+                        Ok(made) => made,
+                        Err(error) => {
+                            entry.release(token, self.clock.now())?;
+                            return Err(error);
+                        }
+                    };
+                    if entry.finish(token, &ids, until)? {
+                        entry.sweep(now)?;
+                        return Ok((held(token, until), false, ids.len() as u64));
+                    }
+                    // Somebody lost patience with this process, and computes anew.
+                    remove(store, ns, &ids, token)?;
+                }
+            }
+        }
+    }
+
+    /// Computes for this query alone.
+    fn compute_once(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<(Held, bool, u64), StoreError> {
+        let ns = &wanted.computable.definition.namespace;
+        let documents = self.compute(wanted, rest)?;
+        let token = ObjectId::new();
+        let until = after(self.clock.now(), PATIENCE);
+        let ids = self.publish(self.routes.reading(ns)?, wanted, documents, token, until)?;
+        let count = ids.len() as u64;
+        Ok((Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: Some(ids) }, false, count))
+    }
+
+    /// Runs the body.
+    fn compute(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<Vec<Document>, StoreError> {
+        let definition = &wanted.computable.definition;
+        self.check_cycle(wanted)?;
+        let later = rest.iter().map(|other| &other.computable.definition);
+        let later = later.filter(|other| other.namespace == definition.namespace);
+        let running = Running {
+            name: definition.name.clone(),
+            namespace: definition.namespace.clone(),
+            key: wanted.key.clone(),
+            later: later.map(|other| other.name.clone()).collect(),
+        };
+        self.computables.running.borrow_mut().push(running);
+        let asked = Asked { memory: self, namespace: &definition.namespace, query: wanted.query };
+        let computed = wanted.computable.body.compute(&asked);
+        self.computables.running.borrow_mut().pop();
+        let documents = computed.map_err(|error| match error {
+            ComputeError::Store(error @ StoreError::Computable { .. }) if is_cycle(&error) => error,
+            error => failed(wanted, Box::new(error)),
+        })?;
+        if documents.len() > MOST_DOCUMENTS {
+            return Err(failed(
+                wanted,
+                format!("it gave {} documents, more than {MOST_DOCUMENTS}", documents.len()).into(),
+            ));
+        }
+        Ok(documents)
+    }
+
+    /// Refuses a computable that depends on itself.
+    fn check_cycle(&self, wanted: &Wanted<'_>) -> Result<(), StoreError> {
+        let running = self.computables.running.borrow();
+        let name = &wanted.computable.definition.name;
+        let start = running.iter().position(|at| at.key == wanted.key);
+        if start.is_none() && running.len() < DEPTH {
+            return Ok(());
+        }
+        let names = running.iter().skip(start.unwrap_or(0)).map(|at| at.name.as_str());
+        let chain = names.chain([name.as_str()]).collect::<Vec<_>>().join(" → ");
+        let reason = match start {
+            Some(_) => Cycle(format!(
+                "computables depend on each other in a cycle: {chain}; narrow the spec or the query of one"
+            )),
+            None => Cycle(format!("computables depend on each other more than {DEPTH} deep: {chain}")),
+        };
+        Err(failed(wanted, Box::new(reason)))
+    }
+
+    /// Stores what a body gave; gives the `_id`s.
+    fn publish(
+        &self,
+        store: &dyn Store,
+        wanted: &Wanted<'_>,
+        documents: Vec<Document>,
+        token: ObjectId,
+        until: DateTime,
+    ) -> Result<Vec<Bson>, StoreError> {
+        let definition = &wanted.computable.definition;
+        let now = self.clock.now();
+        let info = doc! {
+            stamp::INSERTED: now,
+            "computed": true,
+            "cached_until": until,
+            stamp::DECAY: until,
+            stamp::COMPUTATION: { "by": &definition.name, "token": token },
+        };
+        let mut ids = Vec::with_capacity(documents.len());
+        let mut rest = documents.into_iter().map(|mut document| {
+            document.insert(stamp::INFO, info.clone());
+            document
+        });
+        loop {
+            let batch: Vec<Document> = rest.by_ref().take(BATCH).collect();
+            if batch.is_empty() {
+                return Ok(ids);
+            }
+            match store.insert(&definition.namespace, batch) {
+                Ok(inserted) => ids.extend(inserted.ids),
+                Err(error) => {
+                    ids.extend(error.stored().iter().cloned());
+                    remove(store, &definition.namespace, &ids, token)?;
+                    return Err(unstorable(wanted, error));
+                }
+            }
+        }
+    }
+
+    /// Removes what was computed for one query.
+    fn tidy(&self, held: &Held) -> Result<(), StoreError> {
+        match &held.own {
+            Some(ids) => remove(self.routes.reading(&held.namespace)?, &held.namespace, ids, held.token),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Removes documents of one computation.
+fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> Result<(), StoreError> {
+    for ids in ids.chunks(BATCH) {
+        store.delete(ns, &doc! { "_id": { "$in": ids }, stamp::computation("token"): token }, false)?;
+    }
+    Ok(())
+}
+
+/// Computables that depend on each other.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Cycle(String);
+
+/// A cycle is told once, not by every computable on it.
+fn is_cycle(error: &StoreError) -> bool {
+    matches!(error, StoreError::Computable { source, .. } if source.is::<Cycle>())
+}
+
+fn failed(wanted: &Wanted<'_>, source: Box<dyn std::error::Error + Send + Sync>) -> StoreError {
+    StoreError::Computable { name: wanted.computable.definition.name.clone(), source }
+}
+
+/// What a body gave cannot be stored.
+fn unstorable(wanted: &Wanted<'_>, error: StoreError) -> StoreError {
+    failed(wanted, Box::new(Unstorable { namespace: wanted.computable.definition.namespace.clone(), source: error }))
+}
+
+/// Computed documents could not be stored.
+#[derive(Debug, thiserror::Error)]
+#[error("what it gave cannot be stored in {namespace}: {source}{}", hint(source))]
+struct Unstorable {
+    namespace: Namespace,
+    source: StoreError,
+}
+
+fn hint(error: &StoreError) -> &'static str {
+    match error {
+        StoreError::Duplicate { .. } => "; computed documents take no stored one's place: leave the _id out",
+        _ => "",
+    }
+}

@@ -1,0 +1,229 @@
+//! The cache: what was computed for which query, and until when it is good.
+//!
+//! It is a collection of the database whose documents are computed, so that all
+//! processes share it: an entry for each computable and query. Whoever computes
+//! claims the entry first, by one conditional update; others wait, for a claim
+//! lasts no longer than the computation may. Each computation has a token,
+//! which its documents bear; the entry names the token that counts. So an
+//! answer is made of the documents of one computation, or is made again.
+
+use bson::oid::ObjectId;
+use bson::{Bson, DateTime, Document, doc};
+use std::time::Duration;
+
+use super::definition::Definition;
+use crate::query::QueryError;
+use crate::store::{Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, stamp};
+
+/// The collection of the entries.
+const COLLECTION: &str = "rmem.computed";
+/// More documents of a computation are found by their token.
+const MOST_IDS: usize = 10_000;
+/// At most so many entries are cleaned up at once.
+const SWEEP: u64 = 16;
+
+/// The entries of the computables of a namespace.
+pub(super) fn records(ns: &Namespace) -> Namespace {
+    Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() }
+}
+
+/// Whether a namespace is the memory's own, for entries.
+pub(in crate::memory) fn is_records(ns: &Namespace) -> bool {
+    ns.collection == COLLECTION
+}
+
+/// Removes all entries for a collection whose documents are gone.
+pub(in crate::memory) fn forget(store: &dyn Store, ns: &Namespace) -> Result<(), StoreError> {
+    if is_records(ns) {
+        return Ok(());
+    }
+    store.delete(&records(ns), &doc! { "collection": &ns.collection }, false).map(|_| ())
+}
+
+/// The entry for a computable and a query.
+pub(super) struct Entry<'a> {
+    store: &'a dyn Store,
+    /// The namespace that is asked.
+    asked: &'a Namespace,
+    records: Namespace,
+    key: String,
+}
+
+/// How an entry stands.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum State {
+    /// What this computation gave is good until then.
+    Good { token: ObjectId, until: DateTime, documents: u64 },
+    /// Somebody computes, and has to be done by then.
+    Busy { until: DateTime },
+    /// It has to be computed; what was computed before goes.
+    Stale(Option<Former>),
+}
+
+/// An earlier computation, and what it made.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Former {
+    /// The token of the entry, by which it is claimed.
+    token: ObjectId,
+    /// The computation that made documents.
+    made: Option<ObjectId>,
+    /// Their `_id`s, where there are not too many.
+    ids: Vec<Bson>,
+}
+
+impl<'a> Entry<'a> {
+    pub(super) fn new(store: &'a dyn Store, asked: &'a Namespace, key: String) -> Self {
+        Self { store, asked, records: records(asked), key }
+    }
+
+    pub(super) fn state(&self, now: DateTime) -> Result<State, StoreError> {
+        let find = Find { filter: doc! { "_id": &self.key }, ..Find::default() };
+        let found = self.store.find(&self.records, &find)?.next().transpose()?;
+        Ok(match found {
+            Some(found) => state(&Document::try_from(&*found).map_err(QueryError::from)?, now),
+            None => State::Stale(None),
+        })
+    }
+
+    /// Claims the entry for a computation, until a time; says whether that succeeded.
+    pub(super) fn claim(
+        &self,
+        former: Option<&Former>,
+        definition: &Definition,
+        query: &Document,
+        token: ObjectId,
+        until: DateTime,
+    ) -> Result<bool, StoreError> {
+        let Some(former) = former else {
+            let entry = doc! {
+                "_id": &self.key,
+                "collection": &self.asked.collection,
+                "computable": &definition.name,
+                "query": crate::formats::shell::relaxed(query),
+                "token": token,
+                "busy_until": until,
+                stamp::INFO: { "computed": true, "cached_until": DateTime::from_millis(0), stamp::DECAY: until },
+            };
+            return match self.store.insert(&self.records, vec![entry]) {
+                Ok(_) => Ok(true),
+                Err(StoreError::Duplicate { .. }) => Ok(false),
+                Err(error) => Err(error),
+            };
+        };
+        let set = doc! { "token": token, "busy_until": until, stamp::info_path(stamp::DECAY): until };
+        self.change(former.token, doc! { "$set": set })
+    }
+
+    /// Removes what an earlier computation made.
+    pub(super) fn clear(&self, former: &Former) -> Result<(), StoreError> {
+        remove(self.store, self.asked, former)
+    }
+
+    /// Says that a computation is done; false where somebody else has the entry by now.
+    pub(super) fn finish(&self, token: ObjectId, ids: &[Bson], until: DateTime) -> Result<bool, StoreError> {
+        let listed = if ids.len() > MOST_IDS { &[] } else { ids };
+        let set = doc! {
+            "made": token,
+            "documents": i64::try_from(ids.len()).unwrap_or(i64::MAX),
+            "ids": listed,
+            stamp::info_path("cached_until"): until,
+            stamp::info_path(stamp::DECAY): until,
+        };
+        self.change(token, doc! { "$set": set, "$unset": { "busy_until": "" } })
+    }
+
+    /// Gives the entry free without a result.
+    pub(super) fn release(&self, token: ObjectId, now: DateTime) -> Result<bool, StoreError> {
+        self.change(token, doc! { "$set": { stamp::info_path(stamp::DECAY): now }, "$unset": { "busy_until": "" } })
+    }
+
+    /// Removes some entries that are not good any more, and what they are about.
+    pub(super) fn sweep(&self, now: DateTime) -> Result<(), StoreError> {
+        let over = doc! { "$lte": now };
+        let filter = doc! { "_id": { "$ne": &self.key }, stamp::info_path(stamp::DECAY): over };
+        let find = Find { filter, limit: SWEEP, ..Find::default() };
+        let entries = self.store.find(&self.records, &find)?.collect::<Result<Vec<_>, _>>()?;
+        for entry in entries {
+            let entry = Document::try_from(&*entry).map_err(QueryError::from)?;
+            let (Some(id), State::Stale(Some(former))) = (entry.get("_id"), state(&entry, now)) else { continue };
+            // Whoever reads what it is about sees by the entry that it is gone.
+            if self.store.delete(&self.records, &doc! { "_id": id, "token": former.token }, true)? > 0 {
+                let collection = entry.get_str("collection").unwrap_or(&self.asked.collection).to_owned();
+                let asked = Namespace { database: self.asked.database.clone(), collection };
+                remove(self.store, &asked, &former)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn change(&self, token: ObjectId, update: Document) -> Result<bool, StoreError> {
+        let request = UpdateRequest {
+            filter: doc! { "_id": &self.key, "token": token },
+            update: UpdateSpec::Document(update),
+            array_filters: Vec::new(),
+            many: false,
+            upsert: false,
+        };
+        Ok(self.store.update(&self.records, &request, None)?.matched > 0)
+    }
+}
+
+/// Which of the entries still have their tokens: their keys.
+pub(super) fn current(
+    store: &dyn Store,
+    ns: &Namespace,
+    entries: &[(String, ObjectId)],
+) -> Result<Vec<String>, StoreError> {
+    let keys: Vec<&str> = entries.iter().map(|(key, _)| key.as_str()).collect();
+    let find = Find { filter: doc! { "_id": { "$in": keys } }, projection: doc! { "token": 1 }, ..Find::default() };
+    let mut current = Vec::new();
+    for entry in store.find(&records(ns), &find)? {
+        let entry = Document::try_from(&*entry?).map_err(QueryError::from)?;
+        let (Ok(key), Ok(token)) = (entry.get_str("_id"), entry.get_object_id("token")) else { continue };
+        if entries.iter().any(|(other, wanted)| other == key && *wanted == token) {
+            current.push(key.to_owned());
+        }
+    }
+    Ok(current)
+}
+
+/// Removes what a computation made.
+fn remove(store: &dyn Store, ns: &Namespace, former: &Former) -> Result<(), StoreError> {
+    let Some(made) = former.made else { return Ok(()) };
+    let own = doc! { stamp::computation("token"): made };
+    if former.ids.is_empty() {
+        return store.delete(ns, &own, false).map(|_| ());
+    }
+    for ids in former.ids.chunks(1000) {
+        let mut filter = doc! { "_id": { "$in": ids } };
+        filter.extend(own.clone());
+        store.delete(ns, &filter, false)?;
+    }
+    Ok(())
+}
+
+fn state(entry: &Document, now: DateTime) -> State {
+    let Ok(token) = entry.get_object_id("token") else { return State::Stale(None) };
+    if let Ok(until) = entry.get_datetime("busy_until")
+        && *until > now
+    {
+        return State::Busy { until: *until };
+    }
+    let made = entry.get_object_id("made").ok();
+    let until = entry.get_document(stamp::INFO).and_then(|info| info.get_datetime("cached_until"));
+    let documents = u64::try_from(entry.get_i64("documents").unwrap_or_default()).unwrap_or_default();
+    match until {
+        Ok(until) if *until > now && made == Some(token) => State::Good { token, until: *until, documents },
+        _ => {
+            let ids = entry.get_array("ids").cloned().unwrap_or_default();
+            // Nothing was made where no documents are counted.
+            State::Stale(Some(Former { token, made: made.filter(|_| documents > 0), ids }))
+        }
+    }
+}
+
+/// How long after `now`.
+pub(super) fn after(now: DateTime, by: Duration) -> DateTime {
+    let by = i64::try_from(by.as_millis()).unwrap_or(i64::MAX);
+    DateTime::from_millis(now.timestamp_millis().saturating_add(by))
+}

@@ -1,0 +1,47 @@
+//! Computables: documents that are computed when a query asks for them.
+//!
+//! A computable has a *spec*, a query that is matched against the asked query
+//! as a document ([`spec`]). The [`registry`] knows which of them a query needs,
+//! and in which order; that costs no way to a store. Each has a [`body`], one
+//! file per kind: [`pipeline`], [`command`], [`transform`], [`nearest`]. What a
+//! body gives is stored beside the other documents, with an entry in the
+//! [`cache`] that all processes share; then the query is answered over all of
+//! them ([`answer`]).
+//!
+//! Rules that are easy to miss:
+//!
+//! - Of the documents of a computable that a query needs, it sees those that
+//!   were computed for it (or for an equal query), and no others: what was
+//!   computed for another query does not come twice. A query that does not need
+//!   a computable sees its documents as it sees all others.
+//! - A body may ask the memory, and what it asks may need other computables. It
+//!   does not see what its own computable made, unless it asks for that.
+//! - Without a cache time, documents are removed when the query is answered.
+//! - Removing a collection, or all of its documents, empties its cache.
+
+mod answer;
+mod body;
+mod cache;
+mod check;
+mod command;
+mod definition;
+mod key;
+mod nearest;
+mod pipeline;
+mod pose;
+mod questions;
+mod registry;
+mod report;
+mod spec;
+mod transform;
+mod view;
+
+pub use check::{Check, Verdict};
+pub use definition::{BUILTINS, Definition, Kind};
+pub use registry::{Computable, Registry};
+pub use report::Computed;
+
+pub(super) use answer::Computables;
+pub(super) use cache::{forget, is_records};
+pub(super) use questions::{questions, visible_stages};
+pub(super) use view::View;

@@ -1,0 +1,199 @@
+//! What a pipeline asks: of its own collection, and of those it looks up.
+
+use bson::{Bson, Document, doc};
+
+use super::view::View;
+use crate::store::Namespace;
+
+/// Stages that have to be the first of a pipeline.
+const FIRST_ONLY: [&str; 11] = [
+    "$changeStream",
+    "$collStats",
+    "$currentOp",
+    "$documents",
+    "$geoNear",
+    "$indexStats",
+    "$listLocalSessions",
+    "$listSessions",
+    "$planCacheStats",
+    "$search",
+    "$searchMeta",
+];
+
+/// The queries that a pipeline asks, each with its namespace: the `$match` in
+/// front, or everything; and so for the collections that it looks up.
+pub(in crate::memory) fn questions(ns: &Namespace, stages: &[Document]) -> Vec<(Namespace, Document)> {
+    let mut asked = Vec::new();
+    if !stages.first().is_some_and(brings_documents) {
+        asked.push((ns.clone(), first_match(stages)));
+    }
+    for (name, argument) in stages.iter().flatten() {
+        match (name.as_str(), argument) {
+            ("$lookup" | "$unionWith", Bson::Document(spec)) => {
+                let inner = spec.get_array("pipeline").map(|stages| documents(stages)).unwrap_or_default();
+                match origin(ns, spec.get("from").or(spec.get("coll"))) {
+                    Some(other) => asked.extend(questions(&other, &inner)),
+                    None => asked.extend(questions(ns, &inner).into_iter().skip(1)),
+                }
+            }
+            ("$unionWith", name) => asked.extend(origin(ns, Some(name)).map(|other| (other, Document::new()))),
+            ("$graphLookup", Bson::Document(spec)) => {
+                let filter = spec.get_document("restrictSearchWithMatch").cloned().unwrap_or_default();
+                asked.extend(origin(ns, spec.get("from")).map(|other| (other, filter)));
+            }
+            ("$facet", Bson::Document(facets)) => {
+                for inner in facets.values().filter_map(Bson::as_array) {
+                    // Their own collection is the one that is asked already.
+                    asked.extend(questions(ns, &documents(inner)).into_iter().skip(1));
+                }
+            }
+            _ => {}
+        }
+    }
+    asked
+}
+
+/// The pipeline over the documents that are seen, in its own collection and in others.
+pub(in crate::memory) fn visible_stages(ns: &Namespace, stages: &[Document], view: &View) -> Vec<Document> {
+    let mut stages: Vec<Document> = stages.iter().map(|stage| with_visible_others(ns, stage, view)).collect();
+    match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
+        Some((name, Bson::Document(filter))) if name == "$match" => *filter = view.filter(ns, filter),
+        Some((name, _)) if FIRST_ONLY.contains(&name.as_str()) => {}
+        _ => stages.insert(0, doc! { "$match": view.visible(ns) }),
+    }
+    stages
+}
+
+/// A stage that looks other collections up, at what is seen of them. What is
+/// not written as it should be stays as it is: the store complains about it.
+fn with_visible_others(ns: &Namespace, stage: &Document, view: &View) -> Document {
+    let mut stage = stage.clone();
+    for (name, argument) in stage.iter_mut() {
+        match (name.as_str(), &mut *argument) {
+            ("$lookup" | "$unionWith", Bson::Document(spec)) => {
+                let Some(other) = origin(ns, spec.get("from").or(spec.get("coll"))) else { continue };
+                match spec.get("pipeline") {
+                    Some(Bson::Array(inner)) if inner.iter().all(|stage| stage.as_document().is_some()) => {
+                        spec.insert("pipeline", visible_stages(&other, &documents(inner), view));
+                    }
+                    None if !spec.contains_key("let") => {
+                        spec.insert("pipeline", vec![doc! { "$match": view.visible(&other) }]);
+                    }
+                    _ => {}
+                }
+            }
+            ("$unionWith", Bson::String(collection)) => {
+                let Some(other) = origin(ns, Some(&Bson::String(collection.clone()))) else { continue };
+                *argument = doc! { "coll": &*collection, "pipeline": [{ "$match": view.visible(&other) }] }.into();
+            }
+            ("$graphLookup", Bson::Document(spec)) => {
+                let Some(other) = origin(ns, spec.get("from")) else { continue };
+                match spec.get("restrictSearchWithMatch") {
+                    Some(Bson::Document(filter)) => {
+                        let filter = view.filter(&other, filter);
+                        spec.insert("restrictSearchWithMatch", filter);
+                    }
+                    None => {
+                        spec.insert("restrictSearchWithMatch", view.visible(&other));
+                    }
+                    Some(_) => {}
+                }
+            }
+            ("$facet", Bson::Document(facets)) => {
+                for (_, inner) in facets.iter_mut() {
+                    if let Bson::Array(stages) = inner {
+                        for stage in stages.iter_mut() {
+                            if let Bson::Document(document) = stage {
+                                *stage = with_visible_others(ns, document, view).into();
+                            }
+                        }
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    stage
+}
+
+fn brings_documents(stage: &Document) -> bool {
+    stage.keys().next().is_some_and(|name| FIRST_ONLY.contains(&name.as_str()) && name != "$geoNear")
+}
+
+fn first_match(stages: &[Document]) -> Document {
+    let first = stages.first().and_then(|stage| stage.get_document("$match").ok());
+    first.cloned().unwrap_or_default()
+}
+
+fn documents(stages: &[Bson]) -> Vec<Document> {
+    stages.iter().filter_map(Bson::as_document).cloned().collect()
+}
+
+/// The collection that a stage names.
+fn origin(ns: &Namespace, name: Option<&Bson>) -> Option<Namespace> {
+    match name? {
+        Bson::String(collection) => Some(Namespace { database: ns.database.clone(), collection: collection.clone() }),
+        Bson::Document(spec) => Some(Namespace {
+            database: spec.get_str("db").ok()?.to_owned(),
+            collection: spec.get_str("coll").ok()?.to_owned(),
+        }),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::DateTime;
+
+    fn ns(text: &str) -> Namespace {
+        Namespace::parse(text).unwrap()
+    }
+
+    #[test]
+    fn a_pipeline_asks_its_first_match_and_what_it_looks_up() {
+        let stages = [
+            doc! { "$match": { "a": 1 } },
+            doc! { "$lookup": { "from": "x", "pipeline": [{ "$match": { "b": 2 } }], "as": "x" } },
+            doc! { "$lookup": { "from": "y", "localField": "a", "foreignField": "b", "as": "y" } },
+            doc! { "$unionWith": "z" },
+            doc! { "$facet": { "f": [{ "$graphLookup": { "from": "w", "restrictSearchWithMatch": { "c": 3 } } }] } },
+        ];
+        let asked = questions(&ns("d.c"), &stages);
+        let expected = [
+            (ns("d.c"), doc! { "a": 1 }),
+            (ns("d.x"), doc! { "b": 2 }),
+            (ns("d.y"), doc! {}),
+            (ns("d.z"), doc! {}),
+            (ns("d.w"), doc! { "c": 3 }),
+        ];
+        assert_eq!(asked, expected);
+        assert_eq!(questions(&ns("d.c"), &[doc! { "$documents": [] }]), []);
+        assert_eq!(questions(&ns("d.c"), &[doc! { "$sort": { "a": 1 } }]), [(ns("d.c"), doc! {})]);
+    }
+
+    #[test]
+    fn what_has_decayed_is_not_looked_up() {
+        let view = View::at(DateTime::from_millis(7));
+        let visible = view.visible(&ns("d.x"));
+        let stages = [
+            doc! { "$match": { "a": 1 } },
+            doc! { "$lookup": { "from": "x", "pipeline": [{ "$sort": { "b": 1 } }], "as": "x" } },
+            doc! { "$unionWith": "x" },
+            doc! { "$facet": { "f": [{ "$graphLookup": { "from": "x", "as": "x" } }] } },
+        ];
+        let seen = visible_stages(&ns("d.c"), &stages, &view);
+        let only = doc! { "$match": visible.clone() };
+        assert_eq!(
+            seen,
+            [
+                doc! { "$match": { "$and": [{ "a": 1 }, visible.clone()] } },
+                doc! { "$lookup": { "from": "x", "pipeline": [only.clone(), { "$sort": { "b": 1 } }], "as": "x" } },
+                doc! { "$unionWith": { "coll": "x", "pipeline": [only] } },
+                doc! { "$facet": { "f": [{ "$graphLookup": { "from": "x", "as": "x", "restrictSearchWithMatch": visible } }] } },
+            ]
+        );
+        let wrong = [doc! { "$match": 1 }, doc! { "$lookup": { "from": 3, "let": {} } }];
+        assert_eq!(visible_stages(&ns("d.c"), &wrong, &view)[2..], wrong[1..]);
+    }
+}

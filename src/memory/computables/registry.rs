@@ -1,0 +1,122 @@
+//! The computables of a memory, and which of them a query needs.
+
+use std::collections::HashMap;
+
+use bson::{Bson, Document};
+
+use super::body::Body;
+use super::definition::Definition;
+use super::spec::{Slot, Spec};
+use crate::process::Host;
+use crate::query::QueryError;
+use crate::store::{Namespace, StoreError};
+
+/// A registered computable.
+pub struct Computable {
+    /// What was declared.
+    pub definition: Definition,
+    pub(super) body: Box<dyn Body>,
+    pub(super) spec: Spec,
+}
+
+impl Computable {
+    /// What computes, in a line.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        self.body.describe()
+    }
+}
+
+/// All computables, in the order in which they run.
+#[derive(Default)]
+pub struct Registry {
+    computables: Vec<Computable>,
+    places: HashMap<Namespace, Places>,
+}
+
+/// Where the specs of a namespace are looked for, so that a query is matched
+/// against few of them. Each is at one place.
+#[derive(Default)]
+struct Places {
+    texts: HashMap<String, HashMap<String, Vec<usize>>>,
+    keys: HashMap<String, Vec<usize>>,
+    rest: Vec<usize>,
+}
+
+impl Registry {
+    /// The computables with these definitions, registered in this order.
+    ///
+    /// # Errors
+    /// Where a spec is no query.
+    pub fn new(definitions: Vec<Definition>, host: &Host<'static>) -> Result<Self, StoreError> {
+        let mut registry = Self::default();
+        for definition in definitions {
+            let body = definition.body.body(host);
+            registry.register(definition, body)?;
+        }
+        Ok(registry)
+    }
+
+    fn register(&mut self, definition: Definition, body: Box<dyn Body>) -> Result<(), StoreError> {
+        let spec = Spec::parse(&definition.spec).map_err(|error| failed(&definition.name, error))?;
+        // Of equal priorities, the later registered runs first.
+        let at = self.computables.partition_point(|other| other.definition.priority > definition.priority);
+        self.computables.insert(at, Computable { definition, body, spec });
+        self.places.clear();
+        for (index, computable) in self.computables.iter().enumerate() {
+            let places = self.places.entry(computable.definition.namespace.clone()).or_default();
+            places.add(computable.spec.slot(), index);
+        }
+        Ok(())
+    }
+
+    /// All, in the order in which they run.
+    pub fn iter(&self) -> impl Iterator<Item = &Computable> {
+        self.computables.iter()
+    }
+
+    /// Those that a query needs, in the order in which they run.
+    ///
+    /// # Errors
+    /// Where an expression in a spec fails on the query.
+    pub fn matching(&self, ns: &Namespace, query: &Document) -> Result<Vec<&Computable>, StoreError> {
+        let Some(places) = self.places.get(ns) else { return Ok(Vec::new()) };
+        let mut found = places.candidates(query);
+        found.sort_unstable();
+        let mut matching = Vec::new();
+        for computable in found.into_iter().filter_map(|index| self.computables.get(index)) {
+            if computable.spec.matches(query).map_err(|error| failed(&computable.definition.name, error))? {
+                matching.push(computable);
+            }
+        }
+        Ok(matching)
+    }
+}
+
+impl Places {
+    fn add(&mut self, slot: Slot, index: usize) {
+        match slot {
+            Slot::Text(key, text) => self.texts.entry(key).or_default().entry(text).or_default().push(index),
+            Slot::Key(key) => self.keys.entry(key).or_default().push(index),
+            Slot::Any => self.rest.push(index),
+        }
+    }
+
+    /// The specs that can match the query.
+    fn candidates(&self, query: &Document) -> Vec<usize> {
+        let mut found = self.rest.clone();
+        for (key, value) in query {
+            match (self.texts.get(key), value) {
+                (Some(texts), Bson::String(text)) => found.extend(texts.get(text).into_iter().flatten()),
+                (Some(texts), _) => found.extend(texts.values().flatten()),
+                (None, _) => {}
+            }
+            found.extend(self.keys.get(key).into_iter().flatten());
+        }
+        found
+    }
+}
+
+fn failed(name: &str, error: QueryError) -> StoreError {
+    StoreError::Computable { name: name.to_owned(), source: Box::new(error) }
+}

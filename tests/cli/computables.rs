@@ -1,0 +1,138 @@
+//! Computables from rmem.toml: commands and how they fail, what is listed, logged and checked.
+
+use crate::lab::Lab;
+
+/// The sum of two numbers of the query, by a shell and nothing else.
+const SUM: &str = r#"#!/bin/sh
+read -r query
+x=$(printf '%s' "$query" | sed 's/.*"x":\([-0-9]*\).*/\1/')
+y=$(printf '%s' "$query" | sed 's/.*"y":\([-0-9]*\).*/\1/')
+echo "{\"compute\": \"sum\", \"x\": $x, \"y\": $y, \"sum\": $((x + y))}"
+"#;
+
+/// A folder with the computable `sum`, and lines for its table.
+fn lab(rest: &str) -> Lab {
+    let lab = Lab::new();
+    lab.write("robot/sum.sh", SUM);
+    lab.write(
+        "robot/rmem.toml",
+        &format!(
+            "memory = \"file:robot.rmem\"\n[[computable]]\nname = \"sum\"\ncollection = \"robmem.calc\"\n\
+             spec = \"{{compute: 'sum', x: {{$exists: true}}, y: {{$exists: true}}}}\"\n{rest}\n"
+        ),
+    );
+    lab
+}
+
+const CONFIG: [&str; 2] = ["--config", "robot/rmem.toml"];
+
+fn args<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    CONFIG.iter().chain(more).copied().collect()
+}
+
+#[test]
+fn fifteen_and_four_are_nineteen() {
+    let lab = lab("command = [\"sh\", \"sum.sh\"]");
+    let query = args(&["query", "robmem.calc", "{compute: 'sum', x: 15, y: 4}", "--fields", "{_id: 0}"]);
+    assert_eq!(lab.rmem(&query).success(), "{\"compute\":\"sum\",\"x\":15,\"y\":4,\"sum\":19}\n");
+    let query = args(&["query", "robmem.calc", "{compute: 'sum', x: 15}"]);
+    assert_eq!(lab.rmem(&query).success(), "");
+    let query = args(&["count", "robmem.calc", "{compute: 'sum', x: 1, y: 1, sum: 3}"]);
+    assert_eq!(lab.rmem(&query).success(), "0\n");
+}
+
+#[test]
+fn the_cache_holds_from_one_run_to_the_next() {
+    let lab = lab("command = [\"sh\", \"sum.sh\"]\ncache = \"1h\"");
+    let ask = |query: &str| lab.rmem(&args(&["-v", "query", "robmem.calc", query])).exits(0);
+    let first = ask("{compute: 'sum', x: 15, y: 4}");
+    assert!(first.stderr.contains("compute sum robmem.calc: 1 documents in "), "{first}");
+    lab.write("robot/sum.sh", "exit 1");
+    let second = ask("{y: 4, x: 15, compute: 'sum'}");
+    assert!(second.stderr.contains("cached sum robmem.calc: 1 documents in "), "{second}");
+    assert_eq!(first.stdout, second.stdout);
+}
+
+#[test]
+fn what_fails_is_named_and_nothing_is_stored() {
+    for (body, words) in [
+        ("command = [\"sh\", \"-c\", \"echo {sum: 1}; echo oh no >&2; exit 3\"]", vec!["exit code 3", "| oh no"]),
+        ("command = [\"sh\", \"-c\", \"kill -9 $$\"]", vec!["was ended by signal 9"]),
+        ("command = [\"sleep\", \"60\"]\ntimeout = \"200ms\"", vec!["was stopped after 200ms", "`timeout`"]),
+        (
+            "command = [\"sh\", \"-c\", \"echo '{sum: 1}'; echo '{sum: }'\"]",
+            vec!["did not print documents", "its output:2:7"],
+        ),
+        ("command = [\"no-such-program\"]", vec!["no such program"]),
+        ("command = [\"./sum.py\"]", vec!["no such program", "$LAB/robot"]),
+        ("command = [\"yes\", \"{}\"]", vec!["printed more than 64 MiB"]),
+    ] {
+        for cache in ["", "cache = \"1h\""] {
+            let lab = lab(&format!("{body}\n{cache}"));
+            let run = lab.rmem(&args(&["query", "robmem.calc", "{compute: 'sum', x: 15, y: 4}"])).exits(4);
+            assert!(run.stderr.contains("the computable `sum` failed: its command `"), "{run}");
+            assert!(words.iter().all(|word| run.stderr.contains(word)), "{words:?}: {run}");
+            assert_eq!(run.stdout, "");
+            assert_eq!(lab.rmem(&args(&["count", "robmem.calc"])).success(), "0\n");
+        }
+    }
+}
+
+#[test]
+fn a_program_that_is_not_asked_is_not_run() {
+    let lab = lab("command = [\"no-such-program\"]");
+    for question in [
+        vec!["query", "robmem.calc", "{compute: 'sum', x: 15}"],
+        vec!["query", "robmem.other", "{compute: 'sum', x: 15, y: 4}"],
+        vec!["update", "robmem.calc", "{compute: 'sum', x: 15, y: 4}", "{$set: {a: 1}}"],
+        vec!["delete", "robmem.calc", "{compute: 'sum', x: 15, y: 4}"],
+        vec!["dump", "--all"],
+        vec!["computables", "--check", "robmem.calc", "{compute: 'sum', x: 15, y: 4}"],
+    ] {
+        lab.rmem(&args(&question)).success();
+    }
+    assert!(!lab.path().join("robot/robot.rmem").exists(), "questions make no file");
+}
+
+#[test]
+fn the_registered_are_listed_and_checked() {
+    let lab = lab("builtin = \"nearest\"\npriority = 3\ncache = \"500ms\"");
+    let listed = lab.rmem(&args(&["computables"])).success();
+    assert_eq!(
+        listed,
+        "{\"name\":\"sum\",\"collection\":\"robmem.calc\",\"spec\":{\"compute\":\"sum\",\"x\":{\"$exists\":true},\
+         \"y\":{\"$exists\":true}},\"priority\":3,\"cache\":\"500ms\",\"body\":\"nearest, with positions under \
+         translation\"}\n"
+    );
+    let check = |ns: &str, query: &str| lab.rmem(&args(&["computables", "--check", ns, query])).success();
+    assert_eq!(
+        check("robmem.calc", "{compute: 'sum', x: 15, y: 4}"),
+        "{\"name\":\"sum\",\"runs\":true,\"why\":\"the query matches the spec\"}\n"
+    );
+    let missed = check("robmem.calc", "{compute: 'sum', x: 15}");
+    assert!(missed.contains("the query does not match {\\\"y\\\":{\\\"$exists\\\":true}} of the spec"), "{missed}");
+    assert!(check("robmem.other", "{}").contains("it computes documents of robmem.calc"));
+    let run = lab.rmem(&args(&["computables", "--check", "nodot", "{}"])).exits(2);
+    assert!(run.stderr.contains("`nodot` is not a namespace"), "{run}");
+}
+
+#[test]
+fn an_explained_query_says_what_was_computed() {
+    let lab = lab("command = [\"sh\", \"sum.sh\"]\ncache = \"1h\"");
+    for cached in ["false", "true"] {
+        let query = args(&["query", "robmem.calc", "{compute: 'sum', x: 15, y: 4}", "--explain"]);
+        let text = lab.rmem(&query).success();
+        let start = format!(
+            "\"computables\":[{{\"name\":\"sum\",\"namespace\":\"robmem.calc\",\"cached\":{cached},\"documents\":1,"
+        );
+        assert!(text.contains(&start) && text.contains("\"milliseconds\":"), "{text}");
+    }
+}
+
+#[test]
+fn computations_are_logged() {
+    let lab = lab("command = [\"sh\", \"sum.sh\"]");
+    lab.rmem(&args(&["--log", "log", "count", "robmem.calc", "{compute: 'sum', x: 15, y: 4}"])).success();
+    let log = lab.read("log");
+    assert!(log.contains("\"operation\":\"compute sum\",\"subject\":\"robmem.calc\""), "{log}");
+}
