@@ -5,6 +5,7 @@ mod lab;
 mod clips;
 mod computables;
 mod documents;
+mod executive;
 mod exit_codes;
 mod indexes;
 mod locks;

@@ -35,6 +35,7 @@ pub(crate) fn trials() -> Vec<Trial> {
             let trials = [
                 Trial::test(title("gives_every_outcome"), move || outcomes(name)),
                 Trial::test(title("stacks_blocks_from_the_command_line"), move || command_line(name)),
+                Trial::test(title("serves_an_executive_whose_world_changes"), move || executive(name)),
             ];
             trials.map(|trial| trial.with_ignored_flag(!is_installed(name)))
         })
@@ -64,6 +65,44 @@ fn command_line(planner: &str) -> Result<(), Failed> {
     match (output.status.code(), last) {
         (Some(0), Some(last)) if last.to_lowercase().contains("stack") && last.ends_with(" A B)") => Ok(()),
         (code, _) => Err(format!("{code:?}:\n{plan}{said}").into()),
+    }
+}
+
+/// The example of an executive; in the middle of its plan, somebody takes a block off the tower.
+fn executive(planner: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let memory = format!("file:{}", folder.path().join("robot.rmem").display());
+    let hands = folder.path().join("hands.sh");
+    let disturbance = "rmem delete robmem.worldmodel \"{object_top: 'B'}\" >&2\n\
+                       rmem insert -q robmem.worldmodel \"{relation: 'on-table', object: 'B'}\" \
+                       \"{relation: 'clear', object: 'C'}\" >&2";
+    let count = folder.path().join("count");
+    let count = count.display();
+    let text = format!(
+        "#!/bin/sh\nset -eu\necho x >>{count}\nif [ \"$(wc -l <{count})\" -eq 3 ]; then\n{disturbance}\nfi\n\
+         exec fixtures/executive/blocks.sh \"$@\"\n"
+    );
+    fs::write(&hands, text)?;
+    let programs = Path::new(env!("CARGO_BIN_EXE_rmem")).parent().ok_or("no folder")?.display().to_string();
+    let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
+    let line = "chmod +x \"$1\" && rmem count robmem.worldmodel --load fixtures/blocksworld.json >/dev/null && \
+                sh fixtures/executive/loop.sh domains/blocksworld/domain.pddl \
+                templates/blocksworld/problem.pddl.j2 '(and (on A B) (on B C))' \"$1\" --planner \"$2\" && \
+                rmem count robmem.worldmodel \"{object_top: 'B', object_bottom: 'C'}\"";
+    let output = Command::new("sh")
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["-c", line, "sh"])
+        .arg(&hands)
+        .arg(planner)
+        .env("RMEM_MEMORY", &memory)
+        .env("PATH", path)
+        .env("TMPDIR", folder.path())
+        .output()?;
+    let (told, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let lines: Vec<&str> = told.lines().collect();
+    match output.status.code() {
+        Some(0) if lines.contains(&"plan 2") && lines.ends_with(&["did stack A B", "1"]) => Ok(()),
+        code => Err(format!("{code:?}:\n{told}{said}").into()),
     }
 }
 
