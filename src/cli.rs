@@ -6,6 +6,7 @@
 
 mod backend;
 mod computables;
+mod import_problem;
 mod index;
 mod plan;
 pub mod quantity;
@@ -22,6 +23,7 @@ use crate::store::Namespace;
 
 pub use backend::{Backend, BackendCommand, BackendName, BackendUp};
 pub use computables::Computables;
+pub use import_problem::ImportProblem;
 pub use index::Index;
 pub use plan::{
     Layout, Plan, PlanCheck, PlanCommand, PlanEffort, PlanImport, PlanList, PlanRerun, PlanSearch, PlanShow, PlanState,
@@ -201,9 +203,14 @@ for the time of its cache an equal query computes nothing. --check computes noth
     Computables(Computables),
     /// Generate a PDDL problem from a template whose sections are queries
     #[command(
-        after_help = "Example:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl"
+        after_help = "Examples:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl\n  rmem gen-problem --template problem.pddl.j2 --explain '(on A B)'\n\n\
+--explain names the line of the template, the query and the document behind each place where the\n\
+problem says so; exits with 1 where it does not."
     )]
     GenProblem(GenProblem),
+    /// Turn a PDDL problem into documents, and a template that makes an equal problem of them
+    #[command(after_help = import_problem::HELP)]
+    ImportProblem(ImportProblem),
     /// Find a plan, check it, store it, print it
     #[command(
         after_help = "Examples:\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  rmem gen-problem --template problem.pddl.j2 | rmem plan --domain domain.pddl --problem -"
@@ -520,6 +527,9 @@ pub struct GenProblem {
     /// The problem file to write, whole or not at all
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
+    /// Instead of the problem, tell what is behind an atom like '(on A B)', a number, or an object
+    #[arg(long, value_name = "ATOM", conflicts_with = "output")]
+    pub explain: Option<String>,
 }
 
 /// `ff`

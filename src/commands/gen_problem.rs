@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bson::Bson;
 
-use super::{Context, WrongInput};
+use super::{Context, WrongInput, explanation};
 use crate::cli::{Definition, GenProblem, TemplateOptions, TemplateSyntax};
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
@@ -20,6 +20,9 @@ pub(super) fn run(args: &GenProblem, context: &mut Context<'_>) -> anyhow::Resul
     let generated = generate(&request, args.options.strict, &memory, context)?;
     if let Some(domain) = &domain {
         generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
+    }
+    if let Some(atom) = &args.explain {
+        return explanation::tell(atom, &generated, Dialect { lenient: args.options.lenient }, &memory, context);
     }
     context.output.write_file(&args.output, generated.text.as_bytes())?;
     Ok(Exit::Done)

@@ -15,8 +15,10 @@ mod doctor;
 mod drop;
 mod dump;
 mod exit_codes;
+mod explanation;
 mod ff;
 mod gen_problem;
+mod import_problem;
 mod index;
 mod insert;
 mod lock;
@@ -61,6 +63,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::ExitCodes => exit_codes::run(context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
+        Command::ImportProblem(args) => import_problem::run(args, context),
         Command::Index(args) => index::run(args, context),
         Command::Insert(args) => insert::run(args, context),
         Command::Lock(args) => lock::run(args, context),

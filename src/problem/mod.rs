@@ -14,6 +14,7 @@ mod engine;
 mod explain;
 mod function;
 mod goal;
+pub mod import;
 mod instrument;
 mod marker;
 pub mod names;

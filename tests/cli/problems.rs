@@ -228,3 +228,103 @@ fn both_spellings_give_one_problem() {
     };
     assert_eq!(problem("templates/blocksworld/problem.pddl.j2"), problem("templates/blocksworld/problem.pddl.tmpl"));
 }
+
+const BLOCKS: [&str; 7] =
+    ["gen-problem", "-q", "--load", "fixtures/blocksworld.json", "--goal", "(and (on A B) (clear D))", "--template"];
+
+#[test]
+fn an_atom_is_explained_by_its_template_line_its_query_and_its_document() {
+    let lab = Lab::new();
+    for (template, line) in
+        [("templates/blocksworld/problem.pddl.j2", "15:5"), ("templates/blocksworld/problem.pddl.tmpl", "7:24")]
+    {
+        let explain = |atom: &str| lab.rmem(&[&BLOCKS[..], &[template, "--explain", atom]].concat());
+        let told = explain("(ON d a)").success();
+        assert!(told.starts_with("(on D A): in the initial state, line "), "{told}");
+        assert!(told.contains(&format!("  {template}:{line}: ")), "{told}");
+        assert!(told.contains("asks {\"relation\":\"on\"} in robmem.worldmodel: 1 document"), "{told}");
+        assert!(
+            told.contains("\"relation\":\"on\",\"object_top\":\"D\",\"object_bottom\":\"A\"} in robmem.worldmodel"),
+            "{told}"
+        );
+        // In the initial state, and in the goal.
+        let told = explain("(clear D)").success();
+        assert!(told.contains("(clear D): in the initial state") && told.contains("(clear D): in the goal"), "{told}");
+        assert!(explain("C").success().starts_with("C: an object"));
+    }
+}
+
+#[test]
+fn what_is_not_in_the_problem_is_not_explained_but_said_where_it_would_be_written() {
+    let lab = Lab::new();
+    let template = "templates/blocksworld/problem.pddl.j2";
+    let args = [&BLOCKS[..1], &BLOCKS[2..], &[template, "--explain", "(on C D)"]].concat();
+    let run = lab.rmem(&args).exits(1);
+    assert!(run.stdout.is_empty() && run.stderr.contains("problem.pddl.j2:15: would be written by (on "), "{run}");
+    lab.rmem(&[&BLOCKS[..], &[template, "--explain", "()"]].concat()).exits(3);
+}
+
+#[test]
+fn a_number_is_explained_by_its_function() {
+    let lab = Lab::new();
+    lab.write("t.j2", "(define (problem p) (:domain d)\n (:init\n{% for r in query('lab.r') %}\n(= (fuel {{ r.name }}) {{ r.fuel }})\n{% endfor %})\n (:goal (and)))");
+    lab.rmem(&["insert", "lab.r", "{_id: 4, name: 'r1', fuel: 3}"]).success();
+    for atom in ["(fuel r1)", "(= (fuel r1) 3)"] {
+        let told = lab.rmem(&["gen-problem", "-t", "t.j2", "--explain", atom]).success();
+        assert!(told.contains("t.j2:4:") && told.contains("{\"_id\":4,"), "{told}");
+    }
+    lab.rmem(&["gen-problem", "-t", "t.j2", "--explain", "(= (fuel r1) 4)"]).exits(1);
+}
+
+#[test]
+fn a_problem_becomes_documents_and_a_template_makes_it_again() {
+    let lab = Lab::new();
+    let problem = "fixtures/tasks/numeric/problem.pddl";
+    lab.rmem(&[
+        "import-problem",
+        problem,
+        "--into",
+        "lab.task",
+        "--template",
+        "t.j2",
+        "-d",
+        "fixtures/tasks/numeric/domain.pddl",
+    ])
+    .success();
+    let objects = lab.rmem(&["count", "lab.task", "{relation: 'domain-object'}"]).success();
+    assert_ne!(objects, "0\n");
+    let task = ["-d", "fixtures/tasks/numeric/domain.pddl"];
+    let from_file = lab.rmem(&[&["plan", "--no-store", "-p", problem], &task[..]].concat()).success();
+    assert_eq!(lab.rmem(&[&["plan", "--no-store", "-t", "t.j2"], &task[..]].concat()).success(), from_file);
+    let run = lab.rmem(&["import-problem", problem, "--into", "lab.task"]).exits(3);
+    assert!(run.stderr.contains("--replace"), "{run}");
+    let all = lab.rmem(&["count", "lab.task"]).success();
+    lab.rmem(&["import-problem", problem, "--into", "lab.task", "--replace"]).success();
+    assert_eq!(lab.rmem(&["count", "lab.task"]).success(), all);
+}
+
+/// The header of a template as an editor reads it: the program and its arguments.
+fn header(readme: &str) -> (String, Vec<String>) {
+    let line = readme.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
+    let command = line.split("command: \"").nth(1).unwrap().split('"').next().unwrap();
+    let args = line.split("args: [").nth(1).unwrap().split(']').next().unwrap();
+    (command.to_owned(), args.split(',').map(|word| word.trim().trim_matches('"').to_owned()).collect())
+}
+
+#[test]
+fn the_header_in_the_readme_makes_rmem_the_preprocessor_of_an_editor() {
+    let readme = std::fs::read_to_string(crate::lab::root().join("README.md")).unwrap();
+    let (command, args) = header(&readme);
+    assert_eq!(command, "rmem");
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", "--load", "fixtures/blocksworld.json", "--memory", "file:robot.rmem"])
+        .success();
+    let template = lab.read("templates/blocksworld/problem.pddl.j2");
+    let line = readme.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    // The editor sends the whole file, its header too, and takes what is printed.
+    let problem = lab.rmem_with(&args, &format!("{template}{line}\n")).success();
+    assert!(problem.ends_with(&format!(")\n{line}\n")) && problem.contains("(on D A)"), "{problem}");
+    lab.write("made.pddl", &problem);
+    lab.rmem(&["validate", "domains/blocksworld/domain.pddl", "made.pddl"]).success();
+}

@@ -10,6 +10,7 @@ mod backend;
 mod clips;
 mod computables;
 mod contract;
+mod imported;
 #[cfg(feature = "mongodb")]
 mod mongod;
 mod planner;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
     let mut trials = contract::embedded();
     trials.extend(processes::trials());
     trials.extend(planner::trials());
+    trials.extend(imported::trials());
     trials.extend(clips::trials());
     trials.extend(watching::trials());
     trials.extend(computables::embedded());

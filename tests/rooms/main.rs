@@ -1,7 +1,9 @@
 //! The rooms of the library, one file per room, through their public interface.
 
 mod clips;
+mod content;
 mod facts;
+mod imported;
 mod index;
 mod marker;
 mod pddl;

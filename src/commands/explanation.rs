@@ -1,0 +1,102 @@
+//! What is behind an atom of a generated problem, for `gen-problem --explain`.
+
+use bson::{Bson, Document, doc};
+
+use super::{Context, WrongInput};
+use crate::exit::Exit;
+use crate::formats::pddl::{Dialect, read_problem};
+use crate::formats::shell;
+use crate::memory::Memory;
+use crate::problem::{Explanation, Generated, Part, SectionReport};
+use crate::store::{Find, Namespace};
+
+/// Tells where an atom comes from: the template's line, the query, and the document.
+pub(super) fn tell(
+    atom: &str,
+    generated: &Generated,
+    dialect: Dialect,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> anyhow::Result<Exit> {
+    let tree = read_problem(&generated.source(), dialect)
+        .map_err(|error| generated.explain(vec![error.clone()]).into_iter().next().unwrap_or(error))?;
+    let found = generated.explain_atom(&tree, atom);
+    if found.is_empty() {
+        return missing(atom, generated, context);
+    }
+    for explanation in &found {
+        for line in lines(explanation, generated, memory)? {
+            context.output.line(&line)?;
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let name = atom.split(|c: char| c.is_whitespace() || "()".contains(c)).find(|word| !word.is_empty());
+    let name = name.ok_or_else(|| WrongInput::new("expected an atom like `(on A B)`, or an object"))?;
+    context.output.error(&format!("`{atom}` is not in the problem"));
+    for (line, text) in generated.writers(name) {
+        context.output.note(&format!("{}:{line}: would be written by {text}", generated.template().name()));
+    }
+    Ok(Exit::No)
+}
+
+fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> anyhow::Result<Vec<String>> {
+    let Explanation { part, text, line, origin, written, documents } = explanation;
+    let part = match part {
+        Part::Objects => "an object",
+        Part::Init => "in the initial state",
+        Part::Goal => "in the goal",
+    };
+    let place = format!("{}:{}:{}", generated.template().name(), origin.line, origin.column);
+    let mut lines = vec![format!("{text}: {part}, line {line} of the problem"), format!("  {place}: {written}")];
+    if let Some(section) = asked(explanation, generated, memory)? {
+        let plural = if section.matched == 1 { "document" } else { "documents" };
+        let query = shell::relaxed(&section.query);
+        lines.push(format!(
+            "  line {}: {} asks {query} in {}: {} {plural}",
+            section.line, section.name, section.namespace, section.matched
+        ));
+    }
+    for (namespace, id) in documents {
+        let document = document(namespace, id, memory)?;
+        lines.push(match document {
+            Some(document) => format!("  {} in {namespace}", shell::relaxed(&document)),
+            None => format!("  _id {} in {namespace}", shell::relaxed_value(id)),
+        });
+    }
+    Ok(lines)
+}
+
+/// The query whose answer was written there: the last one before that has the document in its answer.
+fn asked<'g>(
+    explanation: &Explanation,
+    generated: &'g Generated,
+    memory: &Memory,
+) -> anyhow::Result<Option<&'g SectionReport>> {
+    let is_value = ["{{", "<<"].iter().any(|mark| explanation.written.contains(mark));
+    let document = explanation.documents.first();
+    let mut before: Vec<&SectionReport> =
+        generated.sections.iter().filter(|section| is_value && section.line <= explanation.origin.line).collect();
+    before.sort_by_key(|section| std::cmp::Reverse(section.line));
+    let Some((namespace, id)) = document else {
+        // What no document is behind comes from distinct values, or from no query at all.
+        return Ok(before.into_iter().find(|section| section.query.contains_key("distinct")));
+    };
+    before.retain(|section| section.namespace == *namespace);
+    for section in &before {
+        let is_filter = !section.query.contains_key("pipeline") && !section.query.contains_key("distinct");
+        let filter = doc! { "$and": [section.query.clone(), { "_id": id.clone() }] };
+        if is_filter && memory.count(namespace, &filter).unwrap_or_default() > 0 {
+            return Ok(Some(section));
+        }
+    }
+    Ok(before.into_iter().next())
+}
+
+fn document(namespace: &Namespace, id: &Bson, memory: &Memory) -> anyhow::Result<Option<Document>> {
+    let find = Find { filter: doc! { "_id": id.clone() }, limit: 1, ..Find::default() };
+    let found = memory.find(namespace, &find)?.next().transpose()?;
+    Ok(found.map(|document| Document::try_from(&*document)).transpose()?)
+}
