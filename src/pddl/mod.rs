@@ -2,7 +2,7 @@
 //!
 //! How it is spelled is [`crate::formats::pddl`]'s business. A [`Domain`] is read and
 //! checked by itself, a [`Problem`] against its domain; what passes has every name
-//! resolved. [`validate`] simulates a plan. Names compare without regard to case and
+//! resolved. [`validate`] simulates a plan; [`why`] says what keeps a goal from ever being reached. Names compare without regard to case and
 //! keep the spelling they were declared with.
 
 mod axiom;
@@ -10,6 +10,7 @@ mod domain;
 mod feature;
 mod model;
 mod problem;
+mod reachability;
 mod report;
 mod resolve;
 mod table;
@@ -20,6 +21,7 @@ mod vocabulary;
 pub use domain::{Action, Domain, Parameter, Predicate};
 pub use feature::{Feature, Use};
 pub use problem::{Object, Problem};
+pub use reachability::{Achiever, Obstacle, Why, why};
 pub use validation::{Failure, Validation, validate};
 
 /// One ground action of a plan, as a planner or a file named it.

@@ -7,6 +7,7 @@ use bson::{Array, Bson, DateTime, Document, doc};
 use sha2::{Digest as _, Sha256};
 
 use super::Recipe;
+use crate::pddl::Why;
 use crate::planner::Run;
 
 /// What stands for the planner of a plan that came from a file.
@@ -74,6 +75,8 @@ pub struct Lineage {
     pub memory_limit: Option<u64>,
     /// The id of the plan whose task this one was found for again.
     pub rerun_of: Option<String>,
+    /// Why there is no plan, where that was looked into.
+    pub why: Option<Why>,
     /// How long each part of the way took: `render`, `plan`, `validate`, ….
     pub times: Vec<(String, Duration)>,
 }
@@ -88,6 +91,7 @@ impl Lineage {
         run.outcome.word().clone_into(&mut self.outcome);
         self.cost = run.outcome.plan().and_then(|plan| plan.cost);
         self.length = run.outcome.plan().map(|plan| plan.steps.len());
+        self.why.clone_from(&run.why);
         self.times.push(("plan".to_owned(), run.time));
         self
     }
@@ -111,6 +115,7 @@ impl Lineage {
         document.insert("outcome", &self.outcome);
         insert(&mut document, "cost", self.cost);
         insert(&mut document, "length", self.length.and_then(|length| i64::try_from(length).ok()));
+        insert(&mut document, "why", self.why.as_ref().map(reasons));
         insert(&mut document, "started", self.started);
         let times = self.times.iter().map(|(name, time)| (name.clone(), Bson::Double(time.as_secs_f64() * 1000.0)));
         document.insert("times", times.collect::<Document>());
@@ -122,6 +127,26 @@ impl Lineage {
         insert(&mut document, "sources", self.sources.as_ref().map(Recipe::to_document));
         document
     }
+}
+
+/// What keeps the goal from being reached: the conditions that can never hold, those of the goal first, each
+/// with what would make it hold and what that lacks, and the predicates that are never true of anything.
+fn reasons(why: &Why) -> Document {
+    if why.is_unknown {
+        return doc! { "unknown": true };
+    }
+    let obstacles = why.obstacles.iter().enumerate().map(|(place, obstacle)| {
+        let achievers = obstacle
+            .achievers
+            .iter()
+            .map(|achiever| Bson::Document(doc! { "action": &achiever.action, "missing": &achiever.missing }));
+        Bson::Document(doc! {
+            "condition": &obstacle.condition,
+            "goal": place < why.goals,
+            "achievers": achievers.collect::<Array>(),
+        })
+    });
+    doc! { "unreachable": obstacles.collect::<Array>(), "unfilled": &why.unfilled }
 }
 
 fn insert(document: &mut Document, key: &str, value: Option<impl Into<Bson>>) {

@@ -10,7 +10,7 @@ use super::outcome::Outcome;
 use super::{Builtin, FastDownward, Ff};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
-use crate::pddl::{Domain, Feature, Problem, Validation, validate};
+use crate::pddl::{Domain, Feature, Problem, Validation, Why, validate, why};
 use crate::plan::Plan;
 use crate::process::{self, End, Ended, Host, Job, Limits};
 
@@ -110,6 +110,8 @@ pub struct Run {
     pub cpu: Option<Duration>,
     /// Why the plan could not be simulated, where that is so.
     pub unjudged: Option<String>,
+    /// Why there is no plan, where that was asked for.
+    pub why: Option<Why>,
     /// What is to be said about the outcome: the planner's own words, or what it lacks
     /// and where, or how to install it. Empty for a plan.
     pub message: String,
@@ -131,6 +133,13 @@ impl Run {
                 self.message = format!("it returned a plan that is not valid: {verdict}");
                 self.outcome = Outcome::Failed;
             }
+        }
+    }
+
+    /// Looks into why there is no plan, where the planner found that there is none or gave up.
+    pub fn explain(&mut self, task: &Task<'_>) {
+        if matches!(self.outcome, Outcome::Unsolvable | Outcome::GaveUp) {
+            self.why = Some(why(task.domain, task.problem));
         }
     }
 
@@ -341,6 +350,7 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
         time: ended.wall,
         cpu: ended.cpu,
         unjudged: None,
+        why: None,
         message,
         stdout: ended.stdout,
         stderr: ended.stderr,

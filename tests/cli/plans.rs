@@ -123,6 +123,19 @@ fn no_plan_is_11_where_it_is_proven_and_stored_as_a_failure() {
 }
 
 #[test]
+fn why_there_is_no_plan_is_said_and_stored() {
+    let lab = Lab::new();
+    let task = ["-d", "fixtures/tasks/unreachable/domain.pddl", "-p", "fixtures/tasks/unreachable/problem.pddl"];
+    let run = lab.rmem(&[&["plan"], &task[..]].concat()).exits(11);
+    assert!(run.stderr.contains("why: the goal asks for (lit), which can never hold"), "{run}");
+    let stored = lab.rmem(&["query", "robmem.plans", "--meta"]).success();
+    let document: serde_json::Value = serde_json::from_str(stored.trim()).unwrap();
+    let first = &document["_robmem_info"]["lineage"]["why"]["unreachable"][0];
+    assert_eq!((&first["condition"], &first["goal"]), (&"(lit)".into(), &true.into()), "{stored}");
+    assert!(first["achievers"][0]["missing"][0].is_string(), "{stored}");
+}
+
+#[test]
 fn a_planner_that_is_not_there_is_127() {
     let run = plan(&Lab::new().env("PATH", "/nonexistent"), &["--planner", "ff"]).exits(127);
     assert!(run.stderr.contains("ff"), "{run}");

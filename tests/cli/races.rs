@@ -23,8 +23,8 @@ fn race(lab: &Lab, task: &str, planners: &[&str], more: &[&str]) -> Finished {
 
 /// The row of a planner in the table on stderr.
 fn row<'r>(run: &'r Finished, planner: &str) -> &'r str {
-    let rows = run.stderr.lines().filter_map(|line| line.trim_start().strip_prefix(planner));
-    rows.last().unwrap_or_else(|| panic!("no row of {planner}: {run}"))
+    let mut rows = run.stderr.lines().filter_map(|line| line.trim_start().strip_prefix(planner));
+    rows.next_back().unwrap_or_else(|| panic!("no row of {planner}: {run}"))
 }
 
 #[test]

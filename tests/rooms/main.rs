@@ -12,6 +12,7 @@ mod planner;
 mod problem;
 mod query;
 mod query_places;
+mod reachability;
 mod shell;
 mod store;
 mod transcripts;

@@ -85,7 +85,8 @@ fn search(
     if let Some(race) = race.as_ref().filter(|race| race.runs.len() > 1) {
         context.output.note(&race.to_string());
     }
-    let run = race.as_ref().and_then(Race::winner).ok_or_else(|| UsageError::new("expected --planner"))?.clone();
+    let mut run = race.as_ref().and_then(Race::winner).ok_or_else(|| UsageError::new("expected --planner"))?.clone();
+    run.explain(task);
     context.output.operation("plan", &run.planner, run.outcome.word(), start.elapsed());
     if let Some(reason) = &run.unjudged {
         context.output.warn(&format!("the plan was not simulated: {reason}"));
@@ -149,6 +150,9 @@ fn print(run: &Run, document: &Document, posed: &Posed, id: &str, context: &mut 
             text = format!("{text}\n  its last words:\n{}", indent(&run.tail()));
         }
         context.output.error(&text);
+        if let Some(why) = &run.why {
+            context.output.note(&why.to_string());
+        }
         return Ok(Exit::from(&run.outcome));
     };
     show::print(&plan::Page { plan: found, document, statuses: &[], id, value: &|name| posed.value(name) }, context)?;

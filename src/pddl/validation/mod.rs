@@ -18,5 +18,8 @@ mod text;
 mod truth;
 mod verdict;
 
+pub(super) use state::{Bindings, Ground, Trouble, UNBOUND, World};
+pub(super) use stratum::{free_slots, predicates};
+
 pub use judge::validate;
 pub use verdict::{Failure, Validation};

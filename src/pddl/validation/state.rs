@@ -10,20 +10,20 @@ use crate::pddl::problem::Problem;
 use crate::pddl::types::Kind;
 
 /// A predicate or function with its arguments, by their numbers.
-pub(super) type Ground = Box<[u32]>;
+pub(in crate::pddl) type Ground = Box<[u32]>;
 
 /// The slot of a variable without a value.
-pub(super) const UNBOUND: u32 = u32::MAX;
+pub(in crate::pddl) const UNBOUND: u32 = u32::MAX;
 
 /// How far two numbers may be apart and still be equal.
 pub(super) const TOLERANCE: f64 = 1e-6;
 
 /// Values of variables, by slot.
-pub(super) type Bindings = Vec<u32>;
+pub(in crate::pddl) type Bindings = Vec<u32>;
 
 /// Why a condition has no truth value.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Trouble {
+pub(in crate::pddl) enum Trouble {
     /// The plan is wrong: a number is asked for that is not there.
     Wrong(String),
     /// The simulation does not know this part of PDDL.
@@ -31,10 +31,10 @@ pub(super) enum Trouble {
 }
 
 /// A state of the world, and the task it belongs to.
-pub(super) struct World<'a> {
-    pub(super) domain: &'a Domain,
-    pub(super) problem: &'a Problem,
-    pub(super) facts: HashSet<Ground>,
+pub(in crate::pddl) struct World<'a> {
+    pub(in crate::pddl) domain: &'a Domain,
+    pub(in crate::pddl) problem: &'a Problem,
+    pub(in crate::pddl) facts: HashSet<Ground>,
     pub(super) values: HashMap<Ground, f64>,
     /// What the rules derive from the facts, where a condition has asked.
     pub(super) derived: RefCell<Option<HashSet<Ground>>>,
@@ -51,7 +51,7 @@ pub(super) struct World<'a> {
 
 impl<'a> World<'a> {
     /// The initial state. Costs begin at zero where nothing else is said, as for every planner that counts them.
-    pub(super) fn new(domain: &'a Domain, problem: &'a Problem) -> Self {
+    pub(in crate::pddl) fn new(domain: &'a Domain, problem: &'a Problem) -> Self {
         let functions = &domain.vocabulary.functions;
         let mut values: HashMap<Ground, f64> = HashMap::new();
         if let Some(cost) = functions.find("total-cost") {
@@ -73,7 +73,7 @@ impl<'a> World<'a> {
     }
 
     /// The objects of a kind.
-    pub(super) fn members(&self, kind: &Kind) -> Rc<[u32]> {
+    pub(in crate::pddl) fn members(&self, kind: &Kind) -> Rc<[u32]> {
         if let Some(known) = self.members.borrow().get(kind) {
             return known.clone();
         }
@@ -88,13 +88,13 @@ impl<'a> World<'a> {
     }
 
     /// Whether an object is of a kind.
-    pub(super) fn is_member(&self, object: u32, kind: &Kind) -> bool {
+    pub(in crate::pddl) fn is_member(&self, object: u32, kind: &Kind) -> bool {
         let object = self.problem.objects.get(object);
         object.is_some_and(|object| self.domain.vocabulary.types.fits(&object.kind, kind))
     }
 
     /// A predicate or function with the values of its arguments.
-    pub(super) fn ground(&self, head: u32, arguments: &[Arg], bindings: &Bindings) -> Result<Ground, Trouble> {
+    pub(in crate::pddl) fn ground(&self, head: u32, arguments: &[Arg], bindings: &Bindings) -> Result<Ground, Trouble> {
         let mut ground = Vec::with_capacity(arguments.len() + 1);
         ground.push(head);
         for argument in arguments {

@@ -20,7 +20,7 @@ pub(super) fn size(formula: &Formula) -> usize {
 }
 
 /// Calls `visit` with each predicate and whether it stands under an odd number of negations.
-pub(super) fn predicates(formula: &Formula, visit: &mut dyn FnMut(u32, bool)) {
+pub(in crate::pddl) fn predicates(formula: &Formula, visit: &mut dyn FnMut(u32, bool)) {
     walk(formula, false, visit);
 }
 
@@ -42,7 +42,7 @@ fn walk(formula: &Formula, negated: bool, visit: &mut dyn FnMut(u32, bool)) {
 }
 
 /// The slots below `limit` that a condition mentions.
-pub(super) fn free_slots(formula: &Formula, limit: u32, slots: &mut Vec<u32>) {
+pub(in crate::pddl) fn free_slots(formula: &Formula, limit: u32, slots: &mut Vec<u32>) {
     let mut note = |argument: &Arg| {
         if let Arg::Slot(slot) = argument
             && *slot < limit

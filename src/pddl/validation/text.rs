@@ -1,7 +1,7 @@
 //! Resolved conditions as PDDL text again, with objects for variables.
 
 use super::state::{Bindings, UNBOUND, World};
-use crate::pddl::model::{Arg, Formula, Number, Quantifier};
+use crate::pddl::model::{Arg, Formula, Number, Quantifier, Variable};
 use crate::pddl::table::{Named, Table};
 
 /// Variables of the quantifiers around, by slot, which keep their names.
@@ -11,6 +11,14 @@ impl World<'_> {
     /// A condition with the objects of these values.
     pub(super) fn text(&self, formula: &Formula, bindings: &Bindings) -> String {
         self.formula_text(formula, bindings, &mut Names::new())
+    }
+
+    /// As [`Self::text`]; variables without a value keep their names.
+    pub(in crate::pddl) fn open_text(&self, formula: &Formula, bindings: &Bindings, variables: &[Variable]) -> String {
+        let is_open = |slot: &u32| bindings.get(*slot as usize).is_none_or(|value| *value == UNBOUND);
+        let names = (0_u32..).zip(variables).filter(|(slot, _)| is_open(slot));
+        let mut names: Names = names.map(|(slot, variable)| (slot, variable.name.as_str().to_owned())).collect();
+        self.formula_text(formula, bindings, &mut names)
     }
 
     fn formula_text(&self, formula: &Formula, bindings: &Bindings, names: &mut Names) -> String {

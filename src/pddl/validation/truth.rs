@@ -6,7 +6,7 @@ use crate::pddl::model::{Formula, Number, Quantifier};
 
 impl World<'_> {
     /// Whether `formula` holds with these values of its variables. Preferences always do.
-    pub(super) fn is_true(&self, formula: &Formula, bindings: &mut Bindings) -> Result<bool, Trouble> {
+    pub(in crate::pddl) fn is_true(&self, formula: &Formula, bindings: &mut Bindings) -> Result<bool, Trouble> {
         match formula {
             Formula::Fact(fact) => self.holds(&self.ground(fact.predicate, &fact.arguments, bindings)?),
             Formula::Same(left, right) => Ok(value(*left, bindings)? == value(*right, bindings)?),
@@ -45,7 +45,7 @@ impl World<'_> {
     }
 
     /// Calls `visit` with every choice of values for the variables until it returns true, and says whether it did.
-    pub(super) fn each(
+    pub(in crate::pddl) fn each(
         &self,
         quantifier: &Quantifier,
         bindings: &mut Bindings,
