@@ -26,6 +26,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         Trial::test("clips::loads_and_saves_facts_that_come_back_equal", facts_come_back).with_ignored_flag(ignored),
         Trial::test("clips::loads_deffacts_that_come_back_equal", deffacts_come_back).with_ignored_flag(ignored),
         Trial::test("clips::saves_facts_that_survive_the_memory", saved_facts_survive).with_ignored_flag(ignored),
+        Trial::test("clips::loads_the_facts_of_triggers", facts_of_triggers).with_ignored_flag(ignored),
     ]
 }
 
@@ -109,4 +110,38 @@ fn saved_facts_survive() -> Result<(), Failed> {
     rmem(folder, &["clips", "import", "saved.txt", "--into", "a.b"])?;
     let exported = rmem(folder, &["clips", "export", "a.b"])?;
     equal(&exported, &fs::read_to_string(folder.join("saved.txt"))?)
+}
+
+fn facts_of_triggers() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let folder = folder.path();
+    let watch = |more: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_rmem"))
+            .args(["--memory", "file:m.rmem", "watch", "a.b", "--resume", "orders"])
+            .args(more)
+            .current_dir(folder)
+            .env("HOME", folder)
+            .output();
+        output.map(|output| output.stdout)
+    };
+    watch(&["--timeout", "1ms"])?;
+    let documents = "{_id: 1, s: 'a \"b\" \\\\ (c)', n: {x: [1, 2.5]}}";
+    rmem(folder, &["insert", "a.b", documents])?;
+    rmem(folder, &["update", "a.b", "{}", "{$set: {s: 'line\\nbreak ; x'}}"])?;
+    rmem(folder, &["drop", "a.b"])?;
+    fs::write(folder.join("events.txt"), watch(&["--count", "3", "--format", "clips"])?)?;
+    let program = format!(
+        "{}\n(deftemplate seen (slot operation))\n(defrule see (robmem-trigger (name \"orders\") (rcvd-at ?s ?u)
+           (operation ?o) (after ?after)) (orders) => (assert (seen (operation ?o))))",
+        rmem::facts::TRIGGER
+    );
+    fs::write(folder.join("p.clp"), program)?;
+    clips(folder, "(load \"p.clp\")\n(reset)\n(load-facts \"events.txt\")\n(run)\n(save-facts \"saved.txt\")")?;
+    let saved = fs::read_to_string(folder.join("saved.txt"))?;
+    for operation in ["insert", "update", "drop"] {
+        assert!(saved.contains(&format!("(seen (operation {operation}))")), "{saved}");
+    }
+    let text = "(after \"{\\\"_id\\\":1,\\\"s\\\":\\\"line\\\\nbreak ; x\\\"";
+    assert!(saved.contains(text), "{text} in\n{saved}");
+    Ok(())
 }

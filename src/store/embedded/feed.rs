@@ -19,6 +19,8 @@ const PAGE: usize = 256;
 const PAGE_BYTES: usize = 1 << 20;
 /// How often a watcher without a name says how far it is, and each says that it lives.
 const PULSE: Duration = Duration::from_secs(15);
+/// How long a position may wait to be written while others are writing all the time.
+const DEFERRAL: Duration = Duration::from_secs(30);
 /// After so many changes, a watcher without a name says how far it is.
 const STRIDE: i64 = 1_000;
 
@@ -31,6 +33,10 @@ struct Feed<'a> {
     noted: Watcher,
     /// The last change that was given.
     given: i64,
+    /// The last change that is dealt with.
+    settled: i64,
+    /// Since when the position waits to be written.
+    waiting: Option<Instant>,
     page: VecDeque<(i64, Change)>,
     ear: Ear,
     pulse: Instant,
@@ -57,6 +63,8 @@ impl Embedded {
             namespace: ns.clone(),
             name: name.map(str::to_owned),
             given: noted.position,
+            settled: noted.position,
+            waiting: None,
             noted,
             page: VecDeque::new(),
             ear,
@@ -149,13 +157,19 @@ impl Feed<'_> {
         StoreError::Failed { address: self.store.place.to_string(), reason }
     }
 
-    /// Writes down how far this is.
+    /// Writes down how far this is, and that the process lives. While others write all the
+    /// time that is put off for a while, so that changes are given meanwhile.
     fn advance(&mut self) -> Result<(), StoreError> {
-        let watcher = Watcher { position: self.given, ..self.noted };
+        let watcher = Watcher { position: self.settled, ..self.noted };
         let store = self.store;
-        store.write(|| watcher.advance(&store.connection, &self.namespace).map_err(|e| store.explain(&e)))?;
-        self.noted = watcher;
-        self.pulse = Instant::now();
+        let work = || watcher.advance(&store.connection, &self.namespace).map_err(|e| store.explain(&e));
+        let is_overdue = self.waiting.is_some_and(|since| since.elapsed() >= DEFERRAL);
+        let written = if is_overdue { Some(store.write(work)?) } else { store.write_soon(work)? };
+        if written.is_none() {
+            self.waiting.get_or_insert_with(Instant::now);
+            return Ok(());
+        }
+        (self.noted, self.waiting, self.pulse) = (watcher, None, Instant::now());
         Ok(())
     }
 
@@ -192,20 +206,14 @@ impl Changes for Feed<'_> {
     }
 
     fn done(&mut self) -> Result<(), StoreError> {
-        let ahead = self.given - self.noted.position;
+        self.settled = self.given;
+        let ahead = self.settled - self.noted.position;
         let due = ahead > 0 && (self.name.is_some() || ahead >= STRIDE || self.pulse.elapsed() >= PULSE);
         if due { self.advance() } else { Ok(()) }
     }
 
     fn renew(&mut self) -> Result<(), StoreError> {
-        if self.pulse.elapsed() < PULSE {
-            return Ok(());
-        }
-        // How far this is stays as it is: what was given may not be dealt with.
-        let store = self.store;
-        store.write(|| self.noted.advance(&store.connection, &self.namespace).map_err(|e| store.explain(&e)))?;
-        self.pulse = Instant::now();
-        Ok(())
+        if self.pulse.elapsed() < PULSE { Ok(()) } else { self.advance() }
     }
 }
 
@@ -213,6 +221,7 @@ impl Drop for Feed<'_> {
     fn drop(&mut self) {
         let store = self.store;
         let named = self.name.is_some();
+        self.noted.position = self.settled;
         // What cannot be released now is released by whoever finds this process gone.
         let _ = store
             .write(|| self.noted.release(&store.connection, &self.namespace, named).map_err(|e| store.explain(&e)));

@@ -16,6 +16,8 @@
 //! - `changes`: what they have not seen (`log`); numbers are never used again.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use rusqlite::{Connection, OpenFlags};
 
@@ -125,7 +127,8 @@ impl Embedded {
 
     fn prepare(mut connection: Connection, place: Place) -> Result<Self, StoreError> {
         let explain = |error| failure::explain(&place, &error);
-        patience::teach(&mut connection).map_err(explain)?;
+        let hurried = Arc::new(AtomicBool::new(false));
+        patience::teach(&mut connection, Arc::clone(&hurried)).map_err(explain)?;
         connection.set_prepared_statement_cache_capacity(64);
         match patience::retry(|| Marks::read(&connection)).map_err(explain)? {
             Marks { application: APPLICATION, version: VERSION, .. } => {}
@@ -134,7 +137,7 @@ impl Embedded {
             _ => return Err(foreign(&place)),
         }
         tune(&connection).map_err(explain)?;
-        Ok(Self { connection, place, indexes: Remembered::default(), log: Log::default() })
+        Ok(Self { connection, place, indexes: Remembered::default(), log: Log::default(), hurried })
     }
 }
 
@@ -199,10 +202,15 @@ fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
 /// 1000 pages by whoever commits then, and cut to 64 MiB after a long reader
 /// let it grow.
 fn tune(connection: &Connection) -> rusqlite::Result<()> {
-    connection.pragma_update(None, "synchronous", "FULL")?;
+    be_durable(connection, true)?;
     connection.pragma_update(None, "journal_size_limit", 64 << 20)?;
     connection.pragma_update(None, "cache_size", -(16 << 10))?;
     connection.pragma_update(None, "trusted_schema", "OFF")
+}
+
+/// Whether a commit waits for the disk. Without, it outlives the process and not a loss of power.
+pub(super) fn be_durable(connection: &Connection, durable: bool) -> rusqlite::Result<()> {
+    connection.pragma_update(None, "synchronous", if durable { "FULL" } else { "NORMAL" })
 }
 
 fn wrong_version(place: &Place, version: i32) -> StoreError {

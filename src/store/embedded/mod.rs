@@ -24,6 +24,8 @@ mod wake;
 mod watcher;
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use rusqlite::Connection;
 
@@ -38,6 +40,8 @@ pub struct Embedded {
     place: Place,
     indexes: index::Remembered,
     log: log::Log,
+    /// Whether it waits for other writers only briefly, at the moment.
+    hurried: Arc<AtomicBool>,
 }
 
 /// Where an embedded store lives; its `Display` is what messages call it.

@@ -5,23 +5,29 @@
 //! with a fraction of a write's duration and never sleeps longer than
 //! [`LONGEST`]; the jitter keeps two waiting processes out of step.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rusqlite::Connection;
 
 /// How long a process waits for its turn before it gives up.
 pub(super) const PATIENCE: Duration = Duration::from_secs(30);
+/// How long one waits who has other things to do.
+const HURRY: Duration = Duration::from_millis(4);
 const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_millis(8);
 
-/// Makes `connection` wait for locks of other processes, patiently and briefly.
-pub(super) fn teach(connection: &mut Connection) -> rusqlite::Result<()> {
+/// Makes `connection` wait for locks of other processes, patiently and briefly; while
+/// `hurried` is set, not patiently.
+pub(super) fn teach(connection: &mut Connection, hurried: Arc<AtomicBool>) -> rusqlite::Result<()> {
     let mut since = Instant::now();
     connection.busy_handler(Some(move |attempt: i32| {
         if attempt == 0 {
             since = Instant::now();
         }
-        wait(since, attempt.unsigned_abs())
+        let has_time = !hurried.load(Ordering::Relaxed) || since.elapsed() < HURRY;
+        has_time && wait(since, attempt.unsigned_abs())
     }))
 }
 
@@ -40,7 +46,8 @@ pub(super) fn retry<T>(mut attempt: impl FnMut() -> rusqlite::Result<T>) -> rusq
     }
 }
 
-fn is_busy(error: &rusqlite::Error) -> bool {
+/// Whether another process has the lock.
+pub(super) fn is_busy(error: &rusqlite::Error) -> bool {
     use rusqlite::ErrorCode::{DatabaseBusy, DatabaseLocked};
     matches!(error.sqlite_error_code(), Some(DatabaseBusy | DatabaseLocked))
 }

@@ -1,10 +1,12 @@
 //! The operations of [`Store`], each in a few lines.
 
+use std::sync::atomic::Ordering;
+
 use bson::{Bson, DateTime, Document};
 
 use super::catalog::Collection;
 use super::log::Noted;
-use super::{Embedded, failure};
+use super::{Embedded, failure, file, patience};
 use crate::store::{
     Changes, Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
 };
@@ -103,11 +105,31 @@ impl Store for Embedded {
 impl Embedded {
     /// Runs `work` in a write transaction: all of it is kept, or, where it fails, nothing.
     pub(super) fn write<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
-        self.run("BEGIN IMMEDIATE")?;
+        self.run("BEGIN IMMEDIATE").map_err(|e| self.explain(&e))?;
+        self.finish(work)
+    }
+
+    /// The same, where no other process is writing (else nothing, soon), for what may be lost
+    /// with the power: it does not wait for the disk.
+    pub(super) fn write_soon<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<Option<T>, StoreError> {
+        file::be_durable(&self.connection, false).map_err(|e| self.explain(&e))?;
+        self.hurried.store(true, Ordering::Relaxed);
+        let begun = self.run("BEGIN IMMEDIATE");
+        self.hurried.store(false, Ordering::Relaxed);
+        let written = match begun {
+            Ok(()) => self.finish(work).map(Some),
+            Err(error) if patience::is_busy(&error) => Ok(None),
+            Err(error) => Err(self.explain(&error)),
+        };
+        file::be_durable(&self.connection, true).map_err(|e| self.explain(&e))?;
+        written
+    }
+
+    fn finish<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         self.open_log();
         let result = work().and_then(|value| {
             self.bound_log()?;
-            self.run("COMMIT").map(|()| value)
+            self.run("COMMIT").map(|()| value).map_err(|e| self.explain(&e))
         });
         if result.is_ok() {
             self.publish_log();
@@ -127,12 +149,8 @@ impl Embedded {
         collection.drop(&self.connection).map_err(|e| self.explain(&e))
     }
 
-    fn run(&self, sql: &str) -> Result<(), StoreError> {
-        self.connection
-            .prepare_cached(sql)
-            .and_then(|mut statement| statement.execute([]))
-            .map(|_| ())
-            .map_err(|e| self.explain(&e))
+    fn run(&self, sql: &str) -> rusqlite::Result<()> {
+        self.connection.prepare_cached(sql).and_then(|mut statement| statement.execute([])).map(|_| ())
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Result<Option<Collection>, StoreError> {

@@ -158,8 +158,9 @@ impl Watcher {
         if !named {
             return remove(connection, ns, self.id);
         }
-        let sql = "UPDATE watchers SET holder = NULL WHERE id = ? AND holder = ?";
-        connection.execute(sql, params![self.id, Holder::myself().to_string()]).map(|_| ())
+        let sql = "UPDATE watchers SET holder = NULL, position = ? WHERE id = ? AND holder = ?";
+        connection.execute(sql, params![self.position, self.id, Holder::myself().to_string()])?;
+        log::trim(connection, ns)
     }
 }
 
