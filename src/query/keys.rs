@@ -5,7 +5,7 @@
 //! an element, as far as it can.
 
 use super::key;
-use super::path::{Part, Path};
+use super::path::Path;
 use super::view::{Fields, Items, View};
 
 /// Paths with directions.
@@ -59,11 +59,11 @@ impl Keys {
         for slot in &mut slots {
             slot.advance();
         }
-        let Some((items, prefix)) = slots.iter().find_map(Slot::array) else {
+        let Some(items) = slots.iter().find_map(Slot::array) else {
             show(Key { keys: self, slots: &slots });
             return Ok(0);
         };
-        if slots.iter().filter_map(Slot::array).any(|(_, other)| other != prefix) {
+        if slots.iter().filter_map(Slot::array).any(|other| !other.is(items)) {
             return Err(Parallel);
         }
         let at_array = slots.iter().enumerate().filter(|(_, slot)| slot.array().is_some());
@@ -105,41 +105,27 @@ impl Key<'_> {
 enum Slot<'a> {
     /// In a document, with so many parts behind.
     Path(Fields<'a>, &'a Path, usize),
-    /// At an array, with so many parts behind.
-    Array(Items<'a>, &'a Path, usize),
+    /// At an array, with so many parts behind; one that was named by its index counts as a whole.
+    Array { items: Items<'a>, path: &'a Path, done: usize, indexed: bool },
     /// At the end; nothing is a missing value.
     Value(Option<View<'a>>),
 }
 
 impl<'a> Slot<'a> {
     fn advance(&mut self) {
-        let Self::Path(mut fields, path, mut done) = *self else { return };
-        while let Some(part) = path.parts().get(done) {
-            let mut value = fields.get(&part.name);
-            done += 1;
-            // A number names an element, as far as it can.
-            while let Some(View::Array(items)) = value {
-                let index = path.parts().get(done).and_then(|part| part.index);
-                match index.and_then(|index| items.get(index)) {
-                    Some(item) => value = Some(item),
-                    None => {
-                        *self = Self::Array(items, path, done);
-                        return;
-                    }
-                }
-                done += 1;
-                // An array that is itself an element counts whole.
-                if done == path.parts().len() {
-                    break;
-                }
-            }
-            match value {
-                Some(View::Document(inner)) if done < path.parts().len() => fields = inner,
-                value => {
-                    *self = Self::Value(value.filter(|_| done == path.parts().len()));
-                    return;
-                }
-            }
+        while let Self::Path(fields, path, done) = *self {
+            let value = path.parts().get(done).and_then(|part| fields.get(&part.name));
+            *self = Self::at(value, path, done + 1, false);
+        }
+    }
+
+    /// At a value, with so many parts behind.
+    fn at(value: Option<View<'a>>, path: &'a Path, done: usize, indexed: bool) -> Self {
+        match value {
+            Some(View::Array(items)) => Self::Array { items, path, done, indexed },
+            value if done >= path.parts().len() => Self::Value(value),
+            Some(View::Document(fields)) => Self::Path(fields, path, done),
+            _ => Self::Value(None),
         }
     }
 
@@ -147,26 +133,30 @@ impl<'a> Slot<'a> {
         if let Self::Value(value) = self { *value } else { None }
     }
 
-    fn array(&self) -> Option<(Items<'a>, &'a [Part])> {
+    fn array(&self) -> Option<Items<'a>> {
         match self {
-            Self::Array(items, path, done) => Some((*items, path.parts().get(..*done).unwrap_or_default())),
+            Self::Array { items, .. } => Some(*items),
             _ => None,
         }
     }
 
     fn in_item(&self, item: View<'a>) -> Self {
-        match (self, item) {
-            (Self::Array(_, path, done), item) if *done == path.parts().len() => Self::Value(Some(item)),
-            (Self::Array(_, path, done), View::Document(fields)) => Self::Path(fields, path, *done),
-            (Self::Array(..), _) => Self::Value(None),
-            (other, _) => other.clone(),
+        let Self::Array { items, path, done, indexed } = *self else { return self.clone() };
+        let Some(part) = path.parts().get(done) else {
+            return Self::Value(Some(if indexed { View::Array(items) } else { item }));
+        };
+        // A number names an element, where there is one.
+        match (part.index.and_then(|index| items.get(index)), item) {
+            (Some(named), _) => Self::at(Some(named), path, done + 1, true),
+            (None, View::Document(fields)) => Self::Path(fields, path, done),
+            (None, _) => Self::Value(None),
         }
     }
 
     fn in_empty(&self) -> Self {
         match self {
-            Self::Array(_, path, done) if *done == path.parts().len() => Self::Value(Some(View::Undefined)),
-            Self::Array(..) => Self::Value(None),
+            Self::Array { path, done, .. } if *done == path.parts().len() => Self::Value(Some(View::Undefined)),
+            Self::Array { .. } => Self::Value(None),
             other => other.clone(),
         }
     }

@@ -204,6 +204,15 @@ impl<'a> Items<'a> {
         }
     }
 
+    /// Whether it is this array, not only an equal one.
+    pub(super) fn is(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Raw(one), Self::Raw(other)) => std::ptr::eq(one, other),
+            (Self::Owned(one), Self::Owned(other)) => std::ptr::eq(one, other),
+            _ => false,
+        }
+    }
+
     /// A copy of its own.
     pub(super) fn to_vec(self) -> Vec<Bson> {
         match self {

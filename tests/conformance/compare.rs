@@ -104,7 +104,7 @@ fn relaxation(command: &Document) -> Relaxed {
     let pipeline = command.get("pipeline").map_or_else(String::new, Bson::to_string);
     let uses = |name: &str| pipeline.contains(name);
     let last = |name: &str| pipeline.rfind(name);
-    let sorted_last = last("\"$sort\"") > last("\"$group\"");
+    let sorted_last = last("\"$sort\"") > last("\"$group\"").max(last("\"$sortByCount\""));
     Relaxed {
         documents: (uses("\"$group\"") || uses("\"$sortByCount\"")) && !sorted_last || uses("\"$sample\""),
         arrays: uses("\"$addToSet\"") || uses("\"$graphLookup\"") || uses("\"$facet\""),

@@ -1,83 +1,40 @@
-//! Replays recorded commands of a real mongod on the embedded store and compares the answers.
-//!
-//! `RMEM_CONFORMANCE` names the recording: a zstd stream of BSON documents
-//! `{test, cmds: [{db, cmd, reply}]}`. Without it the test is reported as
-//! ignored. A table per family is printed; `RMEM_CONFORMANCE_FAMILY` (a part of
-//! a family's name) and `RMEM_CONFORMANCE_SHOW` (how many) print differences.
+//! Whether the embedded store answers as mongod does: recorded answers of a
+//! real mongod replayed, and a mongod that is there asked the same.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a test program speaks to people")]
 
 mod command;
 mod compare;
+#[cfg(feature = "mongodb")]
+mod differential;
 mod modify;
+#[cfg(feature = "mongodb")]
+#[allow(dead_code, reason = "the other tests of real programs do more with it")]
+#[path = "../real/mongod.rs"]
+mod mongod;
+mod recorded;
 mod report;
 mod server;
 
-use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
-use bson::{Bson, Document};
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Trial};
 
-use command::Failure;
-use report::{Outcome, Report};
-use server::Server;
-
-/// The least part of the cases that are not refused which must agree.
-const LEAST: f64 = 0.99;
-
-fn main() {
+fn main() -> ExitCode {
     let arguments = Arguments::from_args();
-    let recording = std::env::var_os("RMEM_CONFORMANCE").map(PathBuf::from).filter(|path| path.is_file());
-    let ignored = recording.is_none();
-    let trial = Trial::test("recorded_answers_of_mongod_agree", move || match recording {
-        Some(path) => replay(&path),
-        None => Ok(()),
-    });
-    libtest_mimic::run(&arguments, vec![trial.with_ignored_flag(ignored)]).exit();
+    let mut trials = vec![recorded::trial()];
+    let stop = with_server(&arguments, &mut trials);
+    let conclusion = libtest_mimic::run(&arguments, trials);
+    stop();
+    conclusion.exit_code()
 }
 
-fn replay(path: &Path) -> Result<(), Failed> {
-    let mut reader = zstd::stream::read::Decoder::new(File::open(path)?)?;
-    let mut report = Report::from_environment();
-    while let Ok(case) = Document::from_reader(&mut reader) {
-        let name = case.get_str("test").unwrap_or_default().to_owned();
-        if !report.wants(&name) {
-            continue;
-        }
-        let outcome = match std::panic::catch_unwind(|| answer(&case)) {
-            Ok(outcome) => outcome,
-            Err(_) => Outcome::Differs("PANIC".to_owned()),
-        };
-        report.add(&name, outcome);
-    }
-    report.print();
-    let agreed = report.agreement();
-    if agreed < LEAST {
-        return Err(format!("only {:.1} % agree", agreed * 100.0).into());
-    }
-    Ok(())
+#[cfg(feature = "mongodb")]
+fn with_server(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
+    trials.extend(differential::trials(mongod::program_for(arguments, &differential::names())));
+    differential::stop
 }
 
-/// Runs the commands of a case until an answer differs.
-fn answer(case: &Document) -> Outcome {
-    let Ok(mut server) = Server::open() else { return Outcome::Differs("no store".to_owned()) };
-    let Ok(commands) = case.get_array("cmds") else { return Outcome::Refused("unreadable".to_owned()) };
-    for entry in commands.iter().filter_map(Bson::as_document) {
-        let (Ok(command), Ok(reply)) = (entry.get_document("cmd"), entry.get_document("reply")) else { continue };
-        let ours = server.run(command, reply);
-        match ours {
-            Err(Failure::Refused(name)) => return Outcome::Refused(name),
-            ours => {
-                if let Err(difference) = compare::replies(command, reply, &ours) {
-                    return Outcome::Differs(format!("{difference}\n    {}", shortened(command)));
-                }
-            }
-        }
-    }
-    Outcome::Agrees
-}
-
-fn shortened(command: &Document) -> String {
-    let mut command = command.clone();
-    command.remove("$db");
-    command.to_string().chars().take(1200).collect()
+#[cfg(not(feature = "mongodb"))]
+fn with_server(_: &Arguments, _: &mut Vec<Trial>) -> fn() {
+    || ()
 }

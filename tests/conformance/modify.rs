@@ -24,8 +24,11 @@ impl Server {
         let (mut n, mut modified, mut errors) = (0, 0, Vec::new());
         let ordered = !command.contains_key("ordered") || flag(command, "ordered")?;
         let updates = documents(command, "updates")?;
-        let whole =
-            |one: &Document| one.contains_key("q") && matches!(one.get("u"), Some(Bson::Document(_) | Bson::Array(_)));
+        let whole = |one: &Document| {
+            ["multi", "upsert"].iter().all(|name| matches!(one.get(name), None | Some(Bson::Boolean(_))))
+                && one.contains_key("q")
+                && matches!(one.get("u"), Some(Bson::Document(_) | Bson::Array(_)))
+        };
         if updates.is_empty() || !updates.iter().all(whole) {
             return Err(Failure::Failed("updates with q and u are needed".to_owned()));
         }

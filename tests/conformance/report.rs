@@ -90,7 +90,6 @@ impl Report {
     }
 }
 
-#[expect(clippy::print_stdout, reason = "the table is what the run is for")]
 fn say(text: &str) {
     println!("{text}");
 }

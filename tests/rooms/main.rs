@@ -6,6 +6,7 @@ mod facts;
 mod imported;
 mod index;
 mod marker;
+mod parity;
 mod pddl;
 mod plan;
 mod planner;

@@ -246,9 +246,11 @@ fn whole(operator: &str, values: &[Value], double: fn(f64) -> f64, mode: Roundin
 }
 
 fn to_place(operator: &str, values: &[Value], mode: Rounding) -> Result<Value> {
-    if is_null(at(values, 0)) {
+    let value = at(values, 0);
+    if is_null(value) {
         return Ok(Some(Bson::Null));
     }
+    let number = Number::of(value).ok_or_else(|| wrong_type(51_081, operator, "a number", value))?;
     let place = match values.get(1) {
         None => 0,
         Some(value) if is_nullish(value) => return Ok(Some(Bson::Null)),
@@ -258,11 +260,6 @@ fn to_place(operator: &str, values: &[Value], mode: Rounding) -> Result<Value> {
             .filter(|place| (-20..=100).contains(place))
             .ok_or_else(|| QueryError::invalid(51_082, format!("cannot apply {operator} with such a precision")))?,
     };
-    let value = at(values, 0);
-    if is_null(value) {
-        return Ok(Some(Bson::Null));
-    }
-    let number = Number::of(value).ok_or_else(|| wrong_type(51_081, operator, "a number", value))?;
     Ok(Some(match number {
         Number::Double(value) if place == 0 => {
             Bson::Double(if mode == Rounding::Truncate { value.trunc() } else { value.round_ties_even() })

@@ -79,6 +79,8 @@ fn target(value: &Bson) -> Result<Target> {
         Bson::String(name) => TYPE_NAMES.iter().find(|(known, _)| known == name).map(|(_, code)| *code),
         value => match Number::of(value) {
             Some(number) => match number.integral_32() {
+                // The type of nothing, which nothing is converted to.
+                Some(0) => return Ok(Target::Other),
                 Some(code) => TYPE_NAMES.iter().find(|(_, known)| *known == code).map(|(_, code)| *code),
                 None => return Err(QueryError::failed_to_parse("$convert's 'to' is not an integral type code")),
             },
@@ -193,6 +195,7 @@ fn to_double(value: &Bson) -> Result<f64> {
         Bson::DateTime(moment) => Ok(moment.timestamp_millis() as f64),
         Bson::String(text) => {
             let double = parsed(text, |text| text.parse::<f64>().ok().or_else(|| hexadecimal(text)))
+                .filter(|_| !text.starts_with("0x"))
                 .ok_or_else(|| failure(value, "not a number"))?;
             let named_infinite = text.trim_start_matches(['-', '+']).starts_with(['i', 'I']);
             if double.is_infinite() && !named_infinite { Err(failure(value, "out of range")) } else { Ok(double) }

@@ -294,7 +294,7 @@ fn formatted(format: &str, millis: i64, zone: &Zone) -> Result<String> {
                 let sign = if offset < 0 { '-' } else { '+' };
                 format!("{sign}{:02}{:02}", offset.abs() / 60, offset.abs() % 60)
             }
-            Some('Z') => format!("{offset:+}"),
+            Some('Z') => offset.to_string(),
             _ => "%".to_owned(),
         };
         text.push_str(&part);

@@ -231,6 +231,10 @@ fn kept(
     limit: Option<&Expression>,
     environment: &Environment<'_>,
 ) -> Result<Value> {
+    let Some(items) = array("$filter", 28_651, input.evaluate(environment)?)? else { return Ok(Some(Bson::Null)) };
+    if items.is_empty() {
+        return Ok(Some(Bson::Array(items)));
+    }
     let limit = match limit.map(|limit| limit.evaluate(environment)).transpose()? {
         None => None,
         Some(value) if is_nullish(&value) => None,
@@ -239,7 +243,6 @@ fn kept(
             _ => return Err(QueryError::invalid(327_391, "$filter: limit must be a 32-bit integer of at least 1")),
         },
     };
-    let Some(items) = array("$filter", 28_651, input.evaluate(environment)?)? else { return Ok(Some(Bson::Null)) };
     let mut kept = Vec::new();
     for item in items {
         if limit.is_some_and(|limit| kept.len() >= limit) {

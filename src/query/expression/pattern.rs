@@ -41,7 +41,7 @@ fn prepared(arguments: &Arguments) -> Result<Option<(&str, Pattern)>> {
     };
     let input = match arguments.get(0) {
         value if is_null(value) => None,
-        Bson::String(input) | Bson::Symbol(input) => Some(input.as_str()),
+        Bson::String(input) => Some(input.as_str()),
         other => return Err(wrong_type(51_104, operator, "a string as input", other)),
     };
     Ok(input.zip(pattern))

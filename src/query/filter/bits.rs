@@ -1,5 +1,6 @@
 //! `$bitsAllSet`, `$bitsAllClear`, `$bitsAnySet`, `$bitsAnyClear`.
 
+use crate::query::decimal::Rounding;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 use crate::query::view::View;
@@ -37,8 +38,12 @@ impl Bits {
             View::Number(number) => {
                 let number = match (number.integral(), number) {
                     (Some(number), _) => number,
-                    // A decimal that is no integer counts as one without bits.
-                    (None, Number::Decimal(_)) => 0,
+                    // Of a decimal, what is before the point counts.
+                    (None, Number::Decimal(decimal)) => {
+                        let whole = decimal.round_to(0, Rounding::Truncate).to_i128();
+                        let Some(whole) = whole.and_then(|whole| i64::try_from(whole).ok()) else { return false };
+                        whole
+                    }
                     (None, _) => return false,
                 };
                 self.test(|position| number >> position.min(63) & 1 == 1)

@@ -5,7 +5,7 @@ use bson::{Bson, Document};
 use super::run::Run;
 use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Expression, Scope};
+use crate::query::expression::{Expression, Scope, field_value};
 use crate::query::key;
 use crate::query::number::Number;
 use crate::query::sort::Sort;
@@ -228,16 +228,17 @@ impl Accumulator {
                 values.truncate(*limit);
             }
             (Kind::Ranked { sort, bottom, .. }, State::Ranked(limit, ranked)) => {
-                let key = sort.key_of(fields)?;
-                let at = ranked.partition_point(|(known, _)| *known <= key);
-                ranked.insert(at, (key, value.unwrap_or(Bson::Null)));
-                if ranked.len() > *limit {
-                    if *bottom {
-                        ranked.remove(0);
-                    } else {
-                        ranked.pop();
+                let key = rank(sort, fields);
+                if ranked.len() == *limit {
+                    // Of equal ones, the earlier stays.
+                    let worst = if *bottom { 0 } else { ranked.len().saturating_sub(1) };
+                    match ranked.get(worst) {
+                        Some((known, _)) if *bottom && key <= *known || !*bottom && key >= *known => return Ok(()),
+                        _ => drop(ranked.remove(worst)),
                     }
                 }
+                let at = ranked.partition_point(|(known, _)| *known <= key);
+                ranked.insert(at, (key, value.unwrap_or(Bson::Null)));
             }
             _ => {}
         }
@@ -265,6 +266,26 @@ impl Accumulator {
             (_, State::Deviation(deviation)) => deviation.value(false),
         }
     }
+}
+
+/// The place of a document for `$top` and its like. Unlike in `$sort`, arrays count as a whole
+/// there, except that an empty one comes before null.
+fn rank(sort: &Sort, fields: Fields<'_>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (path, descending) in sort.fields() {
+        let parts: Vec<String> = path.split('.').map(str::to_owned).collect();
+        let value = match field_value(fields, &parts) {
+            None => Bson::Null,
+            Some(Bson::Array(items)) if items.is_empty() => Bson::Undefined,
+            Some(value) => value,
+        };
+        let start = bytes.len();
+        bytes.extend(key::encode_value(&value));
+        if descending {
+            bytes.iter_mut().skip(start).for_each(|byte| *byte = !*byte);
+        }
+    }
+    bytes
 }
 
 fn is_null(value: &Bson) -> bool {

@@ -133,7 +133,11 @@ impl AutoBucket {
             Some(Bson::String(_)) => return Err(QueryError::unsupported("$bucketAuto with granularity")),
             Some(_) => return Err(QueryError::invalid(40_261, "the granularity of $bucketAuto must be a string")),
         }
-        Ok(Self { by, buckets, output: output(spec, scope)? })
+        let output = match spec.get("output") {
+            Some(Bson::Document(fields)) if fields.is_empty() => Accumulators::counting(),
+            _ => output(spec, scope)?,
+        };
+        Ok(Self { by, buckets, output })
     }
 
     pub(super) fn run<E: From<QueryError>>(

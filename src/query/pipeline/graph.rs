@@ -6,13 +6,13 @@ use std::rc::Rc;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::lookup::{Index, origin, plain_path, target};
+use super::lookup::{Index, origin, plain_path, reached_keys, target};
 use super::run::Run;
 use super::stage::encode;
 use super::unwind::put;
 use super::{Documents, Origin};
 use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Expression, Scope, field_value};
+use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Context, Filter, Parser};
 use crate::query::key;
 use crate::query::number::Number;
@@ -23,7 +23,7 @@ use crate::query::path::Path;
 pub(super) struct GraphLookup {
     from: Origin,
     start: Expression,
-    connect_from: Vec<String>,
+    connect_from: Path,
     connect_to: Path,
     to: Vec<String>,
     max_depth: Option<i64>,
@@ -78,7 +78,7 @@ impl GraphLookup {
         Ok(Self {
             from: origin("$graphLookup", spec.get("from").ok_or_else(missing)?)?,
             start: Expression::parse_in(spec.get("startWith").ok_or_else(missing)?, scope)?,
-            connect_from: plain_path(text("connectFromField")?)?.parts().iter().map(|part| part.name.clone()).collect(),
+            connect_from: plain_path(text("connectFromField")?)?,
             connect_to: plain_path(text("connectToField")?)?,
             to: target("$graphLookup", spec)?,
             max_depth,
@@ -96,7 +96,7 @@ impl GraphLookup {
         Box::new(input.map(move |document| {
             let document = document?;
             if index.get().is_none() {
-                let _ = index.set(Index::build(run.source(&self.from)?, &self.connect_to)?);
+                let _ = index.set(Index::build(run.source(&self.from)?, &self.connect_to, false)?);
             }
             let start = self.start.evaluate(&run.environment((&*document).into()))?;
             let found = match index.get() {
@@ -122,7 +122,7 @@ impl GraphLookup {
                 if !self.passes(&document, run)? || seen.insert(identity(&document), ()).is_some() {
                     continue;
                 }
-                for key in keys(field_value((&*document).into(), &self.connect_from)) {
+                for key in reached_keys(&self.connect_from, (&*document).into()) {
                     if asked.insert(key.clone()) {
                         next.push(key);
                     }

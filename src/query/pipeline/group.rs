@@ -18,6 +18,8 @@ use crate::query::view::Fields;
 #[derive(Debug)]
 pub(super) struct Group {
     id: Expression,
+    /// The name of the only field of an `_id` that is an object: null where its value is missing.
+    only: Option<String>,
     accumulators: Accumulators,
 }
 
@@ -67,12 +69,17 @@ impl Group {
             return Err(QueryError::invalid(17_390, "$group does not support inclusion-style expressions"));
         }
         let fields = spec.iter().filter(|(name, _)| *name != "_id");
-        Ok(Self { id: Expression::parse_in(id, scope)?, accumulators: Accumulators::parse(fields, scope)? })
+        let only = match id {
+            Bson::Document(parts) if parts.len() == 1 => parts.keys().next().filter(|name| !name.starts_with('$')),
+            _ => None,
+        };
+        let accumulators = Accumulators::parse(fields, scope)?;
+        Ok(Self { id: Expression::parse_in(id, scope)?, only: only.cloned(), accumulators })
     }
 
     /// Counts by a key.
     pub(super) fn counting(id: Expression) -> Self {
-        Self { id, accumulators: Accumulators::counting() }
+        Self { id, only: None, accumulators: Accumulators::counting() }
     }
 
     pub(super) fn run<E: From<QueryError>>(
@@ -84,7 +91,10 @@ impl Group {
         for document in input {
             let document = document?;
             let fields = Fields::from(&*document);
-            let id = self.id.evaluate(&run.environment(fields))?.unwrap_or(Bson::Null);
+            let mut id = self.id.evaluate(&run.environment(fields))?.unwrap_or(Bson::Null);
+            if let (Some(name), Bson::Document(parts)) = (&self.only, &mut id) {
+                parts.entry(name.clone()).or_insert(Bson::Null);
+            }
             groups.add(id, fields, run)?;
         }
         let documents = groups.finish();

@@ -28,17 +28,20 @@ pub(super) struct Lookup {
     to: Vec<String>,
 }
 
-/// Documents by the values that a path reaches in them.
+/// Documents by the values that a path reaches in them; with `missing`, those without one have null.
 pub(super) struct Index {
     documents: Vec<RawDocumentBuf>,
     places: HashMap<Vec<u8>, Vec<usize>>,
 }
 
 impl Index {
-    pub(super) fn build<E>(documents: Documents<'_, E>, path: &Path) -> std::result::Result<Self, E> {
+    pub(super) fn build<E>(documents: Documents<'_, E>, path: &Path, missing: bool) -> std::result::Result<Self, E> {
         let documents: Vec<RawDocumentBuf> = documents.collect::<std::result::Result<_, E>>()?;
         let mut places: HashMap<Vec<u8>, Vec<usize>> = HashMap::new();
         for (place, document) in documents.iter().enumerate() {
+            if !missing && !path.any((&**document).into(), true, &mut |value, _| value.is_some()) {
+                continue;
+            }
             path.any((&**document).into(), true, &mut |value, _| {
                 let list = places.entry(key_of(value)).or_default();
                 if list.last() != Some(&place) {
@@ -67,19 +70,26 @@ fn key_of(value: Option<View<'_>>) -> Vec<u8> {
     bytes
 }
 
-/// The keys of the values that a path reaches: of an array, those of its elements.
+/// The keys of the values that a path reaches; of none, null.
 fn local_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
+    let mut keys = reached_keys(path, fields);
+    if keys.is_empty() {
+        keys.push(key_of(None));
+    }
+    keys
+}
+
+/// The keys of the values that a path reaches: of an array, those of its elements.
+pub(super) fn reached_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
     let mut keys = Vec::new();
     path.any(fields, false, &mut |value, _| {
         match value {
             Some(View::Array(items)) => keys.extend(items.iter().map(|item| key_of(Some(item)))),
-            value => keys.push(key_of(value)),
+            Some(value) => keys.push(key_of(Some(value))),
+            None => {}
         }
         false
     });
-    if keys.is_empty() {
-        keys.push(key_of(None));
-    }
     keys
 }
 
@@ -189,7 +199,7 @@ impl Lookup {
         let foreign: Documents<'a, E> = match (&self.fields, &self.from) {
             (Some((local, foreign)), Some(from)) => {
                 if index.get().is_none() {
-                    let built = Index::build(run.source(from)?, foreign)?;
+                    let built = Index::build(run.source(from)?, foreign, true)?;
                     let _ = index.set(built);
                 }
                 let keys = local_keys(local, (&**document).into());

@@ -132,6 +132,11 @@ impl Merge {
         if merge.into.collection.is_empty() {
             return Err(QueryError::failed_to_parse("$merge needs 'into'"));
         }
+        let simple = matches!(merge.when_matched, WhenMatched::KeepExisting | WhenMatched::Fail);
+        if simple && !matches!(merge.when_not_matched, WhenNotMatched::Insert) {
+            let message = "this combination of 'whenMatched' and 'whenNotMatched' is not supported by $merge";
+            return Err(QueryError::invalid(51_181, message));
+        }
         if merge.variables.is_some() && !matches!(merge.when_matched, WhenMatched::Pipeline(_)) {
             return Err(QueryError::invalid(51_199, "'let' of $merge needs a pipeline as 'whenMatched'"));
         }

@@ -77,7 +77,10 @@ impl Unwind {
             if !self.preserve {
                 return Vec::new();
             }
-            remove(&mut document, &self.path);
+            // What takes the place of the array is where the array was.
+            if !self.index.as_ref().is_some_and(|index| index.starts_with(&self.path)) {
+                remove(&mut document, &self.path);
+            }
             self.number(&mut document, None);
             return vec![document];
         }

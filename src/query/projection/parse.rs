@@ -30,7 +30,12 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
     let mut root = Branch::new(mode);
     let mut transforms = Vec::new();
     let mut id = None;
+    // Exclusions do not hold what is sliced, but may not collide with it.
+    let mut named = Branch::new(mode);
     for (path, entry) in entries {
+        if mode == Mode::Exclude && path != "_id" {
+            named.insert(&path, Item::Named)?;
+        }
         match entry {
             Entry::Include | Entry::Exclude if path == "_id" => {
                 if id.is_some() {
@@ -196,6 +201,9 @@ fn add(prefix: &str, spec: &Document, scope: &Scope, root: &mut Branch, depth: u
         match value {
             Bson::Document(inner) if inner.keys().next().is_some_and(|name| !name.starts_with('$')) => {
                 add(&path, inner, scope, root, depth + 1)?;
+            }
+            Bson::Document(inner) if inner.is_empty() => {
+                return Err(QueryError::invalid(40_180, format!("an empty object is not a valid value for {path}")));
             }
             value => root.insert(&path, Item::Computed(Expression::parse_in(value, scope)?))?,
         }

@@ -67,7 +67,8 @@ impl Application<'_> {
 
     fn in_document(&self, document: &mut Document, path: &[Segment], modifier: &Modifier) -> Result<()> {
         let Some((segment, rest)) = path.split_first() else { return Ok(()) };
-        let Segment::Name(name) = segment else { return self.not_an_array(modifier) };
+        // Where there is no array, `$` is the number it stands for, as a name.
+        let Segment::Name(name) = &self.named(segment) else { return self.not_an_array(modifier) };
         if rest.is_empty() {
             match field::change(&modifier.action, document.get(name), self)? {
                 Outcome::Keep => {}
@@ -93,7 +94,10 @@ impl Application<'_> {
         match value {
             Bson::Document(document) => self.in_document(document, path, modifier),
             Bson::Array(items) => self.in_array(items, name, path, modifier),
-            _ if matches!(path.first(), Some(Segment::Name(_))) => {
+            _ if matches!(path.first().map(|first| self.named(first)), Some(Segment::Name(_))) => {
+                if path.iter().any(|segment| matches!(segment, Segment::All | Segment::Filtered(_))) {
+                    return Err(must_exist(modifier));
+                }
                 if !modifier.action.ignores_dead_ends() {
                     let message = format!("cannot create field {} in element {{{name}: {value}}}", modifier.text);
                     return Err(QueryError::invalid(PATH_NOT_VIABLE, message));
@@ -137,7 +141,10 @@ impl Application<'_> {
             return match field::change(&modifier.action, items.get(index), self)? {
                 Outcome::Keep => Ok(()),
                 Outcome::Put(value) => put(items, index, value),
-                Outcome::Remove if index < items.len() => put(items, index, Bson::Null),
+                Outcome::Remove if index < items.len() => {
+                    self.touched.set(true);
+                    put(items, index, Bson::Null)
+                }
                 Outcome::Remove => Ok(()),
             };
         }
@@ -162,9 +169,7 @@ impl Application<'_> {
                 self.in_document(&mut document, &named, modifier)?;
                 return Ok((!document.is_empty()).then_some(Bson::Document(document)));
             }
-            let message =
-                format!("the path '{}' must exist in the document in order to apply array updates", modifier.text);
-            return Err(QueryError::bad_value(message));
+            return Err(must_exist(modifier));
         }
         if !modifier.action.creates() {
             return Ok(None);
@@ -205,6 +210,11 @@ fn check_name(modifier: &Modifier) -> Result<()> {
     }
 }
 
+fn must_exist(modifier: &Modifier) -> QueryError {
+    let path = &modifier.text;
+    QueryError::bad_value(format!("the path '{path}' must exist in the document in order to apply array updates"))
+}
+
 fn no_position() -> QueryError {
     QueryError::bad_value("the positional operator did not find the match needed from the query")
 }
@@ -231,13 +241,35 @@ fn take(document: &mut Document, path: &[Segment], text: &str) -> Result<Option<
     }
     match document.get_mut(name) {
         Some(Bson::Document(inner)) => take(inner, rest, text),
-        Some(Bson::Array(_)) => Err(renamed_array(text)),
+        Some(Bson::Array(items)) if leads_somewhere(items, rest) => Err(renamed_array(text)),
+        Some(Bson::Array(_)) => Ok(None),
         Some(value) => {
             let message = format!("cannot use the part '{name}' of '{text}' to traverse the element {value}");
             Err(QueryError::invalid(PATH_NOT_VIABLE, message))
         }
         None => Ok(None),
     }
+}
+
+/// Whether a path reaches something in an array, or cannot lead into one.
+fn leads_somewhere(items: &[Bson], path: &[Segment]) -> bool {
+    if !matches!(path.first(), Some(Segment::Name(name)) if padded_index(name).is_some()) {
+        return true;
+    }
+    let mut value = path.first().and_then(|segment| element(items, segment));
+    for segment in path.iter().skip(1) {
+        value = match (value, segment) {
+            (Some(Bson::Array(items)), segment) => element(items, segment),
+            (Some(Bson::Document(document)), Segment::Name(name)) => document.get(name),
+            _ => None,
+        };
+    }
+    value.is_some()
+}
+
+fn element<'a>(items: &'a [Bson], segment: &Segment) -> Option<&'a Bson> {
+    let Segment::Name(name) = segment else { return None };
+    padded_index(name).and_then(|index| items.get(index))
 }
 
 fn renamed_array(text: &str) -> QueryError {

@@ -24,14 +24,17 @@ pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Applic
             Some(value) => {
                 let sum = add(numeric("$inc", value)?, *by, Overflow::Refuse)?;
                 application.touched.set(application.touched.get() || sum.is_nan());
-                Outcome::Put(sum.into())
+                put_unless_same(value, sum)
             }
         },
         Action::Multiply(by) => {
-            let value = value.map_or(Ok(Number::Int(0)), |value| numeric("$mul", value))?;
-            let product = multiply(value, *by, Overflow::Refuse)?;
+            let factor = value.map_or(Ok(Number::Int(0)), |value| numeric("$mul", value))?;
+            let product = multiply(factor, *by, Overflow::Refuse)?;
             application.touched.set(application.touched.get() || product.is_nan());
-            Outcome::Put(product.into())
+            match value {
+                Some(value) => put_unless_same(value, product),
+                None => Outcome::Put(product.into()),
+            }
         }
         Action::Least(new) => replace_if(value, new, Ordering::Less),
         Action::Greatest(new) => replace_if(value, new, Ordering::Greater),
@@ -47,6 +50,15 @@ pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Applic
         Action::Pull(pull) => array::without("$pull", value, |item| pull.takes(item))?,
         Action::PullAll(values) => array::without("$pullAll", value, |item| Ok(array::contains(values, item)))?,
     })
+}
+
+/// The new number, where it differs from the old one in type or value; 0 and -0 do not.
+fn put_unless_same(old: &Bson, new: Number) -> Outcome {
+    let new = Bson::from(new);
+    match new.element_type() == old.element_type() && compare_values(&new, old).is_eq() {
+        true => Outcome::Keep,
+        false => Outcome::Put(new),
+    }
 }
 
 fn numeric(operator: &str, value: &Bson) -> Result<Number> {

@@ -2,6 +2,7 @@
 
 use bson::{Bson, Document};
 
+use crate::query::compare::equal_values as equal;
 use crate::query::error::{QueryError, Result};
 use crate::query::filter::is_operators;
 
@@ -9,7 +10,12 @@ use crate::query::filter::is_operators;
 pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
     check_no_expression(filter, 0)?;
     let mut found = Vec::new();
+    if is_never_true(filter) {
+        return Ok(Document::new());
+    }
     collect(filter, &mut found, 0)?;
+    // In the order of their paths.
+    found.sort_by(|a, b| a.0.cmp(&b.0));
     let mut document = Document::new();
     for (path, value) in found {
         if only_id && path != "_id" && !path.starts_with("_id.") {
@@ -22,6 +28,18 @@ pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
         put(&mut document, &parts, value.clone(), &path)?;
     }
     Ok(document)
+}
+
+/// Whether a filter has a condition that nothing meets, which says nothing about fields.
+fn is_never_true(filter: &Document) -> bool {
+    filter.iter().any(|(name, value)| match (name.as_str(), value) {
+        ("$and", Bson::Array(items)) => items.iter().filter_map(Bson::as_document).any(is_never_true),
+        ("$or", Bson::Array(items)) => items.iter().all(|item| item.as_document().is_some_and(is_never_true)),
+        (name, Bson::Document(operators)) if !name.starts_with('$') => {
+            operators.iter().any(|(operator, value)| operator == "$all" && value.as_array().is_some_and(Vec::is_empty))
+        }
+        _ => false,
+    })
 }
 
 /// `$expr` says nothing about fields, and MongoDB refuses it wherever it stands.
@@ -79,8 +97,10 @@ fn equal_values(operators: &Document) -> Vec<&Bson> {
     for (name, value) in operators {
         match (name.as_str(), value) {
             ("$eq", value) => values.push(value),
-            ("$in", Bson::Array(items)) if items.len() == 1 => {
-                values.extend(items.iter().filter(|item| is_plain(item)))
+            ("$in", Bson::Array(items))
+                if items.iter().all(|item| items.first().is_some_and(|first| equal(first, item))) =>
+            {
+                values.extend(items.iter().take(1).filter(|item| is_plain(item)))
             }
             ("$all", Bson::Array(items)) => values.extend(items.iter().filter(|item| is_plain(item))),
             _ => {}

@@ -24,12 +24,12 @@ impl Rule {
             (Self::Not(schema), value) => !schema.accepts(value),
             (Self::Minimum(bound, exclusive), View::Number(number)) => {
                 let order = number.compare(*bound);
-                !number.is_nan() && (order.is_gt() || order.is_eq() && !exclusive)
+                !number.is_nan() && !bound.is_nan() && (order.is_gt() || order.is_eq() && !exclusive)
                     || number.is_nan() && bound.is_nan() && !exclusive
             }
             (Self::Maximum(bound, exclusive), View::Number(number)) => {
                 let order = number.compare(*bound);
-                !number.is_nan() && (order.is_lt() || order.is_eq() && !exclusive)
+                !number.is_nan() && !bound.is_nan() && (order.is_lt() || order.is_eq() && !exclusive)
                     || number.is_nan() && bound.is_nan() && !exclusive
             }
             (Self::MultipleOf(divisor), View::Number(number)) => is_multiple(number, *divisor),

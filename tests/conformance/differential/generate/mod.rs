@@ -1,0 +1,8 @@
+//! What is asked, and of which documents.
+
+pub(super) mod expression;
+pub(super) mod filter;
+pub(super) mod pipeline;
+pub(super) mod projection;
+pub(super) mod update;
+pub(super) mod value;

@@ -1,0 +1,283 @@
+//! The differences that are known, each with its reason and exact condition.
+//!
+//! mongod 6.0 has two engines that differ from each other, and its optimiser
+//! leaves work out or does it early; most of what is here comes of that.
+//! `CONTRIBUTING.md` lists what these say, which a test of this file checks.
+
+use bson::{Bson, Document};
+use libtest_mimic::Failed;
+
+use super::pair::Difference;
+
+/// A difference that stays.
+pub(super) struct Known {
+    /// What is different, as the documentation says it.
+    what: &'static str,
+    holds: fn(&Difference) -> bool,
+}
+
+pub(super) const KNOWN: &[Known] = &[
+    Known {
+        what: "A field that one stage drops and another makes again stands where it was, or last: `$lookup` over a field \
+               that is there, `$unset` or `$unwind` and then a stage that sets the field",
+        holds: |difference| {
+            let remaking = ["$lookup", "$unset", "$unwind", "$project", "$replaceRoot", "$replaceWith"];
+            uses(difference, &remaking)
+                && (same(difference, &|a, b| equal(a, b, true, &|a, b| a == b)) || only_counts(difference))
+        },
+    },
+    Known {
+        what: "An error of a stage whose work mongod leaves out: sorting by parallel arrays before another `$sort` or \
+               behind a `$match` that it moves to the front",
+        holds: |difference| {
+            let message = difference.ours.as_ref().err().map_or("", String::as_str);
+            let about_sort = message.contains("parallel arrays") || message.contains("ambiguous field name");
+            about_sort && difference.kind() == (false, true) && uses(difference, &["$sort"])
+        },
+    },
+    Known {
+        what: "Of numbers that are equal but not of one type, `$max` and `$min` may give either",
+        holds: |difference| {
+            uses(difference, &["$max", "$min"])
+                && same(difference, &|a, b| equal(a, b, false, &|a, b| number(a).is_some() && number(a) == number(b)))
+        },
+    },
+    Known {
+        what: "The last digits of a decimal that `$pow`, `$exp`, a logarithm or a trigonometric function computed: they \
+               agree to 28 digits, and decimals of `$add` may have other trailing zeros",
+        holds: |difference| {
+            let computing = ["$pow", "$exp", "$ln", "$log", "$log10", "$sqrt", "$sin", "$cos", "$tan", "$add"];
+            let more = ["$asin", "$acos", "$atan", "$atan2", "$sinh", "$cosh", "$tanh", "$asinh", "$acosh", "$atanh"];
+            (uses(difference, &computing) || uses(difference, &more))
+                && same(difference, &|a, b| equal(a, b, false, &close_decimals))
+        },
+    },
+    Known {
+        what: "Dates before 1970 with a fraction of a second: mongod 6.0.5 is a second off in `$dateAdd` and \
+               `$dateSubtract`",
+        holds: |difference| {
+            uses(difference, &["$dateAdd", "$dateSubtract"])
+                && same(difference, &|a, b| {
+                    equal(a, b, false, &|a, b| match (a, b) {
+                        (Bson::DateTime(a), Bson::DateTime(b)) => {
+                            a.timestamp_millis().abs_diff(b.timestamp_millis()) == 1000
+                        }
+                        (a, b) => a == b,
+                    })
+                })
+        },
+    },
+    Known {
+        what: "`$dateToString` with a time zone but no format: mongod 6.0.5 ends it with `Z`, later versions do not",
+        holds: |difference| {
+            uses(difference, &["$dateToString"])
+                && same(difference, &|a, b| {
+                    equal(a, b, false, &|a, b| match (a, b) {
+                        (Bson::String(a), Bson::String(b)) => a.trim_end_matches('Z') == b.trim_end_matches('Z'),
+                        (a, b) => a == b,
+                    })
+                })
+        },
+    },
+    Known {
+        what: "The positional projection of a field of elements (`\"a.b.$\"`) where not all elements are documents",
+        holds: |difference| {
+            let projection = difference.command.get_document("projection");
+            projection
+                .is_ok_and(|fields| fields.keys().any(|name| name.ends_with(".$") && name.matches('.').count() > 1))
+        },
+    },
+    Known {
+        what: "`$graphLookup` by null, where mongod's answer depends on what it looked up before, and by a regular \
+               expression, which it takes as a pattern",
+        holds: |difference| {
+            let found = Bson::Document(difference.theirs.clone());
+            let special = |value: &Bson| matches!(value, Bson::RegularExpression(_) | Bson::Null);
+            uses(difference, &["$graphLookup"]) && difference.kind() == (false, false) && any(&found, &special)
+        },
+    },
+    Known {
+        what: "A decimal that does not fit in 64 bits under a bitwise operator: mongod 6.0.5 takes it as 0, later versions \
+               never match it",
+        holds: |difference| {
+            let large = |value: &Bson| {
+                matches!(value, Bson::Decimal128(_)) && number(value).is_none_or(|it| !(it.abs() < 9e18))
+            };
+            uses(difference, &["$bitsAllSet", "$bitsAllClear", "$bitsAnySet", "$bitsAnyClear"])
+                && any(&Bson::Document(difference.theirs.clone()), &large)
+        },
+    },
+    Known {
+        what: "An expression with one argument that is null and another that is wrong: the answer may be null, or the error",
+        holds: |difference| {
+            let (theirs, ours) = difference.kind();
+            let answer = if theirs { difference.ours.as_ref().ok() } else { Some(&difference.theirs) };
+            let null = |answer: &Document| {
+                let found = Bson::Document(answer.clone());
+                any(&found, &|value| *value == Bson::Null) || is_without_documents(answer)
+            };
+            theirs != ours && has_expression(difference) && answer.is_some_and(null)
+        },
+    },
+    Known {
+        what: "What mongod 6.0.5 fails to rewrite when it optimises: filters in `$facet`, and MinKey and MaxKey as the `_id` \
+               of a group, which it gives as `{\"\": …}`",
+        holds: |difference| {
+            let message = difference.theirs.get_str("errmsg").unwrap_or_default();
+            message.contains("Failed to optimize pipeline :: caused by :: Failed") || {
+                let named = |value: &Bson| value.as_document().is_some_and(|document| document.contains_key(""));
+                any(&Bson::Document(difference.theirs.clone()), &named)
+            }
+        },
+    },
+    Known {
+        what: "A double with a fraction that is added to a date: mongod 6.0.5 cuts it, later versions round it",
+        holds: |difference| {
+            uses(difference, &["$add", "$subtract"])
+                && same(difference, &|a, b| {
+                    equal(a, b, false, &|a, b| match (a, b) {
+                        (Bson::DateTime(a), Bson::DateTime(b)) => {
+                            a.timestamp_millis().abs_diff(b.timestamp_millis()) == 1
+                        }
+                        (a, b) => a == b,
+                    })
+                })
+        },
+    },
+    Known {
+        what: "`$dateFromString` without a format reads ISO 8601 and dates in words; mongod guesses more",
+        holds: |difference| {
+            let reading = |value: &Bson| {
+                let read = value.as_document().and_then(|document| document.get_document("$dateFromString").ok());
+                read.is_some_and(|read| !read.contains_key("format"))
+            };
+            any(&Bson::Document(difference.command.clone()), &reading)
+                && any(&Bson::Document(difference.theirs.clone()), &|value| matches!(value, Bson::DateTime(_)))
+        },
+    },
+];
+
+/// Fails where CONTRIBUTING.md does not list a known difference.
+pub(super) fn are_documented() -> Result<(), Failed> {
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text = words(&std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/CONTRIBUTING.md"))?);
+    match KNOWN.iter().find(|known| !text.contains(&words(known.what))) {
+        Some(known) => Err(format!("CONTRIBUTING.md does not say: {}", words(known.what)).into()),
+        None => Ok(()),
+    }
+}
+
+/// Whether a difference is known.
+pub(super) fn explains(difference: &Difference) -> bool {
+    KNOWN.iter().any(|known| (known.holds)(difference))
+}
+
+/// Whether the command has one of these operators anywhere.
+fn uses(difference: &Difference, operators: &[&str]) -> bool {
+    let command = Bson::Document(difference.command.clone());
+    any(&command, &|value| {
+        value.as_document().is_some_and(|document| document.keys().any(|name| operators.contains(&name.as_str())))
+    })
+}
+
+/// Whether a value or one inside it passes.
+fn any(value: &Bson, test: &dyn Fn(&Bson) -> bool) -> bool {
+    test(value)
+        || match value {
+            Bson::Document(document) => document.values().any(|value| any(value, test)),
+            Bson::Array(items) => items.iter().any(|item| any(item, test)),
+            _ => false,
+        }
+}
+
+/// Whether the command computes: a pipeline, or expressions in a projection or filter.
+fn has_expression(difference: &Difference) -> bool {
+    let command = &difference.command;
+    command.contains_key("pipeline") || command.contains_key("projection") || uses(difference, &["$expr"]) || {
+        let updates = command.get_array("updates").map_or(&[][..], Vec::as_slice);
+        updates.iter().filter_map(Bson::as_document).any(|update| matches!(update.get("u"), Some(Bson::Array(_))))
+    }
+}
+
+fn is_without_documents(answer: &Document) -> bool {
+    let batch = answer.get_document("cursor").and_then(|cursor| cursor.get_array("firstBatch"));
+    batch.is_ok_and(Vec::is_empty)
+}
+
+/// Whether both answered, and what was found is the same by this measure.
+fn same(difference: &Difference, equal: &dyn Fn(&Bson, &Bson) -> bool) -> bool {
+    let found = |answer: &Document| {
+        let cursor = answer.get_document("cursor").ok();
+        cursor.and_then(|cursor| cursor.get("firstBatch")).or_else(|| answer.get("values")).cloned()
+    };
+    let Ok(ours) = &difference.ours else { return false };
+    match (found(&difference.theirs), found(ours)) {
+        (Some(Bson::Array(theirs)), Some(Bson::Array(mut ours))) if theirs.len() == ours.len() => {
+            // The order of groups is not defined.
+            let any_order = uses(difference, &["$group", "$bucket"]);
+            theirs.iter().all(|document| {
+                let place =
+                    ours.iter().take(if any_order { ours.len() } else { 1 }).position(|other| equal(document, other));
+                place.map(|place| ours.remove(place)).is_some()
+            })
+        }
+        _ => false,
+    }
+}
+
+/// Whether the answers differ in nothing but whether an update changed something.
+fn only_counts(difference: &Difference) -> bool {
+    let Ok(ours) = &difference.ours else { return false };
+    difference.kind() == (false, false) && ours.contains_key("nModified") && ours.get("n") == difference.theirs.get("n")
+}
+
+/// Whether two values are the same, their leaves by `leaf`; fields in any order where `any_order`.
+fn equal(a: &Bson, b: &Bson, any_order: bool, leaf: &dyn Fn(&Bson, &Bson) -> bool) -> bool {
+    match (a, b) {
+        (Bson::Document(a), Bson::Document(b)) => {
+            a.len() == b.len()
+                && a.iter().zip(b).all(|((name, value), (other, at_place))| {
+                    let found = if any_order { b.get(name) } else { Some(at_place).filter(|_| name == other) };
+                    found.is_some_and(|found| equal(value, found, any_order, leaf))
+                })
+        }
+        (Bson::Array(a), Bson::Array(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| equal(a, b, any_order, leaf))
+        }
+        (Bson::Double(a), Bson::Double(b)) if a.is_nan() && b.is_nan() => true,
+        (a, b) => a == b || leaf(a, b),
+    }
+}
+
+fn number(value: &Bson) -> Option<f64> {
+    match value {
+        Bson::Int32(value) => Some(f64::from(*value)),
+        Bson::Int64(value) => Some(*value as f64),
+        Bson::Double(value) => Some(*value),
+        Bson::Decimal128(value) => value.to_string().parse().ok(),
+        _ => None,
+    }
+}
+
+/// Whether two decimals agree to 28 digits.
+fn close_decimals(a: &Bson, b: &Bson) -> bool {
+    let (Bson::Decimal128(a), Bson::Decimal128(b)) = (a, b) else { return false };
+    let digits = |text: &str| -> String {
+        let mantissa = text.split('E').next().unwrap_or_default();
+        let digits: String = mantissa.chars().filter(char::is_ascii_digit).collect();
+        format!("{:0<34}", digits.trim_start_matches('0'))
+    };
+    let (a, b) = (a.to_string(), b.to_string());
+    let near = |a: &str, b: &str| match (a.parse::<f64>(), b.parse::<f64>()) {
+        (Ok(a), Ok(b)) => a == b || (a - b).abs() <= 1e-14 * a.abs(),
+        _ => false,
+    };
+    let (Ok(one), Ok(other)) = (digits(&a)[..34].parse::<u128>(), digits(&b)[..34].parse::<u128>()) else {
+        return false;
+    };
+    // 999… and 1000… are as near to each other as their digits are to a power of ten.
+    let gap = one.abs_diff(other);
+    near(&a, &b)
+        && (gap < 1_000_000
+            || gap > 8 * 10u128.pow(33) && one.max(other) % 10u128.pow(33) > 10u128.pow(33) - 10u128.pow(6))
+}

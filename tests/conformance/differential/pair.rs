@@ -1,0 +1,219 @@
+//! A mongod and an embedded store that are asked the same.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use bson::{Bson, Document, doc};
+use libtest_mimic::Failed;
+use mongodb::error::ErrorKind;
+use mongodb::sync::{Client, Database};
+use rmem::formats::shell;
+
+use super::known;
+use crate::command::{Answer, Failure};
+use crate::compare;
+use crate::server::Server;
+
+/// After so many writes the documents are those of the beginning again.
+const WORN: usize = 6;
+
+/// Documents, and a command that is asked of them. They are in the collection
+/// `c`; others are in `o` and, for results to meet them, in `w`.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Case {
+    pub(super) documents: Vec<Document>,
+    pub(super) others: Vec<Document>,
+    pub(super) command: Document,
+}
+
+/// What came of a case.
+pub(super) enum Verdict {
+    /// The same; whether anything was found or changed, and whether both refused it.
+    Agrees { something: bool, error: bool },
+    /// The embedded store does not support it, by name.
+    Refused,
+    /// They differ as is known and explained.
+    Known,
+    /// They differ.
+    Differs(Difference),
+}
+
+/// Two answers that should be the same.
+#[derive(Debug, Clone)]
+pub(super) struct Difference {
+    pub(super) command: Document,
+    pub(super) theirs: Document,
+    pub(super) ours: Result<Document, String>,
+    text: String,
+}
+
+impl Difference {
+    /// Whether mongod answered an error, and whether the embedded store did.
+    pub(super) fn kind(&self) -> (bool, bool) {
+        (is_error(&self.theirs), self.ours.as_ref().map_or(true, is_error))
+    }
+}
+
+impl Case {
+    /// The case and both answers, in shell syntax.
+    pub(super) fn show(&self, difference: &Difference) -> String {
+        let mut text = String::new();
+        for (name, documents) in [("c", &self.documents), ("o", &self.others)] {
+            if !documents.is_empty() {
+                let array = Bson::from(documents.clone());
+                text += &format!("  {name}:      {}\n", shell::relaxed_value(&array));
+            }
+        }
+        let ours = match &difference.ours {
+            Ok(answer) => shell::relaxed(answer),
+            Err(message) => format!("error: {message}"),
+        };
+        let mut theirs = difference.theirs.clone();
+        for name in ["$clusterTime", "operationTime", "ok"] {
+            theirs.remove(name);
+        }
+        let note =
+            if shell::relaxed(&theirs) == ours { format!("\n  exactly: {}", difference.text) } else { String::new() };
+        let command = shell::relaxed(&self.command);
+        format!("{text}  command: {command}\n  mongod:  {}\n  rmem:    {ours}{note}", shell::relaxed(&theirs))
+    }
+}
+
+pub(super) struct Pair {
+    mongod: Database,
+    embedded: Server,
+    writes: usize,
+}
+
+impl Pair {
+    pub(super) fn connect(uri: &str, name: &str) -> Result<Self, Failed> {
+        let mongod = Client::with_uri_str(uri)?.database(&format!("differential_{name}"));
+        Ok(Self { mongod, embedded: Server::open()?, writes: 0 })
+    }
+
+    /// Both hold these documents and no others.
+    pub(super) fn reset(&mut self, documents: &[Document], others: &[Document]) -> Result<(), Failed> {
+        self.embedded = Server::open()?;
+        self.writes = 0;
+        for (name, documents) in [("c", documents), ("o", others), ("w", others)] {
+            self.server(&doc! { "delete": name, "deletes": [{ "q": {}, "limit": 0 }] })?;
+            if documents.is_empty() {
+                continue;
+            }
+            let insert = doc! { "insert": name, "documents": documents };
+            let theirs = self.server(&insert)?;
+            let ours = self.embedded(&insert, &theirs);
+            if is_error(&theirs) || ours.as_ref().map_or(true, is_error) {
+                return Err(format!("documents cannot be stored: {theirs}, {ours:?}").into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether enough was written that the documents should be made anew.
+    pub(super) fn is_worn(&self) -> bool {
+        self.writes >= WORN
+    }
+
+    /// The documents that both hold now: those of the beginning where nothing was written.
+    pub(super) fn documents(&mut self, beginning: &[Document]) -> Vec<Document> {
+        let found = || self.server(&doc! { "find": "c" }).ok().and_then(|reply| batch(&reply));
+        if self.writes == 0 { beginning.to_vec() } else { found().unwrap_or_default() }
+    }
+
+    /// Asks both, and compares the answers and what is there then.
+    pub(super) fn ask(&mut self, command: &Document) -> Result<Verdict, Failed> {
+        let verdict = self.compare(command, command)?;
+        let name = command.keys().next().map_or("", String::as_str);
+        let writes = matches!(name, "update" | "delete") || writes_results(command);
+        if !writes {
+            return Ok(verdict);
+        }
+        self.writes += 1;
+        match verdict {
+            // Where a write of many documents fails, mongod keeps what it did before.
+            Verdict::Agrees { error: true, .. } => self.writes = WORN,
+            Verdict::Agrees { .. } => {
+                for name in if writes_results(command) { ["w"] } else { ["c"] } {
+                    let found = self.compare(&doc! { "find": name }, command)?;
+                    if matches!(found, Verdict::Differs(_) | Verdict::Known) {
+                        self.writes = WORN;
+                        return Ok(found);
+                    }
+                }
+            }
+            _ => self.writes = WORN,
+        }
+        Ok(verdict)
+    }
+
+    /// Compares the answers to a question that is asked because of a command, perhaps of itself.
+    fn compare(&mut self, question: &Document, command: &Document) -> Result<Verdict, Failed> {
+        let theirs = self.server(question)?;
+        let ours = self.embedded(question, &theirs);
+        if matches!(ours, Err(Failure::Refused(_))) {
+            return Ok(Verdict::Refused);
+        }
+        let compared = compare::replies(question, &theirs, &ours);
+        let error = is_error(&theirs);
+        let Err(text) = compared else { return Ok(Verdict::Agrees { something: is_something(&theirs), error }) };
+        let ours = ours.map_err(|failure| match failure {
+            Failure::Refused(name) => name,
+            Failure::Failed(message) => message,
+        });
+        let difference = Difference { command: command.clone(), theirs, ours, text };
+        Ok(if known::explains(&difference) { Verdict::Known } else { Verdict::Differs(difference) })
+    }
+
+    /// What mongod answers.
+    fn server(&self, command: &Document) -> Result<Document, Failed> {
+        let mut command = command.clone();
+        let name = command.keys().next().map_or("", String::as_str);
+        if matches!(name, "insert" | "update" | "delete") || writes_results(&command) {
+            command.insert("writeConcern", doc! { "w": 1, "j": false });
+        }
+        match self.mongod.run_command(command).run() {
+            Ok(reply) => Ok(reply),
+            Err(error) => match error.kind.as_ref() {
+                ErrorKind::Command(refusal) => {
+                    Ok(doc! { "ok": 0.0, "code": refusal.code, "errmsg": refusal.message.clone() })
+                }
+                _ => Err(error.into()),
+            },
+        }
+    }
+
+    /// What the embedded store answers.
+    fn embedded(&mut self, command: &Document, theirs: &Document) -> Answer {
+        let mut command = command.clone();
+        command.insert("$db", "d");
+        catch_unwind(AssertUnwindSafe(|| self.embedded.run(&command, theirs)))
+            .unwrap_or_else(|_| Err(Failure::Failed("PANIC".to_owned())))
+    }
+}
+
+fn writes_results(command: &Document) -> bool {
+    let stages = command.get_array("pipeline").map_or(&[][..], Vec::as_slice);
+    let last = stages.last().and_then(Bson::as_document);
+    last.is_some_and(|stage| stage.contains_key("$out") || stage.contains_key("$merge"))
+}
+
+fn is_error(reply: &Document) -> bool {
+    reply.get("ok").is_some_and(|ok| *ok == Bson::Double(0.0)) || reply.contains_key("writeErrors")
+}
+
+fn batch(reply: &Document) -> Option<Vec<Document>> {
+    let batch = reply.get_document("cursor").ok()?.get_array("firstBatch").ok()?;
+    Some(batch.iter().filter_map(|item| item.as_document().cloned()).collect())
+}
+
+/// Whether anything was found or changed.
+fn is_something(reply: &Document) -> bool {
+    let positive = |name| matches!(reply.get(name), Some(Bson::Int32(1..)));
+    if let Some(found) = batch(reply) {
+        return found.iter().any(|document| document.keys().any(|name| name != "_id"));
+    }
+    if reply.contains_key("nModified") {
+        return positive("nModified") || reply.contains_key("upserted");
+    }
+    positive("n") || reply.get_array("values").is_ok_and(|values| !values.is_empty())
+}

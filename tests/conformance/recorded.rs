@@ -1,0 +1,77 @@
+//! Recorded commands of a real mongod, replayed on the embedded store.
+//!
+//! `RMEM_CONFORMANCE` names the recording: a zstd stream of BSON documents
+//! `{test, cmds: [{db, cmd, reply}]}`. Without it the test is reported as
+//! ignored. A table per family is printed; `RMEM_CONFORMANCE_FAMILY` (a part of
+//! a family's name) and `RMEM_CONFORMANCE_SHOW` (how many) print differences.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use bson::{Bson, Document};
+use libtest_mimic::{Failed, Trial};
+
+use crate::command::Failure;
+use crate::compare;
+use crate::report::{Outcome, Report};
+use crate::server::Server;
+
+/// The least part of the cases that are not refused which must agree.
+const LEAST: f64 = 0.99;
+
+pub(crate) fn trial() -> Trial {
+    let recording = std::env::var_os("RMEM_CONFORMANCE").map(PathBuf::from).filter(|path| path.is_file());
+    let ignored = recording.is_none();
+    let trial = Trial::test("recorded_answers_of_mongod_agree", move || match recording {
+        Some(path) => replay(&path),
+        None => Ok(()),
+    });
+    trial.with_ignored_flag(ignored)
+}
+
+fn replay(path: &Path) -> Result<(), Failed> {
+    let mut reader = zstd::stream::read::Decoder::new(File::open(path)?)?;
+    let mut report = Report::from_environment();
+    while let Ok(case) = Document::from_reader(&mut reader) {
+        let name = case.get_str("test").unwrap_or_default().to_owned();
+        if !report.wants(&name) {
+            continue;
+        }
+        let outcome = match std::panic::catch_unwind(|| answer(&case)) {
+            Ok(outcome) => outcome,
+            Err(_) => Outcome::Differs("PANIC".to_owned()),
+        };
+        report.add(&name, outcome);
+    }
+    report.print();
+    let agreed = report.agreement();
+    if agreed < LEAST {
+        return Err(format!("only {:.1} % agree", agreed * 100.0).into());
+    }
+    Ok(())
+}
+
+/// Runs the commands of a case until an answer differs.
+fn answer(case: &Document) -> Outcome {
+    let Ok(mut server) = Server::open() else { return Outcome::Differs("no store".to_owned()) };
+    let Ok(commands) = case.get_array("cmds") else { return Outcome::Refused("unreadable".to_owned()) };
+    for entry in commands.iter().filter_map(Bson::as_document) {
+        let (Ok(command), Ok(reply)) = (entry.get_document("cmd"), entry.get_document("reply")) else { continue };
+        let ours = server.run(command, reply);
+        match ours {
+            Err(Failure::Refused(name)) => return Outcome::Refused(name),
+            ours => {
+                if let Err(difference) = compare::replies(command, reply, &ours) {
+                    return Outcome::Differs(format!("{difference}\n    {}", shortened(command)));
+                }
+            }
+        }
+    }
+    Outcome::Agrees
+}
+
+fn shortened(command: &Document) -> String {
+    let mut command = command.clone();
+    command.remove("$db");
+    command.to_string().chars().take(1200).collect()
+}

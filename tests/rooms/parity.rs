@@ -1,0 +1,136 @@
+//! Answers that a comparison with a real mongod found to be different once.
+
+use bson::{Bson, Document, doc};
+use rmem::store::{Embedded, Find, Namespace, Store as _, UpdateRequest, UpdateSpec, Updated};
+
+fn store(documents: Vec<Document>) -> (Embedded, Namespace) {
+    let (store, ns) = (Embedded::in_memory().unwrap(), Namespace::parse("a.c").unwrap());
+    store.insert(&ns, documents).unwrap();
+    (store, ns)
+}
+
+fn aggregated(documents: Vec<Document>, stages: &[Document]) -> Vec<Document> {
+    let (store, ns) = store(documents);
+    let found = store.aggregate(&ns, stages).unwrap();
+    found.map(|document| Document::try_from(&*document.unwrap()).unwrap()).collect()
+}
+
+fn sorted(documents: Vec<Document>, sort: Document) -> Result<Vec<Bson>, String> {
+    let (store, ns) = store(documents);
+    let found = store.find(&ns, &Find { sort, ..Find::default() }).map_err(|error| error.to_string())?;
+    Ok(found.map(|document| Document::try_from(&*document.unwrap()).unwrap().remove("_id").unwrap()).collect())
+}
+
+fn upserted(filter: Document, update: Document) -> Document {
+    let (store, ns) = store(vec![doc! { "_id": 0 }]);
+    let update = UpdateSpec::Document(update);
+    let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: true };
+    store.update(&ns, &request, None).unwrap();
+    let found = store.find(&ns, &Find { skip: 1, ..Find::default() }).unwrap();
+    let mut made = found.map(|document| Document::try_from(&*document.unwrap()).unwrap()).next().unwrap();
+    made.remove("_id");
+    made
+}
+
+fn changed(document: Document, filter: Document, update: Document) -> Result<(Updated, Document), String> {
+    let (store, ns) = store(vec![document]);
+    let update = UpdateSpec::Document(update);
+    let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: false };
+    let updated = store.update(&ns, &request, None).map_err(|error| error.to_string())?;
+    let after = store.find(&ns, &Find::default()).unwrap().next().unwrap().unwrap();
+    Ok((updated, Document::try_from(&*after).unwrap()))
+}
+
+#[test]
+fn a_sort_by_an_index_takes_an_empty_array_there_before_null() {
+    let documents = vec![doc! { "_id": 11 }, doc! { "_id": 9, "a": [1, []] }];
+    assert_eq!(sorted(documents, doc! { "a.1": 1 }), Ok(vec![9.into(), 11.into()]));
+    assert!(sorted(vec![doc! { "_id": 1, "a": [], "b": [1] }], doc! { "b.0": 1, "a.1": 1 }).is_err());
+    assert!(sorted(vec![doc! { "_id": 1, "a": [{ "b": [] }] }], doc! { "a.0.b": 1, "a": 1 }).is_ok());
+}
+
+#[test]
+fn a_group_by_an_object_of_one_field_has_null_where_it_is_missing() {
+    let group = |id: Document| aggregated(vec![doc! { "_id": 1 }], &[doc! { "$group": { "_id": id } }]);
+    assert_eq!(group(doc! { "k": "$a" }), [doc! { "_id": { "k": null } }]);
+    assert_eq!(group(doc! { "k": "$a", "j": "$b" }), [doc! { "_id": {} }]);
+}
+
+#[test]
+fn the_best_of_a_group_is_found_by_whole_arrays_and_earlier_ones_win() {
+    let documents = vec![doc! { "_id": 1, "a": [{ "b": 1 }] }, doc! { "_id": 2, "a": [{}, { "b": "x" }] }];
+    let best = doc! { "$top": { "sortBy": { "a": -1 }, "output": "$_id" } };
+    assert_eq!(aggregated(documents, &[doc! { "$group": { "_id": 0, "p": best } }]), [doc! { "_id": 0, "p": 1 }]);
+    let equal = vec![doc! { "_id": 1, "a": 5 }, doc! { "_id": 2, "a": 5 }];
+    let last = doc! { "$bottom": { "sortBy": { "a": 1 }, "output": "$_id" } };
+    assert_eq!(aggregated(equal, &[doc! { "$group": { "_id": 0, "p": last } }]), [doc! { "_id": 0, "p": 1 }]);
+}
+
+#[test]
+fn a_lookup_takes_a_missing_element_for_null_only_where_all_are_missing() {
+    let found = |document: Document| {
+        let lookup = doc! { "from": "c", "localField": "a.b", "foreignField": "x", "as": "r" };
+        aggregated(vec![document], &[doc! { "$lookup": lookup }]).remove(0).get_array("r").unwrap().len()
+    };
+    assert_eq!(found(doc! { "_id": 1, "a": [{ "b": 1 }, {}] }), 0);
+    assert_eq!(found(doc! { "_id": 1, "a": [{}] }), 1);
+}
+
+#[test]
+fn a_search_through_a_graph_does_not_take_a_missing_field_for_null() {
+    let graph = doc! {
+        "from": "c", "startWith": "$n", "connectFromField": "to.id", "connectToField": "id", "as": "r",
+    };
+    let documents = vec![
+        doc! { "_id": 1, "n": null, "id": "a" },
+        doc! { "_id": 2, "n": "a" },
+        doc! { "_id": 3, "n": "b", "id": "b", "to": [{ "id": ["a"] }] },
+    ];
+    let found = aggregated(documents, &[doc! { "$graphLookup": graph }]);
+    let counts: Vec<usize> = found.iter().map(|document| document.get_array("r").unwrap().len()).collect();
+    assert_eq!(counts, [0, 1, 2]);
+}
+
+#[test]
+fn what_an_upsert_takes_from_its_filter_is_in_the_order_of_the_paths() {
+    let made = upserted(doc! { "b": 1, "a": 2, "c": { "$in": [3, 3] } }, doc! { "$set": { "z": 1 } });
+    assert_eq!(made.keys().collect::<Vec<_>>(), ["a", "b", "c", "z"]);
+    assert_eq!(upserted(doc! { "q": 1, "b": { "$all": [] } }, doc! { "$set": { "z": 1 } }), doc! { "z": 1 });
+}
+
+#[test]
+fn a_positional_operator_names_a_field_where_there_is_no_array() {
+    let filter = doc! { "l.b": 1 };
+    let document = doc! { "_id": 1, "l": [{ "b": 1 }], "b": {} };
+    let (_, after) = changed(document, filter, doc! { "$set": { "b.$": 7 } }).unwrap();
+    assert_eq!(after.get_document("b").unwrap(), &doc! { "0": 7 });
+    let scalar = changed(doc! { "_id": 1, "a": [1] }, doc! {}, doc! { "$unset": { "a.$[].b.$[]": "" } });
+    assert!(scalar.is_err());
+}
+
+#[test]
+fn a_product_of_zero_that_stays_zero_is_no_modification() {
+    let (updated, _) = changed(doc! { "_id": 1, "m": -0.0 }, doc! {}, doc! { "$mul": { "m": -1 } }).unwrap();
+    assert_eq!((updated.matched, updated.modified), (1, 0));
+}
+
+#[test]
+fn renaming_what_an_array_does_not_have_changes_nothing() {
+    let rename = |path: &str| changed(doc! { "_id": 1, "a": [] }, doc! {}, doc! { "$rename": { path: "z" } });
+    assert_eq!(rename("a.0").map(|(updated, _)| updated.modified), Ok(0));
+    assert!(rename("a.b").is_err());
+}
+
+#[test]
+fn slices_may_not_collide_with_other_paths() {
+    let (store, ns) = store(vec![doc! { "_id": 1 }]);
+    let projection = doc! { "a": { "$slice": 1 }, "a.b": 0 };
+    assert!(store.find(&ns, &Find { projection, ..Find::default() }).is_err());
+}
+
+#[test]
+fn some_combinations_of_merge_are_refused() {
+    let (store, ns) = store(vec![doc! { "_id": 1 }]);
+    let merge = doc! { "into": "w", "whenMatched": "keepExisting", "whenNotMatched": "discard" };
+    assert!(store.aggregate(&ns, &[doc! { "$merge": merge }]).is_err());
+}
