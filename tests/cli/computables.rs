@@ -129,6 +129,42 @@ fn an_explained_query_says_what_was_computed() {
     }
 }
 
+/// The arguments for the blocks world as a camera sees it.
+fn geometric<'a>(world: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut args = vec!["--memory", "mem:", "--config", "fixtures/blocksworld-geometric.toml", "--load", world];
+    args.extend(more);
+    args.extend(["--template", "templates/blocksworld/problem.pddl.j2", "--domain", "domains/blocksworld/domain.pddl"]);
+    args.extend(["--goal", "(and (on A B) (on B C))"]);
+    args
+}
+
+#[test]
+fn poses_give_the_problem_that_relations_give() {
+    let lab = Lab::new();
+    let problem = lab.rmem(&geometric("fixtures/blocksworld-geometric.json", &["gen-problem"])).success();
+    let relations = geometric("fixtures/blocksworld.json", &["gen-problem"]);
+    let without = relations.into_iter().filter(|word| !word.ends_with(".toml") && *word != "--config");
+    // Which is on record in a snapshot.
+    assert_eq!(problem, lab.rmem(&without.collect::<Vec<_>>()).success());
+    let plan = lab.rmem(&geometric("fixtures/blocksworld-geometric.json", &["plan", "--no-store"])).success();
+    assert_eq!(plan.lines().next(), Some("(stack B C)"), "{plan}");
+    assert!(plan.ends_with("; cost = 5 (unit cost)\n"), "{plan}");
+}
+
+#[test]
+fn a_block_that_stands_on_nothing_known_stands_on_an_unknown_block() {
+    let lab = Lab::new();
+    let world = lab.read("fixtures/blocksworld-geometric.json");
+    let world: Vec<&str> = world.lines().filter(|line| !line.contains("\"block\": \"A\"")).collect();
+    lab.write("unseen.json", &world.join("\n"));
+    let mut args = geometric("unseen.json", &["gen-problem"]);
+    args.pop();
+    args.push("(on B C)");
+    let problem = lab.rmem(&args).success();
+    assert!(problem.contains("(on D unknown-below-D)") && problem.contains("(on-table unknown-below-D)"), "{problem}");
+    assert!(problem.contains("(:objects B C unknown-below-D D)"), "{problem}");
+}
+
 #[test]
 fn computations_are_logged() {
     let lab = lab("command = [\"sh\", \"sum.sh\"]");

@@ -92,6 +92,54 @@ pub(crate) fn embedded() -> Vec<Trial> {
     trials
 }
 
+/// How long deciding takes, against a round trip to the database: a benchmark, by hand.
+#[cfg(feature = "mongodb")]
+pub(crate) fn deciding(uri: &str) -> Result<(), Failed> {
+    let lab = Lab { uri: uri.to_owned(), database: "deciding".to_owned() };
+    let round_trip = {
+        let memory = lab.memory(Vec::new());
+        memory.insert(&lab.ns("x"), vec![doc! { "_id": 1 }])?;
+        per_call(500, || all(&memory, &lab.ns("x"), doc! { "_id": 1 }).len())
+    };
+    eprintln!("one round trip, a find by _id: {round_trip:?}");
+    let spec = |index: i32| doc! { "compute": format!("c{index}"), "x": { "$exists": true } };
+    let alike = |index: i32| doc! { "x": { "$exists": true, "$gt": index } };
+    let open = |index: i32| doc! { "a": { "$ne": index } };
+    let kinds: [(&str, &dyn Fn(i32) -> Document); 3] =
+        [("each for a text of its own", &spec), ("all for one key", &alike), ("all to be tried", &open)];
+    for (kind, spec) in kinds {
+        let definitions =
+            (0..100).map(|index| lab.pipeline(&format!("c{index}"), spec(index), "y", Vec::new())).collect();
+        let memory = lab.memory(definitions);
+        for (asked, query) in [
+            ("needs one or more", doc! { "compute": "c50", "x": 5, "y": 4 }),
+            ("needs none", doc! { "relation": "on-table", "object": "A" }),
+        ] {
+            let ns = lab.ns("x");
+            let took = per_call(2_000, || memory.needed(&ns, &query).map_or(0, |needed| needed.len()));
+            let ratio = round_trip.as_secs_f64() / took.as_secs_f64();
+            eprintln!("100 computables, {kind}; the query {asked}: {took:?}, 1/{ratio:.0} of a round trip");
+        }
+    }
+    Ok(())
+}
+
+/// How long a call takes: the median of ten runs.
+#[cfg(feature = "mongodb")]
+fn per_call(calls: u32, mut call: impl FnMut() -> usize) -> Duration {
+    let mut runs: Vec<Duration> = (0..10)
+        .map(|_| {
+            let start = Instant::now();
+            (0..calls).for_each(|_| {
+                std::hint::black_box(call());
+            });
+            start.elapsed() / calls
+        })
+        .collect();
+    runs.sort();
+    runs[5]
+}
+
 impl Lab {
     fn ns(&self, collection: &str) -> Namespace {
         Namespace { database: self.database.clone(), collection: collection.to_owned() }

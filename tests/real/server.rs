@@ -21,6 +21,7 @@ static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
 
 const PREFIX: &str = "contract::mongodb";
 const COMPUTABLES: &str = "computables::mongodb";
+const DECIDING: &str = "computables::benchmark::deciding_what_a_query_needs";
 const ANOTHER: &str = "mongodb::a_replica_set_of_another_name_is_not_taken_for_a_silent_server";
 const LOST: &str = "mongodb::an_operation_on_a_server_that_falls_silent_ends";
 
@@ -30,7 +31,7 @@ pub(crate) fn names() -> Vec<String> {
     names.extend(cases().map(|(name, _)| name.to_owned()));
     names.extend(triggers::KILLERS.iter().map(|(name, _)| (*name).to_owned()));
     names.extend(computables::names(COMPUTABLES));
-    names.extend([ANOTHER, LOST].map(str::to_owned));
+    names.extend([ANOTHER, LOST, DECIDING].map(str::to_owned));
     names
 }
 
@@ -57,7 +58,7 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
         Trial::test(*name, move || killer(program.as_deref().ok_or("there is no mongod")?))
     });
     let mut trials: Vec<_> = cases.chain(killers).collect();
-    let server = program.clone();
+    let (server, other) = (program.clone(), program.clone());
     trials.extend(computables::trials(COMPUTABLES, true, move || {
         Ok(computables::Place { uri: uri(server.as_deref().ok_or("there is no mongod")?)?, folder: None })
     }));
@@ -66,6 +67,8 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
         None => Err("there is no mongod".into()),
     }));
     let mut trials: Vec<_> = trials.into_iter().map(|trial| trial.with_ignored_flag(missing)).collect();
+    let deciding = move || computables::deciding(&uri(other.as_deref().ok_or("there is no mongod")?)?);
+    trials.push(Trial::test(DECIDING, deciding).with_ignored_flag(true));
     trials.push(lost);
     trials.push(another.with_ignored_flag(missing));
     trials.push(Trial::test("mongodb::an_unreachable_server_is_named_within_seconds", unreachable));

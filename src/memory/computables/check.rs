@@ -42,6 +42,14 @@ impl Memory {
         self.computables.registry.iter()
     }
 
+    /// The computables that a query needs, in the order in which they run. No store is asked.
+    ///
+    /// # Errors
+    /// Where an expression in a spec fails on the query.
+    pub fn needed(&self, ns: &Namespace, query: &Document) -> Result<Vec<&Computable>, StoreError> {
+        self.computables.registry.matching(ns, query)
+    }
+
     /// What a query would mean for each computable. Nothing is computed.
     ///
     /// # Errors

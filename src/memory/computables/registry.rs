@@ -35,7 +35,7 @@ pub struct Registry {
 }
 
 /// Where the specs of a namespace are looked for, so that a query is matched
-/// against few of them. Each is at one place.
+/// against few of them.
 #[derive(Default)]
 struct Places {
     texts: HashMap<String, HashMap<String, Vec<usize>>>,
@@ -65,7 +65,7 @@ impl Registry {
         self.places.clear();
         for (index, computable) in self.computables.iter().enumerate() {
             let places = self.places.entry(computable.definition.namespace.clone()).or_default();
-            places.add(computable.spec.slot(), index);
+            computable.spec.slots().into_iter().for_each(|slot| places.add(slot, index));
         }
         Ok(())
     }
@@ -83,6 +83,7 @@ impl Registry {
         let Some(places) = self.places.get(ns) else { return Ok(Vec::new()) };
         let mut found = places.candidates(query);
         found.sort_unstable();
+        found.dedup();
         let mut matching = Vec::new();
         for computable in found.into_iter().filter_map(|index| self.computables.get(index)) {
             if computable.spec.matches(query).map_err(|error| failed(&computable.definition.name, error))? {

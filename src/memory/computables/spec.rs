@@ -44,17 +44,45 @@ impl Spec {
         Ok(missed)
     }
 
-    /// Where the spec is looked for.
-    pub(super) fn slot(&self) -> Slot {
-        let mut slot = Slot::Any;
-        for (key, value) in self.document.iter().filter(|(key, _)| !key.starts_with('$') && !key.contains('.')) {
-            match value {
-                Bson::String(text) => return Slot::Text(key.clone(), text.clone()),
-                value if needs_key(value) => slot = Slot::Key(key.clone()),
-                _ => {}
+    /// Where the spec is looked for: every query that it matches has one of these.
+    pub(super) fn slots(&self) -> Vec<Slot> {
+        slots(&self.document).unwrap_or_else(|| vec![Slot::Any])
+    }
+}
+
+/// The slots of a spec, texts rather than keys; none where there are none.
+fn slots(spec: &Document) -> Option<Vec<Slot>> {
+    let is_exact = |slots: &[Slot]| slots.iter().all(|slot| matches!(slot, Slot::Text(..)));
+    let mut best: Option<Vec<Slot>> = None;
+    for (key, value) in spec {
+        let Some(found) = clause_slots(key, value) else { continue };
+        if best.is_none() || is_exact(&found) {
+            let done = is_exact(&found);
+            best = Some(found);
+            if done {
+                break;
             }
         }
-        slot
+    }
+    best
+}
+
+fn clause_slots(key: &str, value: &Bson) -> Option<Vec<Slot>> {
+    match (key, value) {
+        ("$or", Bson::Array(alternatives)) => {
+            let slots: Option<Vec<_>> = alternatives.iter().map(|spec| slots(spec.as_document()?)).collect();
+            slots.map(|slots| slots.concat())
+        }
+        ("$and", Bson::Array(parts)) => parts.iter().find_map(|spec| slots(spec.as_document()?)),
+        (operator, _) if operator.starts_with('$') => None,
+        (path, value) => {
+            let (first, dotted) = path.split_once('.').map_or((path, false), |(first, _)| (first, true));
+            match value {
+                Bson::String(text) if !dotted => Some(vec![Slot::Text(first.to_owned(), text.clone())]),
+                value if needs_key(value) => Some(vec![Slot::Key(first.to_owned())]),
+                _ => None,
+            }
+        }
     }
 }
 
@@ -112,19 +140,25 @@ mod tests {
 
     #[test]
     fn a_spec_is_looked_for_where_every_match_is() {
-        let slot = |document| spec(document).slot();
-        assert_eq!(slot(doc! { "x": { "$exists": true }, "a": "b" }), Slot::Text("a".into(), "b".into()));
-        assert_eq!(slot(doc! { "x": { "$exists": true } }), Slot::Key("x".into()));
-        assert_eq!(slot(doc! { "x": 1 }), Slot::Key("x".into()));
+        let slots = |document| spec(document).slots();
+        let (text, key) =
+            (|key: &str, text: &str| Slot::Text(key.into(), text.into()), |key: &str| Slot::Key(key.into()));
+        assert_eq!(slots(doc! { "x": { "$exists": true }, "a": "b" }), [text("a", "b")]);
+        assert_eq!(slots(doc! { "x": { "$exists": true } }), [key("x")]);
+        assert_eq!(slots(doc! { "x": 1 }), [key("x")]);
+        assert_eq!(slots(doc! { "x.y": "a" }), [key("x")]);
+        let either = doc! { "$or": [{ "a": "b" }, { "a.$in": "b" }] };
+        assert_eq!(slots(either.clone()), [text("a", "b"), key("a")]);
+        assert_eq!(slots(doc! { "$and": [{ "x": null }, either] }), [text("a", "b"), key("a")]);
         for document in [
             doc! {},
             doc! { "x": null },
             doc! { "x": { "$exists": false } },
             doc! { "x": { "$ne": 1 } },
-            doc! { "x.y": "a" },
-            doc! { "$or": [{ "a": "b" }] },
+            doc! { "$or": [{ "a": "b" }, { "c": null }] },
+            doc! { "$nor": [{ "a": "b" }] },
         ] {
-            assert_eq!(slot(document), Slot::Any);
+            assert_eq!(slots(document), [Slot::Any]);
         }
     }
 }
