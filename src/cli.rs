@@ -213,7 +213,12 @@ problem says so; exits with 1 where it does not."
     ImportProblem(ImportProblem),
     /// Find a plan, check it, store it, print it
     #[command(
-        after_help = "Examples:\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  rmem gen-problem --template problem.pddl.j2 | rmem plan --domain domain.pddl --problem -"
+        after_help = "Examples:\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  rmem gen-problem --template problem.pddl.j2 | rmem plan --domain domain.pddl --problem -\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --watch\n\n\
+With --watch, rmem prints a plan and stays. When a collection that the template asks changes, the\n\
+steps that are not done are simulated from the memory as it is then; a plan that holds is left\n\
+alone, any other is replaced by a new one, stored and printed. While a step is noted as begun\n\
+(plan step ID N --started), the world is in between, and nothing is done until it is noted as\n\
+ended. Ends when it is interrupted."
     )]
     Plan(Plan),
     /// Run the built-in planner, speaking FF

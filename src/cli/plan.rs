@@ -202,6 +202,9 @@ pub struct PlanSearch {
     /// How.
     #[command(flatten)]
     pub effort: PlanEffort,
+    /// Go on: plan again whenever the memory changes and the plan does not hold any more
+    #[arg(long, requires = "template", conflicts_with = "no_store")]
+    pub watch: bool,
 }
 
 /// What a plan is for.

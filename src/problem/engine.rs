@@ -142,7 +142,7 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
         }
     });
     let sections = sections.collect();
-    Ok(Generated { text, sections, template: template.clone(), placed, values })
+    Ok(Generated { text, sections, namespaces: context.namespaces(), template: template.clone(), placed, values })
 }
 
 /// What went wrong, at its place in the template as it was written.

@@ -27,6 +27,8 @@ pub(super) struct Context {
     failure: Mutex<Option<StoreError>>,
     emitted: Mutex<Vec<Emitted>>,
     asked: Mutex<Vec<Asked>>,
+    /// Whom the template asked, for whatever.
+    namespaces: Mutex<Vec<Namespace>>,
     /// Values that the filter `name` made texts of, by those texts.
     named: Mutex<HashMap<String, Bson>>,
 }
@@ -58,6 +60,7 @@ impl Context {
             failure: Mutex::default(),
             emitted: Mutex::default(),
             asked: Mutex::default(),
+            namespaces: Mutex::default(),
             named: Mutex::default(),
         }
     }
@@ -80,6 +83,11 @@ impl Context {
     /// The queries that were asked.
     pub(super) fn asked(&self) -> Vec<Asked> {
         lock(&self.asked).clone()
+    }
+
+    /// The namespaces that were asked.
+    pub(super) fn namespaces(&self) -> Vec<Namespace> {
+        lock(&self.namespaces).clone()
     }
 
     /// Keeps a value for the problem; its number in brackets stands for it in the rendered text.
@@ -393,10 +401,15 @@ impl Call {
         }
     }
 
-    fn namespace(&mut self) -> Result<Arc<Namespace>, Error> {
+    fn namespace(&mut self, context: &Context) -> Result<Arc<Namespace>, Error> {
         let value = self.next("ns")?.ok_or_else(|| Error::new(ErrorKind::MissingArgument, "expected a namespace"))?;
         let text = value.as_str().ok_or_else(|| invalid("a namespace must be text like \"robmem.worldmodel\""))?;
-        Namespace::parse(text).map(Arc::new).map_err(|error| invalid(error.to_string()))
+        let namespace = Namespace::parse(text).map_err(|error| invalid(error.to_string()))?;
+        let mut asked = lock(&context.namespaces);
+        if !asked.contains(&namespace) {
+            asked.push(namespace.clone());
+        }
+        Ok(Arc::new(namespace))
     }
 
     fn number(&mut self, name: &str) -> Result<u64, Error> {
@@ -432,7 +445,7 @@ impl Call {
 }
 
 fn query(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
-    let namespace = call.namespace()?;
+    let namespace = call.namespace(context)?;
     let find = call.find(context)?;
     call.end()?;
     let matched = context.note(call.site, &namespace, &find.filter);
@@ -441,7 +454,7 @@ fn query(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
 }
 
 fn aggregate(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
-    let namespace = call.namespace()?;
+    let namespace = call.namespace(context)?;
     let pipeline =
         call.next("pipeline")?.ok_or_else(|| Error::new(ErrorKind::MissingArgument, "expected a pipeline"))?;
     let pipeline = context.pipeline(&pipeline)?;
@@ -452,7 +465,7 @@ fn aggregate(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
 }
 
 fn find_one(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
-    let namespace = call.namespace()?;
+    let namespace = call.namespace(context)?;
     let find = Find { limit: 1, ..call.find(context)? };
     call.end()?;
     let (context, matched) = (Arc::clone(context), Arc::default());
@@ -463,7 +476,7 @@ fn find_one(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
 }
 
 fn count(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
-    let namespace = call.namespace()?;
+    let namespace = call.namespace(context)?;
     let filter = call.next("filter")?;
     let filter = context.document(filter.as_ref(), "filter")?;
     call.end()?;
@@ -474,7 +487,7 @@ fn count(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
 }
 
 fn distinct(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
-    let namespace = call.namespace()?;
+    let namespace = call.namespace(context)?;
     let field = call.next("field")?.ok_or_else(|| Error::new(ErrorKind::MissingArgument, "expected a field"))?;
     let field = field.as_str().ok_or_else(|| invalid("a field must be text like \"position.x\""))?.to_owned();
     let filter = call.next("filter")?;

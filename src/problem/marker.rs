@@ -41,7 +41,8 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     };
     expander.nodes(&template.nodes, None)?;
     let Assembled { text, placed, values } = expander.assembler.finish()?;
-    Ok(Generated { text, sections: expander.reports, template: request.template.clone(), placed, values })
+    let namespaces = expander.reports.first().map(|report| report.namespace.clone()).into_iter().collect();
+    Ok(Generated { text, sections: expander.reports, namespaces, template: request.template.clone(), placed, values })
 }
 
 /// The sections whose documents are needed more than once: those inside of others, and those used again by name.

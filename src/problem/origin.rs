@@ -54,6 +54,8 @@ pub struct Generated {
     pub text: String,
     /// The queries of the template in the order in which they were first asked.
     pub sections: Vec<SectionReport>,
+    /// All namespaces that the template asked, for whatever, in the order in which they were first asked.
+    pub namespaces: Vec<Namespace>,
     pub(super) template: Source,
     /// In the order of the output, without overlaps.
     pub(super) placed: Vec<Placed>,

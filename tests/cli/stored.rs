@@ -298,3 +298,98 @@ fn a_plan_command_takes_no_options_of_planning() {
     assert!(run.stderr.contains("rmem plan --domain"), "{run}");
     lab.rmem(&["plan", "--memory", "mem:", "list"]).success();
 }
+
+/// `rmem plan --watch` on the blocks world, and what it prints.
+struct Watcher {
+    child: std::process::Child,
+    told: std::io::Lines<std::io::BufReader<std::process::ChildStdout>>,
+    said: std::io::Lines<std::io::BufReader<std::process::ChildStderr>>,
+}
+
+impl Watcher {
+    /// Starts it, and waits until it watches.
+    fn new(lab: &Lab) -> Self {
+        use std::io::{BufRead as _, BufReader};
+        let mut command = std::process::Command::new(crate::lab::rmem());
+        lab.isolate(&mut command);
+        let command = command.args([&["plan", "--watch"], &TASK[2..]].concat());
+        let pipes = command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+        let mut child = pipes.spawn().unwrap();
+        let told = BufReader::new(child.stdout.take().unwrap()).lines();
+        let said = BufReader::new(child.stderr.take().unwrap()).lines();
+        let mut watcher = Self { child, told, said };
+        assert_eq!(watcher.said_until("watching").last().unwrap(), "watching robmem.worldmodel");
+        watcher
+    }
+
+    /// The lines on stderr up to one with this text.
+    fn said_until(&mut self, text: &str) -> Vec<String> {
+        let mut lines = Vec::new();
+        loop {
+            lines.push(self.said.next().unwrap_or_else(|| panic!("no {text}: {lines:?}")).unwrap());
+            if lines.last().unwrap().contains(text) {
+                return lines;
+            }
+        }
+    }
+
+    /// The next plan that is printed.
+    fn plan(&mut self) -> Vec<String> {
+        let mut lines = Vec::new();
+        loop {
+            lines.push(self.told.next().unwrap().unwrap());
+            if lines.last().unwrap().starts_with("; cost") {
+                return lines;
+            }
+        }
+    }
+
+    fn interrupt(mut self) -> i32 {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+        self.child.wait().unwrap().code().unwrap()
+    }
+}
+
+#[test]
+fn a_watch_plans_again_only_where_the_plan_does_not_hold() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let mut watcher = Watcher::new(&lab);
+    assert_eq!(watcher.plan().len(), 6);
+    // What the plan does not care about, and a step that is begun, done and noted: it still holds.
+    lab.rmem(&["insert", "robmem.worldmodel", "{relation: 'weather', is: 'fine'}"]).success();
+    lab.rmem(&["plan", "step", "last", "1", "--started"]).success();
+    STACKED.iter().for_each(|line| drop(lab.shell(line).success()));
+    lab.rmem(&["plan", "step", "last", "1", "--done"]).success();
+    // Now a new block lies on D, which the next step wants to take.
+    let block = ["{relation: 'on', object_top: 'E', object_bottom: 'D'}", "{relation: 'clear', object: 'E'}"];
+    lab.rmem(&[&["insert", "robmem.worldmodel"], &block[..]].concat()).success();
+    lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
+    let lines = watcher.said_until("does not hold");
+    assert!(lines.last().unwrap().contains("step 2: (unstack D A)"), "{lines:?}");
+    watcher.said_until("stored in");
+    let plan = watcher.plan();
+    assert_eq!(plan[0], "(unstack E D)", "{plan:?}");
+    assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "2\n");
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
+fn a_watch_waits_for_a_world_in_which_there_is_a_plan() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let mut watcher = Watcher::new(&lab);
+    watcher.plan();
+    lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}"]).success();
+    watcher.said_until("no plan: ");
+    lab.rmem(&[
+        "insert",
+        "robmem.worldmodel",
+        "{relation: 'on-table', object: 'C'}",
+        "{relation: 'clear', object: 'C'}",
+    ])
+    .success();
+    assert_eq!(watcher.plan().len(), 6);
+    assert_eq!(watcher.interrupt(), 130);
+}

@@ -8,9 +8,10 @@ use crate::cli::PlanCheck;
 use crate::commands::{Context, WrongInput};
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, Source, shell};
+use crate::memory::Memory;
 use crate::output::Format;
-use crate::pddl::{Domain, Failure, Step, Validation, validate};
-use crate::plan::{Given, Record, Status, Stored, spelled};
+use crate::pddl::{Failure, Step, Validation, validate};
+use crate::plan::{Given, Recipe, Record, Status, Stored, spelled};
 use crate::problem::Part;
 use crate::store::Namespace;
 
@@ -59,7 +60,7 @@ struct Origin {
 pub(super) fn judge(
     record: &Record,
     now: Option<Source>,
-    memory: &crate::memory::Memory,
+    memory: &Memory,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Verdict> {
     let mut recipe = record.recipe().map_err(|error| WrongInput::new(format!("{}: {error}", record.id())))?;
@@ -70,24 +71,23 @@ pub(super) fn judge(
             "the plan's problem was a file, which says nothing of the memory: every step is simulated, from the \
              file's initial state; give the state of now with --problem",
         );
-        return simulate(record, &pose::domain(&recipe)?, &recipe, true, memory, context);
+        return simulate(record, &recipe, &|_| true, memory, context);
     }
-    simulate(record, &pose::domain(&recipe)?, &recipe, false, memory, context)
+    simulate(record, &recipe, &|status| status != Status::Done, memory, context)
 }
 
 fn simulate(
     record: &Record,
-    domain: &Domain,
-    recipe: &crate::plan::Recipe,
-    from_the_start: bool,
-    memory: &crate::memory::Memory,
+    recipe: &Recipe,
+    is_left: &dyn Fn(Status) -> bool,
+    memory: &Memory,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Verdict> {
+    let domain = &pose::domain(recipe)?;
     let progress = record.progress();
-    let is_left =
-        |index: &usize| from_the_start || progress.get(*index).is_none_or(|progress| progress.status != Status::Done);
     let count = progress.len();
-    let left: Vec<usize> = (0..count).filter(is_left).collect();
+    let steps = progress.iter().enumerate();
+    let left: Vec<usize> = steps.filter(|(_, step)| is_left(step.status)).map(|(index, _)| index).collect();
     let verdict = |fault, unjudged| Ok(Verdict { left: (left.len(), count), fault, unjudged });
     let posed = match pose(recipe, domain, Sections::Unsaid, memory, context) {
         Ok(posed) => posed,

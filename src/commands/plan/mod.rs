@@ -9,6 +9,7 @@ mod run;
 mod show;
 mod step;
 mod stored;
+mod watch;
 mod why;
 
 use super::Context;

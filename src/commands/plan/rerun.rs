@@ -19,11 +19,8 @@ pub(super) fn run(args: &PlanRerun, context: &mut Context<'_>) -> anyhow::Result
     let recipe = record.recipe().map_err(|error| WrongInput::new(format!("{}: {error}", record.id())))?;
     let domain = pose::domain(&recipe)?;
     let effort = effort(args, &record);
-    find(
-        &Order { recipe, domain, sections: Sections::Told, effort: &effort, rerun_of: Some(record.id()) },
-        &memory,
-        context,
-    )
+    let order = Order { recipe, domain, sections: Sections::Told, effort: &effort, rerun_of: Some(record.id()) };
+    Ok(find(&order, &memory, context)?.exit)
 }
 
 /// The effort of the plan, but for what is said anew.

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use bson::{Bson, Document, doc};
 
 use super::pose::{self, Posed, Sections, pose};
-use super::show;
+use super::{show, watch};
 use crate::cli;
 use crate::commands::{Context, UsageError};
 use crate::exit::Exit;
@@ -24,7 +24,20 @@ pub(super) fn run(args: &cli::PlanSearch, context: &mut Context<'_>) -> anyhow::
     let domain = pose::domain(&recipe)?;
     let memory = context.memory()?;
     let sections = Sections::from(&args.task.options);
-    find(&Order { recipe, domain, sections, effort: &args.effort, rerun_of: None }, &memory, context)
+    let order = Order { recipe, domain, sections, effort: &args.effort, rerun_of: None };
+    match args.watch {
+        true => watch::run(order, &memory, context),
+        false => Ok(find(&order, &memory, context)?.exit),
+    }
+}
+
+/// What came of looking for a plan.
+pub(super) struct Found {
+    pub(super) exit: Exit,
+    /// The id under which it is stored, or that there is none is.
+    pub(super) id: String,
+    /// What the problem was made from.
+    pub(super) namespaces: Vec<Namespace>,
 }
 
 /// A plan wanted.
@@ -37,7 +50,7 @@ pub(super) struct Order<'a> {
 }
 
 /// Poses the problem, finds a plan, checks it, stores it, prints it.
-pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Found> {
     let planners = choose(order.effort, context)?;
     let posed = pose(&order.recipe, &order.domain, order.sections, memory, context)?;
     let run = search(&planners, &Task { domain: &order.domain, problem: &posed.problem }, order.effort, context)?;
@@ -46,7 +59,9 @@ pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>
         true => "plan".to_owned(),
         false => store(with_lineage(&document, &run, order, &posed), &order.effort.into, memory, context)?,
     };
-    print(&run, &document, &posed, &id, context)
+    let exit = print(&run, &document, &posed, &id, context)?;
+    let namespaces = posed.generated.map(|generated| generated.namespaces).unwrap_or_default();
+    Ok(Found { exit, id, namespaces })
 }
 
 fn choose(effort: &cli::PlanEffort, context: &Context<'_>) -> Result<Vec<Box<dyn Planner>>, UsageError> {

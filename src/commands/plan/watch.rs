@@ -1,0 +1,140 @@
+//! `rmem plan --watch`: plans again when the memory has changed and the plan does not hold any more.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use bson::Document;
+
+use super::check::judge;
+use super::pose::Sections;
+use super::run::{Found, Order, find};
+use crate::commands::Context;
+use crate::exit::Exit;
+use crate::memory::Memory;
+use crate::memory::watch::{Trigger, Watch};
+use crate::plan::{Archive, ArchiveError, Status};
+use crate::store::{Namespace, Next};
+
+/// How long nothing is looked at but the memory.
+const SLICE: Duration = Duration::from_millis(250);
+/// How long nothing may change before the plan is looked at: an action changes more than one document.
+const QUIET: Duration = Duration::from_millis(150);
+/// How long changes may go on before the plan is looked at nevertheless.
+const RESTLESS: Duration = Duration::from_secs(2);
+/// How long one waits before a store is looked for again.
+const RETREAT: Duration = Duration::from_millis(500);
+
+pub(super) fn run(mut order: Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let found = find(&order, memory, context)?;
+    let mut watches =
+        found.namespaces.iter().map(|namespace| watch(namespace, memory)).collect::<Result<Vec<_>, _>>()?;
+    let names: Vec<String> = found.namespaces.iter().map(Namespace::to_string).collect();
+    let mut current = match plan_of(found) {
+        Ok(current) => current,
+        Err(exit) => return Ok(exit),
+    };
+    order.sections = Sections::Unsaid;
+    context.output.flush()?;
+    context.output.note(&format!("watching {}", names.join(", ")));
+    loop {
+        // At first, what changed while the plan was made; then, what changed since.
+        if !still_holds(current.as_deref(), &order, memory, context)? {
+            order.rerun_of = current.take().or(order.rerun_of);
+            match find(&order, memory, context) {
+                Ok(found) => match plan_of(found) {
+                    Ok(found) => current = found,
+                    Err(exit) => return Ok(exit),
+                },
+                // The world may be one that has no problem at the moment.
+                Err(error) if Exit::of(&error) == Exit::BadInput => context.output.warn(&format!("no plan: {error:#}")),
+                Err(error) => return Err(error),
+            }
+            context.output.flush()?;
+        }
+        if !changed(&mut watches, context)? {
+            return Ok(Exit::Interrupted);
+        }
+    }
+}
+
+/// Every change of a collection but those that computables make.
+fn watch<'a>(namespace: &Namespace, memory: &'a Memory) -> anyhow::Result<Watch<'a>> {
+    let trigger =
+        Trigger { namespace: namespace.clone(), filter: Document::new(), name: None, computed: false, metadata: false };
+    Ok(memory.watch(trigger)?)
+}
+
+/// The plan that was found, or that there is none now; what another world would not help ends the watch.
+fn plan_of(found: Found) -> Result<Option<String>, Exit> {
+    match found.exit {
+        Exit::Done => Ok(Some(found.id)),
+        Exit::Unsolvable | Exit::GaveUp | Exit::OutOfTime | Exit::OutOfMemory => Ok(None),
+        exit => Err(exit),
+    }
+}
+
+/// Whether the plan still reaches its goal, or an action of it is under way; says why not.
+fn still_holds(
+    current: Option<&str>,
+    order: &Order<'_>,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> anyhow::Result<bool> {
+    let Some(id) = current else { return Ok(false) };
+    let record = match Archive::new(memory, &order.effort.into).get(id) {
+        Ok(record) => record,
+        Err(ArchiveError::Store(error)) => return Err(error.into()),
+        Err(gone) => {
+            context.output.note(&gone.to_string());
+            return Ok(false);
+        }
+    };
+    // While an action is under way, the world is neither as before nor as after it.
+    if record.progress().iter().any(|step| step.status == Status::Running) {
+        return Ok(true);
+    }
+    let verdict = judge(&record, None, memory, context)?;
+    if verdict.holds() {
+        return Ok(true);
+    }
+    verdict.tell(id).iter().for_each(|line| context.output.note(line));
+    Ok(false)
+}
+
+/// Waits until something has changed and all is quiet again; false where somebody interrupts.
+fn changed(watches: &mut [Watch<'_>], context: &mut Context<'_>) -> anyhow::Result<bool> {
+    let patience = crate::Patience::new();
+    let is_over = || patience.interrupted().load(Ordering::Relaxed);
+    while !any_change(watches, SLICE, context)? {
+        if is_over() {
+            return Ok(false);
+        }
+    }
+    let start = Instant::now();
+    while start.elapsed() < RESTLESS && !is_over() && any_change(watches, QUIET, context)? {}
+    Ok(!is_over())
+}
+
+/// Whether a change comes in a time, which the collections share.
+fn any_change(watches: &mut [Watch<'_>], time: Duration, context: &mut Context<'_>) -> anyhow::Result<bool> {
+    let share = time / u32::try_from(watches.len()).unwrap_or(u32::MAX).max(1);
+    let mut any = false;
+    for watch in watches {
+        let mut share = share;
+        loop {
+            match watch.next(share)? {
+                Next::Change(_) => any = true,
+                Next::Nothing => break,
+                Next::Interrupted(error) => {
+                    context.output.warn(&format!("{error}; trying again"));
+                    std::thread::sleep(RETREAT);
+                    break;
+                }
+            }
+            // What is there already is taken along.
+            share = Duration::ZERO;
+        }
+        watch.done()?;
+    }
+    Ok(any)
+}
