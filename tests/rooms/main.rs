@@ -3,6 +3,7 @@
 mod clips;
 mod content;
 mod facts;
+mod fuzzed;
 mod imported;
 mod index;
 mod marker;

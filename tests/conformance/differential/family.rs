@@ -18,8 +18,11 @@ pub(super) struct Family {
     pub(super) cost: usize,
 }
 
+/// A family by its name, made when it is wanted.
+type Named = (&'static str, fn() -> Family);
+
 /// All families, by name.
-pub(super) const FAMILIES: &[(&str, fn() -> Family)] = &[
+pub(super) const FAMILIES: &[Named] = &[
     ("filter_comparison", || over(wild(), find(filter::comparison()))),
     ("filter_logical", || over(wild(), find(filter::logical()))),
     ("filter_element", || over(wild(), find(filter::element()))),

@@ -34,7 +34,7 @@ pub(super) enum Verdict {
     /// They differ as is known and explained.
     Known,
     /// They differ.
-    Differs(Difference),
+    Differs(Box<Difference>),
 }
 
 /// Two answers that should be the same.
@@ -161,7 +161,7 @@ impl Pair {
             Failure::Failed(message) => message,
         });
         let difference = Difference { command: command.clone(), theirs, ours, text };
-        Ok(if known::explains(&difference) { Verdict::Known } else { Verdict::Differs(difference) })
+        Ok(if known::explains(&difference) { Verdict::Known } else { Verdict::Differs(Box::new(difference)) })
     }
 
     /// What mongod answers.

@@ -35,7 +35,7 @@ fn differs(pair: &mut Pair, case: &Case) -> Result<Option<Difference>, Failed> {
         return Ok(None);
     }
     Ok(match pair.ask(&case.command)? {
-        Verdict::Differs(difference) => Some(difference),
+        Verdict::Differs(difference) => Some(*difference),
         _ => None,
     })
 }
