@@ -34,6 +34,7 @@ pub use compare::{compare, compare_values};
 pub use distinct::distinct;
 pub use error::QueryError;
 pub use filter::Filter;
+pub use geo::Near;
 pub use nesting::check;
 pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched};
 pub use projection::Projection;

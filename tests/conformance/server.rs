@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
-use rmem::store::{Embedded, Find, Namespace, Store as _, StoreError};
+use rmem::store::{Embedded, Find, Index, Namespace, Store as _, StoreError};
 
 use crate::command::{Answer, Failure, document, documents, flag, known, refuse_options, unsigned, whole};
 
@@ -39,7 +39,7 @@ impl Server {
         match name.as_str() {
             "drop" => self.store.drop(&ns).map(|_| doc! {}).map_err(Into::into),
             "create" => refuse_options(command).map(|()| doc! {}),
-            "createIndexes" => create_indexes(command),
+            "createIndexes" => self.create_indexes(&ns, command),
             "insert" => self.insert(&ns, command),
             "find" => self.find(&ns, command, recorded),
             "aggregate" => self.aggregate(&ns, command, recorded),
@@ -55,6 +55,14 @@ impl Server {
     fn drop_database(&self, database: &str) -> Answer {
         for ns in self.store.collections()?.iter().filter(|ns| ns.database == database) {
             self.store.drop(ns)?;
+        }
+        Ok(doc! {})
+    }
+
+    fn create_indexes(&self, ns: &Namespace, command: &Document) -> Answer {
+        refuse_options(command)?;
+        for index in documents(command, "indexes")? {
+            self.store.create_index(ns, &Index::parse(&index)?)?;
         }
         Ok(doc! {})
     }
@@ -187,29 +195,6 @@ impl Server {
 
 /// The collection of a pipeline that brings its own documents.
 const NO_COLLECTION: &str = "$cmd.aggregate";
-
-/// Indexes are the store's; only plain ones change no answer.
-fn create_indexes(command: &Document) -> Answer {
-    refuse_options(command)?;
-    for index in documents(command, "indexes")? {
-        for (name, _) in &index {
-            if !matches!(name.as_str(), "key" | "name" | "v" | "background") {
-                return Err(Failure::Refused(format!("index option {name}")));
-            }
-        }
-        if let Ok(keys) = index.get_document("key") {
-            for (name, direction) in keys {
-                if name.contains("$**") {
-                    return Err(Failure::Refused("wildcard index".to_owned()));
-                }
-                if let Bson::String(kind) = direction {
-                    return Err(Failure::Refused(format!("index \"{kind}\"")));
-                }
-            }
-        }
-    }
-    Err(Failure::Refused("createIndexes".to_owned()))
-}
 
 /// What a write error says; a refusal by name ends the case.
 pub(crate) fn message(error: StoreError) -> Result<Bson, Failure> {

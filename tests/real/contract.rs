@@ -72,6 +72,10 @@ const CASES: &[(&str, Case)] = cases![
     a_sparse_unique_index_lets_documents_lack_the_field,
     indexes_move_with_their_collection_and_stay_below_results,
     an_explanation_names_the_index_and_counts_what_was_looked_at,
+    what_is_near_comes_the_nearest_first,
+    what_is_near_needs_an_index,
+    a_pipeline_may_begin_with_what_is_near,
+    an_index_of_places_refuses_what_is_none,
 ];
 
 /// A store to be examined, and the folder that is removed after it.
@@ -868,4 +872,90 @@ fn an_explanation_names_the_index_and_counts_what_was_looked_at(store: &dyn Stor
     assert_eq!(sorted.get_str("sort").unwrap(), "memory", "{sorted}");
     let either = account(doc! { "$or": [{ "n": 3 }, { "tags": 6 }] }, doc! {});
     assert_eq!(either.get_array("any").map(Vec::len).unwrap_or_default(), 2, "{either}");
+}
+
+fn what_is_near_comes_the_nearest_first(store: &dyn Store, ns: &Namespace) {
+    store.create_index(ns, &Index::on(doc! { "at": "2dsphere" })).unwrap();
+    store.create_index(ns, &Index::on(doc! { "xy": "2d" })).unwrap();
+    let point = |x: f64, y: f64| doc! { "type": "Point", "coordinates": [x, y] };
+    let line = doc! { "type": "LineString", "coordinates": [[0, 3], [3, 3]] };
+    insert(
+        store,
+        ns,
+        [
+            doc! { "_id": 1, "at": point(2.0, 0.0), "xy": [5, 0], "n": 1 },
+            doc! { "_id": 2, "at": point(1.0, 0.0), "xy": [0, 1], "n": 2 },
+            doc! { "_id": 3, "at": line, "xy": [[40, 40], [2, 2]], "n": 3 },
+            doc! { "_id": 4, "n": 4 },
+        ],
+    );
+    let near = doc! { "at": { "$near": { "$geometry": point(0.0, 0.0), "$maxDistance": 300_000 } } };
+    assert_eq!(ids(store, ns, near.clone()), [2, 1]);
+    assert_eq!(ids(store, ns, doc! { "$and": [{ "n": { "$ne": 2 } }, near.clone()] }), [1]);
+    assert_eq!(ids(store, ns, doc! { "xy": { "$near": [0, 0] } }), [2, 3, 1]);
+    assert_eq!(ids(store, ns, doc! { "xy": { "$near": [0, 0], "$minDistance": 1.5, "$maxDistance": 5 } }), [3, 1]);
+    assert_eq!(ids(store, ns, doc! { "at": { "$nearSphere": [0, 0], "$maxDistance": 0.02 } }), [2]);
+    let sorted = Find { filter: near.clone(), sort: doc! { "n": 1 }, ..Find::default() };
+    assert_eq!(found(store, ns, &sorted)[0].get_i32("_id").unwrap(), 1);
+    let nearest = Find { filter: near.clone(), limit: 1, ..Find::default() };
+    assert_eq!(found(store, ns, &nearest)[0].get_i32("_id").unwrap(), 2);
+    store.update(ns, &update(near, doc! { "$set": { "taken": true } }), None).unwrap();
+    assert_eq!(ids(store, ns, doc! { "taken": true }), [2]);
+}
+
+fn what_is_near_needs_an_index(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "at": [1, 1] }]);
+    let refused = |query: Document| {
+        let find = Find { filter: doc! { "at": query }, ..Find::default() };
+        let found = store.find(ns, &find).and_then(|found| found.collect::<Result<Vec<_>, _>>());
+        found.unwrap_err().to_string()
+    };
+    let geojson = doc! { "$near": { "$geometry": { "type": "Point", "coordinates": [0, 0] } } };
+    for query in [doc! { "$near": [0, 0] }, doc! { "$nearSphere": [0, 0] }, geojson.clone()] {
+        let message = refused(query);
+        assert!(message.contains("unable to find") && message.contains("index"), "{message}");
+    }
+    store.create_index(ns, &Index::on(doc! { "at": "2d" })).unwrap();
+    assert!(refused(geojson).contains("index"), "a 2d index answers no GeoJSON");
+    assert!(refused(doc! { "$near": [0, 500] }).contains("180"), "out of its bounds");
+    assert_eq!(ids(store, ns, doc! { "at": { "$nearSphere": [0, 0] } }), [1]);
+    let both = doc! { "$or": [{ "at": { "$near": [0, 0] } }, { "_id": 1 }] };
+    assert!(store.find(ns, &Find { filter: both, ..Find::default() }).is_err());
+}
+
+fn a_pipeline_may_begin_with_what_is_near(store: &dyn Store, ns: &Namespace) {
+    let bounds = doc! { "min": -1000, "max": 1000 };
+    store.create_index(ns, &Index { other: bounds, ..Index::on(doc! { "at": "2d" }) }).unwrap();
+    insert(store, ns, [doc! { "_id": 1, "at": [300, 400] }, doc! { "_id": 2, "at": [3, 4], "kind": "cup" }]);
+    let results = |stages: &[Document]| -> Vec<Document> {
+        let results = store.aggregate(ns, stages).unwrap();
+        results.map(|raw| Document::try_from(&*raw.unwrap()).unwrap()).collect()
+    };
+    let near = doc! { "near": [0, 0], "distanceField": "how.far", "includeLocs": "where", "distanceMultiplier": 2 };
+    assert_eq!(
+        results(&[doc! { "$geoNear": near.clone() }]),
+        [
+            doc! { "_id": 2, "at": [3, 4], "kind": "cup", "how": { "far": 10.0 }, "where": [3, 4] },
+            doc! { "_id": 1, "at": [300, 400], "how": { "far": 1000.0 }, "where": [300, 400] },
+        ]
+    );
+    let mut cups = near.clone();
+    cups.extend(doc! { "key": "at", "query": { "kind": "cup" } });
+    let counted = [doc! { "$geoNear": cups }, doc! { "$count": "n" }];
+    assert_eq!(results(&counted), [doc! { "n": 1 }]);
+    assert!(store.aggregate(ns, &[doc! { "$limit": 1 }, doc! { "$geoNear": near }]).is_err());
+}
+
+fn an_index_of_places_refuses_what_is_none(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "at": [1, 1] }, doc! { "_id": 2 }]);
+    assert!(store.create_index(ns, &Index::on(doc! { "at": "2dsphere" })).unwrap());
+    let refused = |at: Bson| store.insert(ns, vec![doc! { "_id": 9, "at": at }]).is_err();
+    assert!(refused("here".into()));
+    assert!(refused(bson::bson!({ "type": "Point", "coordinates": [181, 0] })));
+    assert!(store.update(ns, &update(doc! { "_id": 1 }, doc! { "$set": { "at": 5 } }), None).is_err());
+    assert_eq!(all(store, ns), [doc! { "_id": 1, "at": [1, 1] }, doc! { "_id": 2 }]);
+    store.drop_index(ns, "at_2dsphere").unwrap();
+    insert(store, ns, [doc! { "_id": 9, "at": "here" }]);
+    assert!(store.create_index(ns, &Index::on(doc! { "at": "2dsphere" })).is_err());
+    assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids()]);
 }

@@ -13,6 +13,8 @@ mod contract;
 mod imported;
 #[cfg(feature = "mongodb")]
 mod mongod;
+#[cfg(feature = "mongodb")]
+mod places;
 mod planner;
 mod processes;
 #[cfg(feature = "mongodb")]

@@ -14,6 +14,7 @@ use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
 use crate::computables;
 use crate::contract;
 use crate::mongod::Mongod;
+use crate::places;
 use crate::{triggers, worlds};
 
 /// The one server of this run, started by the first test that needs it.
@@ -39,7 +40,7 @@ type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried on the one server, by its address.
 fn cases() -> impl Iterator<Item = (&'static str, Case)> {
-    worlds::CASES.iter().chain(triggers::CASES).copied()
+    worlds::CASES.iter().chain(triggers::CASES).chain(&places::CASES).copied()
 }
 
 /// The tests; those that need a server are ignored where there is no program.

@@ -55,9 +55,16 @@ pub(in crate::memory) fn questions(ns: &Namespace, stages: &[Document]) -> Vec<(
 
 /// The pipeline over the documents that are seen, in its own collection and in others.
 pub(in crate::memory) fn visible_stages(ns: &Namespace, stages: &[Document], view: &View) -> Vec<Document> {
-    let mut stages: Vec<Document> = stages.iter().map(|stage| with_visible_others(ns, stage, view)).collect();
+    // An empty filter in front changes nothing, but would hide what has to be the first stage.
+    let is_empty = |stage: &&Document| stage.get_document("$match").is_ok_and(Document::is_empty);
+    let stages = stages.iter().skip_while(is_empty);
+    let mut stages: Vec<Document> = stages.map(|stage| with_visible_others(ns, stage, view)).collect();
     match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
         Some((name, Bson::Document(filter))) if name == "$match" => *filter = view.filter(ns, filter),
+        Some((name, Bson::Document(near))) if name == "$geoNear" => {
+            let query = near.get_document("query").cloned().unwrap_or_default();
+            near.insert("query", view.filter(ns, &query));
+        }
         Some((name, _)) if FIRST_ONLY.contains(&name.as_str()) => {}
         _ => stages.insert(0, doc! { "$match": view.visible(ns) }),
     }
@@ -121,8 +128,11 @@ fn brings_documents(stage: &Document) -> bool {
 }
 
 fn first_match(stages: &[Document]) -> Document {
-    let first = stages.first().and_then(|stage| stage.get_document("$match").ok());
-    first.cloned().unwrap_or_default()
+    let matched = |stage: &Document| match stage.get_document("$geoNear") {
+        Ok(near) => near.get_document("query").ok().cloned(),
+        Err(_) => stage.get_document("$match").ok().cloned(),
+    };
+    stages.first().and_then(matched).unwrap_or_default()
 }
 
 fn documents(stages: &[Bson]) -> Vec<Document> {

@@ -15,8 +15,9 @@ mod types;
 
 use bson::{Bson, DateTime, Document, RawDocument};
 
-use super::error::Result;
+use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
+use super::geo::Near;
 use super::view::{Fields, View};
 pub(super) use parse::Parser;
 pub(super) use test::{Leaf, Order, Set, Test};
@@ -37,7 +38,15 @@ impl Filter {
     /// # Errors
     /// Where MongoDB refuses it, or rmem does not support an operator.
     pub fn parse(filter: &Document) -> Result<Self> {
-        Ok(Self { root: Parser::default().filter(filter)?, variables: Variables::default(), now: DateTime::now() })
+        Self::of_query(filter, Parser::default(), Variables::default())
+    }
+
+    fn of_query(filter: &Document, parser: Parser<'_>, variables: Variables) -> Result<Self> {
+        let root = parser.of_query().filter(filter)?;
+        if root.nears().len() > 1 {
+            return Err(QueryError::bad_value("a filter can ask only once for what is near"));
+        }
+        Ok(Self { root, variables, now: DateTime::now() })
     }
 
     /// [`Filter::parse`] with constants its expressions can use as `$$name`.
@@ -46,7 +55,7 @@ impl Filter {
     /// As [`Filter::parse`].
     pub fn parse_with_constants(filter: &Document, constants: &Document) -> Result<Self> {
         let (scope, variables) = Scope::with_constants(constants)?;
-        Ok(Self { root: Parser::with_scope(&scope).filter(filter)?, variables, now: DateTime::now() })
+        Self::of_query(filter, Parser::with_scope(&scope), variables)
     }
 
     /// Reads a filter whose expressions see `now` as `$$NOW`, and variables.
@@ -114,6 +123,12 @@ impl Filter {
             },
             _ => None,
         }
+    }
+
+    /// What is near, where the filter asks for that: matches come in order of their distance.
+    #[must_use]
+    pub fn near(&self) -> Option<&Near> {
+        self.root.nears().into_iter().next()
     }
 
     /// Whether every document matches.

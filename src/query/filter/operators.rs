@@ -8,13 +8,10 @@ use super::parse::{Parser, array};
 use super::test::{Leaf, Order, Set, Test};
 use super::types::TypeSet;
 use crate::query::error::{QueryError, Result};
-use crate::query::geo::{Region, alone};
+use crate::query::geo::{OPERATORS, Region, alone};
 use crate::query::number::{Number, double_to_long};
 use crate::query::regex::Pattern;
 use crate::query::view::View;
-
-/// Geospatial operators, which need an index of their own.
-const REFUSED: [&str; 5] = ["$near", "$nearSphere", "$geoNear", "$maxDistance", "$minDistance"];
 
 /// The test that an operator stands for; `siblings` is the document it is in.
 pub(super) fn field_operator(
@@ -62,7 +59,11 @@ pub(super) fn field_operator(
             Leaf::Place(Box::new(Region::meets(value)?))
         }
         "$comment" => return Ok(None),
-        _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
+        _ if OPERATORS.contains(&name) => {
+            return Err(QueryError::bad_value(format!(
+                "{name} must be the first operator of a field, at the top of a filter"
+            )));
+        }
         _ => return Err(QueryError::bad_value(format!("unknown operator: {name}"))),
     };
     Ok(Some(Test::Leaf(leaf)))

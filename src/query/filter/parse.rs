@@ -9,12 +9,16 @@ use super::tree::Node;
 use super::{is_operators, is_reference_key};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
+use crate::query::geo::{Near, OPERATORS};
 use crate::query::path::Path;
 use crate::query::regex::Pattern;
 use crate::query::view::View;
 
 /// How deep filters may be nested.
 const MAX_DEPTH: usize = 100;
+
+/// MongoDB's code for a question about distances in a stage.
+const NOT_IN_STAGE: i32 = 5_626_500;
 
 /// Operators at the top that rmem refuses by name.
 const REFUSED: [&str; 2] = ["$where", "$text"];
@@ -24,19 +28,47 @@ const REFUSED: [&str; 2] = ["$where", "$text"];
 pub(in crate::query) struct Parser<'a> {
     scope: Option<&'a Scope>,
     depth: usize,
+    distance: Distance,
+}
+
+/// Whether a filter may ask for what is near, which is a question about order too.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+enum Distance {
+    /// At the top of a query.
+    Asked,
+    /// Not within something else.
+    #[default]
+    Within,
+    /// Not in a pipeline, which has `$geoNear`.
+    Stage,
 }
 
 impl<'a> Parser<'a> {
     /// A parser whose expressions see the variables of `scope`.
     pub(in crate::query) fn with_scope(scope: &'a Scope) -> Self {
-        Self { scope: Some(scope), depth: 0 }
+        Self { scope: Some(scope), ..Self::default() }
+    }
+
+    /// The parser of a query, which may ask for what is near.
+    pub(super) fn of_query(self) -> Self {
+        Self { distance: Distance::Asked, ..self }
+    }
+
+    /// The parser of a stage.
+    pub(in crate::query) fn of_stage(self) -> Self {
+        Self { distance: Distance::Stage, ..self }
+    }
+
+    fn within(&self) -> Self {
+        let distance = if self.distance == Distance::Asked { Distance::Within } else { self.distance };
+        Self { distance, ..self.clone() }
     }
 
     fn deeper(&self) -> Result<Self> {
         if self.depth >= MAX_DEPTH {
             return Err(QueryError::bad_value("the filter is nested too deeply"));
         }
-        Ok(Self { scope: self.scope, depth: self.depth + 1 })
+        Ok(Self { depth: self.depth + 1, ..self.clone() })
     }
 
     /// Reads a filter.
@@ -46,6 +78,8 @@ impl<'a> Parser<'a> {
         for (name, value) in filter {
             if name.starts_with('$') && !is_reference_key(name) {
                 children.extend(parser.top(name, value)?);
+            } else if let Some(near) = parser.near(name, value)? {
+                children.push(near);
             } else {
                 let test = parser.field(value)?;
                 children.push(Node::Field(Path::parse(name)?, test));
@@ -57,11 +91,32 @@ impl<'a> Parser<'a> {
         })
     }
 
+    /// What is near, where that is asked for.
+    fn near(&self, path: &str, value: &Bson) -> Result<Option<Node>> {
+        let Bson::Document(operators) = value else { return Ok(None) };
+        match operators.keys().next() {
+            Some(name) if OPERATORS.contains(&name.as_str()) => match self.distance {
+                Distance::Asked => {
+                    let near = Near::parse(path, operators).map_err(|error| error.about(name))?;
+                    Ok(Some(Node::Near(Box::new(near))))
+                }
+                Distance::Within => {
+                    Err(QueryError::bad_value(format!("{name} must be at the top of a filter")).about(name))
+                }
+                Distance::Stage => {
+                    let message = format!("{name} is not allowed in a stage; begin the pipeline with $geoNear");
+                    Err(QueryError::invalid(NOT_IN_STAGE, message).about(name))
+                }
+            },
+            _ => Ok(None),
+        }
+    }
+
     fn top(&self, name: &str, value: &Bson) -> Result<Option<Node>> {
         Ok(Some(match name {
             "$and" => Node::And(self.filters(name, value)?),
-            "$or" => Node::Or(self.filters(name, value)?),
-            "$nor" => Node::Nor(self.filters(name, value)?),
+            "$or" => Node::Or(self.within().filters(name, value)?),
+            "$nor" => Node::Nor(self.within().filters(name, value)?),
             "$comment" => return Ok(None),
             "$expr" => Node::Expression(match self.scope {
                 Some(scope) => Expression::parse_in(value, scope)?,
@@ -142,7 +197,7 @@ impl<'a> Parser<'a> {
             if let Some(refused) = inner.keys().find(|name| REFUSED.contains(&name.as_str()) || *name == "$expr") {
                 return Err(QueryError::bad_value(format!("{refused} cannot be in $elemMatch")));
             }
-            Leaf::ElementMatches(Box::new(self.filter(inner)?))
+            Leaf::ElementMatches(Box::new(self.within().filter(inner)?))
         }))
     }
 }

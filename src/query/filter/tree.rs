@@ -6,6 +6,7 @@ use super::schema::Schema;
 use super::test::{Leaf, Test};
 use crate::query::error::Result;
 use crate::query::expression::{Expression, Variables};
+use crate::query::geo::Near;
 use crate::query::path::Path;
 use crate::query::view::{Fields, View};
 
@@ -17,6 +18,8 @@ pub(in crate::query) enum Node {
     Nor(Vec<Node>),
     /// A test of what a path reaches.
     Field(Path, Test),
+    /// A place within distances of a point; an order too.
+    Near(Box<Near>),
     /// An aggregation expression that must be true.
     Expression(Expression),
     Schema(Box<Schema>),
@@ -77,10 +80,20 @@ impl Node {
                 Ok(!found)
             }
             Self::Field(path, test) => test.on_path(path, fields, context),
+            Self::Near(near) => Ok(near.nearest(fields).is_some()),
             Self::Expression(expression) => expression.holds(fields, context),
             Self::Schema(schema) => Ok(schema.accepts(View::Document(fields))),
             Self::Always(answer) => Ok(*answer),
             Self::Sample(rate) => Ok(crate::query::expression::random() < *rate),
+        }
+    }
+
+    /// The questions about distances.
+    pub(super) fn nears(&self) -> Vec<&Near> {
+        match self {
+            Self::And(children) => children.iter().flat_map(Self::nears).collect(),
+            Self::Near(near) => vec![near],
+            _ => Vec::new(),
         }
     }
 }

@@ -6,9 +6,9 @@ use super::sphere::{BigPolygon, Cell, Line, Polygon, Vector};
 /// A place: a position, lines, areas, or a collection of these.
 #[derive(Debug, Clone)]
 pub(super) enum Geometry {
-    /// A pair of coordinates, in an array or a document: a point.
-    Pair(Shape),
-    /// GeoJSON, taken apart into its simple shapes.
+    /// A position: a pair of coordinates, or a GeoJSON Point.
+    Point(Shape),
+    /// Other GeoJSON, taken apart into its simple shapes.
     Shapes(Vec<Shape>),
     /// A polygon of the `strictwinding` reference system, which only queries may have.
     Big(BigPolygon),
@@ -51,19 +51,15 @@ impl Geometry {
     /// The position on the plane, where the geometry is one position.
     pub(super) fn flat(&self) -> Option<plane::Point> {
         match self {
-            Self::Pair(Shape::Point(position)) => Some(position.flat),
-            Self::Shapes(shapes) => match shapes.as_slice() {
-                [Shape::Point(position)] => Some(position.flat),
-                _ => None,
-            },
-            Self::Pair(_) | Self::Big(_) => None,
+            Self::Point(Shape::Point(position)) => Some(position.flat),
+            _ => None,
         }
     }
 
     /// Whether the geometry has areas, which other geometries can be within.
     pub(super) fn has_area(&self) -> bool {
         match self {
-            Self::Pair(_) => false,
+            Self::Point(_) => false,
             Self::Shapes(shapes) => shapes.iter().any(|shape| matches!(shape, Shape::Polygon(_))),
             Self::Big(_) => true,
         }
@@ -72,16 +68,29 @@ impl Geometry {
     /// The simple shapes on the sphere, where the geometry can be there.
     pub(super) fn shapes(&self) -> Option<&[Shape]> {
         match self {
-            Self::Pair(shape) => shape.is_on_sphere().then_some(std::slice::from_ref(shape)),
+            Self::Point(shape) => shape.is_on_sphere().then_some(std::slice::from_ref(shape)),
             Self::Shapes(shapes) => Some(shapes),
             Self::Big(_) => None,
         }
+    }
+
+    /// The angle, in radians, from a point to the closest point of the geometry, where it can be on the sphere.
+    pub(super) fn distance(&self, from: Vector) -> Option<f64> {
+        self.shapes()?.iter().map(|shape| shape.distance(from)).reduce(f64::min)
     }
 }
 
 impl Shape {
     fn is_on_sphere(&self) -> bool {
         !matches!(self, Self::Point(Position { sphere: None, .. }))
+    }
+
+    fn distance(&self, from: Vector) -> f64 {
+        match self {
+            Self::Point(position) => position.sphere.map_or(f64::INFINITY, |spot| spot.point.angle(from)),
+            Self::Line(line) => line.distance(from),
+            Self::Polygon(polygon) => polygon.distance(from),
+        }
     }
 
     /// Whether all of another shape is in this one: only areas have anything within them.

@@ -5,9 +5,14 @@
 //! else), with longitudes and latitudes in degrees and distances in metres.
 
 mod geometry;
+mod keys;
+mod near;
 mod plane;
 mod reader;
 mod region;
 mod sphere;
 
+pub(super) use keys::{Places, is_place};
+pub use near::Near;
+pub(super) use near::{Centre, OPERATORS, distance_of};
 pub(super) use region::{Region, alone};

@@ -3,6 +3,12 @@
 /// A point of the plane.
 pub(super) type Point = (f64, f64);
 
+/// How far apart two points are.
+pub(super) fn distance(a: Point, b: Point) -> f64 {
+    let (x, y) = (b.0 - a.0, b.1 - a.1);
+    (x * x + y * y).sqrt()
+}
+
 /// A rectangle along the axes, with its edges.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rectangle {

@@ -47,7 +47,7 @@ fn geometry(value: View<'_>, with_more: bool) -> Result<Geometry> {
     match value {
         View::Document(fields) if !begins_with_number(fields) => geojson(fields),
         View::Document(_) | View::Array(_) => {
-            Ok(Geometry::Pair(Shape::Point(Position::new(pair(Some(value), with_more)?))))
+            Ok(Geometry::Point(Shape::Point(Position::new(pair(Some(value), with_more)?))))
         }
         _ => Err(wrong("a geo element must be an array or an object")),
     }
@@ -101,6 +101,17 @@ pub(super) fn on_sphere(flat: plane::Point) -> Result<Position> {
     }
 }
 
+/// The position of a GeoJSON Point; MongoDB looks at its coordinates only.
+///
+/// # Errors
+/// Where there are none.
+pub(super) fn point(fields: Fields<'_>) -> Result<Position> {
+    match is_strict(fields)? {
+        true => Err(wrong("strict winding order is only supported for a Polygon")),
+        false => position(fields.get("coordinates")),
+    }
+}
+
 fn kind(fields: Fields<'_>) -> Option<Kind> {
     let Some(View::String(name)) = fields.get("type") else { return None };
     Some(match name {
@@ -131,7 +142,11 @@ fn geojson(fields: Fields<'_>) -> Result<Geometry> {
             _ => Err(wrong("strict winding order is only supported for a Polygon")),
         };
     }
-    simple(kind, fields).map(Geometry::Shapes)
+    let shapes = simple(kind, fields)?;
+    Ok(match (kind, shapes.as_slice()) {
+        (Kind::Point, [point]) => Geometry::Point(point.clone()),
+        _ => Geometry::Shapes(shapes),
+    })
 }
 
 fn collection(fields: Fields<'_>) -> Result<Vec<Shape>> {

@@ -3,6 +3,7 @@
 use bson::{Bson, Document, RawDocument};
 
 use crate::query::error::{QueryError, Result};
+use crate::query::geo::{Near, Places, is_place};
 use crate::query::keys::Keys;
 use crate::query::number::Number;
 use crate::query::path::{Part, Path};
@@ -16,14 +17,13 @@ const CANNOT_CREATE: i32 = 67;
 const PARALLEL: i32 = 171;
 /// MongoDB's code for a path that means an element and a field.
 const AMBIGUOUS: i32 = 16_746;
-/// Geospatial kinds, which are kept in the catalogue and answered by a scan.
-const GEOSPATIAL: [&str; 2] = ["2d", "2dsphere"];
 
 /// A compiled key pattern like `{a: 1, "b.c": -1}`.
 #[derive(Debug)]
 pub struct Pattern {
     keys: Keys,
-    geospatial: bool,
+    /// What an index of places checks; it is kept in the catalogue and answered by a scan.
+    places: Option<Places>,
 }
 
 /// The keys of a document.
@@ -41,6 +41,14 @@ impl Pattern {
     /// # Errors
     /// Where MongoDB refuses it, or it is of a kind that rmem does not have.
     pub fn parse(pattern: &Document) -> Result<Self> {
+        Self::parse_with(pattern, &Document::new())
+    }
+
+    /// [`Pattern::parse`] with the options of an index of places, like `max`.
+    ///
+    /// # Errors
+    /// As [`Pattern::parse`].
+    pub fn parse_with(pattern: &Document, options: &Document) -> Result<Self> {
         let cannot = |message: String| QueryError::invalid(CANNOT_CREATE, message);
         if pattern.is_empty() {
             return Err(cannot("an index needs at least one key, like {name: 1}".to_owned()));
@@ -48,14 +56,11 @@ impl Pattern {
         if pattern.len() > MAX_FIELDS {
             return Err(QueryError::invalid(13_103, format!("an index has at most {MAX_FIELDS} keys")));
         }
-        let (mut keys, mut geospatial) = (Keys::default(), false);
+        let mut keys = Keys::default();
         for (name, direction) in pattern {
             check_name(name)?;
             let descending = match (direction, Number::of(direction).map(Number::to_double)) {
-                (Bson::String(kind), _) if GEOSPATIAL.contains(&kind.as_str()) => {
-                    geospatial = true;
-                    false
-                }
+                (direction, _) if is_place(direction) => false,
                 (Bson::String(kind), _) => {
                     let mut refusal = QueryError::unsupported(kind);
                     refusal.message = format!("an index of the kind `{kind}` is not supported by the embedded store");
@@ -69,13 +74,22 @@ impl Pattern {
             };
             keys.push(Path::parse(name)?, descending);
         }
-        Ok(Self { keys, geospatial })
+        let places = pattern.values().any(is_place).then(|| Places::parse(pattern, options)).transpose()?;
+        Ok(Self { keys, places })
     }
 
     /// Whether it is of a kind that has no ordered keys.
     #[must_use]
     pub fn is_geospatial(&self) -> bool {
-        self.geospatial
+        self.places.is_some()
+    }
+
+    /// Checks that an index of places can be asked what is near a point.
+    ///
+    /// # Errors
+    /// Where the point is outside of its bounds.
+    pub fn check_centre(&self, near: &Near) -> Result<()> {
+        self.places.as_ref().map_or(Ok(()), |places| places.check_centre(near))
     }
 
     /// The paths, and whether each is descending.
@@ -87,8 +101,12 @@ impl Pattern {
     ///
     /// # Errors
     /// Where two paths run through different arrays, or a number in a path is
-    /// both an element and a field of an element.
+    /// both an element and a field of an element; where something is no place.
     pub fn entries(&self, document: &RawDocument, sparse: bool) -> Result<Entries> {
+        if let Some(places) = &self.places {
+            places.check(document)?;
+            return Ok(Entries::default());
+        }
         let mut keys = Vec::new();
         let multikey = self.each(document, &mut |key, is_missing| {
             if !(sparse && is_missing) {

@@ -27,7 +27,11 @@ impl Facet {
             }
             let stages = inner("$facet", value)?;
             let pipeline = Pipeline::parse_in(&stages, scope, depth + 1)?;
-            if pipeline.stages.iter().any(|stage| matches!(stage, Stage::Facet(_) | Stage::Documents(_))) {
+            if pipeline
+                .stages
+                .iter()
+                .any(|stage| matches!(stage, Stage::Facet(_) | Stage::Documents(_) | Stage::GeoNear(_)))
+            {
                 return Err(QueryError::invalid(40_600, "a stage is not allowed to be used within a $facet stage"));
             }
             pipelines.push((name.clone(), pipeline));

@@ -10,6 +10,7 @@ mod facet;
 mod graph;
 mod group;
 mod lookup;
+mod near;
 mod output;
 mod parse;
 mod redact;
@@ -23,6 +24,7 @@ use bson::{DateTime, Document, RawDocumentBuf};
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
+use super::geo::Near;
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
 pub(super) use reshape::Reshape;
 use run::Run;
@@ -92,6 +94,15 @@ impl Pipeline {
     #[must_use]
     pub fn brings_documents(&self) -> bool {
         matches!(self.stages.first(), Some(Stage::Documents(_)))
+    }
+
+    /// What `$geoNear` asks for, where the pipeline begins with it.
+    #[must_use]
+    pub fn near(&self) -> Option<&Near> {
+        self.stages.iter().find_map(|stage| match stage {
+            Stage::GeoNear(stage) => Some(stage.near()),
+            _ => None,
+        })
     }
 
     /// What to do with the results, where the last stage is `$out` or `$merge`.

@@ -7,6 +7,7 @@ use super::facet::Facet;
 use super::graph::GraphLookup;
 use super::group::Group;
 use super::lookup::{Lookup, Union};
+use super::near::GeoNear;
 use super::output::Output;
 use super::redact::Redact;
 use super::reshape::{Reshape, object};
@@ -25,14 +26,13 @@ const MAX_STAGES: usize = 1000;
 const MAX_DEPTH: usize = 20;
 
 /// Stages of MongoDB that rmem refuses by name.
-const REFUSED: [&str; 24] = [
+const REFUSED: [&str; 23] = [
     "$changeStream",
     "$changeStreamSplitLargeEvent",
     "$collStats",
     "$currentOp",
     "$densify",
     "$fill",
-    "$geoNear",
     "$indexStats",
     "$listCatalog",
     "$listClusterCatalog",
@@ -74,6 +74,9 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
             output = Some(found);
             continue;
         }
+        if name == "$geoNear" && documents.iter().take(index).any(|before| !is_empty_match(before)) {
+            return Err(QueryError::invalid(40_603, "$geoNear must be the first stage of a pipeline"));
+        }
         if name == "$documents" && index > 0 {
             return Err(QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline"));
         }
@@ -88,7 +91,7 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, depth: usize, stages: &mut 
         return Ok(());
     }
     let stage = match name {
-        "$match" => Stage::Match(Filter::parse_with(object(name, argument)?, &Parser::with_scope(scope))?),
+        "$match" => Stage::Match(Filter::parse_with(object(name, argument)?, &Parser::with_scope(scope).of_stage())?),
         "$sort" => {
             let pattern = object(name, argument)?;
             if pattern.is_empty() {
@@ -122,12 +125,17 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, depth: usize, stages: &mut 
         "$facet" => Stage::Facet(Facet::parse(object(name, argument)?, scope, depth)?),
         "$sample" => Stage::Sample(sample_size(object(name, argument)?)?),
         "$redact" => Stage::Redact(Redact::parse(argument, scope)?),
+        "$geoNear" => Stage::GeoNear(Box::new(GeoNear::parse(argument, scope)?)),
         "$documents" => Stage::Documents(Expression::parse_in(argument, scope)?),
         _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
         _ => return Err(QueryError::invalid(40_324, format!("unrecognized pipeline stage name: '{name}'"))),
     };
     stages.push(stage);
     Ok(())
+}
+
+fn is_empty_match(stage: &Document) -> bool {
+    stage.get_document("$match").is_ok_and(Document::is_empty)
 }
 
 /// The pipeline that a stage contains.

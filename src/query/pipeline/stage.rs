@@ -8,6 +8,7 @@ use super::facet::Facet;
 use super::graph::GraphLookup;
 use super::group::Group;
 use super::lookup::{Lookup, Union};
+use super::near::GeoNear;
 use super::redact::Redact;
 use super::reshape::Reshape;
 use super::run::Run;
@@ -37,6 +38,7 @@ pub(super) enum Stage {
     Sample(usize),
     Redact(Redact),
     Documents(Expression),
+    GeoNear(Box<GeoNear>),
 }
 
 /// Makes an iterator of a computation that needs all its input, begun when the first document is asked for.
@@ -110,6 +112,7 @@ impl Stage {
             Self::Facet(facet) => deferred(move || facet.run(input, &run)),
             Self::Sample(size) => deferred(move || sample(*size, input)),
             Self::Redact(redact) => redact.run(input, run),
+            Self::GeoNear(near) => deferred(move || near.run(input, &run)),
             Self::Documents(expression) => deferred(move || documents(expression, &run)),
         }
     }

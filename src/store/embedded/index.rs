@@ -23,6 +23,8 @@ use crate::store::{Index, Namespace, StoreError, index, stamp};
 const OPTIONS_CONFLICT: i32 = 85;
 /// MongoDB's code for an index of that name that is another one.
 const KEYS_CONFLICT: i32 = 86;
+/// Options of geospatial indexes.
+const PLACE_OPTIONS: [&str; 4] = ["2dsphereIndexVersion", "bits", "min", "max"];
 /// MongoDB's code for an index that has to stay, or cannot be.
 const INVALID: i32 = 72;
 
@@ -79,7 +81,7 @@ impl Indexed {
     }
 
     fn entries(&self, body: &RawDocument) -> Result<Entries, QueryError> {
-        if self.is_kept() { self.pattern.entries(body, self.definition.sparse) } else { Ok(Entries::default()) }
+        self.pattern.entries(body, self.definition.sparse)
     }
 }
 
@@ -110,7 +112,7 @@ impl Embedded {
             .map(|(id, definition, multikey)| {
                 let definition = RawDocumentBuf::from_bytes(definition).map_err(QueryError::from)?;
                 let definition = Index::parse(&Document::try_from(&*definition).map_err(QueryError::from)?)?;
-                let pattern = Pattern::parse(&definition.keys)?;
+                let pattern = Pattern::parse_with(&definition.keys, &definition.other)?;
                 Ok(Indexed { id, definition, pattern, multikey: AtomicU64::new(multikey.cast_unsigned()) })
             })
             .collect()
@@ -251,7 +253,7 @@ impl Embedded {
 
     /// Makes an index, where there is none like it; says whether it is new.
     pub(super) fn create(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
-        Pattern::parse(&index.keys)?;
+        Pattern::parse_with(&index.keys, &index.other)?;
         check(index)?;
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
@@ -271,7 +273,7 @@ impl Embedded {
         let made = Indexed {
             id: self.connection.last_insert_rowid(),
             definition: index.clone(),
-            pattern: Pattern::parse(&index.keys)?,
+            pattern: Pattern::parse_with(&index.keys, &index.other)?,
             multikey: AtomicU64::new(0),
         };
         if made.is_kept() {
@@ -281,8 +283,8 @@ impl Embedded {
                 made.table()
             );
             self.connection.execute_batch(&sql).map_err(|e| self.explain(&e))?;
-            self.fill(ns, collection, &made)?;
         }
+        self.fill(ns, collection, &made)?;
         collection.advance(&self.connection).map_err(|e| self.explain(&e))?;
         let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
         let indexes = Arc::new(self.load_indexes(collection)?);
@@ -362,7 +364,7 @@ fn may_decay(body: &RawDocument) -> bool {
 
 /// Refuses what only a server can keep.
 fn check(index: &Index) -> Result<(), QueryError> {
-    if let Some((option, _)) = index.other.iter().find(|(option, _)| !option.starts_with("2dsphereIndexVersion")) {
+    if let Some(option) = index.other.keys().find(|option| !PLACE_OPTIONS.contains(&option.as_str())) {
         let mut refusal = QueryError::unsupported(option);
         refusal.message = format!("the option `{option}` of an index is not supported by the embedded store");
         return Err(refusal);

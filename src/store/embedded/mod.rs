@@ -15,6 +15,7 @@ mod feed;
 mod file;
 mod index;
 mod log;
+mod near;
 mod output;
 mod patience;
 mod pipeline;

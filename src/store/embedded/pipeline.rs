@@ -13,7 +13,11 @@ impl Embedded {
     /// Runs a pipeline to its end: its results are held in memory (they borrow
     /// the pipeline), what they are made from is not.
     pub(super) fn run_pipeline(&self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'_>, StoreError> {
+        let stages = &self.with_near_key(ns, stages)?;
         let pipeline = Pipeline::parse(stages)?;
+        if let (Some(near), Some(collection)) = (pipeline.near(), self.collection(ns)?) {
+            self.check_near(collection, near)?;
+        }
         let input = match pipeline.brings_documents() {
             true => Box::new(std::iter::empty()),
             false => self.matches(ns, &first_filter(stages))?,
@@ -38,10 +42,13 @@ impl Embedded {
     }
 }
 
-/// The filter of a `$match` in front: only what it matches needs to be read.
+/// The filter of a `$match` or `$geoNear` in front: only what it matches needs to be read.
 fn first_filter(stages: &[Document]) -> Document {
-    let first = stages.first().and_then(|stage| stage.get_document("$match").ok());
-    first.cloned().unwrap_or_default()
+    let matched = |stage: &Document| match stage.get_document("$geoNear") {
+        Ok(near) => near.get_document("query").ok().cloned(),
+        Err(_) => stage.get_document("$match").ok().cloned(),
+    };
+    stages.first().and_then(matched).unwrap_or_default()
 }
 
 pub(super) fn named(origin: &Origin, ns: &Namespace) -> Namespace {

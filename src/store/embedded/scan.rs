@@ -14,7 +14,7 @@ use std::rc::Rc;
 use bson::{Document, RawDocument, RawDocumentBuf};
 use rusqlite::params;
 
-use super::access::{Listing, Way};
+use super::access::{Chosen, Listing, Way};
 use super::catalog::Collection;
 use super::index::{Indexes, decay};
 use super::{Embedded, failure};
@@ -115,7 +115,21 @@ impl<'a> Scan<'a> {
     ) -> Result<(Self, Document), StoreError> {
         let indexes = store.indexes_of(collection)?;
         sharpen(&indexes, filter);
-        let chosen = store.choose(collection, &indexes, filter, sort, is_explained)?;
+        let mut chosen = match filter.near() {
+            Some(near) => store.by_distance(collection, &indexes, filter, near, sort)?,
+            None => store.choose(collection, &indexes, filter, sort, is_explained)?,
+        };
+        let account = std::mem::take(&mut chosen.account);
+        Ok((Self::along(store, collection, filter, chosen)?, account))
+    }
+
+    /// The matches by a way that was chosen.
+    pub(super) fn along(
+        store: &'a Embedded,
+        collection: Collection,
+        filter: &Rc<Filter>,
+        chosen: Chosen,
+    ) -> Result<Self, StoreError> {
         let last = |store: &Embedded| collection.last(&store.connection).map_err(|e| store.explain(&e));
         let rest = match chosen.way {
             Way::Walk => Rest::Between(i64::MIN, last(store)?),
@@ -123,7 +137,7 @@ impl<'a> Scan<'a> {
             Way::Listed(listing) => Rest::Listed(listing, None, last(store)?),
         };
         let examined = Examined { keys: Cell::new(chosen.keys), documents: Cell::default() };
-        let scan = Self {
+        Ok(Self {
             store,
             collection,
             filter: Rc::clone(filter),
@@ -132,8 +146,7 @@ impl<'a> Scan<'a> {
             page_documents: 1,
             is_sorted: chosen.is_sorted,
             examined: Rc::new(examined),
-        };
-        Ok((scan, chosen.account))
+        })
     }
 
     /// Whether the matches come in the order of the sort.

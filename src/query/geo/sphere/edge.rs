@@ -71,8 +71,26 @@ pub(super) fn crossing(a: (Vector, Vector), b: (Vector, Vector)) -> Vector {
     ends.min_by(|p, q| (point - *p).square().total_cmp(&(point - *q).square())).unwrap_or(point)
 }
 
+/// The angle from a point to the closest point of some edges. Which edge that is on is
+/// found as S2 finds it, which beyond a quarter of the sphere can be the wrong one.
+pub(super) fn distance(point: Vector, edges: impl Iterator<Item = (Vector, Vector)>) -> f64 {
+    let closest_edge =
+        edges.min_by(|(a, b), (c, d)| rough_distance(point, *a, *b).total_cmp(&rough_distance(point, *c, *d)));
+    closest_edge.map_or(f64::INFINITY, |(a, b)| point.angle(closest(point, a, b)))
+}
+
+/// The angle from a point to an edge, good for small ones.
+fn rough_distance(point: Vector, a: Vector, b: Vector) -> f64 {
+    let normal = a.normal(b);
+    if left(normal, a, point) && left(point, b, normal) {
+        return (point.dot(normal).abs() / normal.length()).min(1.0).asin();
+    }
+    let square = (point - a).square().min((point - b).square());
+    2.0 * (0.5 * square.sqrt()).min(1.0).asin()
+}
+
 /// The point of the edge that is closest.
-pub(super) fn closest(point: Vector, a: Vector, b: Vector) -> Vector {
+fn closest(point: Vector, a: Vector, b: Vector) -> Vector {
     let normal = a.normal(b);
     let on_circle = point - normal * (point.dot(normal) / normal.square());
     if left(normal, a, on_circle) && left(on_circle, b, normal) {

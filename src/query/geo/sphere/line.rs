@@ -1,7 +1,7 @@
 //! Lines: edges one after the other.
 
 use super::cell::Cell;
-use super::edge::{Meeting, closest, meeting};
+use super::edge::{Meeting, distance, meeting};
 use super::vector::Vector;
 
 /// A line of at least two vertices, of which no two neighbours are equal or opposite.
@@ -42,6 +42,6 @@ impl Line {
 
     /// The angle from a point to the closest point of the line.
     pub(in crate::query::geo) fn distance(&self, point: Vector) -> f64 {
-        self.edges().map(|(a, b)| point.angle(closest(point, a, b))).fold(f64::INFINITY, f64::min)
+        distance(point, self.edges())
     }
 }

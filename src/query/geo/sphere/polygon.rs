@@ -1,7 +1,7 @@
 //! Polygons: rings within rings, every other one a hole.
 
 use super::cell::Cell;
-use super::edge::{Meeting, crosses_in_vertex, crossing, meeting};
+use super::edge::{Meeting, crosses_in_vertex, crossing, distance, meeting};
 use super::line::Line;
 use super::ring::Ring;
 use super::vector::Vector;
@@ -117,10 +117,10 @@ impl Polygon {
         inside
     }
 
-    /// The pieces of a line that are inside, as the points where each begins and ends.
-    fn clip(&self, line: &Line) -> Vec<(Vector, Vector)> {
+    /// The pieces of a line that are inside, or outside, as the points where each begins and ends.
+    fn clip(&self, line: &Line, outside: bool) -> Vec<(Vector, Vector)> {
         let mut pieces = Vec::new();
-        let mut inside = line.vertices().first().is_some_and(|first| self.has(*first));
+        let mut inside = line.vertices().first().is_some_and(|first| self.has(*first) != outside);
         for (a, b) in line.edges() {
             let mut cuts: Vec<(f64, Vector)> = Vec::new();
             if inside {
@@ -155,12 +155,12 @@ impl Polygon {
 
     /// Whether a line is inside at some place.
     pub(in crate::query::geo) fn meets_line(&self, line: &Line) -> bool {
-        !self.clip(line).is_empty()
+        !self.clip(line, false).is_empty()
     }
 
     /// Whether all of a line is inside.
     pub(in crate::query::geo) fn contains_line(&self, line: &Line) -> bool {
-        let pieces = self.clip(line);
+        let pieces = self.clip(line, false);
         let joined = pieces.windows(2).all(|pair| match pair {
             [(_, end), (start, _)] => end.angle(*start) <= JOINT,
             _ => true,
@@ -177,7 +177,7 @@ impl Polygon {
         if self.has(point) {
             return 0.0;
         }
-        self.rings.iter().map(|ring| ring.distance(point)).fold(f64::INFINITY, f64::min)
+        distance(point, self.rings.iter().flat_map(Ring::edges))
     }
 }
 
@@ -186,9 +186,10 @@ impl Polygon {
 #[derive(Debug, Clone)]
 pub(in crate::query::geo) struct BigPolygon {
     /// The smaller part of the two.
-    border: Polygon,
-    /// Whether the other part is meant.
-    inverted: bool,
+    smaller: Polygon,
+    /// The other part, where that is meant.
+    larger: Option<Ring>,
+    border: Line,
 }
 
 impl BigPolygon {
@@ -197,32 +198,36 @@ impl BigPolygon {
     /// # Errors
     /// What is wrong with the ring.
     pub(in crate::query::geo) fn new(vertices: Vec<Vector>) -> Result<Self, String> {
+        let around = vertices.iter().chain(vertices.first()).copied().collect();
+        let border = Line::new(around).ok_or("a ring cannot go to the opposite of a vertex")?;
         let ring = sound_ring(vertices)?;
-        Ok(Self { inverted: !ring.is_less(), border: Polygon::single(ring.around_less()) })
+        let larger = (!ring.is_less()).then(|| ring.clone());
+        Ok(Self { smaller: Polygon::single(ring.around_less()), larger, border })
     }
 
     pub(in crate::query::geo) fn has_or_touches(&self, point: Vector, cell: Cell) -> bool {
-        if self.inverted {
-            !self.border.has(point) || self.border.rings.iter().any(|ring| ring.distance(point) < 1e-9)
-        } else {
-            self.border.has_or_touches(point, cell)
+        match &self.larger {
+            Some(larger) => larger.has(point) || larger.meets(&Ring::new(cell.vertices().to_vec())),
+            None => self.smaller.has_or_touches(point, cell),
         }
     }
 
     pub(in crate::query::geo) fn contains(&self, polygon: &Polygon) -> bool {
-        if self.inverted { !self.border.meets(polygon) } else { self.border.contains(polygon) }
+        if self.larger.is_some() { !self.smaller.meets(polygon) } else { self.smaller.contains(polygon) }
     }
 
     pub(in crate::query::geo) fn contains_line(&self, line: &Line) -> bool {
-        if self.inverted { !self.border.meets_line(line) } else { self.border.contains_line(line) }
+        self.smaller.clip(line, self.larger.is_none()).is_empty()
     }
 
     pub(in crate::query::geo) fn meets(&self, polygon: &Polygon) -> bool {
-        if self.inverted { !self.border.contains(polygon) } else { self.border.meets(polygon) }
+        if self.larger.is_some() { !self.smaller.contains(polygon) } else { self.smaller.meets(polygon) }
     }
 
     pub(in crate::query::geo) fn meets_line(&self, line: &Line) -> bool {
-        if self.inverted { !self.border.contains_line(line) } else { self.border.meets_line(line) }
+        let begins_inside =
+            |first: &Vector| self.larger.as_ref().map_or_else(|| self.smaller.has(*first), |larger| larger.has(*first));
+        self.border.meets(line) || line.vertices().first().is_some_and(begins_inside)
     }
 }
 

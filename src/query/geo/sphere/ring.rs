@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::edge::{Meeting, closest, meeting, passes};
+use super::edge::{Meeting, meeting, passes};
 use super::vector::{Vector, in_order, turn};
 
 /// A point that is no vertex of anybody's ring, from which is counted how often a ring is passed.
@@ -199,11 +199,6 @@ impl Ring {
     /// How many vertices the rings share.
     pub(super) fn shared(&self, other: &Self) -> usize {
         self.vertices.iter().filter(|vertex| other.has_vertex(**vertex)).count()
-    }
-
-    /// The angle from a point to the closest point of the edge.
-    pub(super) fn distance(&self, point: Vector) -> f64 {
-        self.edges().map(|(a, b)| point.angle(closest(point, a, b))).fold(f64::INFINITY, f64::min)
     }
 }
 
