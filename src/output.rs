@@ -225,12 +225,27 @@ impl<'a> Output<'a> {
     /// # Errors
     /// Where the file cannot be written; the old one is then as it was.
     pub fn write_file(&mut self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+        self.write_with(path, |out| Ok(out.write_all(bytes)?))
+    }
+
+    /// The same for a product that is written as it is made.
+    ///
+    /// # Errors
+    /// What `write` fails with, and where the file cannot be written; the old one is then as it was.
+    pub fn write_with(
+        &mut self,
+        path: &Path,
+        write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
         if path == Path::new("-") || path == Path::new("/dev/stdout") {
-            self.stdout.write_all(bytes)?;
-            return Ok(());
+            return write(&mut self.stdout);
         }
-        write_atomically(path, bytes)
-            .map_err(|error| WriteError(format!("cannot write {}: {error}", path.display())).into())
+        let named = |error: io::Error| WriteError(format!("cannot write {}: {error}", path.display())).into();
+        // The name of the temporary file is nobody's business in a message.
+        write_atomically(path, write).map_err(|error| match error.downcast::<io::Error>() {
+            Ok(error) => named(error),
+            Err(error) => error,
+        })
     }
 }
 
@@ -261,15 +276,17 @@ fn named(error: io::Error) -> io::Error {
 
 /// Writes beside the target and renames. Devices and pipes are written directly;
 /// a symbolic link stays one; an existing file keeps its permissions.
-fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>) -> anyhow::Result<()> {
     let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let existing = fs::metadata(&target).ok();
     let special = existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir());
     if special || path.starts_with("/dev/fd") || path.starts_with("/proc") {
-        return OpenOptions::new().append(true).open(path)?.write_all(bytes);
+        let mut out = BufWriter::new(OpenOptions::new().append(true).open(path)?);
+        write(&mut out)?;
+        return Ok(out.flush()?);
     }
     if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
-        return Err(io::ErrorKind::IsADirectory.into());
+        return Err(io::Error::from(io::ErrorKind::IsADirectory).into());
     }
     let folder = match target.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -282,15 +299,31 @@ fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
         use std::os::unix::fs::PermissionsExt as _;
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    // The name of the temporary file is nobody's business in a message.
-    let mut file = builder.tempfile_in(folder).map_err(|error| io::Error::from(error.kind()))?;
-    file.write_all(bytes).map_err(|error| io::Error::from(error.kind()))?;
+    let unnamed = |error: io::Error| io::Error::from(error.kind());
+    let file = builder.tempfile_in(folder).map_err(unnamed)?;
+    let mut out = BufWriter::new(Unnamed(file.as_file()));
+    write(&mut out)?;
+    out.flush()?;
+    drop(out);
     if let Some(existing) = existing {
         file.as_file().set_permissions(existing.permissions())?;
     }
     file.as_file().sync_all()?;
     file.persist(&target).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// A temporary file, whose name is not in its errors.
+struct Unnamed<'a>(&'a File);
+
+impl Write for Unnamed<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes).map_err(|error| io::Error::from(error.kind()))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
 }
 
 /// Whether an error only says that the reader of stdout went away, which ends
@@ -309,9 +342,9 @@ mod tests {
         use std::os::unix::fs::PermissionsExt as _;
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out");
-        write_atomically(&path, b"one").unwrap();
+        write_atomically(&path, |out| Ok(out.write_all(b"one")?)).unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
-        write_atomically(&path, b"two").unwrap();
+        write_atomically(&path, |out| Ok(out.write_all(b"two")?)).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"two");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
@@ -323,7 +356,7 @@ mod tests {
         let (target, link) = (folder.path().join("target"), folder.path().join("link"));
         fs::write(&target, "old").unwrap();
         std::os::unix::fs::symlink(&target, &link).unwrap();
-        write_atomically(&link, b"new").unwrap();
+        write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read(&target).unwrap(), b"new");
     }
@@ -331,8 +364,8 @@ mod tests {
     #[test]
     fn a_failed_write_leaves_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(write_atomically(&folder.path().join("missing/out"), b"x").is_err());
-        assert!(write_atomically(folder.path(), b"x").is_err());
+        assert!(write_atomically(&folder.path().join("missing/out"), |out| Ok(out.write_all(b"x")?)).is_err());
+        assert!(write_atomically(folder.path(), |out| Ok(out.write_all(b"x")?)).is_err());
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::{Context, UsageError};
 use crate::cli::Dump;
 use crate::exit::Exit;
+use crate::memory::world::WorldDumpError;
 use crate::memory::{dump, world};
 
 pub(super) fn run(args: &Dump, context: &mut Context<'_>) -> anyhow::Result<Exit> {
@@ -19,8 +20,10 @@ pub(super) fn run(args: &Dump, context: &mut Context<'_>) -> anyhow::Result<Exit
     let memory = context.memory()?;
     let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
     if is_world {
-        let text = world::dump(&memory, &namespaces)?;
-        context.output.write_file(&args.output, text.as_bytes())?;
+        context.output.write_with(&args.output, |out| match world::write(&memory, &namespaces, out) {
+            Err(WorldDumpError::Write(error)) => Err(error.into()),
+            written => Ok(written?),
+        })?;
         return Ok(Exit::Done);
     }
     let write = if args.archive { dump::write_archive } else { dump::write };

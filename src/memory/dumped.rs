@@ -8,13 +8,17 @@
 use std::fs::{self, File};
 use std::io::{BufRead as _, Read as _};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use bson::{Document, RawDocumentBuf};
 
-use super::world::{World, WorldError, identified};
+use super::world::{World, WorldError};
 use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, Damage, Kind, MAGIC, Metadata, decode_document};
 use crate::store::{Namespace, document};
+
+/// So many bytes tell a text from what is none.
+const LOOK: usize = 512;
 
 /// The documents of a dump, each checked.
 pub type Checked<'a> = Box<dyn Iterator<Item = Result<Document, DumpedError>> + 'a>;
@@ -38,7 +42,8 @@ pub struct Part {
 
 #[derive(Debug)]
 enum Content {
-    Listed(Vec<Document>),
+    /// Its namespace in a world file.
+    World(Rc<World>, Namespace, u64),
     File(PathBuf),
     /// Its database and name in an archive.
     Archived(PathBuf, String, String),
@@ -96,29 +101,30 @@ impl Dumped {
         if head.starts_with(&MAGIC) {
             return Self::archive(path, file);
         }
-        let mut text = Vec::new();
-        file.read_to_end(&mut text).map_err(|source| DumpedError::Read { path: path.to_owned(), source })?;
-        let text = String::from_utf8(text).map_err(|error| DumpedError::Name {
-            path: path.to_owned(),
-            reason: format!("byte {} is not UTF-8; expected a world file or a dump", error.utf8_error().valid_up_to()),
-        })?;
-        Self::world(&Source::new(path.display().to_string(), text))
+        let is_text = head.iter().take(LOOK).all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
+        if !is_text {
+            let reason = "expected a world file or a dump, found neither".to_owned();
+            return Err(DumpedError::Name { path: path.to_owned(), reason });
+        }
+        Ok(Self::of(World::open(path).map_err(WorldError::from)?))
     }
 
-    /// Reads a world file.
+    /// Reads a world file that is in memory.
     ///
     /// # Errors
     /// Where the text is not one.
     pub fn world(source: &Source) -> Result<Self, DumpedError> {
         let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error };
-        let world = World::parse(source).map_err(wrong)?;
-        let mut parts = Vec::new();
-        for (namespace, documents) in world.into_namespaces() {
-            let documents = identified(&namespace, documents)
-                .map_err(|error| WorldError::Store { namespace: namespace.to_string(), source: error.into() })?;
-            parts.push(Part { namespace, content: Content::Listed(documents) });
-        }
-        Ok(Self { parts, notes: Vec::new() })
+        Ok(Self::of(World::parse(source).map_err(wrong)?))
+    }
+
+    fn of(world: World) -> Self {
+        let world = Rc::new(world);
+        let part = |(namespace, count): (&Namespace, u64)| Part {
+            namespace: namespace.clone(),
+            content: Content::World(Rc::clone(&world), namespace.clone(), count),
+        };
+        Self { parts: world.namespaces().map(part).collect(), notes: Vec::new() }
     }
 
     /// Which collections an archive has.
@@ -214,7 +220,11 @@ impl Dumped {
     pub fn verify(&self) -> Result<Vec<u64>, DumpedError> {
         self.parts
             .iter()
-            .map(|part| part.documents()?.try_fold(0, |count, document| document.map(|_| count + 1)))
+            .map(|part| match &part.content {
+                // It was read through when it was opened.
+                Content::World(_, _, count) => Ok(*count),
+                _ => part.documents()?.try_fold(0, |count, document| document.map(|_| count + 1)),
+            })
             .collect()
     }
 }
@@ -226,7 +236,10 @@ impl Part {
     /// Where the file cannot be opened.
     pub fn documents(&self) -> Result<Checked<'_>, DumpedError> {
         match &self.content {
-            Content::Listed(documents) => Ok(Box::new(documents.iter().cloned().map(Ok))),
+            Content::World(world, namespace, _) => {
+                let documents = world.documents(namespace).map_err(WorldError::from)?;
+                Ok(Box::new(documents.map(|read| read.map_err(|error| WorldError::from(error).into()))))
+            }
             Content::File(path) => Ok(checked(path, mongodump::Documents::new(unpacked(path)?))),
             Content::Archived(path, database, collection) => {
                 let archive = Archive::open(unpacked(path)?)

@@ -5,6 +5,7 @@
 //! opened by the first operation that needs it, so that a robot without a
 //! network works with what is its own.
 
+mod atomic;
 mod clock;
 pub mod computables;
 pub mod difference;
@@ -16,6 +17,7 @@ pub mod lock;
 mod operations;
 pub mod restore;
 mod route;
+mod staging;
 pub mod watch;
 pub mod world;
 

@@ -3,9 +3,14 @@
 //! Without `drop`, documents are put into their collections: new ones are
 //! added, those whose `_id` is taken replace what is there, equal ones are
 //! passed over, and what is only in the memory stays. With it, each collection
-//! is staged beside the one it replaces (as `restoring_ID` in its database),
-//! and all are swapped once everything is stored; a failure before that leaves
-//! the old content.
+//! is staged beside the one it replaces, in its database, and all are swapped
+//! once everything is stored.
+//!
+//! On an embedded store either is one step: a process that fails or is killed
+//! leaves what was there. MongoDB has no step of that size: there a killed
+//! process may have put some of the documents, each whole; with `drop`, it may
+//! have swapped some of the collections, each whole. What it staged is removed
+//! by the next restore.
 //!
 //! The metadata of a dump is kept, but for its dates: a document is inserted
 //! when it is restored, and equal to one that was inserted at another time.
@@ -13,12 +18,11 @@
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use bson::oid::ObjectId;
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
-use super::Memory;
 use super::dumped::{Dumped, DumpedError, Part};
 use super::world::forget_dates;
+use super::{Memory, staging};
 use crate::query::{QueryError, key};
 use crate::store::{Find, Namespace, StoreError, stamp};
 
@@ -84,12 +88,26 @@ pub fn restore(memory: &Memory, dumped: &Dumped, manner: Manner<'_>) -> Result<V
             false => replace(memory, dumped, manner.stop),
         };
     }
+    if manner.dry_run {
+        return put(memory, dumped, true, true);
+    }
+    let namespaces: Vec<&Namespace> = dumped.parts.iter().map(|part| &part.namespace).collect();
+    let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
+    staging::sweep(memory, &namespaces).map_err(failed)?;
+    memory.atomically(&namespaces, failed, |whole| put(memory, dumped, false, whole))
+}
+
+/// Puts all documents into the memory; `whole` says that nothing is kept where one fails.
+fn put(memory: &Memory, dumped: &Dumped, dry_run: bool, whole: bool) -> Result<Vec<Restored>, RestoreError> {
     let mut done: Vec<Restored> = Vec::with_capacity(dumped.parts.len());
     for part in &dumped.parts {
         let mut restored = Restored::nothing(&part.namespace);
-        for batch in batches(part)? {
-            let batch = batch?;
-            merge(memory, batch, manner.dry_run, &mut restored).map_err(|source| {
+        for batch in batches(part.documents()?) {
+            let batch = undated(batch?);
+            merge(memory, batch, dry_run, &mut restored).map_err(|source| {
+                if whole {
+                    return unchanged(&part.namespace, source);
+                }
                 let complete: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
                 let before =
                     if complete.is_empty() { String::new() } else { format!(" after {}", complete.join(", ")) };
@@ -109,24 +127,30 @@ impl Restored {
     }
 }
 
-/// The documents of a part, without dates, some at a time.
-fn batches(part: &Part) -> Result<impl Iterator<Item = Result<Vec<Document>, DumpedError>> + '_, DumpedError> {
-    let mut documents = part.documents()?;
-    Ok(std::iter::from_fn(move || {
+/// Documents, some at a time.
+pub(super) fn batches<E>(
+    mut documents: impl Iterator<Item = Result<Document, E>>,
+) -> impl Iterator<Item = Result<Vec<Document>, E>> {
+    std::iter::from_fn(move || {
         let (mut batch, mut bytes) = (Vec::new(), 0);
         while batch.len() < BATCH && bytes < BATCH_BYTES {
             match documents.next() {
                 None => break,
                 Some(Err(error)) => return Some(Err(error)),
-                Some(Ok(mut document)) => {
-                    forget_dates(&mut document);
+                Some(Ok(document)) => {
                     bytes += RawDocumentBuf::try_from(&document).map_or(0, |raw| raw.as_bytes().len());
                     batch.push(document);
                 }
             }
         }
         (!batch.is_empty()).then_some(Ok(batch))
-    }))
+    })
+}
+
+/// The documents, without when they were stored and changed.
+fn undated(mut batch: Vec<Document>) -> Vec<Document> {
+    batch.iter_mut().for_each(forget_dates);
+    batch
 }
 
 /// Puts those documents into the memory that are not there, or different.
@@ -203,12 +227,12 @@ struct Staged {
 
 /// Stages all collections, then swaps them in.
 fn replace(memory: &Memory, dumped: &Dumped, stop: Option<&AtomicBool>) -> Result<Vec<Restored>, RestoreError> {
+    let namespaces: Vec<&Namespace> = dumped.parts.iter().map(|part| &part.namespace).collect();
+    let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
+    staging::sweep(memory, &namespaces).map_err(failed)?;
     let mut staged = Vec::with_capacity(dumped.parts.len());
     for part in &dumped.parts {
-        let name = Namespace {
-            database: part.namespace.database.clone(),
-            collection: format!("restoring_{}", ObjectId::new().to_hex()),
-        };
+        let name = staging::name(&part.namespace);
         staged.push(Staged { name, restored: Restored::nothing(&part.namespace) });
         let stored = match staged.last_mut() {
             Some(last) => stage(memory, part, last, stop),
@@ -220,25 +244,28 @@ fn replace(memory: &Memory, dumped: &Dumped, stop: Option<&AtomicBool>) -> Resul
             return Err(error);
         }
     }
-    swap(memory, staged)
+    let names: Vec<Namespace> = staged.iter().map(|staged| staged.name.clone()).collect();
+    let swapped = memory.atomically(&namespaces, failed, |whole| swap(memory, staged, whole));
+    if swapped.is_err() {
+        names.iter().for_each(|name| drop(memory.drop_collection(name)));
+    }
+    swapped
 }
 
 /// Gives the staged collections their names, one after the other.
-fn swap(memory: &Memory, staged: Vec<Staged>) -> Result<Vec<Restored>, RestoreError> {
+fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restored>, RestoreError> {
     let mut done: Vec<Restored> = Vec::with_capacity(staged.len());
-    let mut rest = staged.into_iter();
-    while let Some(Staged { name, restored }) = rest.next() {
+    for Staged { name, restored } in staged {
         let ns = &restored.namespace;
         let swapped = match restored.inserted {
             0 => memory.drop_collection(ns).map(|_| ()),
             _ => memory.rename_collection(&name, ns),
         };
         if let Err(source) = swapped {
-            rest.map(|staged| staged.name).chain([name]).for_each(|name| drop(memory.drop_collection(&name)));
             let before: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
             let state = match before.as_slice() {
-                [] => "nothing was changed".to_owned(),
-                some => format!("only {} is restored", some.join(", ")),
+                some @ [_, ..] if !whole => format!("only {} is restored", some.join(", ")),
+                _ => "nothing was changed".to_owned(),
             };
             return Err(RestoreError::Store { which: format!("{ns}; {state}"), source });
         }
@@ -249,11 +276,12 @@ fn swap(memory: &Memory, staged: Vec<Staged>) -> Result<Vec<Restored>, RestoreEr
 
 fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&AtomicBool>) -> Result<(), RestoreError> {
     staged.restored.dropped = Some(size(memory, &part.namespace)?);
-    for batch in batches(part)? {
+    for batch in batches(part.documents()?) {
         if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
             return Err(RestoreError::Interrupted);
         }
-        let inserted = memory.insert(&staged.name, batch?).map_err(|source| unchanged(&part.namespace, source))?;
+        let inserted =
+            memory.insert(&staged.name, undated(batch?)).map_err(|source| unchanged(&part.namespace, source))?;
         staged.restored.inserted += inserted.ids.len() as u64;
     }
     Ok(())

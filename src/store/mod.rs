@@ -99,6 +99,18 @@ pub trait Store: Send {
     /// Forgets a name of [`Store::watch`]; says whether there was one.
     fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
 
+    /// Runs operations so that all they do is kept or, where they fail, nothing; a process
+    /// that is killed has done nothing. Others wait with their writes meanwhile. Where
+    /// [`Store::is_atomic`] is false, the operations are just run.
+    fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        work()
+    }
+
+    /// Whether [`Store::atomically`] keeps its word.
+    fn is_atomic(&self) -> bool {
+        false
+    }
+
     /// What the store is, for `-v` and `doctor`; never shows credentials.
     fn describe(&self) -> String;
 }

@@ -17,6 +17,7 @@ mod mongod;
 mod places;
 mod planner;
 mod processes;
+mod restores;
 #[cfg(feature = "mongodb")]
 mod server;
 #[cfg(feature = "mongodb")]
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials = contract::embedded();
     trials.extend(processes::trials());
+    trials.extend(restores::trials());
     trials.extend(planner::trials());
     trials.extend(imported::trials());
     trials.extend(clips::trials());

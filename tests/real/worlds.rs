@@ -20,6 +20,7 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("worlds::a_dump_of_the_embedded_store_restores_into_mongod", to_server),
     ("worlds::a_dump_of_mongod_restores_into_the_embedded_store", from_server),
     ("worlds::a_failed_restore_leaves_what_mongod_had", failed),
+    ("worlds::a_killed_restore_leaves_each_collection_of_mongod_old_or_new", crate::restores::on_server),
     ("worlds::one_robot_at_a_time_holds_a_lock_in_mongod", contended),
     ("worlds::a_lock_in_mongod_expires", expiring),
 ];

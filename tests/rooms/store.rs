@@ -190,3 +190,45 @@ fn without_mongodb_its_uris_are_refused_with_what_to_do() {
     let error = open(&uri, Role::Local).err().unwrap().to_string();
     assert!(error.starts_with("mongodb://host: this rmem was built without MongoDB; "), "{error}");
 }
+
+#[test]
+fn the_order_of_the_key_column_is_the_order_of_a_sort() {
+    let store = Embedded::in_memory().unwrap();
+    let ns = Namespace::parse("a.b").unwrap();
+    let ids = [
+        bson::Bson::from(3),
+        bson::Bson::from("b"),
+        bson::Bson::from(2.5),
+        bson::Bson::Null,
+        bson::Bson::from(-7_i64),
+        bson::Bson::from(doc! { "x": 1 }),
+        bson::Bson::from(true),
+        bson::Bson::from("B"),
+        bson::Bson::from(bson::oid::ObjectId::from_bytes([9; 12])),
+        bson::Bson::MinKey,
+        bson::Bson::from(bson::DateTime::from_millis(5)),
+        bson::Bson::Double(f64::NAN),
+    ];
+    store.insert(&ns, ids.iter().map(|id| doc! { "_id": id, "x": 1 }).collect()).unwrap();
+    let found = |sort, skip, limit| -> Vec<bson::RawDocumentBuf> {
+        let find = Find { sort, skip, limit, filter: doc! { "x": 1 }, ..Find::default() };
+        store.find(&ns, &find).unwrap().collect::<Result<_, _>>().unwrap()
+    };
+    assert_eq!(found(doc! { "_id": 1 }, 0, 0).len(), ids.len());
+    assert_eq!(found(doc! { "_id": 1 }, 0, 0), found(doc! { "_id": 1, "x": 1 }, 0, 0));
+    assert_eq!(found(doc! { "_id": 1 }, 2, 3), found(doc! { "_id": 1, "x": 1 }, 2, 3));
+}
+
+#[test]
+fn what_fails_within_one_step_leaves_nothing() {
+    let store = Embedded::in_memory().unwrap();
+    let ns = Namespace::parse("a.b").unwrap();
+    let failed = store.atomically(&mut || {
+        store.insert(&ns, vec![doc! { "_id": 1 }])?;
+        store.insert(&ns, vec![doc! { "_id": 1 }]).map(drop)
+    });
+    assert!(failed.is_err());
+    assert_eq!(store.count(&ns, &doc! {}).unwrap(), 0);
+    store.atomically(&mut || store.insert(&ns, vec![doc! { "_id": 1 }]).map(drop)).unwrap();
+    assert_eq!(store.count(&ns, &doc! {}).unwrap(), 1);
+}

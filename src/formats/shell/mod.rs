@@ -21,11 +21,11 @@ mod literal;
 mod reader;
 mod scanner;
 mod stream;
+mod world;
 mod writer;
 
-pub use reader::{
-    parse_document, parse_document_in, parse_documents, parse_pipeline, parse_pipeline_in, parse_value, parse_world,
-};
+pub use reader::{parse_document, parse_document_in, parse_documents, parse_pipeline, parse_pipeline_in, parse_value};
 pub use scanner::MAX_DEPTH;
 pub use stream::{ReadError, Reader};
+pub use world::{WorldItem, WorldReader, parse_world};
 pub use writer::{canonical, canonical_value, pretty, relaxed, relaxed_value, write_canonical, write_relaxed};

@@ -14,8 +14,8 @@ use crate::formats::{Diagnostic, Source, Span};
 pub(super) struct ShellParser;
 
 /// A value and where it stands.
-struct Node {
-    span: Span,
+pub(super) struct Node {
+    pub(super) span: Span,
     value: Bson,
 }
 
@@ -140,7 +140,7 @@ fn unclosed(source: &Source, start: usize, offset: usize) -> Diagnostic {
 }
 
 /// One document of many: from its opening bracket to its closing one. Where no value can start, `expected` is.
-fn element(source: &Source, start: usize, expected: &str) -> Result<(Node, usize), Diagnostic> {
+pub(super) fn element(source: &Source, start: usize, expected: &str) -> Result<(Node, usize), Diagnostic> {
     let rest = Span::new(start, source.text().len());
     let text = source.slice(rest);
     if !text.starts_with('{') {
@@ -161,48 +161,8 @@ fn element(source: &Source, start: usize, expected: &str) -> Result<(Node, usize
     Ok((read(source, Span::new(start, end))?, end))
 }
 
-/// Reads a world file: an object with namespaces as keys and arrays of documents as values.
-/// Each namespace comes with the place of its key, each document with its own.
-#[allow(clippy::type_complexity, reason = "three plain things side by side")]
-pub fn parse_world(source: &Source) -> Result<Vec<(String, Span, Vec<(Span, Document)>)>, Diagnostic> {
-    let text = source.text();
-    let open = scanner::skip(text, 0, b"");
-    if text.as_bytes().get(open) != Some(&b'{') {
-        let message = "expected a world `{\"database.collection\": [documents…], …}`";
-        return Err(Diagnostic::new(source, Span::at(open), message));
-    }
-    let mut world: Vec<(String, Span, Vec<(Span, Document)>)> = Vec::new();
-    let mut offset = scanner::skip(text, open + 1, b"");
-    loop {
-        match text.as_bytes().get(offset) {
-            Some(b'}') => break,
-            None => return Err(Diagnostic::new(source, Span::at(offset), "expected `}`, found the end of the text")),
-            Some(_) => {}
-        }
-        let (name, span) = namespace(source, offset)?;
-        if world.iter().any(|(known, ..)| *known == name) {
-            return Err(Diagnostic::new(source, span, format!("the namespace `{name}` is given twice")));
-        }
-        let colon = expect(source, span.end, b':', "`:` after the namespace")?;
-        let bracket = expect(source, colon, b'[', "an array of documents `[…]`")? - 1;
-        let (documents, end) = array(source, bracket)?;
-        world.push((name, span, documents));
-        offset = scanner::skip(text, end, b"");
-        match text.as_bytes().get(offset) {
-            Some(b',') => offset = scanner::skip(text, offset + 1, b""),
-            Some(b'}') => {}
-            _ => return Err(fault::unexpected(source, Span::new(offset, text.len()), "`,` or `}` after an array")),
-        }
-    }
-    let rest = scanner::skip(text, offset + 1, b"");
-    if rest < text.len() {
-        return Err(Diagnostic::new(source, Span::at(rest), "expected nothing after the world"));
-    }
-    Ok(world)
-}
-
 /// The byte wanted at the next place; returns the offset after it.
-fn expect(source: &Source, offset: usize, wanted: u8, expected: &str) -> Result<usize, Diagnostic> {
+pub(super) fn expect(source: &Source, offset: usize, wanted: u8, expected: &str) -> Result<usize, Diagnostic> {
     let offset = scanner::skip(source.text(), offset, b"");
     if source.text().as_bytes().get(offset) == Some(&wanted) {
         return Ok(offset + 1);
@@ -211,7 +171,7 @@ fn expect(source: &Source, offset: usize, wanted: u8, expected: &str) -> Result<
 }
 
 /// The key at `offset`: quoted, or a bare `database.collection`.
-fn namespace(source: &Source, offset: usize) -> Result<(String, Span), Diagnostic> {
+pub(super) fn namespace(source: &Source, offset: usize) -> Result<(String, Span), Diagnostic> {
     let rest = source.text().get(offset..).unwrap_or_default();
     let bare = rest.find(|c: char| !(c.is_alphanumeric() || "_-.$".contains(c))).unwrap_or(rest.len());
     if bare > 0 {
@@ -250,7 +210,7 @@ fn depth(source: &Source, offset: usize) -> Diagnostic {
 }
 
 /// The document that a node must be.
-fn document(source: &Source, node: Node) -> Result<Document, Diagnostic> {
+pub(super) fn document(source: &Source, node: Node) -> Result<Document, Diagnostic> {
     match node.value {
         Bson::Document(document) => Ok(document),
         other => {

@@ -127,12 +127,7 @@ impl<R: BufRead> Reader<R> {
             }
             return Ok(false);
         };
-        let text = String::from_utf8(chunk.bytes).map_err(|error| {
-            let upto = error.utf8_error().valid_up_to();
-            let before = String::from_utf8_lossy(error.as_bytes().get(..upto).unwrap_or_default()).into_owned();
-            let (line, column) = Source::starting_at("", before, chunk.first_line).position(upto);
-            Diagnostic::at(&self.name, line, column, "expected UTF-8 text")
-        })?;
+        let text = decode(&self.name, chunk.bytes, chunk.first_line)?;
         let source = Source::starting_at(self.name.clone(), text, chunk.first_line);
         if let Some(offset) = chunk.extra {
             let message = "expected nothing after the array of documents";
@@ -164,6 +159,16 @@ impl<R: BufRead> Iterator for Reader<R> {
         }
         self.ready.pop_front().map(Ok)
     }
+}
+
+/// The text of some lines of a stream.
+pub(super) fn decode(name: &str, bytes: Vec<u8>, first_line: usize) -> Result<String, Diagnostic> {
+    String::from_utf8(bytes).map_err(|error| {
+        let upto = error.utf8_error().valid_up_to();
+        let before = String::from_utf8_lossy(error.as_bytes().get(..upto).unwrap_or_default()).into_owned();
+        let (line, column) = Source::starting_at("", before, first_line).position(upto);
+        Diagnostic::at(name, line, column, "expected UTF-8 text")
+    })
 }
 
 #[cfg(test)]

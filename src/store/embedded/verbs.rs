@@ -97,6 +97,14 @@ impl Store for Embedded {
         self.forget_name(ns, name)
     }
 
+    fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        self.write(work)
+    }
+
+    fn is_atomic(&self) -> bool {
+        true
+    }
+
     fn describe(&self) -> String {
         self.place.to_string()
     }
@@ -104,7 +112,11 @@ impl Store for Embedded {
 
 impl Embedded {
     /// Runs `work` in a write transaction: all of it is kept, or, where it fails, nothing.
+    /// Within [`Store::atomically`] there is one already, and what fails has to fail as a whole.
     pub(super) fn write<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+        if !self.connection.is_autocommit() {
+            return work();
+        }
         self.run("BEGIN IMMEDIATE").map_err(|e| self.explain(&e))?;
         self.finish(work)
     }
@@ -112,6 +124,9 @@ impl Embedded {
     /// The same, where no other process is writing (else nothing, soon), for what may be lost
     /// with the power: it does not wait for the disk.
     pub(super) fn write_soon<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<Option<T>, StoreError> {
+        if !self.connection.is_autocommit() {
+            return Ok(None);
+        }
         file::be_durable(&self.connection, false).map_err(|e| self.explain(&e))?;
         self.hurried.store(true, Ordering::Relaxed);
         let begun = self.run("BEGIN IMMEDIATE");
