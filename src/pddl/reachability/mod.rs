@@ -20,7 +20,7 @@ use super::domain::Domain;
 use super::problem::Problem;
 use relaxed::Relaxed;
 
-/// How much is looked at before the attempt is given up, in tried facts.
+/// How much is looked at before the attempt is given up, in tried facts and objects.
 const LIMIT: u64 = 5_000_000;
 
 /// What keeps a goal from being reached.
@@ -64,7 +64,10 @@ pub fn why(domain: &Domain, problem: &Problem) -> Why {
     if relaxed.is_cut() {
         return unknown();
     }
-    cause::explain(&relaxed).unwrap_or_else(|_| unknown())
+    match cause::explain(&relaxed) {
+        Ok(why) if !relaxed.is_cut() => why,
+        _ => unknown(),
+    }
 }
 
 impl fmt::Display for Why {

@@ -318,11 +318,11 @@ impl<'a> Relaxed<'a> {
             Formula::And(parts) => all(parts, |part| self.can_hold(part, objects)),
             Formula::Or(parts) => any(parts, |part| self.can_hold(part, objects)),
             Formula::Imply(left, right) => Ok(self.can_fail(left, objects)? || self.can_hold(right, objects)?),
-            Formula::Forall(quantifier, inner) => {
-                Ok(!self.world.each(quantifier, objects, |objects| Ok(!self.can_hold(inner, objects)?))?)
-            }
+            Formula::Forall(quantifier, inner) => Ok(!self
+                .world
+                .each(quantifier, objects, |objects| Ok(self.step() || !self.can_hold(inner, objects)?))?),
             Formula::Exists(quantifier, inner) => {
-                self.world.each(quantifier, objects, |objects| self.can_hold(inner, objects))
+                self.world.each(quantifier, objects, |objects| Ok(self.step() || self.can_hold(inner, objects)?))
             }
             Formula::Timed(_, inner) => self.can_hold(inner, objects),
             Formula::Preference(_) | Formula::Modal => Ok(true),
@@ -346,11 +346,11 @@ impl<'a> Relaxed<'a> {
             Formula::Or(parts) => all(parts, |part| self.can_fail(part, objects)),
             Formula::Imply(left, right) => Ok(self.can_hold(left, objects)? && self.can_fail(right, objects)?),
             Formula::Forall(quantifier, inner) => {
-                self.world.each(quantifier, objects, |objects| self.can_fail(inner, objects))
+                self.world.each(quantifier, objects, |objects| Ok(self.step() || self.can_fail(inner, objects)?))
             }
-            Formula::Exists(quantifier, inner) => {
-                Ok(!self.world.each(quantifier, objects, |objects| Ok(!self.can_fail(inner, objects)?))?)
-            }
+            Formula::Exists(quantifier, inner) => Ok(!self
+                .world
+                .each(quantifier, objects, |objects| Ok(self.step() || !self.can_fail(inner, objects)?))?),
             Formula::Timed(_, inner) => self.can_fail(inner, objects),
             Formula::Preference(_) | Formula::Modal => Ok(true),
         }
