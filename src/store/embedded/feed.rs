@@ -160,7 +160,7 @@ impl Feed<'_> {
     /// Writes down how far this is, and that the process lives. While others write all the
     /// time that is put off for a while, so that changes are given meanwhile.
     fn advance(&mut self) -> Result<(), StoreError> {
-        let watcher = Watcher { position: self.settled, ..self.noted };
+        let watcher = Watcher { position: self.settled, ..self.noted.clone() };
         let store = self.store;
         let work = || watcher.advance(&store.connection, &self.namespace).map_err(|e| store.explain(&e));
         let is_overdue = self.waiting.is_some_and(|since| since.elapsed() >= DEFERRAL);

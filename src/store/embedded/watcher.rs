@@ -13,8 +13,11 @@ use crate::store::holder::{Holder, Life};
 const SILENCE: i64 = 60_000;
 
 /// A watcher that is being followed by this process.
+#[derive(Clone)]
 pub(super) struct Watcher {
     pub(super) id: i64,
+    /// This process, as its row names it.
+    pub(super) holder: String,
     /// The last change it is done with.
     pub(super) position: i64,
 }
@@ -105,14 +108,14 @@ pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) 
         }
         let sql = "UPDATE watchers SET holder = ?, beat = ? WHERE id = ?";
         connection.execute(sql, params![myself, now(), found.id])?;
-        return Ok(Taken::Mine(Watcher { id: found.id, position: found.position }));
+        return Ok(Taken::Mine(Watcher { id: found.id, holder: myself, position: found.position }));
     }
     let position = log::last(connection)?;
     connection.execute(
         "INSERT INTO watchers (name, database, collection, position, holder, beat) VALUES (?, ?, ?, ?, ?, ?)",
         params![name, ns.database, ns.collection, position, myself, now()],
     )?;
-    Ok(Taken::Mine(Watcher { id: connection.last_insert_rowid(), position }))
+    Ok(Taken::Mine(Watcher { id: connection.last_insert_rowid(), holder: myself, position }))
 }
 
 fn find(connection: &Connection, name: &str) -> rusqlite::Result<Option<Row>> {
@@ -130,7 +133,8 @@ pub(super) fn forget(connection: &Connection, ns: &Namespace, name: &str) -> rus
         return Ok(Some(Taken::Held(holder.process())));
     }
     remove(connection, ns, found.id)?;
-    Ok(Some(Taken::Mine(Watcher { id: found.id, position: found.position })))
+    let holder = Holder::myself().to_string();
+    Ok(Some(Taken::Mine(Watcher { id: found.id, holder, position: found.position })))
 }
 
 impl Watcher {
@@ -139,7 +143,7 @@ impl Watcher {
         let found: Option<(bool, Option<String>)> =
             connection.prepare_cached(sql)?.query_row([self.id], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
         Ok(match found {
-            Some((_, holder)) if holder.as_deref() != Some(&Holder::myself().to_string()) => State::Gone,
+            Some((_, holder)) if holder.as_deref() != Some(&self.holder) => State::Gone,
             Some((true, _)) => State::Missed,
             Some((false, _)) => State::Good,
             None => State::Gone,
@@ -159,7 +163,7 @@ impl Watcher {
             return remove(connection, ns, self.id);
         }
         let sql = "UPDATE watchers SET holder = NULL, position = ? WHERE id = ? AND holder = ?";
-        connection.execute(sql, params![self.position, self.id, Holder::myself().to_string()])?;
+        connection.execute(sql, params![self.position, self.id, self.holder])?;
         log::trim(connection, ns)
     }
 }
