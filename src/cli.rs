@@ -5,7 +5,9 @@
 //! and `rmem.toml`, in `settings`.
 
 mod backend;
+mod bench;
 mod computables;
+mod expire;
 mod import_problem;
 mod index;
 mod plan;
@@ -22,7 +24,9 @@ use crate::output::Format;
 use crate::store::Namespace;
 
 pub use backend::{Backend, BackendCommand, BackendName, BackendUp};
+pub use bench::Bench;
 pub use computables::Computables;
+pub use expire::Expire;
 pub use import_problem::ImportProblem;
 pub use index::Index;
 pub use plan::{
@@ -232,6 +236,24 @@ ended. Ends when it is interrupted."
         after_help = "Examples:\n  rmem clips export robmem.worldmodel \"{relation: 'on'}\" --as deffacts world -o world.clp\n  rmem clips import facts.txt --into robmem.worldmodel"
     )]
     Clips(Clips),
+    /// Remove what decayed, and what is not to outlive a restart
+    #[command(
+        after_help = "Example:\n  rmem insert robmem.sightings \"{object: 'cup', _robmem_info: {decay_time: ISODate('2030-01-01')}}\"\n  rmem expire\n  rmem expire --restart\n\n\
+Removes documents whose _robmem_info.decay_time is past, what computables made and may not be\n\
+used any more, and what is due by rmem index --ttl; with --restart, also what was stored with\n\
+_robmem_info: {persistent: false}. Prints how many, a line a collection. What decayed is invisible\n\
+without it: it is removed by later writers, on MongoDB by the server, within a minute or so."
+    )]
+    Expire(Expire),
+    /// Measure how fast the memory is
+    #[command(
+        after_help = "Examples:\n  rmem bench\n  rmem bench --against mongodb://127.0.0.1:27017 --plot figures\n\n\
+Times the work of a robot that tidies up, side by side on an embedded memory and, with --against, on a\n\
+MongoDB server: through the driver alone with journaled writes, and through rmem. Prints medians in\n\
+microseconds, how many times faster the embedded memory is than the server, and by how many percent\n\
+rmem on the server is slower than the driver alone."
+    )]
+    Bench(Bench),
     /// Print the settings in force, and where each came from
     #[command(after_help = "Example:\n  rmem config")]
     Config,

@@ -20,6 +20,7 @@ pub mod settings;
 
 pub mod commands;
 
+pub mod bench;
 pub mod memory;
 pub mod store;
 

@@ -2,6 +2,7 @@
 
 mod aggregate;
 mod backend;
+mod bench;
 mod clips;
 mod collections;
 mod completions;
@@ -15,6 +16,7 @@ mod doctor;
 mod drop;
 mod dump;
 mod exit_codes;
+mod expire;
 mod explanation;
 mod ff;
 mod gen_problem;
@@ -48,6 +50,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
     match command {
         Command::Aggregate(args) => aggregate::run(args, context),
         Command::Backend(args) => backend::run(args, context),
+        Command::Bench(args) => bench::run(args, context),
         Command::Clips(args) => clips::run(args, context),
         Command::Collections => collections::run(context),
         Command::Computables(args) => computables::run(args, context),
@@ -61,6 +64,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Drop(args) => drop::run(args, context),
         Command::Dump(args) => dump::run(args, context),
         Command::ExitCodes => exit_codes::run(context),
+        Command::Expire(args) => expire::run(args, context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
         Command::ImportProblem(args) => import_problem::run(args, context),

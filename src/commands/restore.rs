@@ -39,6 +39,11 @@ pub(super) fn run(args: &Restore, context: &mut Context<'_>) -> anyhow::Result<E
     for note in &dumped.notes {
         context.output.warn(note);
     }
+    for restored in &restored {
+        for index in &restored.without {
+            context.output.warn(&format!("{}: {index}", restored.namespace));
+        }
+    }
     context.print_documents(restored.iter().map(|restored| Ok(report(restored))))?;
     if args.dry_run {
         context.output.note("nothing was changed: --dry-run");

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use super::Memory;
 use crate::formats::mongodump::{ArchiveWriter, Metadata, Packer, encode};
-use crate::store::{Find, Namespace, StoreError};
+use crate::store::{Find, Index, Namespace, StoreError, index};
 
 /// Why there is no dump. Nothing was left behind.
 #[derive(Debug, thiserror::Error)]
@@ -88,7 +88,8 @@ pub fn write_archive(
     builder.prefix(".rmem-").permissions(Permissions::from_mode(0o666));
     let (file, staged) = builder.tempfile_in(beside(path)).map_err(failed)?.into_parts();
     let namespaces = in_order(namespaces);
-    let names = namespaces.iter().map(|ns| (ns.database.as_str(), ns.collection.as_str()));
+    let described = namespaces.iter().map(|ns| metadata(memory, ns)).collect::<Result<Vec<_>, _>>()?;
+    let names = namespaces.iter().zip(&described).map(|(ns, metadata)| (ns.database.as_str(), metadata));
     let packer = Packer::new(BufWriter::with_capacity(128 << 10, file), gzip);
     let mut archive = ArchiveWriter::new(packer, names).map_err(failed)?;
     let mut written = Vec::with_capacity(namespaces.len());
@@ -141,9 +142,16 @@ fn write_collection(memory: &Memory, ns: &Namespace, path: &Path, folder: &Path,
     }
     close(documents).map_err(failed)?;
     let mut metadata = create("metadata.json").map_err(failed)?;
-    metadata.write_all(Metadata::plain(&ns.collection).write().as_bytes()).map_err(failed)?;
+    metadata.write_all(self::metadata(memory, ns)?.write().as_bytes()).map_err(failed)?;
     close(metadata).map_err(failed)?;
     Ok(count)
+}
+
+/// What a dump says of a collection: its indexes, as the store lists them.
+fn metadata(memory: &Memory, ns: &Namespace) -> Result<Metadata, DumpError> {
+    let indexes = memory.indexes(ns).map_err(|source| DumpError::Store { namespace: ns.to_string(), source })?;
+    let indexes = indexes.iter().filter(|index| index.name != index::ID).map(Index::definition).collect();
+    Ok(Metadata { indexes, ..Metadata::plain(&ns.collection) })
 }
 
 fn close(file: Packer<BufWriter<File>>) -> io::Result<()> {

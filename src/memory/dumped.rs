@@ -15,7 +15,7 @@ use bson::{Document, RawDocumentBuf};
 use super::world::{World, WorldError};
 use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, Damage, Kind, MAGIC, Metadata, decode_document};
-use crate::store::{Namespace, document};
+use crate::store::{Index, Namespace, document};
 
 /// So many bytes tell a text from what is none.
 const LOOK: usize = 512;
@@ -37,6 +37,8 @@ pub struct Dumped {
 pub struct Part {
     /// Where its documents belong.
     pub namespace: Namespace,
+    /// Its indexes, but the one on `_id`; nothing where the dump does not tell of indexes.
+    pub indexes: Option<Vec<Index>>,
     content: Content,
 }
 
@@ -122,6 +124,7 @@ impl Dumped {
         let world = Rc::new(world);
         let part = |(namespace, count): (&Namespace, u64)| Part {
             namespace: namespace.clone(),
+            indexes: None,
             content: Content::World(Rc::clone(&world), namespace.clone(), count),
         };
         Self { parts: world.namespaces().map(part).collect(), notes: Vec::new() }
@@ -143,7 +146,7 @@ impl Dumped {
             } else {
                 let namespace = Namespace::parse(&name).map_err(|error| refuse(error.to_string()))?;
                 let content = Content::Archived(path.to_owned(), database.clone(), collection.clone());
-                dumped.push(namespace, content, &metadata.indexes);
+                dumped.push(namespace, content, Some(&metadata));
             }
         }
         Ok(dumped)
@@ -187,16 +190,22 @@ impl Dumped {
     fn add(&mut self, path: &Path) -> Result<(), DumpedError> {
         let metadata = metadata_of(path)?;
         let namespace = namespace(path, metadata.as_ref())?;
-        let indexes = metadata.map(|metadata| metadata.indexes).unwrap_or_default();
-        self.push(namespace, Content::File(path.to_owned()), &indexes);
+        self.push(namespace, Content::File(path.to_owned()), metadata.as_ref());
         Ok(())
     }
 
-    fn push(&mut self, namespace: Namespace, content: Content, indexes: &[String]) {
-        for index in indexes {
-            self.notes.push(format!("the index {index} of {namespace} is not restored"));
+    fn push(&mut self, namespace: Namespace, content: Content, metadata: Option<&Metadata>) {
+        let mut indexes = metadata.map(|_| Vec::new());
+        for definition in metadata.iter().flat_map(|metadata| &metadata.indexes) {
+            match (Index::parse(definition), &mut indexes) {
+                (Ok(index), Some(indexes)) => indexes.push(index),
+                (read, _) => {
+                    let why = read.err().map(|error| error.message).unwrap_or_default();
+                    self.notes.push(format!("an index of {namespace} is not restored: {why}"));
+                }
+            }
         }
-        self.parts.push(Part { namespace, content });
+        self.parts.push(Part { namespace, indexes, content });
     }
 
     /// Sends the one collection of the dump to another namespace.

@@ -11,6 +11,7 @@ pub mod computables;
 pub mod difference;
 pub mod dump;
 pub mod dumped;
+pub mod expiry;
 mod index;
 mod journal;
 pub mod lock;

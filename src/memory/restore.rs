@@ -12,6 +12,9 @@
 //! have swapped some of the collections, each whole. What it staged is removed
 //! by the next restore.
 //!
+//! Its indexes are made where the dump tells of them; of a world file, which
+//! does not, those stay that were there.
+//!
 //! The metadata of a dump is kept, but for its dates: a document is inserted
 //! when it is restored, and equal to one that was inserted at another time.
 
@@ -24,7 +27,7 @@ use super::dumped::{Dumped, DumpedError, Part};
 use super::world::forget_dates;
 use super::{Memory, staging};
 use crate::query::{QueryError, key};
-use crate::store::{Find, Namespace, StoreError, stamp};
+use crate::store::{Find, Index, Namespace, StoreError, index, stamp};
 
 /// At most so many documents are stored at once …
 const BATCH: usize = 10_000;
@@ -44,6 +47,8 @@ pub struct Restored {
     pub skipped: u64,
     /// How many documents the former collection had, where it was replaced as a whole.
     pub dropped: Option<u64>,
+    /// The indexes that the store cannot have, and why.
+    pub without: Vec<String>,
 }
 
 /// Why a dump was not restored.
@@ -116,14 +121,39 @@ fn put(memory: &Memory, dumped: &Dumped, dry_run: bool, whole: bool) -> Result<V
                 RestoreError::Store { which: format!("{}; {state}", part.namespace), source }
             })?;
         }
+        if !dry_run {
+            let indexes = part.indexes.as_deref().unwrap_or_default();
+            restored.without = index(memory, &part.namespace, indexes).map_err(|source| {
+                if whole {
+                    return unchanged(&part.namespace, source);
+                }
+                let which =
+                    format!("{}; its documents are stored, but not all of its indexes are made", part.namespace);
+                RestoreError::Store { which, source }
+            })?;
+        }
         done.push(restored);
     }
     Ok(done)
 }
 
+/// Makes indexes; tells of those that the store cannot have.
+fn index(memory: &Memory, ns: &Namespace, indexes: &[Index]) -> Result<Vec<String>, StoreError> {
+    let mut without = Vec::new();
+    for index in indexes {
+        match memory.create_index(ns, index) {
+            Err(StoreError::Query(error)) if error.unsupported => {
+                without.push(format!("the index {} is not restored: {}", index.name, error.message));
+            }
+            made => drop(made?),
+        }
+    }
+    Ok(without)
+}
+
 impl Restored {
     fn nothing(namespace: &Namespace) -> Self {
-        Self { namespace: namespace.clone(), inserted: 0, replaced: 0, skipped: 0, dropped: None }
+        Self { namespace: namespace.clone(), inserted: 0, replaced: 0, skipped: 0, dropped: None, without: Vec::new() }
     }
 }
 
@@ -283,6 +313,16 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
         let inserted =
             memory.insert(&staged.name, undated(batch?)).map_err(|source| unchanged(&part.namespace, source))?;
         staged.restored.inserted += inserted.ids.len() as u64;
+    }
+    let failed = |source| unchanged(&part.namespace, source);
+    let indexes = match &part.indexes {
+        Some(indexes) => indexes.clone(),
+        // What does not tell of indexes takes none away.
+        None => memory.indexes(&part.namespace).map_err(failed)?,
+    };
+    if staged.restored.inserted > 0 {
+        let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();
+        staged.restored.without = index(memory, &staged.name, &own).map_err(failed)?;
     }
     Ok(())
 }

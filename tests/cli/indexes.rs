@@ -1,4 +1,4 @@
-//! index: make, list, drop.
+//! index, query --explain, expire, bench.
 
 use crate::lab::Lab;
 
@@ -55,4 +55,30 @@ fn explain_tells_how_a_query_is_answered() {
     );
     let scan = lab.rmem(&["query", "robmem.objects", "{mass: {$gt: 1}}", "--explain"]).success();
     assert_eq!(scan, "{\"index\":null,\"keys_examined\":0,\"documents_examined\":2,\"returned\":0}\n");
+}
+
+#[test]
+fn expire_removes_what_decayed_and_at_a_restart_what_is_not_persistent() {
+    let lab = Lab::new();
+    let decayed = "{_id: 1, _robmem_info: {decay_time: ISODate('2001-01-01')}}";
+    lab.rmem(&["insert", "robmem.seen", "{_id: 2, _robmem_info: {persistent: false}}", "{_id: 3}", decayed]).success();
+    assert_eq!(lab.rmem(&["count", "robmem.seen"]).success(), "2\n");
+    assert_eq!(
+        lab.rmem(&["expire"]).success(),
+        "{\"namespace\":\"robmem.seen\",\"decayed\":1,\"computed\":0,\"due\":0,\"not_persistent\":0}\n"
+    );
+    assert_eq!(lab.rmem(&["expire"]).success(), "");
+    assert!(lab.rmem(&["expire", "--restart"]).success().contains("\"not_persistent\":1"));
+    assert_eq!(lab.rmem(&["query", "robmem.seen"]).success(), "{\"_id\":3}\n");
+}
+
+#[test]
+fn bench_measures_every_kind_of_work_and_draws_it() {
+    let lab = Lab::new();
+    let told = lab.rmem(&["bench", "--documents", "20", "--documents", "10", "--rounds", "2", "--plot", "plots"]);
+    let told = told.success();
+    assert_eq!(told.lines().count(), 12, "{told}");
+    assert!(told.starts_with("{\"documents\":10,\"work\":\"insert\",\"embedded_us\":"), "{told}");
+    assert!(lab.read("plots/memory.svg").contains("indexed update"));
+    lab.rmem(&["bench", "--against", "file:x.rmem"]).exits(2);
 }

@@ -211,9 +211,13 @@ fn what_is_the_servers_own_is_left_out_aloud() {
     let lab = dumped(&[]);
     fs::write(lab.path().join("dump/robmem/system.users.bson"), b"").unwrap();
     lab.write("dump/robmem/seen.metadata.json", r#"{"options":{"viewOn":"blocks"},"indexes":[]}"#);
-    lab.write("dump/robmem/blocks.metadata.json", r#"{"indexes":[{"key":{"n":1},"name":"n_1"}]}"#);
+    lab.write("dump/robmem/blocks.metadata.json", r#"{"indexes":[{"key":{"n":"text"},"name":"n_1"}]}"#);
     let done = lab.rmem(&["restore", "dump"]).exits(0);
-    for said in ["system.users.bson is the server's own", "describes a view", "index n_1 of robmem.blocks"] {
+    for said in [
+        "system.users.bson is the server's own",
+        "describes a view",
+        "robmem.blocks: the index n_1 is not restored: an index of the kind `text`",
+    ] {
         assert!(done.stderr.contains(said), "{done}");
     }
 }
@@ -259,4 +263,36 @@ fn differences_are_a_line_a_document() {
     lab.rmem(&["diff", "a.json", "file:missing.rmem"]).exits(3);
     assert!(!lab.path().join("missing.rmem").exists());
     lab.rmem(&["diff", "a.json", "mem:x"]).exits(2);
+}
+
+#[test]
+fn a_dump_carries_indexes_and_restore_makes_them() {
+    for archive in [&["--archive"] as &[&str], &[]] {
+        let lab = Lab::new();
+        lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}", "{name: 'jar'}"]).success();
+        lab.rmem(&["index", "robmem.objects", "{name: 1}", "--unique"]).success();
+        let listed = lab.rmem(&["index", "robmem.objects"]).success();
+        lab.rmem(&[&["dump", "robmem.objects", "-o", "backup"], archive].concat()).success();
+        for args in [&["--into", "robmem.copy"] as &[&str], &["--drop"]] {
+            lab.rmem(&[&["restore", "backup"], args].concat()).success();
+        }
+        assert_eq!(lab.rmem(&["index", "robmem.copy"]).success(), listed);
+        assert_eq!(lab.rmem(&["index", "robmem.objects"]).success(), listed);
+        lab.rmem(&["insert", "robmem.copy", "{name: 'cup'}"]).exits(5);
+    }
+}
+
+#[test]
+fn a_world_file_takes_no_index_away() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.objects", "{_id: 1, name: 'cup'}"]).success();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}", "--unique"]).success();
+    let listed = lab.rmem(&["index", "robmem.objects"]).success();
+    lab.rmem(&["dump", "robmem.objects", "-o", "world.json"]).success();
+    lab.rmem(&["restore", "world.json", "--drop"]).success();
+    assert_eq!(lab.rmem(&["index", "robmem.objects"]).success(), listed);
+    lab.write("twins.json", r#"{"robmem.objects": [{"_id": 5, "name": "jar"}, {"_id": 6, "name": "jar"}]}"#);
+    let refused = lab.rmem(&["restore", "twins.json", "--drop"]).exits(5);
+    assert!(refused.stderr.contains("nothing was changed"), "{refused}");
+    assert_eq!(lab.rmem(&["query", "robmem.objects"]).success(), "{\"_id\":1,\"name\":\"cup\"}\n");
 }

@@ -76,6 +76,8 @@ const CASES: &[(&str, Case)] = cases![
     what_is_near_needs_an_index,
     a_pipeline_may_begin_with_what_is_near,
     an_index_of_places_refuses_what_is_none,
+    the_first_document_that_decays_makes_the_index_for_it,
+    an_update_that_lets_a_document_decay_makes_the_index_too,
 ];
 
 /// A store to be examined, and the folder that is removed after it.
@@ -958,4 +960,22 @@ fn an_index_of_places_refuses_what_is_none(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, [doc! { "_id": 9, "at": "here" }]);
     assert!(store.create_index(ns, &Index::on(doc! { "at": "2dsphere" })).is_err());
     assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids()]);
+}
+
+fn the_first_document_that_decays_makes_the_index_for_it(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1 }]);
+    assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids()]);
+    let later = bson::DateTime::from_millis(4_000_000_000_000);
+    insert(store, ns, [doc! { "_id": 2, "_robmem_info": { "decay_time": later } }]);
+    assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids(), Index::of_decay()]);
+    assert!(store.drop_index(ns, &Index::of_decay().name).is_err());
+    assert_eq!(ids(store, ns, doc! {}), [1, 2]);
+}
+
+fn an_update_that_lets_a_document_decay_makes_the_index_too(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1 }]);
+    let later = bson::DateTime::from_millis(4_000_000_000_000);
+    let request = update(doc! { "_id": 1 }, doc! { "$set": { "_robmem_info.decay_time": later } });
+    store.update(ns, &request, None).unwrap();
+    assert_eq!(store.indexes(ns).unwrap().len(), 2);
 }

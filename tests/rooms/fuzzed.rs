@@ -12,7 +12,7 @@ use bson::{RawDocumentBuf, doc};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use proptest::test_runner::{Config, TestRunner};
-use rmem::formats::mongodump::ArchiveWriter;
+use rmem::formats::mongodump::{ArchiveWriter, Metadata};
 
 /// How many inputs of a format a normal run damages.
 const CASES: u32 = 2000;
@@ -206,7 +206,9 @@ fn a_damaged_bson_file_is_an_error() {
 
 #[test]
 fn a_damaged_archive_is_an_error() {
-    let mut archive = ArchiveWriter::new(Vec::new(), [("a", "b"), ("a", "c")]).expect("an archive");
+    let collections = [Metadata::plain("b"), Metadata::plain("c")];
+    let named = collections.iter().map(|metadata| ("a", metadata));
+    let mut archive = ArchiveWriter::new(Vec::new(), named).expect("an archive");
     for document in documents() {
         archive.document("a", "b", &document).expect("written");
     }

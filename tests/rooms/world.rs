@@ -5,9 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bson::{DateTime, Document, doc};
 use rmem::formats::Source;
 use rmem::memory::dumped::Dumped;
+use rmem::memory::expiry::Expired;
 use rmem::memory::restore::{Manner, RestoreError, restore};
 use rmem::memory::{Clock, Memory, world};
-use rmem::store::{Embedded, Find, Namespace, StoreUri, UpdateRequest, UpdateSpec};
+use rmem::store::{Embedded, Find, Index, Namespace, Store as _, StoreUri, UpdateRequest, UpdateSpec};
 
 fn ns(text: &str) -> Namespace {
     Namespace::parse(text).unwrap()
@@ -283,4 +284,64 @@ fn what_lies_under_the_metadata_is_checked() {
         assert!(memory.put(&blocks, vec![doc! { "_robmem_info": info.clone() }]).is_err(), "{info}");
     }
     assert_eq!(memory.collections().unwrap(), []);
+}
+
+#[test]
+fn what_decayed_is_removed_by_later_writers() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Embedded::open(folder.path().join("robot.rmem")).unwrap();
+    let blocks = ns("a.b");
+    let past = doc! { "decay_time": at(1) };
+    store.insert(&blocks, vec![doc! { "_id": 1, "_robmem_info": past }, doc! { "_id": 2 }]).unwrap();
+    assert_eq!(store.count(&blocks, &doc! {}).unwrap(), 2, "whoever stores does not remove what is stored");
+    let ttl = Index { expire_after: Some(60), ..Index::on(doc! { "seen": -1 }) };
+    store.create_index(&blocks, &ttl).unwrap();
+    let seen = |id: i32, at: DateTime| doc! { "_id": id, "seen": [at, DateTime::from_millis(i64::MAX)] };
+    store.insert(&blocks, vec![seen(3, at(5)), seen(4, DateTime::now())]).unwrap();
+    assert_eq!(store.count(&blocks, &doc! {}).unwrap(), 3);
+    store.insert(&blocks, vec![doc! { "_id": 5 }]).unwrap();
+    assert_eq!(store.distinct(&blocks, "_id", &doc! {}).unwrap(), [2, 4, 5].map(bson::Bson::Int32));
+}
+
+#[test]
+fn counting_leaves_out_what_decayed_with_and_without_a_filter() {
+    let (memory, blocks) = (memory(), ns("a.b"));
+    let documents = (0..10).map(|n| doc! { "_id": n, "n": n % 2, "_robmem_info": { "decay_time": at(1_000 + n) } });
+    memory.insert(&blocks, documents.chain([doc! { "_id": 99, "n": 0 }]).collect()).unwrap();
+    let memory = memory.with_clock(Clock::Stopped(at(1_003)));
+    assert_eq!(memory.count(&blocks, &doc! {}).unwrap(), 7);
+    assert_eq!(memory.count(&blocks, &doc! { "n": 0 }).unwrap(), 4);
+}
+
+#[test]
+fn expire_removes_what_is_over_and_says_what() {
+    let (start, blocks) = (DateTime::now().timestamp_millis(), ns("a.b"));
+    let minutes = |minutes: i64| at(start + minutes * 60_000);
+    let memory = Memory::new(Box::new(Embedded::in_memory().unwrap()), None, Vec::new());
+    let info = |info: bson::Document| doc! { "_robmem_info": info };
+    memory
+        .insert(
+            &blocks,
+            vec![
+                info(doc! { "decay_time": minutes(15) }),
+                info(doc! { "decay_time": minutes(95) }),
+                info(doc! { "computed": true, "cached_until": minutes(12) }),
+                info(doc! { "computed": true, "cached_until": minutes(92) }),
+                info(doc! { "persistent": false }),
+                info(doc! { "persistent": true }),
+                doc! { "seen": minutes(10) },
+                doc! { "seen": minutes(90) },
+            ],
+        )
+        .unwrap();
+    let ttl = Index { expire_after: Some(1), ..Index::on(doc! { "seen": 1 }) };
+    memory.create_index(&blocks, &ttl).unwrap();
+    memory.insert(&ns("a.untouched"), vec![doc! { "_id": 1 }]).unwrap();
+    assert_eq!(memory.expire(false).unwrap(), [], "nothing is over yet");
+    let memory = memory.with_clock(Clock::Stopped(minutes(20)));
+    let expired = Expired { decayed: 1, computed: 1, due: 1, not_persistent: 0 };
+    assert_eq!(memory.expire(false).unwrap(), [(blocks.clone(), expired)]);
+    let expired = Expired { not_persistent: 1, ..Expired::default() };
+    assert_eq!(memory.expire(true).unwrap(), [(blocks.clone(), expired)]);
+    assert_eq!(memory.count(&blocks, &doc! {}).unwrap(), 4);
 }

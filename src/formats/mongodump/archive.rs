@@ -157,21 +157,21 @@ pub struct ArchiveWriter<W> {
 }
 
 impl<W: Write> ArchiveWriter<W> {
-    /// Begins an archive of these databases' collections.
+    /// Begins an archive of collections, each with its database.
     ///
     /// # Errors
     /// Where `out` cannot be written.
-    pub fn new<'a>(out: W, collections: impl IntoIterator<Item = (&'a str, &'a str)>) -> io::Result<Self> {
+    pub fn new<'a>(out: W, collections: impl IntoIterator<Item = (&'a str, &'a Metadata)>) -> io::Result<Self> {
         let mut archive = Self { out, checksum: Checksum::default(), begun: false };
         archive.out.write_all(&MAGIC)?;
         archive.put(&doc! {
             "concurrent_collections": 1, "version": VERSIONS.0, "server_version": VERSIONS.1,
             "tool_version": env!("CARGO_PKG_VERSION"),
         })?;
-        for (database, collection) in collections {
-            let metadata = Metadata::plain(collection).write();
+        for (database, metadata) in collections {
+            let collection = metadata.collection.clone().unwrap_or_default();
             archive.put(&doc! {
-                "db": database, "collection": collection, "metadata": metadata, "size": 0, "type": "collection",
+                "db": database, "collection": collection, "metadata": metadata.write(), "size": 0, "type": "collection",
             })?;
         }
         archive.mark()?;
@@ -228,7 +228,8 @@ mod tests {
     }
 
     fn written() -> Vec<u8> {
-        let mut archive = ArchiveWriter::new(Vec::new(), [("a", "one"), ("a", "none")]).unwrap();
+        let collections = [Metadata::plain("one"), Metadata::plain("none")];
+        let mut archive = ArchiveWriter::new(Vec::new(), collections.iter().map(|metadata| ("a", metadata))).unwrap();
         for n in 0..3 {
             archive.document("a", "one", &RawDocumentBuf::try_from(&doc! { "_id": n }).unwrap()).unwrap();
         }

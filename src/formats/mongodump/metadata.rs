@@ -1,6 +1,6 @@
 //! `COLL.metadata.json`: what a collection is called and which indexes it has.
 
-use bson::{Bson, doc};
+use bson::{Bson, Document, doc};
 
 use crate::formats::{Diagnostic, Source, shell};
 
@@ -11,8 +11,8 @@ pub struct Metadata {
     pub collection: Option<String>,
     /// What it is.
     pub kind: Kind,
-    /// The names of its indexes, but the one on `_id`.
-    pub indexes: Vec<String>,
+    /// The definitions of its indexes, but the one on `_id`.
+    pub indexes: Vec<Document>,
 }
 
 /// What a collection is.
@@ -45,17 +45,18 @@ impl Metadata {
             kind => Kind::Other(kind),
         };
         let indexes = document.get_array("indexes").map(Vec::as_slice).unwrap_or_default();
-        let names = indexes.iter().filter_map(Bson::as_document).filter_map(|index| index.get_str("name").ok());
-        let indexes = names.filter(|name| *name != "_id_").map(str::to_owned).collect();
+        let definitions = indexes.iter().filter_map(Bson::as_document);
+        let indexes = definitions.filter(|index| index.get_str("name").ok() != Some("_id_")).cloned().collect();
         Ok(Self { collection: text("collectionName"), kind, indexes })
     }
 
-    /// The text for a plain collection.
+    /// The text for a collection.
     #[must_use]
     pub fn write(&self) -> String {
-        let id = doc! { "v": 2, "key": { "_id": 1 }, "name": "_id_" };
+        let mut indexes = vec![doc! { "v": 2, "key": { "_id": 1 }, "name": "_id_" }];
+        indexes.extend(self.indexes.iter().cloned());
         shell::canonical(&doc! {
-            "indexes": [id],
+            "indexes": indexes,
             "collectionName": self.collection.clone().unwrap_or_default(),
             "type": "collection",
         })
@@ -72,6 +73,9 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read() {
+        let indexed =
+            Metadata { indexes: vec![doc! { "v": 2, "key": { "n": -1 }, "name": "n" }], ..Metadata::plain("x") };
+        assert_eq!(parse(&indexed.write()), indexed);
         let metadata = Metadata::plain("a.b");
         assert_eq!(parse(&metadata.write()), metadata);
         assert_eq!(
@@ -84,7 +88,14 @@ mod tests {
     fn other_indexes_and_kinds_are_told() {
         let old =
             parse(r#"{"options":{},"indexes":[{"v":2,"key":{"_id":1},"name":"_id_"},{"key":{"n":1},"name":"n_1"}]}"#);
-        assert_eq!(old, Metadata { collection: None, kind: Kind::Collection, indexes: vec!["n_1".to_owned()] });
+        assert_eq!(
+            old,
+            Metadata {
+                collection: None,
+                kind: Kind::Collection,
+                indexes: vec![doc! { "key": { "n": 1 }, "name": "n_1" }]
+            }
+        );
         assert_eq!(parse(r#"{"options":{"viewOn":"x"},"indexes":[]}"#).kind, Kind::Other("view".to_owned()));
         assert_eq!(parse(r#"{"type":"timeseries"}"#).kind, Kind::Other("timeseries".to_owned()));
     }

@@ -99,18 +99,20 @@ impl Filter {
         &self.root
     }
 
-    /// Leaves out conditions on a path that hold of every document which lacks
-    /// it. To be applied to such documents only.
+    /// Decides conditions on a path as they are decided for every document which
+    /// lacks it. To be applied to such documents only.
     pub fn assume_missing(&mut self, path: &str) {
         let empty = Document::new();
-        let holds = |node: &Node| match node {
-            Node::Field(own, _) if own.text() == path => {
-                node.matches((&empty).into(), &mut Context::default()).unwrap_or(false)
-            }
-            _ => false,
+        let decided = |node: Node| match &node {
+            Node::Field(own, _) if own.text() == path => match node.matches((&empty).into(), &mut Context::default()) {
+                Ok(true) => None,
+                Ok(false) => Some(Node::Always(false)),
+                Err(_) => Some(node),
+            },
+            _ => Some(node),
         };
         let root = std::mem::replace(&mut self.root, Node::And(Vec::new()));
-        self.root = Node::all(root.conjuncts().into_iter().filter(|node| !holds(node)).collect());
+        self.root = Node::all(root.conjuncts().into_iter().filter_map(decided).collect());
     }
 
     /// The date, where the filter is only that the dates at a path are not at or before it.

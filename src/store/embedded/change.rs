@@ -29,6 +29,7 @@ impl Embedded {
             let collection = self.collection(ns)?;
             let mut done = Updated::default();
             if let Some(collection) = collection {
+                self.sweep(ns, collection)?;
                 let most = if request.many { usize::MAX } else { 1 };
                 let scan = Scan::new(self, collection, &mut change.filter)?;
                 for found in scan.take(most) {
@@ -82,6 +83,7 @@ impl Embedded {
         }
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            self.sweep(ns, collection)?;
             let mut done = Put::default();
             for document in documents {
                 self.put_one(ns, collection, document, stamp, &mut done)?;

@@ -10,6 +10,7 @@ mod answer;
 mod batch;
 mod catalog;
 mod change;
+mod expiry;
 mod failure;
 mod feed;
 mod file;

@@ -71,6 +71,7 @@ impl Embedded {
     ) -> Result<(), StoreError> {
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            self.sweep(ns, collection)?;
             for result in results {
                 let result = Document::try_from(&*result).map_err(QueryError::from)?;
                 self.merge_one(ns, collection, merge, result, now)?;

@@ -1,6 +1,6 @@
 //! The connection: its time limits, what a write waits for, where reads go.
 
-use std::sync::mpsc;
+use std::sync::{Mutex, mpsc};
 use std::time::Duration;
 
 use bson::RawDocumentBuf;
@@ -36,7 +36,7 @@ impl MongoDb {
             options.selection_criteria.get_or_insert(SelectionCriteria::ReadPreference(ReadPreference::nearest(None)));
         }
         let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
-        Ok(Self { client, address })
+        Ok(Self { client, decaying: Mutex::default(), address })
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {

@@ -1,11 +1,13 @@
 //! Indexes, by the server's own commands, so that every option passes.
 
-use bson::{Document, doc};
+use std::sync::PoisonError;
+
+use bson::{Bson, Document, doc};
 use mongodb::error::{Error, ErrorKind};
 
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::{Index, Namespace, StoreError, index};
+use crate::store::{Index, Namespace, StoreError, index, stamp};
 
 /// The server's codes for a collection, and for an index, that is not there.
 const NAMESPACE_NOT_FOUND: i32 = 26;
@@ -22,6 +24,22 @@ impl MongoDb {
         let made = made.map_err(|e| failure::explain_write(&self.address, ns, &e))?;
         let count = |key: &str| made.get_i32(key).unwrap_or_default();
         Ok(count("numIndexesAfter") > count("numIndexesBefore"))
+    }
+
+    /// Makes sure that the server removes what decays, where one of the
+    /// documents does: by a TTL index on the dates, made with the first of them.
+    pub(super) fn expect_decay<'a>(
+        &self,
+        ns: &Namespace,
+        mut documents: impl Iterator<Item = &'a Document>,
+    ) -> Result<(), StoreError> {
+        let known = || self.decaying.lock().unwrap_or_else(PoisonError::into_inner);
+        if !documents.any(mentions_decay) || known().contains(ns) {
+            return Ok(());
+        }
+        self.make_index(ns, &Index::of_decay())?;
+        known().insert(ns.clone());
+        Ok(())
     }
 
     pub(super) fn discard_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
@@ -47,6 +65,16 @@ impl MongoDb {
             .map(|definition: Result<Document, Error>| Ok(Index::parse(&definition.map_err(|e| self.explain(&e))?)?))
             .collect()
     }
+}
+
+/// Whether a document, or an update, speaks of a date of decay.
+fn mentions_decay(document: &Document) -> bool {
+    document.iter().any(|(key, value)| match value {
+        _ if key == stamp::DECAY_PATH => true,
+        Bson::Document(info) if key == stamp::INFO => info.contains_key(stamp::DECAY),
+        Bson::Document(fields) if key.starts_with('$') => mentions_decay(fields),
+        _ => false,
+    })
 }
 
 fn code(error: &Error) -> i32 {

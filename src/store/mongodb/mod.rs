@@ -12,15 +12,25 @@ mod failure;
 mod image;
 mod index;
 mod position;
+mod raw;
 mod stamped;
 mod verbs;
 mod watch;
 
+pub use raw::Raw;
+
+use std::collections::HashSet;
+use std::sync::Mutex;
+
 use mongodb::sync::Client;
+
+use crate::store::Namespace;
 
 /// A MongoDB server or replica set. Nothing is contacted before the first operation.
 pub struct MongoDb {
     client: Client,
+    /// The collections that are known to have the index on dates of decay.
+    decaying: Mutex<HashSet<Namespace>>,
     /// The URI without credentials and options.
     address: String,
 }

@@ -18,6 +18,7 @@ const INTERNAL: [&str; 3] = ["admin", "config", "local"];
 
 impl Store for MongoDb {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        self.expect_decay(ns, documents.iter())?;
         let count = documents.len();
         let (mut ids, mut bodies, mut refusal) = (Vec::with_capacity(count), Vec::with_capacity(count), None);
         for document in documents {
@@ -113,6 +114,10 @@ impl Store for MongoDb {
         if update.many && is_replacement {
             let refusal = "a replacement document cannot be applied to many documents";
             return Err(QueryError::failed_to_parse(refusal).into());
+        }
+        match &update.update {
+            UpdateSpec::Document(document) => self.expect_decay(ns, std::iter::once(document))?,
+            UpdateSpec::Pipeline(stages) => self.expect_decay(ns, stages.iter())?,
         }
         match stamp {
             Some(at) => self.update_stamped(ns, update, at),

@@ -1,0 +1,105 @@
+//! Whose speed is measured.
+
+use std::time::{Duration, Instant};
+
+use bson::{Document, doc};
+
+use super::work::Task;
+use crate::memory::Memory;
+use crate::store::{Find, Index, Namespace, StoreError, UpdateRequest, UpdateSpec};
+
+/// A memory or a database that does the work.
+pub trait Subject {
+    /// What it is called in figures.
+    fn name(&self) -> &'static str;
+
+    /// Stores documents.
+    ///
+    /// # Errors
+    /// Where it fails.
+    fn insert(&self, documents: Vec<Document>) -> Result<(), StoreError>;
+
+    /// Reads all matches; tells how many there were.
+    ///
+    /// # Errors
+    /// Where it fails.
+    fn find(&self, filter: Document) -> Result<u64, StoreError>;
+
+    /// Changes the first match.
+    ///
+    /// # Errors
+    /// Where it fails.
+    fn update(&self, filter: Document, update: Document) -> Result<(), StoreError>;
+
+    /// Makes the index on names.
+    ///
+    /// # Errors
+    /// Where it fails.
+    fn index(&self) -> Result<(), StoreError>;
+
+    /// Removes the index on names.
+    ///
+    /// # Errors
+    /// Where it fails.
+    fn drop_index(&self) -> Result<(), StoreError>;
+
+    /// How long a task takes.
+    ///
+    /// # Errors
+    /// Where it fails.
+    fn time(&self, task: &Task) -> Result<Duration, StoreError> {
+        let task = task.clone();
+        let start = Instant::now();
+        match task {
+            Task::Insert(document) => self.insert(vec![document])?,
+            Task::Find(filter) => drop(self.find(filter)?),
+            Task::Update(filter, update) => self.update(filter, update)?,
+        }
+        Ok(start.elapsed())
+    }
+}
+
+/// A memory as a subject.
+pub struct OfMemory<'a> {
+    /// What it is called in figures.
+    pub name: &'static str,
+    /// The memory.
+    pub memory: &'a Memory,
+    /// Where the documents are.
+    pub namespace: Namespace,
+}
+
+impl OfMemory<'_> {
+    fn index_on_names() -> Index {
+        Index::on(doc! { "name": 1 })
+    }
+}
+
+impl Subject for OfMemory<'_> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn insert(&self, documents: Vec<Document>) -> Result<(), StoreError> {
+        self.memory.insert(&self.namespace, documents).map(drop)
+    }
+
+    fn find(&self, filter: Document) -> Result<u64, StoreError> {
+        let find = Find { filter, ..Find::default() };
+        self.memory.find(&self.namespace, &find)?.try_fold(0, |count, document| document.map(|_| count + 1))
+    }
+
+    fn update(&self, filter: Document, update: Document) -> Result<(), StoreError> {
+        let update = UpdateSpec::Document(update);
+        let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: false };
+        self.memory.update(&self.namespace, &request).map(drop)
+    }
+
+    fn index(&self) -> Result<(), StoreError> {
+        self.memory.create_index(&self.namespace, &Self::index_on_names()).map(drop)
+    }
+
+    fn drop_index(&self) -> Result<(), StoreError> {
+        self.memory.drop_index(&self.namespace, &Self::index_on_names().name).map(drop)
+    }
+}

@@ -1,0 +1,67 @@
+//! Removing what is no longer to be remembered.
+//!
+//! What has decayed is invisible at once; here it is removed. So is what a
+//! computable made and may not be used any more, what is due by a TTL index
+//! and, at a restart, what was stored as not persistent.
+
+use bson::{DateTime, Document, doc};
+
+use super::Memory;
+use crate::store::{Index, Namespace, StoreError, index, stamp};
+
+/// How many documents of a collection were removed, and why.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Expired {
+    /// Their date of decay is past.
+    pub decayed: u64,
+    /// They were computed, and are too old.
+    pub computed: u64,
+    /// They are due by a TTL index.
+    pub due: u64,
+    /// They were not to outlive a restart.
+    pub not_persistent: u64,
+}
+
+impl Memory {
+    /// Removes what is no longer to be remembered; with `restart`, also what is
+    /// not persistent. Tells of each collection of which something was removed.
+    ///
+    /// # Errors
+    /// Where a store fails; what was removed before stays removed.
+    pub fn expire(&self, restart: bool) -> Result<Vec<(Namespace, Expired)>, StoreError> {
+        let mut all = Vec::new();
+        for ns in self.collections()? {
+            let expired = self.expire_collection(&ns, restart)?;
+            if expired != Expired::default() {
+                all.push((ns, expired));
+            }
+        }
+        Ok(all)
+    }
+
+    fn expire_collection(&self, ns: &Namespace, restart: bool) -> Result<Expired, StoreError> {
+        let now = self.clock.now();
+        let store = self.routes.of(ns)?;
+        let remove =
+            |filter: Document| self.journal.note("expire", Some(ns), |n| *n, || store.delete(ns, &filter, false));
+        let mut expired = Expired {
+            decayed: remove(doc! { stamp::DECAY_PATH: { "$lte": now } })?,
+            computed: remove(doc! { "_robmem_info.computed": true, "_robmem_info.cached_until": { "$lte": now } })?,
+            ..Expired::default()
+        };
+        for filter in store.indexes(ns)?.iter().filter_map(|index| due(index, now)) {
+            expired.due += remove(filter)?;
+        }
+        if restart {
+            expired.not_persistent = remove(doc! { "_robmem_info.persistent": false })?;
+        }
+        Ok(expired)
+    }
+}
+
+/// What is due by an index.
+fn due(index: &Index, now: DateTime) -> Option<Document> {
+    let (path, seconds) = index.expiring().filter(|_| index.name != index::DECAY)?;
+    let before = now.timestamp_millis().saturating_sub(seconds.saturating_mul(1_000));
+    Some(doc! { path: { "$lte": DateTime::from_millis(before) } })
+}

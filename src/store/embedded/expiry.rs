@@ -1,0 +1,65 @@
+//! Removing what is due: documents behind the date that a TTL index gives them, and what has decayed.
+//!
+//! Nobody is there to do it while nothing happens, so writers do: each, before
+//! it stores or changes something, removes a few of the longest due documents
+//! of its collection. (Not when it deletes, which counts what it removes.)
+
+use bson::{Bson, DateTime, RawDocumentBuf, doc};
+use rusqlite::params;
+
+use super::Embedded;
+use super::catalog::Collection;
+use super::index::Indexed;
+use super::scan::Found;
+use crate::query::index::{Candidate, Range, ways};
+use crate::query::{Filter, QueryError, Sort};
+use crate::store::{Namespace, StoreError};
+
+/// A writer removes at most so many documents of others, for each index.
+const AT_ONCE: usize = 64;
+
+impl Embedded {
+    /// Removes some of what is due. In a write transaction only, before what is to be written.
+    pub(super) fn sweep(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
+        for index in self.indexes_of(collection)?.iter().filter(|index| index.is_kept()) {
+            let Some((path, seconds)) = index.definition.expiring() else { continue };
+            let before = DateTime::now().timestamp_millis().saturating_sub(seconds.saturating_mul(1_000));
+            for range in due(index, path, DateTime::from_millis(before))? {
+                for found in self.first_of(collection, index, &range)? {
+                    self.erase(ns, collection, &found)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The documents with the first keys of a range.
+    fn first_of(&self, collection: Collection, index: &Indexed, range: &Range) -> Result<Vec<Found>, StoreError> {
+        let sql = format!(
+            "SELECT DISTINCT position, body FROM (SELECT position FROM {} WHERE key >= ? AND key < ? LIMIT ?) \
+             CROSS JOIN {} USING (position)",
+            index.table(),
+            collection.table()
+        );
+        let read = || -> rusqlite::Result<Vec<(i64, Vec<u8>)>> {
+            let mut statement = self.connection.prepare_cached(&sql)?;
+            let limit = i64::try_from(AT_ONCE).unwrap_or(i64::MAX);
+            let rows =
+                statement.query_map(params![range.low, range.high, limit], |row| Ok((row.get(0)?, row.get(1)?)))?;
+            rows.collect()
+        };
+        let rows = read().map_err(|e| self.explain(&e))?;
+        rows.into_iter()
+            .map(|(position, body)| {
+                Ok(Found { position, body: RawDocumentBuf::from_bytes(body).map_err(QueryError::from)? })
+            })
+            .collect()
+    }
+}
+
+/// The keys of documents whose date at `path` is at or before `date`.
+fn due(index: &Indexed, path: &str, date: DateTime) -> Result<Vec<Range>, QueryError> {
+    let filter = Filter::parse(&doc! { path: { "$lte": Bson::DateTime(date) } })?;
+    let candidate = Candidate { pattern: &index.pattern, multikey: index.multikey(), sparse: index.definition.sparse };
+    Ok(ways(&filter, &Sort::none(), &[candidate]).pop().map(|way| way.ranges).unwrap_or_default())
+}
