@@ -17,6 +17,7 @@ mod watch;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::builder::NonEmptyStringValueParser;
 use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 
 use crate::exit::TABLE;
@@ -449,7 +450,7 @@ pub struct Diff {
 #[derive(Debug, Args)]
 pub struct Lock {
     /// What is locked
-    #[arg(value_name = "NAME")]
+    #[arg(value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     pub name: String,
     /// Who locks and where; shared with `unlock`.
     #[command(flatten)]
@@ -466,7 +467,7 @@ pub struct Lock {
 #[derive(Debug, Args)]
 pub struct Unlock {
     /// What is unlocked
-    #[arg(value_name = "NAME")]
+    #[arg(value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     pub name: String,
     /// Who unlocks and where; shared with `lock`.
     #[command(flatten)]
@@ -477,7 +478,7 @@ pub struct Unlock {
 #[derive(Debug, Clone, Default, Args)]
 pub struct HolderOptions {
     /// Who holds the lock
-    #[arg(long, value_name = "OWNER")]
+    #[arg(long, value_name = "OWNER", value_parser = NonEmptyStringValueParser::new())]
     pub owner: Option<String>,
     /// The collection of locks
     #[arg(long, value_name = "NS")]

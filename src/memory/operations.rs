@@ -159,6 +159,9 @@ impl Memory {
         let last = pipeline.last().and_then(|stage| stage.keys().next());
         let writes = last.is_some_and(|name| name == "$out" || name == "$merge");
         let asked = computables::questions(ns, pipeline);
+        for other in asked.iter().map(|(other, _)| other).chain(&computables::target(ns, pipeline)) {
+            self.routes.check_reach(ns, other)?;
+        }
         let work = |view: &View| {
             let start = Instant::now();
             let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };

@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 
+use crate::query::QueryError;
 use crate::store::{self, Embedded, Namespace, Role, Store, StoreError, StoreUri};
 
 /// A store that is opened by its first use.
@@ -92,6 +93,19 @@ impl Routes {
     pub(super) fn keeping(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
         let lazy = self.lazy(ns);
         lazy.get().or_else(|_| lazy.reading())
+    }
+
+    /// Refuses a pipeline over `ns` that reads or writes a collection of the other store.
+    pub(super) fn check_reach(&self, ns: &Namespace, other: &Namespace) -> Result<(), StoreError> {
+        if std::ptr::eq(self.lazy(ns), self.lazy(other)) {
+            return Ok(());
+        }
+        let (kind, of) = if self.is_shared(other) { ("shared", "private") } else { ("private", "shared") };
+        let message = format!(
+            "{other} is in the {kind} store, and a pipeline over the {of} {ns} does not leave its store; \
+             query one and insert into the other"
+        );
+        Err(QueryError::bad_value(message).into())
     }
 
     fn lazy(&self, ns: &Namespace) -> &Lazy {

@@ -28,6 +28,14 @@ fn a_lock_excludes_others_until_it_is_given_back() {
 }
 
 #[test]
+fn nobody_is_no_owner_and_nothing_is_no_lock() {
+    let lab = Lab::new();
+    lab.rmem(&["lock", "arm", "--owner", ""]).exits(2);
+    lab.rmem(&["lock", ""]).exits(2);
+    lab.rmem(&["unlock", "arm", "--owner", ""]).exits(2);
+}
+
+#[test]
 fn a_lock_expires_and_the_holder_renews_it() {
     let lab = Lab::new();
     lock(&lab, "r1", &["--ttl", "1h"]).success();
@@ -58,6 +66,28 @@ fn the_owner_is_told_or_known_never_guessed() {
     let lab = lab.env("USER", "robotino").env("HOSTNAME", "r2");
     assert!(lab.rmem(&["lock", "table"]).success().contains(r#""locked-by":"robotino@r2""#));
     lab.rmem(&["unlock", "table"]).success();
+}
+
+#[test]
+fn a_pipeline_does_not_leave_its_store() {
+    let lab = Lab::new();
+    lab.write(
+        "rmem.toml",
+        "memory = \"file:local.rmem\"\nshared = \"file:shared.rmem\"\nshared_databases = [\"team\"]\n",
+    );
+    lab.rmem(&["insert", "own.a", "{_id: 1}"]).success();
+    lab.rmem(&["insert", "team.a", "{_id: 2}"]).success();
+    for (ns, stage) in [
+        ("own.a", "{$out: {db: 'team', coll: 'leak'}}"),
+        ("team.a", "{$out: {db: 'own', coll: 'leak'}}"),
+        ("team.a", "{$merge: {into: {db: 'own', coll: 'leak'}}}"),
+        ("own.a", "{$lookup: {from: {db: 'team', coll: 'a'}, pipeline: [], as: 'x'}}"),
+    ] {
+        let refused = lab.rmem(&["aggregate", ns, &format!("[{stage}]")]).exits(3);
+        assert!(refused.stderr.contains("does not leave its store"), "{refused}");
+    }
+    lab.rmem(&["aggregate", "team.a", "[{$out: {db: 'team', coll: 'b'}}]"]).success();
+    assert_eq!(lab.rmem(&["collections"]).success().lines().count(), 3);
 }
 
 #[test]

@@ -43,5 +43,5 @@ pub use report::Computed;
 
 pub(super) use answer::Computables;
 pub(super) use cache::{forget, is_records};
-pub(super) use questions::{questions, visible_stages};
+pub(super) use questions::{questions, target, visible_stages};
 pub(super) use view::View;

@@ -53,6 +53,17 @@ pub(in crate::memory) fn questions(ns: &Namespace, stages: &[Document]) -> Vec<(
     asked
 }
 
+/// The collection that a pipeline writes to, where it does.
+pub(in crate::memory) fn target(ns: &Namespace, stages: &[Document]) -> Option<Namespace> {
+    let (name, argument) = stages.last()?.iter().next()?;
+    match (name.as_str(), argument) {
+        ("$out", target) => origin(ns, Some(target)),
+        ("$merge", Bson::Document(spec)) => origin(ns, spec.get("into")),
+        ("$merge", target) => origin(ns, Some(target)),
+        _ => None,
+    }
+}
+
 /// The pipeline over the documents that are seen, in its own collection and in others.
 pub(in crate::memory) fn visible_stages(ns: &Namespace, stages: &[Document], view: &View) -> Vec<Document> {
     // An empty filter in front changes nothing, but would hide what has to be the first stage.
