@@ -79,6 +79,24 @@ fn what_fails_is_named_and_nothing_is_stored() {
 }
 
 #[test]
+fn who_is_killed_over_a_computation_keeps_nobody_waiting() {
+    let lab = lab("command = [\"sh\", \"slow.sh\"]\ntimeout = \"600s\"\ncache = \"60s\"");
+    lab.write("robot/slow.sh", "[ -e started ] || { touch started; sleep 600; }\necho '{\"sum\": 7}'\n");
+    let query = args(&["query", "robmem.calc", "{compute: 'sum', x: 3, y: 4}"]);
+    let mut command = std::process::Command::new(crate::lab::rmem());
+    lab.isolate(&mut command);
+    let mut first = command.args(&query).spawn().unwrap();
+    while !lab.path().join("robot/started").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    first.kill().unwrap();
+    first.wait().unwrap();
+    lab.rmem(&query).success();
+    let all = lab.rmem(&["--config", "robot/rmem.toml", "query", "robmem.calc", "{sum: 7}", "--fields", "{_id: 0}"]);
+    assert_eq!(all.success(), "{\"sum\":7}\n");
+}
+
+#[test]
 fn a_program_that_is_not_asked_is_not_run() {
     let lab = lab("command = [\"no-such-program\"]");
     for question in [

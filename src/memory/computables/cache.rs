@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use super::definition::Definition;
 use crate::query::QueryError;
+use crate::store::holder::{Holder, Life};
 use crate::store::{Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, stamp};
 
 /// The collection of the entries.
@@ -69,6 +70,8 @@ pub(super) struct Former {
     made: Option<ObjectId>,
     /// Their `_id`s, where there are not too many.
     ids: Vec<Bson>,
+    /// Whether whoever had the entry died over its computation, and may have left documents.
+    is_abandoned: bool,
 }
 
 impl<'a> Entry<'a> {
@@ -102,6 +105,7 @@ impl<'a> Entry<'a> {
                 "query": crate::formats::shell::relaxed(query),
                 "token": token,
                 "busy_until": until,
+                "holder": Holder::myself().to_string(),
                 stamp::INFO: { "computed": true, "cached_until": DateTime::from_millis(0), stamp::DECAY: until },
             };
             return match self.store.insert(&self.records, vec![entry]) {
@@ -110,7 +114,8 @@ impl<'a> Entry<'a> {
                 Err(error) => Err(error),
             };
         };
-        let set = doc! { "token": token, "busy_until": until, stamp::info_path(stamp::DECAY): until };
+        let holder = Holder::myself().to_string();
+        let set = doc! { "token": token, "busy_until": until, "holder": holder, stamp::info_path(stamp::DECAY): until };
         self.change(former.token, doc! { "$set": set })
     }
 
@@ -129,12 +134,15 @@ impl<'a> Entry<'a> {
             stamp::info_path("cached_until"): until,
             stamp::info_path(stamp::DECAY): until,
         };
-        self.change(token, doc! { "$set": set, "$unset": { "busy_until": "" } })
+        self.change(token, doc! { "$set": set, "$unset": { "busy_until": "", "holder": "" } })
     }
 
     /// Gives the entry free without a result.
     pub(super) fn release(&self, token: ObjectId, now: DateTime) -> Result<bool, StoreError> {
-        self.change(token, doc! { "$set": { stamp::info_path(stamp::DECAY): now }, "$unset": { "busy_until": "" } })
+        self.change(
+            token,
+            doc! { "$set": { stamp::info_path(stamp::DECAY): now }, "$unset": { "busy_until": "", "holder": "" } },
+        )
     }
 
     /// Removes some entries that are not good any more, and what they are about.
@@ -189,6 +197,9 @@ pub(super) fn current(
 
 /// Removes what a computation made.
 fn remove(store: &dyn Store, ns: &Namespace, former: &Former) -> Result<(), StoreError> {
+    if former.is_abandoned {
+        store.delete(ns, &doc! { stamp::computation("token"): former.token }, false)?;
+    }
     let Some(made) = former.made else { return Ok(()) };
     let own = doc! { stamp::computation("token"): made };
     if former.ids.is_empty() {
@@ -204,8 +215,10 @@ fn remove(store: &dyn Store, ns: &Namespace, former: &Former) -> Result<(), Stor
 
 fn state(entry: &Document, now: DateTime) -> State {
     let Ok(token) = entry.get_object_id("token") else { return State::Stale(None) };
-    if let Ok(until) = entry.get_datetime("busy_until")
+    let claimed = entry.get_datetime("busy_until");
+    if let Ok(until) = claimed
         && *until > now
+        && !is_dead(entry)
     {
         return State::Busy { until: *until };
     }
@@ -217,9 +230,20 @@ fn state(entry: &Document, now: DateTime) -> State {
         _ => {
             let ids = entry.get_array("ids").cloned().unwrap_or_default();
             // Nothing was made where no documents are counted.
-            State::Stale(Some(Former { token, made: made.filter(|_| documents > 0), ids }))
+            State::Stale(Some(Former {
+                token,
+                made: made.filter(|_| documents > 0),
+                ids,
+                is_abandoned: claimed.is_ok(),
+            }))
         }
     }
+}
+
+/// Whether the process that claimed an entry is known to have ended.
+fn is_dead(entry: &Document) -> bool {
+    let holder = entry.get_str("holder").ok().and_then(|holder| holder.parse::<Holder>().ok());
+    holder.is_some_and(|holder| holder.life() == Life::Over)
 }
 
 /// How long after `now`.
