@@ -45,8 +45,9 @@ impl Memory {
         let remove =
             |filter: Document| self.journal.note("expire", Some(ns), |n| *n, || store.delete(ns, &filter, false));
         let mut expired = Expired {
-            decayed: remove(doc! { stamp::DECAY_PATH: { "$lte": now } })?,
+            // Computed documents decay too: they are counted as what they are.
             computed: remove(doc! { "_robmem_info.computed": true, "_robmem_info.cached_until": { "$lte": now } })?,
+            decayed: remove(doc! { stamp::DECAY_PATH: { "$lte": now } })?,
             ..Expired::default()
         };
         for filter in store.indexes(ns)?.iter().filter_map(|index| due(index, now)) {

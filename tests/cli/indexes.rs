@@ -73,6 +73,28 @@ fn expire_removes_what_decayed_and_at_a_restart_what_is_not_persistent() {
 }
 
 #[test]
+fn a_key_that_only_decayed_documents_have_is_free() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "robmem.seen", "{tag: 1}", "--unique"]).success();
+    let decayed: Vec<String> = (0..200)
+        .map(|n| format!("{{_id: {n}, tag: 't{n}', _robmem_info: {{decay_time: ISODate('2001-01-01')}}}}"))
+        .collect();
+    let decayed: Vec<&str> = decayed.iter().map(String::as_str).collect();
+    lab.rmem(&[&["insert", "robmem.seen"], &decayed[..]].concat()).success();
+    lab.rmem(&["insert", "robmem.seen", "{_id: 199, tag: 'mine'}"]).success();
+    lab.rmem(&["insert", "robmem.seen", "{_id: 'new', tag: 't198'}"]).success();
+    assert_eq!(lab.rmem(&["count", "robmem.seen"]).success(), "2\n");
+    lab.rmem(&["insert", "robmem.seen", "{_id: 199}"]).exits(5);
+}
+
+#[test]
+fn documents_do_not_expire_by_their_id() {
+    let lab = Lab::new();
+    let refused = lab.rmem(&["index", "robmem.seen", "{_id: 1}", "--ttl", "1s"]).exits(3);
+    assert!(refused.stderr.contains("_id"), "{refused}");
+}
+
+#[test]
 fn bench_measures_every_kind_of_work_and_draws_it() {
     let lab = Lab::new();
     let told = lab.rmem(&["bench", "--documents", "20", "--documents", "10", "--rounds", "2", "--plot", "plots"]);

@@ -47,7 +47,24 @@ impl Embedded {
     }
 
     /// Adds a settled document. In a write transaction only.
+    ///
+    /// A key that only a document has which is due, and may be seen by nobody any more, is free.
     pub(super) fn add(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        id: &Bson,
+        body: &RawDocument,
+    ) -> Result<(), StoreError> {
+        match self.add_at_once(ns, collection, id, body) {
+            Err(StoreError::Duplicate { .. }) if self.sweep_all(ns, collection)? => {
+                self.add_at_once(ns, collection, id, body)
+            }
+            added => added,
+        }
+    }
+
+    fn add_at_once(
         &self,
         ns: &Namespace,
         collection: Collection,

@@ -21,16 +21,32 @@ const AT_ONCE: usize = 64;
 impl Embedded {
     /// Removes some of what is due. In a write transaction only, before what is to be written.
     pub(super) fn sweep(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
+        self.remove_due(ns, collection).map(drop)
+    }
+
+    /// Removes all that is due; says whether that was anything. In a write transaction only.
+    pub(super) fn sweep_all(&self, ns: &Namespace, collection: Collection) -> Result<bool, StoreError> {
+        let mut removed = false;
+        while self.remove_due(ns, collection)? {
+            removed = true;
+        }
+        Ok(removed)
+    }
+
+    /// Removes the longest due documents by each index; says whether there were any.
+    fn remove_due(&self, ns: &Namespace, collection: Collection) -> Result<bool, StoreError> {
+        let mut removed = false;
         for index in self.indexes_of(collection)?.iter().filter(|index| index.is_kept()) {
             let Some((path, seconds)) = index.definition.expiring() else { continue };
             let before = DateTime::now().timestamp_millis().saturating_sub(seconds.saturating_mul(1_000));
             for range in due(index, path, DateTime::from_millis(before))? {
                 for found in self.first_of(collection, index, &range)? {
                     self.erase(ns, collection, &found)?;
+                    removed = true;
                 }
             }
         }
-        Ok(())
+        Ok(removed)
     }
 
     /// The documents with the first keys of a range.

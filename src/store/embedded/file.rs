@@ -216,7 +216,10 @@ pub(super) fn be_durable(connection: &Connection, durable: bool) -> rusqlite::Re
 fn wrong_version(place: &Place, version: i32) -> StoreError {
     StoreError::Failed {
         address: place.to_string(),
-        reason: format!("is a memory of version {version}, this rmem reads version {VERSION}; use a newer rmem"),
+        reason: match version > VERSION {
+            true => format!("is a memory of version {version}, this rmem reads version {VERSION}; use a newer rmem"),
+            false => format!("is a memory of version {version}, which no rmem wrote; the file is damaged"),
+        },
     }
 }
 

@@ -372,7 +372,8 @@ fn check(index: &Index) -> Result<(), QueryError> {
     if index.expire_after.is_some() && index.keys.len() != 1 {
         return Err(QueryError::invalid(67, "an index by which documents expire has one key"));
     }
-    if index.keys.len() == 1 && index.keys.contains_key("_id") && !index.is_like(&Index::of_ids()) {
+    let is_plain = index.is_like(&Index::of_ids()) && index.expire_after.is_none();
+    if index.keys.len() == 1 && index.keys.contains_key("_id") && !is_plain {
         let message = "the index on _id is there already, and takes no options";
         return Err(QueryError::invalid(INVALID, message));
     }
