@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
 
 use super::quantity;
 use crate::store::Namespace;
@@ -42,7 +43,7 @@ RMEM_NAMESPACE and RMEM_POSITION in the environment. Where it fails, rmem says s
    (slot after (type STRING)))
 
 Ends with 0 after --count changes; with 1 when --timeout is over and there were fewer (without
---count: none). A MongoDB server has to be a replica set, which one member can be; the collection
+--count: none); a command that still runs then is ended, and its change does not count. A MongoDB server has to be a replica set, which one member can be; the collection
 is made to keep images of its documents before and after changes (and made, where it is missing).";
 
 /// `watch`
@@ -58,7 +59,7 @@ pub struct Watch {
     #[arg(long, value_name = "CMD")]
     pub exec: Option<String>,
     /// Go on where the last one of this name was done; a new name starts now
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     pub resume: Option<String>,
     /// Only forget the name
     #[arg(long, requires = "resume", conflicts_with_all = ["exec", "count", "timeout"])]

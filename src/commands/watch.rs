@@ -88,7 +88,10 @@ impl Session<'_> {
                         Delivered::Well => {}
                         Delivered::Badly(code) if self.args.resume.is_some() => return Ok(Exit::Passed(code)),
                         Delivered::Badly(_) => {}
-                        Delivered::Interrupted => return Ok(Exit::Interrupted),
+                        Delivered::Interrupted => {
+                            self.delivered -= 1;
+                            return Ok(self.verdict().unwrap_or(Exit::Interrupted));
+                        }
                     }
                 }
                 Next::Nothing => quiet = true,

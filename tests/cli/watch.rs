@@ -120,6 +120,14 @@ fn the_query_is_matched_after_a_change_and_before_a_deletion() {
 }
 
 #[test]
+fn a_command_that_does_not_end_is_ended_when_the_time_is_over() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b", "--exec", "sleep 600", "--count", "1", "--timeout", "1500ms"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    assert_eq!(watch.end().0, 1);
+}
+
+#[test]
 fn what_takes_a_collections_place_is_delivered() {
     let lab = Lab::new();
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();

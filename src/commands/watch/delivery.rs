@@ -30,6 +30,8 @@ pub(super) struct Delivery<'a> {
     namespace: &'a Namespace,
     name: Option<&'a str>,
     exec: Option<&'a str>,
+    /// When a running command is ended.
+    deadline: Option<Instant>,
     format: Format,
 }
 
@@ -39,14 +41,16 @@ pub(super) enum Delivered {
     Well,
     /// The command failed, with this code.
     Badly(u8),
-    /// Somebody interrupted, and the command was ended.
+    /// Somebody interrupted, or the time is over, and the command was ended.
     Interrupted,
 }
 
 impl<'a> Delivery<'a> {
     pub(super) fn new(args: &'a cli::Watch, context: &Context<'_>) -> anyhow::Result<Self> {
         let format = context.format(&[Format::Jsonl, Format::Canonical, Format::Clips])?;
-        Ok(Self { namespace: &args.namespace, name: args.resume.as_deref(), exec: args.exec.as_deref(), format })
+        let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+        let (name, exec) = (args.resume.as_deref(), args.exec.as_deref());
+        Ok(Self { namespace: &args.namespace, name, exec, deadline, format })
     }
 
     /// Delivers one change, and tells how long that took.
@@ -68,7 +72,7 @@ impl<'a> Delivery<'a> {
             }
             Some(line) => {
                 let mut command = self.command(line, change);
-                run(&mut command, text, watch, stop)?
+                run(&mut command, text, watch, stop, self.deadline)?
             }
         };
         let id = event.get("_id").map(shell::relaxed_value).unwrap_or_default();
@@ -116,8 +120,14 @@ impl<'a> Delivery<'a> {
     }
 }
 
-/// Runs a command with `text` on its stdin until it ends, or somebody interrupts.
-fn run(command: &mut Command, text: String, watch: &mut Watch<'_>, stop: &AtomicBool) -> anyhow::Result<Delivered> {
+/// Runs a command with `text` on its stdin until it ends, somebody interrupts, or the time is over.
+fn run(
+    command: &mut Command,
+    text: String,
+    watch: &mut Watch<'_>,
+    stop: &AtomicBool,
+    deadline: Option<Instant>,
+) -> anyhow::Result<Delivered> {
     let mut child = command.spawn().context("cannot run sh")?;
     let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     if let Some(mut stdin) = child.stdin.take() {
@@ -135,7 +145,8 @@ fn run(command: &mut Command, text: String, watch: &mut Watch<'_>, stop: &Atomic
             Err(RecvTimeoutError::Timeout) => {}
         }
         watch.renew()?;
-        if !stop.load(Ordering::Relaxed) {
+        let is_over = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        if !stop.load(Ordering::Relaxed) && !is_over {
             continue;
         }
         let since = *told.get_or_insert_with(Instant::now);
