@@ -241,7 +241,11 @@ fn ask(
         stderr: std::mem::take(&mut ended.stderr),
         plans: std::mem::take(&mut ended.files),
     };
-    let answer = planner.read(&output);
+    // What a program left that was cut short counts for nothing, and may be endless.
+    let answer = match ended.end {
+        End::TooMuchOutput | End::Interrupted => Transcript::unclear(),
+        _ => planner.read(&output),
+    };
     (ended.stdout, ended.stderr) = (output.stdout, output.stderr);
     (ended, answer)
 }

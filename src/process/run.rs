@@ -39,7 +39,7 @@ const SMALL: u64 = 64 << 20;
 const PIECE: usize = 1 << 20;
 
 /// The largest file that is read, in bytes.
-const LARGEST_FILE: u64 = 256 << 20;
+const LARGEST_FILE: u64 = 16 << 20;
 
 /// A program to run, in a directory made for the run.
 pub(crate) struct Job<'a> {

@@ -152,7 +152,8 @@ fn configured_planners_run_under_limits() {
     let lab = Lab::new();
     lab.write(
         "rmem.toml",
-        "[planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"sleep 100\"]\noutput = \"ff\"\n\
+        "[planner.spammer]\ncommand = [\"yes\", \"step\"]\noutput = \"ff\"\n\
+         [planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"sleep 100\"]\noutput = \"ff\"\n\
          [planner.crasher]\ncommand = [\"/bin/sh\", \"-c\", \"echo broken >&2; kill -SEGV $$\"]\noutput = \"ff\"\n\
          [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(pickup A)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}\"]\noutput = \"downward\"\n",
     );
@@ -160,6 +161,8 @@ fn configured_planners_run_under_limits() {
     let run = plan(&lab, &["--planner", "crasher"]).exits(32);
     assert!(run.stderr.contains("broken"), "{run}");
     plan(&lab, &["--planner", "liar"]).exits(32);
+    let run = plan(&lab, &["--planner", "spammer"]).exits(32);
+    assert!(run.stderr.contains("printed more than"), "{run}");
 }
 
 #[test]

@@ -17,6 +17,9 @@ use crate::plan::{self, Recipe};
 use crate::planner::{self, Host, Limits, Outcome, Planner, Race, Run, Task};
 use crate::store::{Namespace, stamp};
 
+/// What a planner may print on one stream, or write as its plan: more is no plan, and reading it takes long.
+const MOST_OUTPUT: u64 = 16 << 20;
+
 pub(super) fn run(args: &cli::PlanSearch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     context.format(&show::FORMATS)?;
     choose(&args.effort, context)?;
@@ -88,7 +91,7 @@ fn search(
     args: &cli::PlanEffort,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Run> {
-    let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, ..Limits::default() };
+    let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, output: MOST_OUTPUT };
     let patience = crate::Patience::new();
     let host = Host {
         exe: context.executable.clone(),

@@ -87,7 +87,7 @@ pub struct Transcript {
 
 impl Transcript {
     /// A transcript that says nothing yet.
-    pub(super) fn unclear() -> Self {
+    pub(crate) fn unclear() -> Self {
         Self { verdict: Verdict::Unclear, actions: Vec::new(), cost: None, message: String::new(), complaint: None }
     }
 
