@@ -12,6 +12,7 @@ use bson::{Document, RawDocumentBuf};
 use super::Memory;
 use super::dumped::{Dumped, DumpedError, Part};
 use crate::query::{QueryError, key};
+use crate::store::document::with_id_first;
 use crate::store::{Find, Namespace, StoreError, stamp};
 
 /// One of the two that are compared.
@@ -138,7 +139,7 @@ impl Side {
 fn read(part: &Part) -> Result<impl Iterator<Item = Result<Keyed, DiffError>> + '_, DiffError> {
     Ok(part.documents()?.filter_map(|document| match document {
         Ok(document) if is_computed(&document) => None,
-        Ok(document) => Some(encode(&document).and_then(keyed).map_err(DiffError::from)),
+        Ok(document) => Some(encode(document).and_then(keyed).map_err(DiffError::from)),
         Err(error) => Some(Err(error.into())),
     }))
 }
@@ -170,8 +171,13 @@ fn is_computed(document: &Document) -> bool {
     document.get_document(stamp::INFO).is_ok_and(|info| info.get_bool("computed").unwrap_or(false))
 }
 
-fn encode(document: &Document) -> Result<RawDocumentBuf, QueryError> {
-    Ok(RawDocumentBuf::try_from(document)?)
+/// The document as a store would keep it: its `_id` first.
+fn encode(document: Document) -> Result<RawDocumentBuf, QueryError> {
+    let document = match document.get("_id").cloned() {
+        Some(id) => with_id_first(document, &id),
+        None => document,
+    };
+    Ok(RawDocumentBuf::try_from(&document)?)
 }
 
 fn keyed(document: RawDocumentBuf) -> Result<Keyed, QueryError> {

@@ -259,6 +259,8 @@ fn differences_are_a_line_a_document() {
     assert_eq!(types, "~ a.b 1 {\"n\":{\"$numberInt\":\"1\"}} -> {\"n\":{\"$numberLong\":\"1\"}}\n");
     let order = lab.rmem(&["diff", "a.json", "c.json"]).exits(1).stdout;
     assert_eq!(order, "~ a.b 1 {\"_id\":1,\"n\":1,\"m\":2} -> {\"_id\":1,\"m\":2,\"n\":1}\n");
+    lab.write("d.json", "{\"a.b\": [{\"n\": 1, \"_id\": 1, \"m\": 2}]}");
+    assert_eq!(lab.rmem(&["diff", "a.json", "d.json"]).success(), "", "a store has the _id first, wherever it stood");
     lab.rmem(&["diff", "a.json", "missing.json"]).exits(3);
     lab.rmem(&["diff", "a.json", "file:missing.rmem"]).exits(3);
     assert!(!lab.path().join("missing.rmem").exists());
