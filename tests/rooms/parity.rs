@@ -99,6 +99,18 @@ fn what_an_upsert_takes_from_its_filter_is_in_the_order_of_the_paths() {
 }
 
 #[test]
+fn an_upsert_refuses_a_filter_that_names_a_field_and_what_is_in_it() {
+    for filter in [doc! { "a.c": {}, "a": {} }, doc! { "a": { "c": 1 }, "a.c": 1 }] {
+        let (store, ns) = store(Vec::new());
+        let update = UpdateSpec::Document(doc! { "$set": { "z": 1 } });
+        let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: true };
+        let error = store.update(&ns, &request, None).unwrap_err().to_string();
+        assert!(error.contains("matched twice"), "{error}");
+        assert_eq!(store.count(&ns, &doc! {}).unwrap(), 0);
+    }
+}
+
+#[test]
 fn a_positional_operator_names_a_field_where_there_is_no_array() {
     let filter = doc! { "l.b": 1 };
     let document = doc! { "_id": 1, "l": [{ "b": 1 }], "b": {} };

@@ -88,10 +88,10 @@ fn an_error_names_the_word_it_is_about() {
 }
 
 #[test]
-fn decimals_without_an_integer_have_no_bits_and_a_dot_at_the_end_is_the_array() {
-    for text in ["0.1", "NaN", "Infinity"] {
+fn the_whole_part_of_a_decimal_has_bits_and_a_dot_at_the_end_is_the_array() {
+    for (text, has_bits) in [("0.1", true), ("-0.9", true), ("NaN", false), ("Infinity", false)] {
         let decimal: bson::Decimal128 = text.parse().unwrap();
-        assert!(matches(doc! {"v": {"$bitsAnyClear": [0, 3]}}, doc! {"v": decimal}));
+        assert_eq!(matches(doc! {"v": {"$bitsAnyClear": [0, 3]}}, doc! {"v": decimal}), has_bits, "{text}");
     }
     assert!(!matches(doc! {"v": {"$bitsAnyClear": [0, 3]}}, doc! {"v": 0.1}));
     assert!(matches(doc! {"w.": 3}, doc! {"w": [1, 2, 3]}));

@@ -17,6 +17,7 @@ pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
     // In the order of their paths.
     found.sort_by(|a, b| a.0.cmp(&b.0));
     let mut document = Document::new();
+    let mut whole: Vec<String> = Vec::new();
     for (path, value) in found {
         if only_id && path != "_id" && !path.starts_with("_id.") {
             continue;
@@ -24,8 +25,13 @@ pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
         if path == "_id" && document.contains_key("_id") {
             return Err(twice("_id"));
         }
+        let is_inside = |outer: &String| path.strip_prefix(outer.as_str()).is_some_and(|rest| rest.starts_with('.'));
+        if whole.iter().any(is_inside) {
+            return Err(twice(&path));
+        }
         let parts: Vec<&str> = path.split('.').collect();
         put(&mut document, &parts, value.clone(), &path)?;
+        whole.push(path);
     }
     Ok(document)
 }
