@@ -158,18 +158,19 @@ impl Polygon {
         !self.clip(line, false).is_empty()
     }
 
-    /// Whether all of a line is inside.
+    /// Whether all of a line is inside: each of its edges from end to end.
     pub(in crate::query::geo) fn contains_line(&self, line: &Line) -> bool {
-        let pieces = self.clip(line, false);
+        line.edges().all(|(a, b)| Line::new(vec![a, b]).is_some_and(|edge| self.contains_edge(&edge, a, b)))
+    }
+
+    fn contains_edge(&self, edge: &Line, a: Vector, b: Vector) -> bool {
+        let pieces = self.clip(edge, false);
         let joined = pieces.windows(2).all(|pair| match pair {
             [(_, end), (start, _)] => end.angle(*start) <= JOINT,
             _ => true,
         });
-        let ends = pieces.first().zip(line.vertices().first()).zip(pieces.last().zip(line.vertices().last()));
-        joined
-            && ends.is_some_and(|((first, start), (last, end))| {
-                first.0.angle(*start) <= OVERHANG && last.1.angle(*end) <= OVERHANG
-            })
+        let ends = pieces.first().zip(pieces.last());
+        joined && ends.is_some_and(|(first, last)| first.0.angle(a) <= OVERHANG && last.1.angle(b) <= OVERHANG)
     }
 
     /// The angle from a point to the closest point; 0 for one inside.
@@ -293,6 +294,8 @@ mod tests {
         let polygon = Polygon::new(vec![square(0.0, 10.0), square(4.0, 6.0)]).unwrap();
         assert!(polygon.contains_line(&line(&[(1.0, 1.0), (2.0, 2.0), (3.0, 1.0)])));
         assert!(!polygon.contains_line(&line(&[(1.0, 1.0), (9.0, 9.0)])));
+        // Out and back by the same way.
+        assert!(!polygon.contains_line(&line(&[(1.0, 1.0), (-9.0, 1.0), (1.0, 1.0)])));
         assert!(polygon.meets_line(&line(&[(5.0, 5.0), (9.0, 9.0)])));
         assert!(!polygon.meets_line(&line(&[(4.5, 4.5), (5.5, 5.5)])));
     }
