@@ -4,16 +4,20 @@ use std::path::Path;
 
 use crate::lab::{Finished, Lab};
 
-/// Planners that cannot be had from real ones: one that never ends, and one whose plan is wrong.
+/// Planners that cannot be had from real ones: one that never ends, one whose plan is wrong, and one that is right only
+/// after that one was wrong.
 const PLANNERS: &str = "[planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"echo $$ > PID; exec sleep 100\"]\noutput = \"ff\"\n\
-     [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(light a)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}\"]\noutput = \"downward\"\n\
+     [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(light a)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}; touch LIED\"]\noutput = \"downward\"\n\
+     [planner.late]\ncommand = [\"/bin/sh\", \"-c\", \"until [ -e LIED ]; do sleep 0.05; done; sleep 1; exec RMEM ff -o {domain} -f {problem}\"]\noutput = \"ff\"\n\
      [planner.absent]\ncommand = [\"/nonexistent/planner\"]\noutput = \"ff\"\n\
      [planner.quitter]\ncommand = [\"/bin/sh\", \"-c\", \"echo 'search cap reached!'\"]\noutput = \"ff\"\n";
 
 /// Runs planners against each other on a task of the fixtures.
 fn race(lab: &Lab, task: &str, planners: &[&str], more: &[&str]) -> Finished {
     let pid = lab.path().join("sleeper.pid").display().to_string();
-    lab.write("rmem.toml", &PLANNERS.replace("PID", &pid));
+    let lied = lab.path().join("lied").display().to_string();
+    let rmem = crate::lab::rmem().display().to_string();
+    lab.write("rmem.toml", &PLANNERS.replace("PID", &pid).replace("LIED", &lied).replace("RMEM", &rmem));
     let (domain, problem) =
         (format!("fixtures/tasks/{task}/domain.pddl"), format!("fixtures/tasks/{task}/problem.pddl"));
     let mut words = vec!["plan", "-d", &domain, "-p", &problem, "--no-store"];
@@ -41,9 +45,9 @@ fn the_first_right_plan_wins_and_the_others_are_ended() {
 
 #[test]
 fn a_wrong_plan_does_not_win() {
-    let run = race(&Lab::new(), "solvable", &["liar", "builtin"], &[]).exits(0);
+    let run = race(&Lab::new(), "solvable", &["liar", "late"], &[]).exits(0);
     assert!(row(&run, "liar").contains("failed"), "{run}");
-    assert!(row(&run, "builtin").ends_with("wins"), "{run}");
+    assert!(row(&run, "late").ends_with("wins"), "{run}");
 }
 
 #[test]
