@@ -28,6 +28,24 @@ pub(crate) fn rmem() -> PathBuf {
     assert_cmd::cargo::cargo_bin!("rmem").to_path_buf()
 }
 
+/// The blocks world with a goal: the words that make a problem of it.
+pub(crate) const TASK: [&str; 8] = [
+    "--load",
+    "fixtures/blocksworld.json",
+    "--domain",
+    "domains/blocksworld/domain.pddl",
+    "--template",
+    "templates/blocksworld/problem.pddl.j2",
+    "--goal",
+    "(and (on A B) (on B C))",
+];
+
+/// Runs `rmem plan` on the blocks world.
+#[track_caller]
+pub(crate) fn plan(lab: &Lab, more: &[&str]) -> Finished {
+    lab.rmem(&[&["plan"], &TASK[..], more].concat())
+}
+
 impl Lab {
     pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();

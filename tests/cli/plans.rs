@@ -1,21 +1,6 @@
 //! plan, ff, validate: the whole line, its documents, its exit codes.
 
-use crate::lab::Lab;
-
-const TASK: [&str; 8] = [
-    "--load",
-    "fixtures/blocksworld.json",
-    "--domain",
-    "domains/blocksworld/domain.pddl",
-    "--template",
-    "templates/blocksworld/problem.pddl.j2",
-    "--goal",
-    "(and (on A B) (on B C))",
-];
-
-fn plan(lab: &Lab, more: &[&str]) -> crate::lab::Finished {
-    lab.rmem(&[&["plan"], &TASK[..], more].concat())
-}
+use crate::lab::{Lab, TASK, plan};
 
 #[test]
 fn from_memory_to_plan_to_memory() {

@@ -1,21 +1,6 @@
 //! plan list and the other commands about stored plans.
 
-use crate::lab::{Finished, Lab};
-
-const TASK: [&str; 8] = [
-    "--load",
-    "fixtures/blocksworld.json",
-    "--domain",
-    "domains/blocksworld/domain.pddl",
-    "--template",
-    "templates/blocksworld/problem.pddl.j2",
-    "--goal",
-    "(and (on A B) (on B C))",
-];
-
-fn plan(lab: &Lab, more: &[&str]) -> Finished {
-    lab.rmem(&[&["plan"], &TASK[..], more].concat())
-}
+use crate::lab::{Lab, TASK, plan};
 
 /// The world in which the blocks are stacked by hand, one action at a time.
 const STACKED: [&str; 3] = [
