@@ -93,11 +93,7 @@ fn search(
 ) -> anyhow::Result<Run> {
     let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, output: MOST_OUTPUT };
     let patience = crate::Patience::new();
-    let host = Host {
-        exe: context.executable.clone(),
-        temporary: context.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into),
-        interrupted: patience.interrupted(),
-    };
+    let host = Host { interrupted: patience.interrupted(), ..context.host() };
     let start = Instant::now();
     let race = planner::race(planners, task, &limits, &host);
     if let Some(race) = race.as_ref().filter(|race| race.runs.len() > 1) {
