@@ -75,6 +75,16 @@ impl<'a> Context<'a> {
         self.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into)
     }
 
+    /// Where a program is: a path as it is, a name among the folders of PATH.
+    #[must_use]
+    pub fn program(&self, name: &str) -> Option<PathBuf> {
+        if name.contains('/') {
+            return Some(PathBuf::from(name)).filter(|path| path.is_file());
+        }
+        let path = self.environment.get("PATH").map_or("", String::as_str);
+        path.split(':').map(|folder| Path::new(folder).join(name)).find(|candidate| candidate.is_file())
+    }
+
     /// Reads a whole text file, or stdin for `-`.
     ///
     /// # Errors

@@ -1,7 +1,5 @@
 //! `rmem doctor`: whether settings, stores and planners are in order.
 
-use std::path::{Path, PathBuf};
-
 use super::Context;
 use crate::exit::Exit;
 
@@ -26,19 +24,11 @@ pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let configured = context.settings.planners.iter();
     programs.extend(configured.filter_map(|planner| Some((planner.name.clone(), planner.command.first()?.clone()))));
     for (name, program) in programs {
-        let state = match find(&program, context.environment.get("PATH").map_or("", String::as_str)) {
+        let state = match context.program(&program) {
             Some(path) => format!("ok, {}", path.display()),
             None => format!("the program `{program}` is not installed"),
         };
         context.output.line(&format!("planner    {name}: {state}"))?;
     }
     Ok(if healthy { Exit::Done } else { Exit::Store })
-}
-
-/// Where a program is: a path as it is, a name among the folders of PATH.
-fn find(program: &str, path: &str) -> Option<PathBuf> {
-    if program.contains('/') {
-        return Some(PathBuf::from(program)).filter(|path| path.is_file());
-    }
-    path.split(':').map(|folder| Path::new(folder).join(program)).find(|candidate| candidate.is_file())
 }

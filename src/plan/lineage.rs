@@ -8,7 +8,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::Recipe;
 use crate::pddl::Why;
-use crate::planner::Run;
+use crate::planner::{Race, Run};
 
 /// What stands for the planner of a plan that came from a file.
 pub const IMPORTED: &str = "import";
@@ -34,6 +34,25 @@ pub struct Answered {
     pub query: String,
     /// How many documents answered.
     pub count: u64,
+}
+
+/// What a planner did in a race.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Racer {
+    /// Its name.
+    pub planner: String,
+    /// Its version, where known.
+    pub version: Option<String>,
+    /// The outcome's word; `ended` where another had won before it was done.
+    pub outcome: String,
+    /// Wall time.
+    pub time: Duration,
+    /// Processor time, where known.
+    pub cpu: Option<Duration>,
+    /// How many steps its plan has.
+    pub length: Option<usize>,
+    /// What there was to say about it.
+    pub message: String,
 }
 
 /// Where a plan comes from, for `_robmem_info.lineage`.
@@ -75,6 +94,8 @@ pub struct Lineage {
     pub memory_limit: Option<u64>,
     /// The id of the plan whose task this one was found for again.
     pub rerun_of: Option<String>,
+    /// What each planner did, where there were several.
+    pub race: Vec<Racer>,
     /// Why there is no plan, where that was looked into.
     pub why: Option<Why>,
     /// How long each part of the way took: `render`, `plan`, `validate`, ….
@@ -93,6 +114,22 @@ impl Lineage {
         self.length = run.outcome.plan().map(|plan| plan.steps.len());
         self.why.clone_from(&run.why);
         self.times.push(("plan".to_owned(), run.time));
+        self
+    }
+
+    /// Notes what each planner of a race did.
+    #[must_use]
+    pub fn with_race(mut self, race: &Race) -> Self {
+        let racers = race.runs.iter().map(|run| Racer {
+            planner: run.planner.clone(),
+            version: run.version.clone(),
+            outcome: race.word(run).to_owned(),
+            time: run.time,
+            cpu: run.cpu,
+            length: run.outcome.plan().map(|plan| plan.steps.len()),
+            message: run.message.clone(),
+        });
+        self.race = if race.runs.len() > 1 { racers.collect() } else { Vec::new() };
         self
     }
 
@@ -115,6 +152,9 @@ impl Lineage {
         document.insert("outcome", &self.outcome);
         insert(&mut document, "cost", self.cost);
         insert(&mut document, "length", self.length.and_then(|length| i64::try_from(length).ok()));
+        if !self.race.is_empty() {
+            document.insert("race", self.race.iter().map(racer).collect::<Array>());
+        }
         insert(&mut document, "why", self.why.as_ref().map(reasons));
         insert(&mut document, "started", self.started);
         let times = self.times.iter().map(|(name, time)| (name.clone(), Bson::Double(time.as_secs_f64() * 1000.0)));
@@ -127,6 +167,19 @@ impl Lineage {
         insert(&mut document, "sources", self.sources.as_ref().map(Recipe::to_document));
         document
     }
+}
+
+/// What a planner did in a race, as a document.
+fn racer(racer: &Racer) -> Bson {
+    let millis = |time: Duration| time.as_secs_f64() * 1000.0;
+    let mut document = doc! { "planner": &racer.planner };
+    insert(&mut document, "version", racer.version.clone());
+    document.insert("outcome", &racer.outcome);
+    document.insert("time", millis(racer.time));
+    insert(&mut document, "cpu", racer.cpu.map(millis));
+    insert(&mut document, "length", racer.length.and_then(|length| i64::try_from(length).ok()));
+    insert(&mut document, "message", Some(racer.message.clone()).filter(|message| !message.is_empty()));
+    document.into()
 }
 
 /// What keeps the goal from being reached: the conditions that can never hold, those of the goal first, each

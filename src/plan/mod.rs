@@ -18,7 +18,7 @@ use crate::pddl::Step;
 
 pub use archive::{Archive, ArchiveError, LAST, Record, spelled};
 pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document};
-pub use lineage::{Answered, IMPORTED, Lineage, hash};
+pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};
 pub use print::{Format, Page, PrintError};
 pub use progress::{Progress, Status};
 pub use recipe::{Given, Recipe, RecipeError};

@@ -74,6 +74,11 @@ impl Planner for Configured {
         }
     }
 
+    /// Temporal planners look at some moments of many, and at some orders of actions.
+    fn proves(&self) -> bool {
+        self.output != Dialect::Temporal
+    }
+
     fn is_anytime(&self) -> bool {
         self.output != Dialect::Ff
     }

@@ -1,9 +1,14 @@
 //! The external program `ff`: FF 2.3, Metric-FF 2.1, or the present-day one.
 
 use std::ffi::OsString;
+use std::fs;
+use std::path::Path;
+
+use memchr::memmem;
 
 use super::files::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner};
+use super::sizes::Sizes;
 use crate::formats::plan::{Transcript, Verdict, ff};
 use crate::pddl::Feature;
 use crate::process::Host;
@@ -19,6 +24,12 @@ const LACKS: [Feature; 8] = [
     Feature::Constraints,
     Feature::ObjectFluents,
 ];
+
+/// The sizes that FF 2.3 and Metric-FF 2.1 are built with where nobody enlarges them.
+const SIZES: Sizes = Sizes { arity: 5, predicates: 50, objects: 2000 };
+
+/// What stands in the executable of the present-day program, whose tables grow.
+const PRESENT_DAY: &str = "ferroplan";
 
 /// The requirement keywords that both know; an unknown one is a syntax error to them.
 const REQUIREMENTS: [&str; 11] = [
@@ -60,6 +71,15 @@ impl Default for Ff {
     }
 }
 
+impl Ff {
+    /// Whether the program is the present-day one, where it is given by its path.
+    fn is_present_day(&self) -> bool {
+        let path = Path::new(&self.program);
+        path.components().count() > 1
+            && fs::read(path).is_ok_and(|program| memmem::find(&program, PRESENT_DAY.as_bytes()).is_some())
+    }
+}
+
 impl Planner for Ff {
     fn name(&self) -> &str {
         "ff"
@@ -67,6 +87,10 @@ impl Planner for Ff {
 
     fn lacks(&self) -> &[Feature] {
         &LACKS
+    }
+
+    fn sizes(&self) -> Option<Sizes> {
+        Some(SIZES).filter(|_| !self.is_present_day())
     }
 
     fn requirements(&self) -> Option<&[&str]> {

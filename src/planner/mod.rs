@@ -17,6 +17,7 @@ mod files;
 mod outcome;
 mod race;
 mod run;
+mod sizes;
 
 pub use crate::process::{Host, Limits};
 pub use builtin::Builtin;
@@ -26,3 +27,4 @@ pub use ff::Ff;
 pub use outcome::Outcome;
 pub use race::{Race, race};
 pub use run::{Output, Planner, Run, Task, by_name, run};
+pub use sizes::Sizes;

@@ -4,8 +4,8 @@
 //! ends the race as well: nobody will find one. A planner that cannot handle the task, is not
 //! installed or fails does not take part any longer, and keeps nobody from winning.
 //!
-//! The limit of time is one for all. The limit of memory is shared out, so that all of them
-//! together keep it.
+//! The limits are one for all. Each may use what the others leave of the memory; where all of them together
+//! have more than the limit, the one that has most is ended, and the others go on.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use super::outcome::Outcome;
 use super::run::{self, Planner, Run, Task};
-use crate::process::{Host, Limits};
+use crate::process::{Host, Limits, Pool};
 
 /// How often an interruption is looked for.
 const LOOK: Duration = Duration::from_millis(20);
@@ -36,14 +36,23 @@ impl Race {
     pub fn winner(&self) -> Option<&Run> {
         self.runs.get(self.winner)
     }
+
+    /// The word for what a planner of the race came to.
+    #[must_use]
+    pub fn word(&self, run: &Run) -> &'static str {
+        let is_won = self.winner().is_some_and(|run| is_decided(&run.outcome));
+        match run.outcome {
+            Outcome::Interrupted if is_won => "ended",
+            ref outcome => outcome.word(),
+        }
+    }
 }
 
 /// Lets planners run against each other; each plan is simulated as soon as it is there. Without
 /// planners there is no race.
 #[must_use]
 pub fn race(planners: &[Box<dyn Planner>], task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Option<Race> {
-    let share = u64::try_from(planners.len()).ok().filter(|share| *share > 0)?;
-    let limits = Limits { memory: limits.memory.map(|bytes| bytes / share), ..*limits };
+    let pool = limits.memory.filter(|_| planners.len() > 1).map(|bytes| Pool::new(bytes, planners.len()));
     let stopped = AtomicBool::new(host.is_interrupted());
     let (sender, ended) = mpsc::channel();
     let mut runs: Vec<Option<Run>> = planners.iter().map(|_| None).collect();
@@ -52,8 +61,9 @@ pub fn race(planners: &[Box<dyn Planner>], task: &Task<'_>, limits: &Limits, hos
         for (place, planner) in planners.iter().enumerate() {
             let sender = sender.clone();
             let host = Host { exe: host.exe.clone(), temporary: host.temporary.clone(), interrupted: &stopped };
+            let share = pool.as_ref().map(|pool| pool.share(place));
             scope.spawn(move || {
-                let mut run = run::run(planner.as_ref(), task, &limits, &host);
+                let mut run = run::attempt(planner.as_ref(), task, limits, &host, share);
                 run.simulate(task);
                 let _ = sender.send((place, run));
             });
@@ -108,12 +118,8 @@ impl fmt::Display for Race {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let width = self.runs.iter().map(|run| run.planner.chars().count()).max().unwrap_or_default().max(7);
         write!(f, "{:<width$}  {:<13}  {:>9}  {:>9}  {:>6}", "planner", "outcome", "time", "cpu", "steps")?;
-        let is_won = self.winner().is_some_and(|run| is_decided(&run.outcome));
         for (place, run) in self.runs.iter().enumerate() {
-            let outcome = match run.outcome {
-                Outcome::Interrupted if is_won => "ended",
-                ref outcome => outcome.word(),
-            };
+            let outcome = self.word(run);
             let seconds = |time: Duration| format!("{:.2} s", time.as_secs_f64());
             let steps = run.outcome.plan().map_or_else(|| "-".to_owned(), |plan| plan.steps.len().to_string());
             let (time, cpu) = (seconds(run.time), run.cpu.map_or_else(|| "-".to_owned(), seconds));

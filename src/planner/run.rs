@@ -2,17 +2,18 @@
 
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::files::{self, DOMAIN, PLAN, PROBLEM};
 use super::names::{self, Sent};
 use super::outcome::Outcome;
+use super::sizes::Sizes;
 use super::{Builtin, FastDownward, Ff};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
 use crate::pddl::{Domain, Feature, Problem, Validation, Why, validate, why};
 use crate::plan::Plan;
-use crate::process::{self, End, Ended, Host, Job, Limits};
+use crate::process::{self, End, Ended, Host, Job, Limits, Share};
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
@@ -30,6 +31,11 @@ pub trait Planner: Send + Sync {
     /// What it cannot do, what is most worth saying first.
     fn lacks(&self) -> &[Feature] {
         &[]
+    }
+
+    /// How large a task may be for it, where its tables have fixed sizes.
+    fn sizes(&self) -> Option<Sizes> {
+        None
     }
 
     /// The requirement keywords it knows; none where it takes any.
@@ -57,6 +63,11 @@ pub trait Planner: Send + Sync {
     /// With what in a task its word that there is no plan is not a proof.
     fn doubts(&self) -> &[Feature] {
         &[]
+    }
+
+    /// Whether it can prove that there is no plan at all.
+    fn proves(&self) -> bool {
+        true
     }
 
     /// Whether a plan it left when its time ran out counts: it writes whole plans, each
@@ -174,6 +185,17 @@ pub fn by_name(name: &str, anytime: bool) -> Option<Box<dyn Planner>> {
 /// Runs a planner on a task. What it cannot do is refused before the run.
 #[must_use]
 pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Run {
+    attempt(planner, task, limits, host, None)
+}
+
+/// As [`run`], for one of several runs that may share their limit of memory.
+pub(super) fn attempt(
+    planner: &dyn Planner,
+    task: &Task<'_>,
+    limits: &Limits,
+    host: &Host<'_>,
+    share: Option<Share<'_>>,
+) -> Run {
     if let Some(refusal) = refuse(planner, task) {
         return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
     }
@@ -182,16 +204,19 @@ pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<
         return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
     };
     let mut command = planner.command(host);
-    let (mut ended, mut answer) = ask(planner, &command, &sent, limits, host);
+    let (mut ended, mut answer) = ask(planner, &command, &sent, limits, host, share);
     if let Some(other) = planner.again(&answer, &command) {
         let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..*limits };
         let (first, cpu) = (ended.wall, ended.cpu);
         command = other;
-        (ended, answer) = ask(planner, &command, &sent, &rest, host);
+        (ended, answer) = ask(planner, &command, &sent, &rest, host, share);
         ended.wall += first;
         ended.cpu = ended.cpu.zip(cpu).map(|(one, other)| one + other);
     }
-    let (outcome, message) = conclude(planner, &ended, answer, &sent, task, limits);
+    let (outcome, mut message) = conclude(planner, &ended, answer, &sent, task, limits);
+    if outcome == Outcome::OutOfMemory && share.is_some() {
+        message.push_str(", for all planners together");
+    }
     report(planner, outcome, message, &command, ended)
 }
 
@@ -200,9 +225,12 @@ pub(super) fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnosti
     let domain = task.domain.features().iter().map(|used| (used, task.domain.source()));
     let uses: Vec<_> = domain.chain(task.problem.features().iter().map(|used| (used, task.problem.source()))).collect();
     let lacking = |lack: &Feature| uses.iter().find(|(used, _)| used.feature == *lack);
-    let (used, source) = planner.lacks().iter().find_map(lacking)?;
-    let message = format!("the planner `{}` cannot handle {}", planner.name(), used.feature);
-    Some(Diagnostic::new(source, used.span, message).hint("name another planner with --planner"))
+    if let Some((used, source)) = planner.lacks().iter().find_map(lacking) {
+        let message = format!("the planner `{}` cannot handle {}", planner.name(), used.feature);
+        return Some(Diagnostic::new(source, used.span, message).hint("name another planner with --planner"));
+    }
+    let hint = "name another planner with --planner, or a larger build of this one in rmem.toml";
+    Some(planner.sizes()?.exceeded(planner.name(), task)?.hint(hint))
 }
 
 impl Task<'_> {
@@ -219,6 +247,7 @@ fn ask(
     sent: &Sent,
     limits: &Limits,
     host: &Host<'_>,
+    share: Option<Share<'_>>,
 ) -> (Ended, Transcript) {
     let program = command.first().map_or(OsStr::new(""), OsString::as_os_str);
     let job = Job {
@@ -232,6 +261,7 @@ fn ask(
         input: None,
         folder: None,
         environment: planner.environment(),
+        share,
         wanted: files::order,
     };
     let mut ended = process::run(&job, limits, host);
@@ -241,11 +271,13 @@ fn ask(
         stderr: std::mem::take(&mut ended.stderr),
         plans: std::mem::take(&mut ended.files),
     };
+    let reading = Instant::now();
     // What a program left that was cut short counts for nothing, and may be endless.
     let answer = match ended.end {
         End::TooMuchOutput | End::Interrupted => Transcript::unclear(),
         _ => planner.read(&output),
     };
+    ended.wall += reading.elapsed();
     (ended.stdout, ended.stderr) = (output.stdout, output.stderr);
     (ended, answer)
 }
@@ -283,6 +315,9 @@ fn conclude(
     match answer.verdict {
         Verdict::Plan if crash.is_none() || (keeps && ended.out_of_memory) => {
             (Outcome::Plan(restored(answer, sent)), String::new())
+        }
+        Verdict::Unsolvable if crash.is_none() && !planner.proves() => {
+            (Outcome::GaveUp, format!("{} (its search proves nothing)", answer.message))
         }
         Verdict::Unsolvable if crash.is_none() => match task.doubt(planner) {
             None => (Outcome::Unsolvable, answer.message),

@@ -6,8 +6,11 @@
 
 mod host;
 mod launch;
+mod pool;
 mod run;
+mod usage;
 pub mod warden;
 
 pub use host::{Host, Limits};
+pub(crate) use pool::{Pool, Share};
 pub(crate) use run::{End, Ended, Job, run};

@@ -16,6 +16,8 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use tempfile::TempDir;
 
 use super::host::{Host, Limits};
+use super::pool::Share;
+use super::usage;
 use super::warden::GRACE;
 use crate::formats::Source;
 
@@ -54,6 +56,8 @@ pub(crate) struct Job<'a> {
     pub(crate) folder: Option<&'a Path>,
     /// The whole environment, where it is not rmem's.
     pub(crate) environment: Option<&'a [(&'a str, &'a str)]>,
+    /// Its part in a limit of memory that several runs share.
+    pub(crate) share: Option<Share<'a>>,
     /// Which of the files it leaves are wanted: where one stands among them, by its name.
     pub(crate) wanted: fn(&str) -> Option<u64>,
 }
@@ -132,7 +136,10 @@ fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended>
     }
     let started = Instant::now();
     let mut warden = Warden::start(job, limits, host, directory)?;
-    let (end, usage) = warden.wait(limits, host, started);
+    let (end, usage) = warden.wait(limits, host, started, job.share);
+    if let Some(share) = job.share {
+        share.release();
+    }
     let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
     let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
     let mut ended = warden.collect(limits, &reading, job.wanted)?;
@@ -212,7 +219,13 @@ impl Warden {
     }
 
     /// Waits for the end, and brings it about at a limit.
-    fn wait(&mut self, limits: &Limits, host: &Host<'_>, started: Instant) -> (End, Option<Usage>) {
+    fn wait(
+        &mut self,
+        limits: &Limits,
+        host: &Host<'_>,
+        started: Instant,
+        share: Option<Share<'_>>,
+    ) -> (End, Option<Usage>) {
         let mut stopped: Option<(End, Instant)> = None;
         loop {
             let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()));
@@ -228,8 +241,9 @@ impl Warden {
             }
             match &stopped {
                 None => {
-                    if let Some(reason) = self.reason(limits, host, rest) {
-                        let _ = self.lifeline.write_all(b"stop\n");
+                    if let Some(reason) = self.reason(limits, host, rest, share) {
+                        let word: &[u8] = if reason == End::Starved { b"starve\n" } else { b"stop\n" };
+                        let _ = self.lifeline.write_all(word);
                         stopped = Some((reason, Instant::now()));
                     }
                 }
@@ -244,12 +258,22 @@ impl Warden {
     }
 
     /// Why the program has to stop now.
-    fn reason(&self, limits: &Limits, host: &Host<'_>, rest: Option<Duration>) -> Option<End> {
+    fn reason(
+        &self,
+        limits: &Limits,
+        host: &Host<'_>,
+        rest: Option<Duration>,
+        share: Option<Share<'_>>,
+    ) -> Option<End> {
         if host.is_interrupted() {
             return Some(End::Interrupted);
         }
         if rest.is_some_and(|rest| rest.is_zero()) {
             return Some(End::OutOfTime);
+        }
+        let has = |share: &Share<'_>| usage::resident(Pid::from_child(&self.process), self.group, share.limit());
+        if share.is_some_and(|share| share.gives_way(has(&share))) {
+            return Some(End::Starved);
         }
         let directory = self.directory.as_ref()?.path();
         let length = |name: &str| fs::metadata(directory.join(name)).map_or(0, |file| file.len());

@@ -16,8 +16,8 @@
 //! | `interpreter PATH` | the program is a script, and its interpreter is not there |
 //! | `failed WORDS` | it could not be started |
 //!
-//! rmem says `stop`, and the group gets TERM, a grace, then KILL; or `done`, when it
-//! has read what it wants. An end of the lifeline without `done` means that rmem died:
+//! rmem says `stop`, and the group gets TERM, a grace, then KILL; `starve`, and it gets KILL at once,
+//! because several runs together are over a limit of memory; or `done`, when it has read what it wants. An end of the lifeline without `done` means that rmem died:
 //! the warden stops the program and removes the directory. When the warden reports
 //! the end, nothing that the program started is alive.
 //!
@@ -47,7 +47,7 @@ use rustix::process::{
     set_child_subreaper, setrlimit, wait,
 };
 
-use super::launch;
+use super::{launch, usage};
 
 /// How long a program has between TERM and KILL.
 pub(super) const GRACE: Duration = Duration::from_millis(500);
@@ -266,21 +266,31 @@ impl Ward {
                 return Ok(Watched::Ended(status));
             }
             let called = lifeline.called(pidfd.as_ref(), self.patience(deadline), deadline.is_none())?;
-            if called && lifeline.hear().is_none_or(|word| word == "stop") {
-                let _ = kill_process_group(group, Signal::TERM);
-                deadline = Some(Instant::now() + GRACE);
+            if called {
+                match lifeline.hear().as_deref() {
+                    None | Some("stop") => {
+                        let _ = kill_process_group(group, Signal::TERM);
+                        deadline = Some(Instant::now() + GRACE);
+                    }
+                    Some("starve") => return self.starve(group),
+                    Some(_) => {}
+                }
             }
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 let _ = kill_process_group(group, Signal::KILL);
                 return self.child.wait().map(Watched::Ended);
             }
             if self.limit.is_some_and(|limit| self.is_over(limit, group)) {
-                // Who runs over the limit now would run over it during a grace as well.
-                let _ = kill_process_group(group, Signal::KILL);
-                self.child.wait()?;
-                return Ok(Watched::Starved);
+                return self.starve(group);
             }
         }
+    }
+
+    /// Ends a program that is over a limit of memory: it would run over it during a grace as well.
+    fn starve(&mut self, group: Pid) -> io::Result<Watched> {
+        let _ = kill_process_group(group, Signal::KILL);
+        self.child.wait()?;
+        Ok(Watched::Starved)
     }
 
     /// How long to wait before looking again.
@@ -294,50 +304,10 @@ impl Ward {
     /// Notes how much address space the program has had at most; says whether all of its
     /// processes together have more than `limit` bytes resident.
     fn is_over(&mut self, limit: u64, program: Pid) -> bool {
-        self.peak = self.peak.max(figure(program, "status", "VmPeak:"));
-        let mut all = descendants();
-        if all.is_empty() {
-            // A kernel that does not list children.
-            all.push(program);
-        }
-        let resident: u64 = all.iter().map(|pid| figure(*pid, "status", "VmRSS:")).sum();
-        // What processes share was counted for each; the exact figure costs more to get.
-        resident * 1024 > limit
-            && all.iter().map(|pid| figure(*pid, "smaps_rollup", "Pss:")).sum::<u64>() * 1024 > limit
+        self.peak = self.peak.max(usage::peak(program));
+        // What loses its parent becomes the warden's child.
+        usage::resident(getpid(), Some(program), limit) > limit
     }
-}
-
-/// A figure in KiB from a file of a process; 0 where it has none.
-fn figure(pid: Pid, file: &str, name: &str) -> u64 {
-    let text = fs::read_to_string(format!("/proc/{}/{file}", pid.as_raw_nonzero())).unwrap_or_default();
-    let line = text.lines().find_map(|line| line.strip_prefix(name));
-    line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or_default()
-}
-
-/// Everything alive that comes from this process: what loses its parent becomes its child.
-fn descendants() -> Vec<Pid> {
-    let mut found = offspring(getpid());
-    let mut next = 0;
-    while let Some(pid) = found.get(next).copied() {
-        next += 1;
-        for child in offspring(pid) {
-            // Processes come and go while they are counted.
-            if !found.contains(&child) {
-                found.push(child);
-            }
-        }
-    }
-    found
-}
-
-/// The children of a process, as its threads know them.
-fn offspring(pid: Pid) -> Vec<Pid> {
-    let Ok(threads) = fs::read_dir(format!("/proc/{}/task", pid.as_raw_nonzero())) else { return Vec::new() };
-    let texts = threads.flatten().filter_map(|thread| fs::read_to_string(thread.path().join("children")).ok());
-    texts
-        .flat_map(|text| text.split_whitespace().filter_map(|pid| pid.parse().ok()).collect::<Vec<i32>>())
-        .filter_map(Pid::from_raw)
-        .collect()
 }
 
 /// Kills and reaps every child until there is none. What a child leaves behind when it

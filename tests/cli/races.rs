@@ -10,6 +10,7 @@ const PLANNERS: &str = "[planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"ech
      [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(light a)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}; touch LIED\"]\noutput = \"downward\"\n\
      [planner.late]\ncommand = [\"/bin/sh\", \"-c\", \"until [ -e LIED ]; do sleep 0.05; done; sleep 1; exec RMEM ff -o {domain} -f {problem}\"]\noutput = \"ff\"\n\
      [planner.absent]\ncommand = [\"/nonexistent/planner\"]\noutput = \"ff\"\n\
+     [planner.believer]\ncommand = [\"/bin/sh\", \"-c\", \"echo 'The problem is unsolvable'\"]\noutput = \"temporal\"\n\
      [planner.quitter]\ncommand = [\"/bin/sh\", \"-c\", \"echo 'search cap reached!'\"]\noutput = \"ff\"\n";
 
 /// Runs planners against each other on a task of the fixtures.
@@ -58,7 +59,10 @@ fn a_proof_ends_the_race() {
 
 #[test]
 fn who_cannot_take_part_keeps_nobody_from_winning() {
-    let run = race(&Lab::new(), "numeric", &["fast-downward", "absent", "builtin"], &[]).exits(0);
+    let lab = Lab::new();
+    // The one that can is late, so that the others are done.
+    lab.write("lied", "");
+    let run = race(&lab, "numeric", &["fast-downward", "absent", "late"], &[]).exits(0);
     assert!(row(&run, "fast-downward").contains("unsupported"), "{run}");
     assert!(row(&run, "absent").contains("not-found"), "{run}");
 }
@@ -69,6 +73,91 @@ fn where_nobody_wins_the_code_is_the_most_telling_one() {
     race(&lab, "solvable", &["absent", "liar"], &[]).exits(32);
     race(&lab, "solvable", &["liar", "quitter", "absent"], &[]).exits(12);
     race(&lab, "solvable", &["quitter", "sleeper"], &["--timeout", "300ms"]).exits(23);
+}
+
+#[test]
+fn a_word_without_a_proof_ends_no_race() {
+    let lab = Lab::new();
+    let run = race(&lab, "solvable", &["believer", "builtin"], &[]).exits(0);
+    assert!(row(&run, "believer").contains("gave-up") && row(&run, "builtin").ends_with("wins"), "{run}");
+    race(&lab, "solvable", &["believer"], &[]).exits(12);
+}
+
+/// A planner that needs much memory, and has its plan when the other one of its kind is gone.
+const ELEPHANT: &str = "import os, sys, time
+memory = b'x' * 200_000_000
+own, other = sys.argv[1:]
+with open(own + '.new', 'w') as file: file.write(str(os.getpid()))
+os.rename(own + '.new', own)
+while not os.path.exists(other): time.sleep(0.05)
+with open(other) as file: pid = file.read()
+while pid != 'nobody' and os.path.exists('/proc/' + pid): time.sleep(0.05)
+print('ff: found legal plan as follows')
+print('step 0: WALK DOOR WINDOW')
+print('1: PUSH WINDOW CORNER')
+print('2: CLIMB CORNER')
+print('3: SWITCH-ON CORNER')
+";
+
+#[test]
+fn the_limit_of_memory_is_one_for_all() {
+    let lab = Lab::new();
+    let place = |name: &str| lab.path().join(name).display().to_string();
+    let elephant = |name: &str, other: &str| {
+        let program = place("elephant.py");
+        format!(
+            "[planner.{name}]\ncommand = [\"python3\", \"{program}\", \"{}\", \"{}\"]\noutput = \"ff\"\n",
+            place(&format!("{name}.pid")),
+            place(&format!("{other}.pid"))
+        )
+    };
+    lab.write("elephant.py", ELEPHANT);
+    lab.write("nobody.pid", "nobody");
+    lab.write("rmem.toml", &[elephant("one", "two"), elephant("two", "one"), elephant("alone", "nobody")].concat());
+    let run = |planners: [&str; 2]| {
+        let task = ["domain", "problem"].map(|name| format!("fixtures/tasks/solvable/{name}.pddl"));
+        let planners = ["--planner", planners[0], "--planner", planners[1]];
+        lab.rmem(
+            &[&["plan", "-d", &task[0], "-p", &task[1], "--no-store", "--memory-limit", "350M"], &planners[..]]
+                .concat(),
+        )
+    };
+    // Together they have too much: one has to go, and the other may use what it leaves.
+    let both = run(["one", "two"]).exits(0);
+    assert_eq!(both.stderr.matches("out-of-memory").count(), 1, "{both}");
+    assert_eq!(both.stderr.matches("wins").count(), 1, "{both}");
+    // One of them may have most of it.
+    run(["fast-downward", "alone"]).exits(0);
+}
+
+#[test]
+fn a_race_is_stored_with_its_plan() {
+    let lab = Lab::new();
+    race(&lab, "solvable", &["quitter", "builtin"], &[]).exits(0);
+    let task = ["domain", "problem"].map(|name| format!("fixtures/tasks/solvable/{name}.pddl"));
+    lab.rmem(&["plan", "-d", &task[0], "-p", &task[1], "--planner", "late", "--planner", "liar"]).exits(0);
+    let stored = lab.rmem(&["query", "robmem.plans", "--meta", "--fields", "{'_robmem_info.lineage.race': 1, _id: 0}"]);
+    let stored: serde_json::Value = serde_json::from_str(&stored.success()).unwrap();
+    let race = &stored["_robmem_info"]["lineage"]["race"];
+    assert_eq!((&race[0]["planner"], &race[0]["outcome"]), (&"late".into(), &"plan".into()), "{stored}");
+    assert_eq!((&race[1]["planner"], &race[1]["outcome"]), (&"liar".into(), &"failed".into()), "{stored}");
+    assert!(race[1]["message"].as_str().is_some_and(|message| message.contains("not valid")), "{stored}");
+    let why = lab.rmem(&["plan", "why", "last"]).success();
+    assert!(why.contains("race        liar: failed after"), "{why}");
+}
+
+#[test]
+fn what_was_interrupted_is_not_stored() {
+    let lab = Lab::new();
+    race(&lab, "solvable", &["quitter"], &[]).exits(12);
+    let pid = lab.path().join("sleeper.pid").display().to_string();
+    let task = "-d fixtures/tasks/solvable/domain.pddl -p fixtures/tasks/solvable/problem.pddl";
+    let run = lab.shell(&format!(
+        "rmem plan {task} --planner sleeper & until [ -s {pid} ]; do sleep 0.05; done; kill -TERM $!; wait $!"
+    ));
+    let run = run.exits(130);
+    assert!(!run.stderr.contains("stored"), "{run}");
+    lab.rmem(&["plan", "show", "last"]).exits(2);
 }
 
 #[test]

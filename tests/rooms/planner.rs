@@ -197,6 +197,33 @@ fn what_a_planner_cannot_do_is_refused_with_the_line() {
 }
 
 #[test]
+fn a_task_that_is_larger_than_ffs_tables_is_refused_with_the_line() {
+    let wide = "(define (domain d) (:predicates (p)
+      (r ?a ?b ?c ?d ?e ?f)) (:action a :effect (p)))";
+    let many: String = (0..50).map(|number| format!("(q{number}) ")).collect();
+    let many = format!("(define (domain d) (:predicates {many}\n(p)) (:action a :effect (p)))");
+    let plain = "(define (domain d) (:predicates (p)) (:action a :effect (p)))";
+    let objects: String = (0..2000).map(|number| format!("o{number} ")).collect();
+    let small = "(define (problem n) (:domain d) (:goal (p)))";
+    let large = format!("(define (problem n) (:domain d) (:objects {objects}\nlast) (:goal (p)))");
+    for (domain, problem, place, what) in [
+        (wide, small, "d.pddl:2:8:", "5 arguments; `r` has 6"),
+        (&many, small, "d.pddl:2:2:", "50 predicates; there are 51"),
+        (plain, &large, "p.pddl:2:1:", "2000 constants and objects; there are 2001"),
+    ] {
+        let place_of_run = Place::with(domain, problem);
+        let ran = place_of_run.path("ran");
+        let run = place_of_run.ff(&format!("touch {}", ran.display()), &within(10.0));
+        assert_eq!(run.outcome, Outcome::Unsupported);
+        assert!(run.message.starts_with(place) && run.message.contains(what), "{}", run.message);
+        assert!(!ran.exists(), "it ran");
+        // The present-day program has no such tables.
+        place_of_run.ff(&format!("touch {}; : ferroplan", ran.display()), &within(10.0));
+        assert!(ran.exists(), "it did not run");
+    }
+}
+
+#[test]
 fn a_program_that_ignores_term_is_killed() {
     let place = Place::new();
     let pid = place.path("pid");

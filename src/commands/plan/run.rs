@@ -14,7 +14,7 @@ use crate::formats::shell;
 use crate::memory::Memory;
 use crate::pddl::Domain;
 use crate::plan::{self, Recipe};
-use crate::planner::{self, Host, Limits, Outcome, Planner, Race, Run, Task};
+use crate::planner::{self, Ff, Host, Limits, Outcome, Planner, Race, Run, Task};
 use crate::store::{Namespace, stamp};
 
 /// What a planner may print on one stream, or write as its plan: more is no plan, and reading it takes long.
@@ -56,11 +56,15 @@ pub(super) struct Order<'a> {
 pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Found> {
     let planners = choose(order.effort, context)?;
     let posed = pose(&order.recipe, &order.domain, order.sections, memory, context)?;
-    let run = search(&planners, &Task { domain: &order.domain, problem: &posed.problem }, order.effort, context)?;
+    let task = Task { domain: &order.domain, problem: &posed.problem };
+    let race = search(&planners, &task, order.effort, context)?;
+    let mut run = race.winner().ok_or_else(|| UsageError::new("expected --planner"))?.clone();
+    run.explain(&task);
     let document = document(&run, order, &posed);
-    let id = match order.effort.no_store {
+    // What was broken off says nothing about the task.
+    let id = match order.effort.no_store || run.outcome == Outcome::Interrupted {
         true => "plan".to_owned(),
-        false => store(with_lineage(&document, &run, order, &posed), &order.effort.into, memory, context)?,
+        false => store(with_lineage(&document, &run, &race, order, &posed), &order.effort.into, memory, context)?,
     };
     let exit = print(&run, &document, &posed, &id, context)?;
     let namespaces = posed.generated.map(|generated| generated.namespaces).unwrap_or_default();
@@ -77,6 +81,10 @@ fn by_name(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn P
     if let Some(configured) = configured {
         return Ok(Box::new(configured.clone()));
     }
+    if name == "ff" {
+        // What it can do depends on which program that is.
+        return Ok(Box::new(context.program(name).map_or_else(Ff::default, |path| Ff { program: path.into() })));
+    }
     planner::by_name(name, anytime).ok_or_else(|| {
         let mut known = vec!["builtin", "ff", "fast-downward"];
         known.extend(context.settings.planners.iter().map(|planner| planner.name.as_str()));
@@ -84,28 +92,28 @@ fn by_name(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn P
     })
 }
 
-/// Runs the planners; of several, the winner's run is what counts.
+/// Runs the planners, and says what several of them did.
 fn search(
     planners: &[Box<dyn Planner>],
     task: &Task<'_>,
     args: &cli::PlanEffort,
     context: &mut Context<'_>,
-) -> anyhow::Result<Run> {
+) -> anyhow::Result<Race> {
     let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, output: MOST_OUTPUT };
     let patience = crate::Patience::new();
     let host = Host { interrupted: patience.interrupted(), ..context.host() };
     let start = Instant::now();
-    let race = planner::race(planners, task, &limits, &host);
-    if let Some(race) = race.as_ref().filter(|race| race.runs.len() > 1) {
+    let race = planner::race(planners, task, &limits, &host).ok_or_else(|| UsageError::new("expected --planner"))?;
+    if race.runs.len() > 1 {
         context.output.note(&race.to_string());
     }
-    let mut run = race.as_ref().and_then(Race::winner).ok_or_else(|| UsageError::new("expected --planner"))?.clone();
-    run.explain(task);
-    context.output.operation("plan", &run.planner, run.outcome.word(), start.elapsed());
-    if let Some(reason) = &run.unjudged {
-        context.output.warn(&format!("the plan was not simulated: {reason}"));
+    if let Some(run) = race.winner() {
+        context.output.operation("plan", &run.planner, run.outcome.word(), start.elapsed());
+        if let Some(reason) = &run.unjudged {
+            context.output.warn(&format!("the plan was not simulated: {reason}"));
+        }
     }
-    Ok(run)
+    Ok(race)
 }
 
 /// The document of the plan, or of there being none.
@@ -124,8 +132,8 @@ pub(super) fn layout(layout: cli::Layout) -> plan::Layout {
     }
 }
 
-fn with_lineage(document: &Document, run: &Run, order: &Order<'_>, posed: &Posed) -> Document {
-    let mut lineage = posed.lineage(order.recipe.clone()).with_run(run);
+fn with_lineage(document: &Document, run: &Run, race: &Race, order: &Order<'_>, posed: &Posed) -> Document {
+    let mut lineage = posed.lineage(order.recipe.clone()).with_run(run).with_race(race);
     lineage.planners.clone_from(&order.effort.planner);
     lineage.anytime = order.effort.anytime;
     lineage.timeout = Some(order.effort.timeout);

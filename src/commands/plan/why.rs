@@ -52,6 +52,9 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
         say("query", Some(line));
     }
     say("planner", planner(lineage));
+    for racer in lineage.get_array("race").into_iter().flatten().filter_map(Bson::as_document) {
+        say("race", Some(raced(racer)));
+    }
     say(
         "command",
         lineage
@@ -82,6 +85,16 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
 fn planner(lineage: &Document) -> Option<String> {
     let name = lineage.get_str("planner").ok()?;
     Some(lineage.get_str("version").map_or_else(|_| name.to_owned(), |version| format!("{name} {version}")))
+}
+
+/// `builtin ferroplan 0.30.0: plan after 0.12 s, 12 steps`
+fn raced(racer: &Document) -> String {
+    let outcome = racer.get_str("outcome").unwrap_or("unknown");
+    let time = racer.get_f64("time").map(|millis| format!(" after {:.2} s", millis / 1000.0)).unwrap_or_default();
+    let length = racer.get_i64("length").map(|length| format!(", {length} steps")).unwrap_or_default();
+    let message = racer.get_str("message").ok().and_then(|message| message.lines().next());
+    let message = message.map(|message| format!(": {message}")).unwrap_or_default();
+    format!("{}: {outcome}{time}{length}{message}", planner(racer).unwrap_or_default())
 }
 
 /// Where a text was read, what it was, and whether it still is.

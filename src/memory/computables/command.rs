@@ -57,6 +57,7 @@ impl Command {
             input: Some(question),
             folder: Some(&self.folder),
             environment: None,
+            share: None,
             wanted: |_| None,
         };
         let limits = Limits { time: Some(self.timeout), memory: None, output: MOST_OUTPUT };
