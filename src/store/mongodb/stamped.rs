@@ -1,13 +1,14 @@
 //! Updates that write their stamps where something changed, and only there.
 //!
 //! The server has no update that says "and this, where that changed anything".
-//! So the documents that match are looked up first; then the server updates
-//! them, without a stamp, by its own rules; last, those that are different get
-//! the stamp. Each of these steps is atomic for each document, and no update of
-//! others is lost. What is not atomic: between the second step and the last, or
-//! for good where rmem is killed there, a changed document has the stamp of the
-//! change before. (The other ways are worse: to stamp always counts and notes
-//! changes that are none; to compute the change here is not the server's.)
+//! So the documents that match are looked up first, and rmem foresees which of
+//! them the update changes; those the server updates, by its own rules, with the
+//! stamp in the same step; the others without, since somebody may have changed
+//! them meanwhile. Each document is changed in one atomic step, and no update of
+//! others is lost. Only where nothing can be foreseen, or where the server changes
+//! what was to stay the same, does the stamp follow in a step of its own.
+//! (To stamp always would count and note changes that are none; to compute the
+//! change here would not be the server's.)
 //!
 //! An upsert that inserts writes its stamps at once.
 
@@ -16,7 +17,7 @@ use std::collections::HashMap;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::MongoDb;
-use crate::query::QueryError;
+use crate::query::{Filter, QueryError, Update};
 use crate::store::document::with_id_first;
 use crate::store::stamp::{self, INFO, INSERTED, UPDATED};
 use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
@@ -55,7 +56,7 @@ impl MongoDb {
             if before.is_empty() {
                 break;
             }
-            let done = self.update_chunk(ns, request, &before, at)?;
+            let done = self.update_chunk(ns, request, before, at)?;
             if done.matched > 0 {
                 return Ok(done);
             }
@@ -73,36 +74,56 @@ impl MongoDb {
             let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": ids } }] };
             let before = with_ids(self.find(ns, &Find { filter, ..Find::default() })?)?;
             if !before.is_empty() {
-                let more = self.update_chunk(ns, request, &before, at)?;
-                done.matched += more.matched;
-                done.modified += more.modified;
+                add(&mut done, &self.update_chunk(ns, request, before, at)?);
             }
         }
         Ok(done)
     }
 
-    /// Updates those of the documents that still match, and stamps those that
-    /// are different then, also where the update fails in the middle.
+    /// Updates those of the documents that still match, with the stamp where it is
+    /// foreseen that they change.
     fn update_chunk(
         &self,
         ns: &Namespace,
         request: &UpdateRequest,
+        before: Before,
+        at: DateTime,
+    ) -> Result<Updated, StoreError> {
+        let plain = unstamped(&request.update, &before, at)?;
+        let Some(changes) = foresee(&plain, request, &before, at) else {
+            return self.update_then_stamp(ns, request, plain, &before, at);
+        };
+        let (mut changing, mut rest) = (Before::new(), Before::new());
+        for (document, changes) in before.into_iter().zip(changes) {
+            if changes { changing.push(document) } else { rest.push(document) }
+        }
+        let mut done = Updated::default();
+        if !changing.is_empty() {
+            let stamped = with_stamp(&plain, at)?;
+            done = self.apply(ns, &among(request, stamped, &changing)?)?;
+        }
+        if !rest.is_empty() {
+            add(&mut done, &self.update_then_stamp(ns, request, plain, &rest, at)?);
+        }
+        Ok(done)
+    }
+
+    /// Updates those of the documents that still match, and then stamps those that
+    /// are different, also where the update fails in the middle.
+    fn update_then_stamp(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        plain: UpdateSpec,
         before: &Before,
         at: DateTime,
     ) -> Result<Updated, StoreError> {
-        let ids: Vec<Bson> = before.iter().map(|(id, _)| id.clone()).collect();
-        let these = doc! { "_id": { "$in": &ids } };
-        let request = UpdateRequest {
-            filter: doc! { "$and": [request.filter.clone(), these.clone(), as_it_was(&request.update, before)?] },
-            update: unstamped(&request.update, before, at)?,
-            upsert: false,
-            ..request.clone()
-        };
-        let done = self.apply(ns, &request);
+        let ids = ids(before);
+        let done = self.apply(ns, &among(request, plain, before)?);
         let changed = match &done {
             Ok(done) if done.modified == 0 => return Ok(done.clone()),
             Ok(done) if done.modified == ids.len() as u64 => ids,
-            _ => self.different(ns, these, before)?,
+            _ => self.different(ns, doc! { "_id": { "$in": ids } }, before)?,
         };
         let set = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
         let filter = doc! { "_id": { "$in": changed } };
@@ -119,6 +140,61 @@ impl MongoDb {
             known.get(&crate::query::key::encode_value(id)).is_none_or(|old| *old != body)
         };
         Ok(after.into_iter().filter(is_new).map(|(id, _)| id).collect())
+    }
+}
+
+fn ids(documents: &Before) -> Vec<Bson> {
+    documents.iter().map(|(id, _)| id.clone()).collect()
+}
+
+fn add(done: &mut Updated, more: &Updated) {
+    done.matched += more.matched;
+    done.modified += more.modified;
+}
+
+/// The request for those of the documents that still match.
+fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result<UpdateRequest, QueryError> {
+    let these = doc! { "_id": { "$in": ids(before) } };
+    Ok(UpdateRequest {
+        filter: doc! { "$and": [request.filter.clone(), these, as_it_was(&request.update, before)?] },
+        update,
+        upsert: false,
+        ..request.clone()
+    })
+}
+
+/// Which of the documents an update changes; nothing where that is the server's secret,
+/// or its error to tell.
+fn foresee(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<bool>> {
+    let update = match plain {
+        UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
+        UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => return None,
+        UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
+    };
+    let (update, filter) = (update.ok()?, Filter::parse(&request.filter).ok()?);
+    before.iter().map(|(_, body)| update.apply(body, &filter, at).ok().map(|changed| changed.is_some())).collect()
+}
+
+/// The update with a stamp, for documents that it changes.
+fn with_stamp(plain: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    match plain {
+        UpdateSpec::Document(document) if is_replacement(document) => {
+            let mut document = document.clone();
+            if let Some(Bson::Document(info)) = document.get_mut(INFO) {
+                info.insert(UPDATED, at);
+            }
+            Ok(UpdateSpec::Document(document))
+        }
+        UpdateSpec::Document(document) => {
+            let mut document = document.clone();
+            add_field(&mut document, "$set", UPDATED, at)?;
+            Ok(UpdateSpec::Document(document))
+        }
+        UpdateSpec::Pipeline(stages) => {
+            let mut stages = stages.clone();
+            stages.push(doc! { "$set": { path(UPDATED): at } });
+            Ok(UpdateSpec::Pipeline(stages))
+        }
     }
 }
 
@@ -233,15 +309,20 @@ fn with_stamps(update: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryErr
 }
 
 fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError> {
-    for (operator, key) in [("$set", UPDATED), ("$setOnInsert", INSERTED)] {
-        match update.entry(operator.to_owned()).or_insert_with(|| Bson::Document(Document::new())) {
-            Bson::Document(fields) => {
-                fields.insert(path(key), at);
-            }
-            _ => return Err(QueryError::failed_to_parse(format!("{operator} takes a document of fields"))),
-        }
-    }
+    add_field(&mut update, "$set", UPDATED, at)?;
+    add_field(&mut update, "$setOnInsert", INSERTED, at)?;
     Ok(update)
+}
+
+/// Adds a stamp to the fields of an operator.
+fn add_field(update: &mut Document, operator: &str, key: &str, at: DateTime) -> Result<(), QueryError> {
+    match update.entry(operator.to_owned()).or_insert_with(|| Bson::Document(Document::new())) {
+        Bson::Document(fields) => {
+            fields.insert(path(key), at);
+            Ok(())
+        }
+        _ => Err(QueryError::failed_to_parse(format!("{operator} takes a document of fields"))),
+    }
 }
 
 /// A replacement whose metadata is the application's, when it was made, and when the
