@@ -26,15 +26,7 @@ impl MongoDb {
     /// # Errors
     /// Where the driver does not accept the URI, or (`mongodb+srv`) the name does not resolve.
     pub fn open(uri: &str, address: String, role: Role) -> Result<Self, StoreError> {
-        let mut options = parse(uri, &address)?;
-        options.app_name.get_or_insert_with(|| "rmem".to_owned());
-        options.server_selection_timeout.get_or_insert(SELECTION);
-        options.connect_timeout.get_or_insert(SELECTION);
-        options.heartbeat_freq.get_or_insert(HEARTBEAT);
-        options.write_concern = Some(durable(options.write_concern.take()));
-        if role == Role::Shared {
-            options.selection_criteria.get_or_insert(SelectionCriteria::ReadPreference(ReadPreference::nearest(None)));
-        }
+        let options = completed(parse(uri, &address)?, role);
         let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
         Ok(Self { client, decaying: Mutex::default(), address })
     }
@@ -54,6 +46,19 @@ impl MongoDb {
     pub(super) fn explain(&self, error: &mongodb::error::Error) -> StoreError {
         failure::explain(&self.address, error)
     }
+}
+
+/// What the URI asks for, and rmem's own ways where it does not say.
+fn completed(mut options: ClientOptions, role: Role) -> ClientOptions {
+    options.app_name.get_or_insert_with(|| "rmem".to_owned());
+    options.server_selection_timeout.get_or_insert(SELECTION);
+    options.connect_timeout.get_or_insert(SELECTION);
+    options.heartbeat_freq.get_or_insert(HEARTBEAT);
+    options.write_concern = Some(durable(options.write_concern.take()));
+    if role == Role::Shared {
+        options.selection_criteria.get_or_insert(SelectionCriteria::ReadPreference(ReadPreference::nearest(None)));
+    }
+    options
 }
 
 /// A majority and its journals, where the URI does not ask for something else.
@@ -139,6 +144,18 @@ mod tests {
             let shown = failure_of(uri);
             assert!(shown != "opened" && !shown.contains("sec") && !shown.contains("ret@"), "{uri}: {shown}");
         }
+    }
+
+    #[test]
+    fn a_shared_store_reads_from_the_nearest_member_unless_the_uri_says_otherwise() {
+        let criteria = |uri: &str, role| match completed(parse(uri, "").unwrap(), role).selection_criteria {
+            Some(SelectionCriteria::ReadPreference(preference)) => Some(preference),
+            _ => None,
+        };
+        assert!(matches!(criteria("mongodb://host", Role::Shared), Some(ReadPreference::Nearest { .. })));
+        assert_eq!(criteria("mongodb://host", Role::Local), None);
+        let primary = criteria("mongodb://host/?readPreference=primary", Role::Shared);
+        assert_eq!(primary, Some(ReadPreference::Primary));
     }
 
     #[test]

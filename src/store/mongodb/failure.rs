@@ -63,10 +63,12 @@ pub(super) fn explain(address: &str, error: &Error) -> StoreError {
         }
         ErrorKind::Command(command) => coded(address, command.code, &command.message),
         ErrorKind::Write(WriteFailure::WriteError(write)) => coded(address, write.code, &write.message),
-        ErrorKind::Write(WriteFailure::WriteConcernError(concern)) => unconfirmed(address, &concern.message),
+        ErrorKind::Write(WriteFailure::WriteConcernError(concern)) => {
+            unconfirmed(address, "the write", &concern.message)
+        }
         ErrorKind::InsertMany(many) => match (&many.write_errors, &many.write_concern_error) {
             (Some(errors), _) if let [first, ..] = errors.as_slice() => coded(address, first.code, &first.message),
-            (_, Some(concern)) => unconfirmed(address, &concern.message),
+            (_, Some(concern)) => unconfirmed(address, "the write", &concern.message),
             _ => failed(address, brief(error)),
         },
         ErrorKind::Bson(error) => QueryError::invalid(22, format!("invalid BSON: {error}")).into(),
@@ -82,6 +84,9 @@ pub(super) fn explain_write(address: &str, ns: &Namespace, error: &Error) -> Sto
         }
         ErrorKind::Command(command) if command.code == DUPLICATE => {
             StoreError::Duplicate { namespace: ns.clone(), key: key(&command.message), stored: Vec::new() }
+        }
+        ErrorKind::Write(WriteFailure::WriteConcernError(concern)) => {
+            unconfirmed(address, &format!("the change of {ns}"), &concern.message)
         }
         _ => explain(address, error),
     }
@@ -102,7 +107,16 @@ pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error:
         };
     };
     let Some(first) = many.write_errors.as_ref().and_then(|errors| errors.first()) else {
-        let source = Box::new(explain(address, error));
+        let source = Box::new(match &many.write_concern_error {
+            Some(concern) => {
+                let what = match ids {
+                    [id] => format!("the document {id} of {ns}"),
+                    ids => format!("all {} documents of {ns}", ids.len()),
+                };
+                unconfirmed(address, &what, &concern.message)
+            }
+            None => explain(address, error),
+        });
         return StoreError::Stopped { stored: ids.to_vec(), document: None, source };
     };
     let stored = ids.get(..first.index).unwrap_or_default().to_vec();
@@ -128,8 +142,13 @@ fn coded(address: &str, code: i32, message: &str) -> StoreError {
     QueryError::invalid(code, message).into()
 }
 
-fn unconfirmed(address: &str, message: &str) -> StoreError {
-    failed(address, format!("the write was done, but not confirmed by a majority of the members: {message}"))
+/// A write that the primary did, and which is lost where it fails before others have it.
+fn unconfirmed(address: &str, what: &str, message: &str) -> StoreError {
+    let reason = format!(
+        "{what} was written by the primary, but a majority of the members did not confirm it ({message}); \
+         it may be lost where the primary fails now; see `rmem backend status`"
+    );
+    failed(address, reason)
 }
 
 fn failed(address: &str, reason: String) -> StoreError {

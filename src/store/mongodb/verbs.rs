@@ -131,7 +131,7 @@ impl Store for MongoDb {
             true => collection.delete_one(filter.clone()).run(),
             false => collection.delete_many(filter.clone()).run(),
         };
-        deleted.map(|result| result.deleted_count).map_err(|e| self.explain(&e))
+        deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_write(&self.address, ns, &e))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
