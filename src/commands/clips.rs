@@ -162,7 +162,7 @@ fn import(args: &ClipsImport, context: &mut Context<'_>) -> anyhow::Result<Exit>
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
     let (mut found, skipped) = documents(&source, schema, args)?;
-    let memory = context.memory()?;
+    let memory = context.memory_to_fill()?;
     if let Some(key) = &args.key {
         replace(key, &source, &mut found, &memory, &namespace)?;
     }

@@ -10,8 +10,9 @@ use bson::Document;
 
 use crate::formats::{Source, shell};
 use crate::input::{UsageError, decode, unreadable};
+use crate::memory::Memory;
 use crate::memory::computables::Registry;
-use crate::memory::{Memory, world};
+use crate::memory::world::{World, WorldError};
 use crate::output::{Format, Output};
 use crate::process::Host;
 use crate::settings::{Environment, Origin, Settings};
@@ -43,11 +44,24 @@ impl<'a> Context<'a> {
         Self { settings, output, environment, executable, stdin: Some(stdin), terminal }
     }
 
-    /// Opens the memory and puts the world files of `--load` into it.
+    /// The memory, with the world files of `--load` in it. A file that was named for this
+    /// run has to be there: a slip of the pen is no empty memory.
     ///
     /// # Errors
     /// Where a store cannot be opened or a world file is wrong.
     pub fn memory(&mut self) -> anyhow::Result<Memory> {
+        let memory = self.memory_to_fill()?;
+        Ok(match self.settings.memory.origin {
+            Origin::Flag(_) | Origin::Environment(_) => memory.expecting_files(),
+            Origin::Default | Origin::File(..) => memory,
+        })
+    }
+
+    /// The same for what stores something in any case: it makes the file.
+    ///
+    /// # Errors
+    /// As [`Context::memory`].
+    pub fn memory_to_fill(&mut self) -> anyhow::Result<Memory> {
         let registry = Registry::new(self.settings.computables.clone(), &self.host())?;
         let mut memory = open(&self.settings)?.with_computables(registry);
         if let Some(observer) = self.output.observer() {
@@ -55,11 +69,24 @@ impl<'a> Context<'a> {
         }
         for path in self.settings.load.clone() {
             let start = Instant::now();
-            let source = self.read(&path)?;
-            let loaded = world::load(&memory, &source).with_context(|| format!("loading {}", path.display()))?;
-            self.output.operation("load", source.name(), &loaded.to_string(), start.elapsed());
+            let (name, world) = self.world(&path)?;
+            let loaded = world.and_then(|world| world.load(&memory));
+            let loaded = loaded.with_context(|| format!("loading {}", path.display()))?;
+            self.output.operation("load", &name, &loaded.to_string(), start.elapsed());
         }
         Ok(memory)
+    }
+
+    /// A world file, and what messages call it. It may be larger than memory where it can be read
+    /// twice, as stdin and pipes cannot.
+    fn world(&mut self, path: &Path) -> anyhow::Result<(String, Result<World, WorldError>)> {
+        if !path.is_file() {
+            let source = self.read(path)?;
+            let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error };
+            return Ok((source.name().to_owned(), World::parse(&source).map_err(wrong)));
+        }
+        let name = path.display().to_string();
+        Ok((name, World::open(path).map_err(WorldError::from)))
     }
 
     /// What programs are run with that end when rmem does.

@@ -24,7 +24,7 @@ pub(super) fn run(args: &ImportProblem, context: &mut Context<'_>) -> anyhow::Re
         None => read_problem(&source, dialect)?,
     };
     let imported = import(&source, tree)?;
-    let memory = context.memory()?;
+    let memory = context.memory_to_fill()?;
     make_room(args, &memory)?;
     let count = imported.documents.len();
     for batch in imported.documents.chunks(BATCH) {

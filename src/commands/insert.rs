@@ -28,7 +28,7 @@ const LARGEST_BATCH: usize = 1_000;
 const PATIENCE: Duration = Duration::from_millis(50);
 
 pub(super) fn run(args: &Insert, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let memory = context.memory()?;
+    let memory = context.memory_to_fill()?;
     let mut batch = Batch::new(args);
     for (index, text) in args.documents.iter().enumerate() {
         if text == "-" {

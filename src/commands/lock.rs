@@ -16,7 +16,7 @@ const DATABASE: &str = "robmem";
 
 pub(super) fn run(args: &Lock, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let mutex = mutex(&args.name, &args.holder, context)?;
-    let memory = context.memory()?;
+    let memory = context.memory_to_fill()?;
     match mutex.lock(&memory, args.ttl, args.wait.unwrap_or(Duration::ZERO))? {
         Tried::Done(document) => {
             context.output.line(&shell::relaxed(&document))?;

@@ -49,6 +49,14 @@ impl Memory {
         Self { journal: Journal::new(observer), ..self }
     }
 
+    /// The same memory, where a file that is not there is no empty memory to what only
+    /// reads, but an error: whoever named it may have named it wrongly.
+    #[must_use]
+    pub fn expecting_files(self) -> Self {
+        self.routes.expect();
+        self
+    }
+
     /// The store of a collection.
     pub(super) fn store(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
         self.routes.of(ns)

@@ -1,6 +1,6 @@
 //! Which store a database is in, and opening it when it is needed.
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 
 use crate::query::QueryError;
 use crate::store::{self, Embedded, Namespace, Role, Store, StoreError, StoreUri};
@@ -12,15 +12,23 @@ pub(super) struct Lazy {
     store: OnceCell<Box<dyn Store>>,
     /// What is read as long as there is no file.
     nothing: OnceCell<Box<dyn Store>>,
+    /// Whether it is an error to read a file that is not there.
+    expected: Cell<bool>,
 }
 
 impl Lazy {
     pub(super) fn at(uri: StoreUri, role: Role) -> Self {
-        Self { uri: Some(uri), role, store: OnceCell::new(), nothing: OnceCell::new() }
+        Self { uri: Some(uri), role, store: OnceCell::new(), nothing: OnceCell::new(), expected: Cell::new(false) }
     }
 
     pub(super) fn open(store: Box<dyn Store>) -> Self {
-        Self { uri: None, role: Role::Local, store: OnceCell::from(store), nothing: OnceCell::new() }
+        Self {
+            uri: None,
+            role: Role::Local,
+            store: OnceCell::from(store),
+            nothing: OnceCell::new(),
+            expected: Cell::new(false),
+        }
     }
 
     pub(super) fn get(&self) -> Result<&dyn Store, StoreError> {
@@ -36,10 +44,15 @@ impl Lazy {
     }
 
     /// The store for what stores nothing: a file that is not there yet is not
-    /// made, and answers as an empty one.
+    /// made, and answers as an empty one, unless it is expected to be there.
     pub(super) fn reading(&self) -> Result<&dyn Store, StoreError> {
         if self.store.get().is_some() || !self.uri.as_ref().is_some_and(is_missing) {
             return self.get();
+        }
+        if self.expected.get() {
+            let reason =
+                "there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do";
+            return Err(StoreError::Unreachable { address: self.describe(), reason: reason.to_owned() });
         }
         if self.nothing.get().is_none() {
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
@@ -76,6 +89,16 @@ impl Routes {
     pub(super) fn new(local: Lazy, shared: Option<Lazy>, shared_databases: Vec<String>) -> Self {
         let shared = shared.filter(|shared| shared.uri.is_none() || shared.uri != local.uri);
         Self { local, shared, shared_databases }
+    }
+
+    /// To read a file that is not there is an error from now on.
+    pub(super) fn expect(&self) {
+        [Some(&self.local), self.shared.as_ref()].into_iter().flatten().for_each(|lazy| lazy.expected.set(true));
+    }
+
+    /// The store of a collection may be empty after all.
+    pub(super) fn excuse(&self, ns: &Namespace) {
+        self.lazy(ns).expected.set(false);
     }
 
     /// The store that a database is in.

@@ -9,6 +9,7 @@ mod executive;
 mod exit_codes;
 mod indexes;
 mod locks;
+mod memories;
 mod plans;
 mod problems;
 mod races;

@@ -188,6 +188,8 @@ impl Memory {
     fn obtain(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<Held, StoreError> {
         let start = Instant::now();
         let definition = &wanted.computable.definition;
+        // What is computed needs nothing that is stored.
+        self.routes.excuse(&definition.namespace);
         let (held, cached, documents) = match definition.cache {
             Some(cache) => self.obtain_cached(wanted, rest, cache)?,
             None => self.compute_once(wanted, rest)?,
