@@ -122,7 +122,7 @@ impl Exit {
         }
         match cause.downcast_ref() {
             Some(DumpError::Taken { .. }) => Some(Self::BadInput),
-            Some(DumpError::Write { .. }) => Some(Self::Store),
+            Some(DumpError::Write { .. } | DumpError::Nowhere { .. }) => Some(Self::Store),
             _ => cause.is::<WriteError>().then_some(Self::Store),
         }
     }

@@ -240,7 +240,14 @@ impl<'a> Output<'a> {
         if path == Path::new("-") || path == Path::new("/dev/stdout") {
             return write(&mut self.stdout);
         }
-        let named = |error: io::Error| WriteError(format!("cannot write {}: {error}", path.display())).into();
+        let named = |error: io::Error| {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists());
+            let text = match folder {
+                Some(folder) => format!("there is no folder {}; make it first", folder.display()),
+                None => error.to_string(),
+            };
+            WriteError(format!("cannot write {}: {text}", path.display())).into()
+        };
         // The name of the temporary file is nobody's business in a message.
         write_atomically(path, write).map_err(|error| match error.downcast::<io::Error>() {
             Ok(error) => named(error),

@@ -64,7 +64,7 @@ fn remove(
         (Some(name), _) => name.clone(),
         (None, Some(wanted)) => named(memory, &args.namespace, wanted)?,
         (None, None) => {
-            return Err(UsageError::new("which index is to be dropped? expected KEYS or --name NAME").into());
+            return Err(UsageError::new("which index is to be dropped? expected KEYS, like '{name: 1}', or --name NAME, as `rmem index NS` lists them").into());
         }
     };
     if !memory.drop_index(&args.namespace, &name)? {

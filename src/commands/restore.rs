@@ -25,11 +25,13 @@ pub(super) fn run(args: &Restore, context: &mut Context<'_>) -> anyhow::Result<E
             ))
         })?;
     }
-    let memory = context.memory()?;
+    let memory = context.memory_to_fill()?;
     // What is staged has to be removed again; what is merged stays as far as it got.
     let patience = (args.drop && !args.dry_run).then(crate::Patience::new);
     let stop = patience.as_ref().map(crate::Patience::interrupted);
-    let restored = match restore(&memory, &dumped, Manner { drop: args.drop, dry_run: args.dry_run, stop }) {
+    let temporary = context.temporary();
+    let manner = Manner { drop: args.drop, dry_run: args.dry_run, temporary: Some(&temporary), stop };
+    let restored = match restore(&memory, &dumped, manner) {
         Err(interrupted @ RestoreError::Interrupted) => {
             context.output.error(&interrupted.to_string());
             return Ok(Exit::Interrupted);

@@ -23,6 +23,12 @@ pub enum DumpError {
         /// The folder.
         path: PathBuf,
     },
+    /// The folder it is to be in is not there.
+    #[error("cannot write {}: there is no folder {}; make it first", path.display(), beside(path).display())]
+    Nowhere {
+        /// What was to be written.
+        path: PathBuf,
+    },
     /// The folder cannot be written.
     #[error("cannot write {}", path.display())]
     Write {
@@ -56,6 +62,7 @@ pub fn write(
     if fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(DumpError::Taken { path: path.to_owned() });
     }
+    check_place(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".rmem-").permissions(Permissions::from_mode(0o777));
     // The name of the staged folder is nobody's business in a message.
@@ -84,6 +91,7 @@ pub fn write_archive(
     gzip: bool,
 ) -> Result<Vec<(Namespace, u64)>, DumpError> {
     let failed = |source| DumpError::Write { path: path.to_owned(), source };
+    check_place(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".rmem-").permissions(Permissions::from_mode(0o666));
     let (file, staged) = builder.tempfile_in(beside(path)).map_err(failed)?.into_parts();
@@ -113,6 +121,13 @@ fn beside(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
+    }
+}
+
+fn check_place(path: &Path) -> Result<(), DumpError> {
+    match beside(path).try_exists() {
+        Ok(false) => Err(DumpError::Nowhere { path: path.to_owned() }),
+        _ => Ok(()),
     }
 }
 

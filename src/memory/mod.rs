@@ -16,6 +16,7 @@ mod index;
 mod journal;
 pub mod lock;
 mod operations;
+mod rehearsal;
 pub mod restore;
 mod route;
 mod staging;

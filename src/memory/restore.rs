@@ -19,20 +19,21 @@
 //! when it is restored, and equal to one that was inserted at another time.
 
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::dumped::{Dumped, DumpedError, Part};
 use super::world::forget_dates;
-use super::{Memory, staging};
+use super::{Memory, rehearsal, staging};
 use crate::query::{QueryError, key};
 use crate::store::{Find, Index, Namespace, StoreError, index, stamp};
 
 /// At most so many documents are stored at once …
-const BATCH: usize = 10_000;
+const BATCH: usize = 2_000;
 /// … and about so many bytes.
-const BATCH_BYTES: usize = 4 << 20;
+const BATCH_BYTES: usize = 1 << 20;
 
 /// What restoring a collection did, or would do.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -75,8 +76,10 @@ pub enum RestoreError {
 pub struct Manner<'a> {
     /// Replace collections as a whole.
     pub drop: bool,
-    /// Only say what would be done.
+    /// Only say what would be done; what would be refused is.
     pub dry_run: bool,
+    /// Where a dry run may write what it checks unique keys by; nothing is `/tmp`.
+    pub temporary: Option<&'a Path>,
     /// Once this is set, what is not swapped in yet is removed again.
     pub stop: Option<&'a AtomicBool>,
 }
@@ -87,6 +90,9 @@ pub struct Manner<'a> {
 /// Where the dump is not well throughout (nothing is changed then), or a store fails.
 pub fn restore(memory: &Memory, dumped: &Dumped, manner: Manner<'_>) -> Result<Vec<Restored>, RestoreError> {
     let counts = dumped.verify()?;
+    if manner.dry_run {
+        rehearsal::check_keys(memory, dumped, manner.drop, manner.temporary.unwrap_or(Path::new("/tmp")))?;
+    }
     if manner.drop {
         return match manner.dry_run {
             true => foresee(memory, dumped, &counts),
@@ -178,7 +184,7 @@ pub(super) fn batches<E>(
 }
 
 /// The documents, without when they were stored and changed.
-fn undated(mut batch: Vec<Document>) -> Vec<Document> {
+pub(super) fn undated(mut batch: Vec<Document>) -> Vec<Document> {
     batch.iter_mut().for_each(forget_dates);
     batch
 }
@@ -245,7 +251,7 @@ fn size(memory: &Memory, ns: &Namespace) -> Result<u64, RestoreError> {
     memory.count(ns, &Document::new()).map_err(|source| unchanged(ns, source))
 }
 
-fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
+pub(super) fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
     RestoreError::Store { which: format!("{ns}; nothing was changed"), source }
 }
 
@@ -253,6 +259,8 @@ fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
 struct Staged {
     name: Namespace,
     restored: Restored,
+    /// Whether it has neither documents nor indexes, and was not made.
+    is_empty: bool,
 }
 
 /// Stages all collections, then swaps them in.
@@ -263,7 +271,7 @@ fn replace(memory: &Memory, dumped: &Dumped, stop: Option<&AtomicBool>) -> Resul
     let mut staged = Vec::with_capacity(dumped.parts.len());
     for part in &dumped.parts {
         let name = staging::name(&part.namespace);
-        staged.push(Staged { name, restored: Restored::nothing(&part.namespace) });
+        staged.push(Staged { name, restored: Restored::nothing(&part.namespace), is_empty: true });
         let stored = match staged.last_mut() {
             Some(last) => stage(memory, part, last, stop),
             None => Ok(()),
@@ -285,11 +293,11 @@ fn replace(memory: &Memory, dumped: &Dumped, stop: Option<&AtomicBool>) -> Resul
 /// Gives the staged collections their names, one after the other.
 fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restored>, RestoreError> {
     let mut done: Vec<Restored> = Vec::with_capacity(staged.len());
-    for Staged { name, restored } in staged {
+    for Staged { name, restored, is_empty } in staged {
         let ns = &restored.namespace;
-        let swapped = match restored.inserted {
-            0 => memory.drop_collection(ns).map(|_| ()),
-            _ => memory.rename_collection(&name, ns),
+        let swapped = match is_empty {
+            true => memory.drop_collection(ns).map(|_| ()),
+            false => memory.rename_collection(&name, ns),
         };
         if let Err(source) = swapped {
             let before: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
@@ -320,9 +328,8 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
         // What does not tell of indexes takes none away.
         None => memory.indexes(&part.namespace).map_err(failed)?,
     };
-    if staged.restored.inserted > 0 {
-        let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();
-        staged.restored.without = index(memory, &staged.name, &own).map_err(failed)?;
-    }
+    let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();
+    staged.is_empty = staged.restored.inserted == 0 && own.is_empty();
+    staged.restored.without = index(memory, &staged.name, &own).map_err(failed)?;
     Ok(())
 }

@@ -104,3 +104,11 @@ fn bench_measures_every_kind_of_work_and_draws_it() {
     assert!(lab.read("plots/memory.svg").contains("indexed update"));
     lab.rmem(&["bench", "--against", "file:x.rmem"]).exits(2);
 }
+
+#[test]
+fn a_drop_without_a_name_says_how_an_index_is_named() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}"]).success();
+    let refused = lab.rmem(&["index", "robmem.objects", "--drop"]).exits(2);
+    assert!(refused.stderr.contains("expected KEYS, like '{name: 1}', or --name NAME"), "{refused}");
+}

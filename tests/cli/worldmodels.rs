@@ -298,3 +298,51 @@ fn a_world_file_takes_no_index_away() {
     assert!(refused.stderr.contains("nothing was changed"), "{refused}");
     assert_eq!(lab.rmem(&["query", "robmem.objects"]).success(), "{\"_id\":1,\"name\":\"cup\"}\n");
 }
+
+#[test]
+fn a_dry_run_tells_of_a_unique_key_that_is_taken() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.objects", "{_id: 1, name: 'cup'}", "{_id: 2, name: 'jar'}"]).success();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}", "--unique"]).success();
+    lab.write("taken.json", r#"{"robmem.objects": [{"_id": 9, "name": "new"}, {"_id": 3, "name": "cup"}]}"#);
+    lab.write("free.json", r#"{"robmem.objects": [{"_id": 1, "name": "lid"}, {"_id": 3, "name": "cup"}]}"#);
+    for args in [["restore", "taken.json", "--dry-run"].as_slice(), &["restore", "taken.json"]] {
+        let refused = lab.rmem(args).exits(5);
+        assert!(refused.stderr.contains("robmem.objects") && refused.stderr.contains("name: \"cup\""), "{refused}");
+    }
+    for args in [["restore", "taken.json", "--dry-run", "--drop"].as_slice(), &["restore", "free.json", "--dry-run"]] {
+        lab.rmem(args).success();
+    }
+    // What the dump brings with it is checked too.
+    lab.rmem(&["dump", "robmem.objects", "-o", "backup"]).success();
+    lab.rmem(&["drop", "robmem.objects"]).success();
+    lab.rmem(&["insert", "robmem.objects", "{_id: 7, name: 'cup'}"]).success();
+    for args in [["restore", "backup", "--dry-run"].as_slice(), &["restore", "backup"]] {
+        let refused = lab.rmem(args).exits(5);
+        assert!(refused.stderr.contains("nothing was changed"), "{refused}");
+    }
+    assert_eq!(lab.rmem(&["count", "robmem.objects"]).success(), "1\n");
+}
+
+#[test]
+fn the_indexes_of_a_collection_without_documents_are_restored() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}", "--unique"]).success();
+    let listed = lab.rmem(&["index", "robmem.objects"]).success();
+    lab.rmem(&["dump", "robmem.objects", "-o", "backup"]).success();
+    lab.rmem(&["drop", "robmem.objects"]).success();
+    lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]).success();
+    let report = lab.rmem(&["restore", "backup", "--drop"]).success();
+    assert!(report.contains(r#""inserted":0,"replaced":0,"skipped":0,"dropped":1"#), "{report}");
+    assert_eq!(lab.rmem(&["index", "robmem.objects"]).success(), listed);
+    assert_eq!(lab.rmem(&["count", "robmem.objects"]).success(), "0\n");
+}
+
+#[test]
+fn a_dump_into_a_folder_that_is_not_there_says_so() {
+    let lab = lab();
+    for args in [["-o", "missing/dump"].as_slice(), &["-o", "missing/world.json"], &["--archive", "-o", "missing/a"]] {
+        let refused = lab.rmem(&[&["dump", "--all"], args].concat()).exits(4);
+        assert!(refused.stderr.contains("there is no folder missing; make it first"), "{refused}");
+    }
+}

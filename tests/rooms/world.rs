@@ -209,11 +209,11 @@ fn a_restore_that_is_told_to_stop_changes_nothing() {
     memory.insert(&ns("a.b"), vec![doc! { "_id": 1 }]).unwrap();
     let dumped = Dumped::world(&Source::new("world.json", r#"{"a.b": [{"_id": 2}]}"#)).unwrap();
     let stop = AtomicBool::new(true);
-    let stopped = restore(&memory, &dumped, Manner { drop: true, dry_run: false, stop: Some(&stop) });
+    let stopped = restore(&memory, &dumped, Manner { drop: true, stop: Some(&stop), ..Manner::default() });
     assert!(matches!(stopped, Err(RestoreError::Interrupted)), "{stopped:?}");
     assert_eq!(all(&memory, "a.b"), [doc! { "_id": 1 }]);
     stop.store(false, Ordering::Relaxed);
-    restore(&memory, &dumped, Manner { drop: true, dry_run: false, stop: Some(&stop) }).unwrap();
+    restore(&memory, &dumped, Manner { drop: true, stop: Some(&stop), ..Manner::default() }).unwrap();
     assert_eq!(all(&memory, "a.b"), [doc! { "_id": 2 }]);
     assert_eq!(memory.collections().unwrap(), [ns("a.b")]);
 }

@@ -1,0 +1,116 @@
+//! Whether a restore would meet a unique key that is taken, tried out where it does no harm.
+//!
+//! The documents of a collection that has, or gets, unique indexes are put into a
+//! store of their own, in the order in which a restore would do it.
+
+use std::path::Path;
+
+use super::Memory;
+use super::dumped::{Dumped, Part};
+use super::restore::{RestoreError, batches, unchanged, undated};
+use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
+
+/// How many documents are copied at once.
+const BATCH: usize = 1_000;
+
+/// Checks the unique keys of a dump, beside what is there or, with `drop`, instead of it.
+///
+/// # Errors
+/// The one that a restore would fail with; where the dump cannot be read, or a store fails.
+pub(super) fn check_keys(memory: &Memory, dumped: &Dumped, drop: bool, temporary: &Path) -> Result<(), RestoreError> {
+    for part in &dumped.parts {
+        let failed = |source| unchanged(&part.namespace, source);
+        let present = unique(memory.indexes(&part.namespace).map_err(failed)?);
+        let dumped = part.indexes.clone().map(unique);
+        let (before, after) = match (drop, dumped) {
+            (true, dumped) => (Vec::new(), dumped.unwrap_or(present)),
+            (false, dumped) => (present, dumped.unwrap_or_default()),
+        };
+        if !before.is_empty() || !after.is_empty() {
+            let present = if drop { None } else { Some(memory) };
+            Rehearsal::new(&part.namespace, temporary)?.run(part, present, &before, &after)?;
+        }
+    }
+    Ok(())
+}
+
+fn unique(indexes: Vec<Index>) -> Vec<Index> {
+    indexes.into_iter().filter(|index| index.unique && index.name != index::ID).collect()
+}
+
+/// A store for one collection, in a folder that is removed with it.
+struct Rehearsal<'a> {
+    store: Embedded,
+    namespace: &'a Namespace,
+    _folder: tempfile::TempDir,
+}
+
+impl<'a> Rehearsal<'a> {
+    fn new(namespace: &'a Namespace, temporary: &Path) -> Result<Self, RestoreError> {
+        let failed = |error: std::io::Error| {
+            let (address, reason) = (temporary.display().to_string(), format!("cannot make a folder: {error}"));
+            unchanged(namespace, StoreError::Failed { address, reason })
+        };
+        let folder = tempfile::Builder::new().prefix(".rmem-").tempdir_in(temporary).map_err(failed)?;
+        let store =
+            Embedded::open(folder.path().join("rehearsal.rmem")).map_err(|source| unchanged(namespace, source))?;
+        Ok(Self { store, namespace, _folder: folder })
+    }
+
+    /// All in one transaction, which nobody needs on the disk.
+    fn run(
+        &self,
+        part: &Part,
+        present: Option<&Memory>,
+        before: &[Index],
+        after: &[Index],
+    ) -> Result<(), RestoreError> {
+        let mut outcome = Ok(());
+        let kept = self.store.atomically(&mut || {
+            outcome = self.fill(part, present, before, after);
+            Err(StoreError::Failed { address: self.store.describe(), reason: "nothing is kept".to_owned() })
+        });
+        // Where it never began, it says why.
+        match (outcome, kept) {
+            (Ok(()), Err(error)) if !matches!(&error, StoreError::Failed { reason, .. } if reason == "nothing is kept") => {
+                Err(unchanged(self.namespace, error))
+            }
+            (outcome, _) => outcome,
+        }
+    }
+
+    fn fill(
+        &self,
+        part: &Part,
+        present: Option<&Memory>,
+        before: &[Index],
+        after: &[Index],
+    ) -> Result<(), RestoreError> {
+        let failed = |source| unchanged(self.namespace, source);
+        self.index(before)?;
+        if let Some(memory) = present {
+            let mut stored = memory.stored(self.namespace, &Find::default()).map_err(failed)?;
+            while let Some(batch) = some(&mut stored).map_err(failed)? {
+                self.store.put(self.namespace, batch, None).map_err(failed)?;
+            }
+        }
+        for batch in batches(part.documents()?) {
+            self.store.put(self.namespace, undated(batch?), None).map_err(failed)?;
+        }
+        self.index(after)
+    }
+
+    fn index(&self, indexes: &[Index]) -> Result<(), RestoreError> {
+        let make = |index| self.store.create_index(self.namespace, index).map(drop);
+        indexes.iter().try_for_each(make).map_err(|source| unchanged(self.namespace, source))
+    }
+}
+
+/// The next documents, where there are any.
+fn some(documents: &mut Documents<'_>) -> Result<Option<Vec<bson::Document>>, StoreError> {
+    let decode = |document: Result<bson::RawDocumentBuf, StoreError>| {
+        Ok(bson::Document::try_from(&*document?).map_err(crate::query::QueryError::from)?)
+    };
+    let batch = documents.take(BATCH).map(decode).collect::<Result<Vec<_>, StoreError>>()?;
+    Ok(Some(batch).filter(|batch| !batch.is_empty()))
+}
