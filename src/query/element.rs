@@ -31,7 +31,17 @@ impl<'a> Elements<'a> {
 
     /// The first element of that name.
     pub(super) fn find(mut self, name: &[u8]) -> Option<Element<'a>> {
-        Iterator::find(&mut self, |element| element.name == name)
+        loop {
+            let (kind, rest) = self.rest.split_first()?;
+            if let Some([0, value @ ..]) = rest.strip_prefix(name)
+                && !name.contains(&0)
+            {
+                let value = value.get(..length(*kind, value)?)?;
+                return Some(Element { kind: *kind, name: rest.get(..name.len())?, value });
+            }
+            let (_, value) = text_and_rest(rest)?;
+            self.rest = value.get(length(*kind, value)?..)?;
+        }
     }
 }
 

@@ -268,3 +268,36 @@ fn a_failed_write_leaves_its_index_as_it_was() {
         assert_eq!(numbers(&account), [1, 1, 1]);
     }
 }
+
+#[test]
+fn a_walk_through_an_index_shows_each_document_once_whatever_is_changed_meanwhile() {
+    for backwards in [1, -1] {
+        let store = store(3_000);
+        store.create_index(&ns(), &Index::on(doc! { "rank": 1 })).unwrap();
+        let update = |filter: Document, update: Document| {
+            let update = UpdateSpec::Document(update);
+            let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert: false };
+            store.update(&ns(), &request, None).unwrap()
+        };
+        update(doc! {}, doc! { "$set": { "rank": 0 } });
+        let find = Find { sort: doc! { "rank": backwards }, ..Find::default() };
+        let mut seen = std::collections::BTreeMap::new();
+        for (number, found) in store.find(&ns(), &find).unwrap().enumerate() {
+            *seen.entry(found.unwrap().get_i32("_id").unwrap()).or_insert(0) += 1;
+            if number == 400 {
+                // Half of them go where the walk was, half where it will be.
+                update(doc! { "place": { "$lt": 5 } }, doc! { "$set": { "rank": -1 } });
+                update(doc! { "place": { "$gte": 5 } }, doc! { "$set": { "rank": 1 } });
+            }
+        }
+        assert_eq!(seen.len(), 3_000);
+        assert!(seen.values().all(|times| *times == 1), "{seen:?}");
+    }
+}
+
+#[test]
+fn what_no_document_can_be_is_not_looked_for() {
+    let store = store(100);
+    let decayed = explained(&store, doc! { "_robmem_info.decay_time": { "$lte": DateTime::now() } }, doc! {}, 0);
+    assert_eq!(numbers(&decayed), [0, 0, 0]);
+}

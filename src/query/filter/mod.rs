@@ -6,6 +6,7 @@
 //! equals missing; a negation holds where its opposite holds for no value.
 
 mod bits;
+mod needle;
 mod operators;
 mod parse;
 mod schema;
@@ -19,6 +20,7 @@ use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::geo::Near;
 use super::view::{Fields, View};
+use needle::Needle;
 pub(super) use parse::Parser;
 pub(super) use test::{Leaf, Order, Set, Test};
 pub(super) use tree::{Context, Node};
@@ -27,6 +29,8 @@ pub(super) use tree::{Context, Node};
 #[derive(Debug)]
 pub struct Filter {
     root: Node,
+    /// What the bytes of every match contain.
+    needle: Option<Needle>,
     variables: Variables,
     /// What `$$NOW` is where nothing else is said: when the filter was read.
     now: DateTime,
@@ -46,7 +50,7 @@ impl Filter {
         if root.nears().len() > 1 {
             return Err(QueryError::bad_value("a filter can ask only once for what is near"));
         }
-        Ok(Self { root, variables, now: DateTime::now() })
+        Ok(Self { needle: Needle::of(&root), root, variables, now: DateTime::now() })
     }
 
     /// [`Filter::parse`] with constants its expressions can use as `$$name`.
@@ -60,7 +64,8 @@ impl Filter {
 
     /// Reads a filter whose expressions see `now` as `$$NOW`, and variables.
     pub(super) fn parse_with(filter: &Document, parser: &Parser<'_>) -> Result<Self> {
-        Ok(Self { root: parser.filter(filter)?, variables: Variables::default(), now: DateTime::now() })
+        let root = parser.filter(filter)?;
+        Ok(Self { needle: Needle::of(&root), root, variables: Variables::default(), now: DateTime::now() })
     }
 
     /// Whether a document matches.
@@ -68,7 +73,10 @@ impl Filter {
     /// # Errors
     /// Where an expression of the filter fails on the document.
     pub fn matches(&self, document: &RawDocument) -> Result<bool> {
-        self.root.matches(document.into(), &mut self.context())
+        match &self.needle {
+            Some(needle) if !needle.is_in(document.as_bytes()) => Ok(false),
+            _ => self.root.matches(document.into(), &mut self.context()),
+        }
     }
 
     /// Whether an owned document matches.
@@ -113,6 +121,7 @@ impl Filter {
         };
         let root = std::mem::replace(&mut self.root, Node::And(Vec::new()));
         self.root = Node::all(root.conjuncts().into_iter().filter_map(decided).collect());
+        self.needle = Needle::of(&self.root);
     }
 
     /// The date, where the filter is only that the dates at a path are not at or before it.
@@ -131,6 +140,15 @@ impl Filter {
     #[must_use]
     pub fn near(&self) -> Option<&Near> {
         self.root.nears().into_iter().next()
+    }
+
+    /// Whether no document matches, whatever it has.
+    #[must_use]
+    pub fn matches_none(&self) -> bool {
+        match &self.root {
+            Node::And(children) => children.iter().any(|child| matches!(child, Node::Always(false))),
+            root => matches!(root, Node::Always(false)),
+        }
     }
 
     /// Whether every document matches.

@@ -6,6 +6,7 @@ use bson::{Bson, DateTime, Document, doc};
 
 use super::Embedded;
 use super::index::decay;
+use super::moment::Moment;
 use super::scan::{Scan, sharpen};
 use crate::query::{self, Filter, Projection, QueryError, Sort};
 use crate::store::{Documents, Find, Namespace, StoreError, stamp};
@@ -18,11 +19,15 @@ impl Embedded {
             true => None,
             false => Some(Projection::parse(&find.projection)?),
         };
+        let moment = Moment::begin(&self.connection).map_err(|e| self.explain(&e))?;
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
         let scan = Scan::sorted(self, collection, &mut filter, &sort)?;
         let is_sorted = scan.in_order();
-        let matches = scan.map(|found| found.map(|found| found.body));
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
+        let scan = if is_sorted { scan.at_most(skip.saturating_add(limit)) } else { scan };
+        let scan = scan.begun()?;
+        drop(moment);
+        let matches = scan.map(|found| found.map(|found| found.body));
         let ordered: Documents<'_> = match is_sorted {
             true => Box::new(matches),
             false => Box::new(sort.sort(matches, skip.checked_add(limit))?.into_iter().map(Ok)),
@@ -45,7 +50,7 @@ impl Embedded {
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
         let most = if is_sorted { skip.saturating_add(limit) } else { usize::MAX };
         let mut matches = 0usize;
-        for found in scan.take(most) {
+        for found in scan.at_most(most).take(most) {
             found?;
             matches += 1;
         }

@@ -31,7 +31,7 @@ impl Embedded {
             if let Some(collection) = collection {
                 self.sweep(ns, collection)?;
                 let most = if request.many { usize::MAX } else { 1 };
-                let scan = Scan::new(self, collection, &mut change.filter)?;
+                let scan = Scan::new(self, collection, &mut change.filter)?.at_most(most);
                 for found in scan.take(most) {
                     done.matched += 1;
                     done.modified += u64::from(self.change_one(ns, collection, &found?, &change)?);
@@ -173,7 +173,8 @@ impl Embedded {
         self.write(|| {
             let Some(collection) = self.collection(ns)? else { return Ok(0) };
             let mut deleted = 0;
-            for found in Scan::new(self, collection, &mut filter)?.take(if first_only { 1 } else { usize::MAX }) {
+            let most = if first_only { 1 } else { usize::MAX };
+            for found in Scan::new(self, collection, &mut filter)?.at_most(most).take(most) {
                 self.erase(ns, collection, &found?)?;
                 deleted += 1;
             }

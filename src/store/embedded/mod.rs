@@ -16,6 +16,7 @@ mod feed;
 mod file;
 mod index;
 mod log;
+mod moment;
 mod near;
 mod output;
 mod patience;

@@ -5,7 +5,9 @@
 //! the write-ahead log growing; memory stays flat; and an answer may be read
 //! while the same store writes. A document is seen at most once, in the state
 //! it has when its page is read, as with MongoDB's cursors; what is stored
-//! after the walk began is not seen, so that it ends.
+//! after the walk began is not seen, so that it ends. An index, in which writers
+//! move documents about, is read at one moment: what does not fit in the first
+//! page is remembered by its positions.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -17,6 +19,7 @@ use rusqlite::params;
 use super::access::{Chosen, Listing, Way};
 use super::catalog::Collection;
 use super::index::{Indexes, decay};
+use super::moment::Moment;
 use super::{Embedded, failure};
 use crate::query::{Filter, Sort};
 use crate::store::{StoreError, stamp};
@@ -42,6 +45,8 @@ pub(super) struct Scan<'a> {
     rest: Rest,
     page: VecDeque<Found>,
     page_documents: usize,
+    /// More matches than this are not asked for.
+    most: usize,
     is_sorted: bool,
     examined: Rc<Examined>,
 }
@@ -56,8 +61,8 @@ pub(super) struct Examined {
 }
 
 impl Examined {
-    fn count(counter: &Cell<u64>) {
-        counter.set(counter.get() + 1);
+    fn add(counter: &Cell<u64>, more: u64) {
+        counter.set(counter.get() + more);
     }
 }
 
@@ -67,8 +72,8 @@ enum Rest {
     Between(i64, i64),
     /// The documents at these positions.
     At(VecDeque<i64>),
-    /// The documents that an index lists, in its order, behind a key and a position, up to another position.
-    Listed(Listing, Option<(Vec<u8>, i64)>, i64),
+    /// The documents that an index lists, in its order, up to a position.
+    Listed(Listing, i64),
     Nothing,
 }
 
@@ -132,21 +137,38 @@ impl<'a> Scan<'a> {
     ) -> Result<Self, StoreError> {
         let last = |store: &Embedded| collection.last(&store.connection).map_err(|e| store.explain(&e));
         let rest = match chosen.way {
+            _ if filter.matches_none() => Rest::Nothing,
             Way::Walk => Rest::Between(i64::MIN, last(store)?),
             Way::Positions(positions) => Rest::At(positions),
-            Way::Listed(listing) => Rest::Listed(listing, None, last(store)?),
+            Way::Listed(listing) => Rest::Listed(listing, last(store)?),
         };
         let examined = Examined { keys: Cell::new(chosen.keys), documents: Cell::default() };
         Ok(Self {
             store,
             collection,
             filter: Rc::clone(filter),
+            // What does not fit in the first page of an index is listed before anybody asks for it.
+            page_documents: if matches!(rest, Rest::Listed(..)) { PAGE_DOCUMENTS } else { 1 },
             rest,
             page: VecDeque::new(),
-            page_documents: 1,
+            most: usize::MAX,
             is_sorted: chosen.is_sorted,
             examined: Rc::new(examined),
         })
+    }
+
+    /// The same matches, of which no more than so many are asked for.
+    pub(super) fn at_most(self, most: usize) -> Self {
+        let page_documents = if most == usize::MAX { self.page_documents } else { most.clamp(1, PAGE_DOCUMENTS) };
+        Self { most, page_documents, ..self }
+    }
+
+    /// Reads the first page now.
+    pub(super) fn begun(mut self) -> Result<Self, StoreError> {
+        if !matches!(self.rest, Rest::Nothing) {
+            self.turn()?;
+        }
+        Ok(self)
     }
 
     /// Whether the matches come in the order of the sort.
@@ -191,7 +213,7 @@ impl<'a> Scan<'a> {
         let read = match std::mem::replace(&mut self.rest, Rest::Nothing) {
             Rest::Between(position, last) => self.read_between(position, last, take),
             Rest::At(positions) => self.read_at(positions, take),
-            Rest::Listed(listing, behind, last) => self.read_listed(listing, behind, last, take),
+            Rest::Listed(listing, last) => self.read_listed(listing, last, take),
             Rest::Nothing => Ok(Rest::Nothing),
         };
         self.rest = match read {
@@ -223,7 +245,7 @@ impl<'a> Scan<'a> {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
             position = row.get(0)?;
             let body = document(row.get_ref(1)?)?;
-            Examined::count(&self.examined.documents);
+            Examined::add(&self.examined.documents, 1);
             if self.filter.matches(body)? && !take(position, body) {
                 break;
             }
@@ -242,7 +264,7 @@ impl<'a> Scan<'a> {
             let mut rows = statement.query([position])?;
             let Some(row) = rows.next()? else { continue };
             let body = document(row.get_ref(0)?)?;
-            Examined::count(&self.examined.documents);
+            Examined::add(&self.examined.documents, 1);
             if self.filter.matches(body)? && !take(position, body) {
                 return Ok(Rest::At(positions));
             }
@@ -250,27 +272,37 @@ impl<'a> Scan<'a> {
         Ok(Rest::Nothing)
     }
 
+    /// Reads a page, and where the rest is, at one moment.
     fn read_listed(
         &self,
         mut listing: Listing,
-        mut behind: Option<(Vec<u8>, i64)>,
         last: i64,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
     ) -> Result<Rest, Trouble> {
-        let sql = listing.sql(&self.collection.table());
+        let _moment = Moment::begin(&self.store.connection)?;
+        let sql = listing.documents_sql(&self.collection.table());
         let mut statement = self.store.connection.prepare_cached(&sql)?;
+        let mut taken = 0;
         while let Some(range) = listing.ranges.front() {
             let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
-            let (key, position) = behind.take().unwrap_or_else(|| (from.clone(), i64::MIN));
-            let mut rows = statement.query(params![key, position, to, last])?;
+            let mut rows = statement.query(params![from, i64::MIN, to, last])?;
             while let Some(row) = rows.next()? {
-                Examined::count(&self.examined.keys);
-                Examined::count(&self.examined.documents);
+                Examined::add(&self.examined.keys, 1);
+                Examined::add(&self.examined.documents, 1);
                 let position = row.get(1)?;
                 let body = document(row.get_ref(2)?)?;
-                if self.filter.matches(body)? && !take(position, body) {
-                    behind = Some((row.get(0)?, position));
-                    return Ok(Rest::Listed(listing, behind, last));
+                if !self.filter.matches(body)? {
+                    continue;
+                }
+                taken += 1;
+                if !take(position, body) {
+                    let key: Vec<u8> = row.get(0)?;
+                    drop(rows);
+                    return if taken >= self.most {
+                        Ok(Rest::Nothing)
+                    } else {
+                        self.list(listing, (key, position), last)
+                    };
                 }
             }
             drop(rows);
@@ -278,19 +310,43 @@ impl<'a> Scan<'a> {
         }
         Ok(Rest::Nothing)
     }
+
+    /// Where the documents are that the index lists behind a key and a position.
+    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64), last: i64) -> Result<Rest, Trouble> {
+        let mut statement = self.store.connection.prepare_cached(&listing.positions_sql())?;
+        let (mut behind, mut positions) = (Some(behind), VecDeque::new());
+        while let Some(range) = listing.ranges.pop_front() {
+            let (from, to) = if listing.backwards { (range.high, range.low) } else { (range.low, range.high) };
+            let (key, position) = behind.take().unwrap_or((from, i64::MIN));
+            let mut rows = statement.query(params![key, position, to, last])?;
+            while let Some(row) = rows.next()? {
+                positions.push_back(row.get(0)?);
+            }
+        }
+        Examined::add(&self.examined.keys, positions.len() as u64);
+        Ok(Rest::At(positions))
+    }
 }
 
 impl Listing {
-    /// What reads a range behind a key and a position.
-    fn sql(&self, documents: &str) -> String {
+    /// What reads the documents of a range behind a key and a position.
+    fn documents_sql(&self, documents: &str) -> String {
         let (from, index) = match self.table == documents {
             true => (documents.to_owned(), documents),
             false => (format!("{0} CROSS JOIN {documents} USING (position)", self.table), self.table.as_str()),
         };
+        format!("SELECT {index}.key, {index}.position, {documents}.body FROM {from} {}", self.range(index))
+    }
+
+    /// What reads only where they are.
+    fn positions_sql(&self) -> String {
+        format!("SELECT position FROM {} {}", self.table, self.range(&self.table))
+    }
+
+    fn range(&self, index: &str) -> String {
         let (behind, before, order) = if self.backwards { ("<", ">=", "DESC") } else { (">", "<", "ASC") };
         format!(
-            "SELECT {index}.key, {index}.position, {documents}.body FROM {from} \
-             WHERE ({index}.key, {index}.position) {behind} (?1, ?2) AND {index}.key {before} ?3 \
+            "WHERE ({index}.key, {index}.position) {behind} (?1, ?2) AND {index}.key {before} ?3 \
              AND {index}.position <= ?4 ORDER BY {index}.key {order}, {index}.position {order}"
         )
     }

@@ -1,0 +1,100 @@
+//! What the bytes of a document contain wherever it matches: by that most documents are passed
+//! over without being taken apart.
+
+use bson::Bson;
+use memchr::memmem::Finder;
+
+use super::test::{Leaf, Test};
+use super::tree::Node;
+
+/// Bytes that every match contains.
+#[derive(Debug)]
+pub(super) struct Needle(Finder<'static>);
+
+impl Needle {
+    /// The longest there is, where the filter wants a text or an id. Where it computes, a
+    /// document that does not match may be an error all the same, and none is passed over.
+    pub(super) fn of(root: &Node) -> Option<Self> {
+        let conjuncts = match root {
+            Node::And(children) => children.as_slice(),
+            single => std::slice::from_ref(single),
+        };
+        let is_plain = conjuncts.iter().all(|node| matches!(node, Node::Field(..) | Node::Always(_)));
+        let longest = conjuncts.iter().filter_map(bytes).max_by_key(Vec::len).filter(|_| is_plain)?;
+        Some(Self(Finder::new(&longest).into_owned()))
+    }
+
+    /// Whether these bytes contain it.
+    pub(super) fn is_in(&self, bytes: &[u8]) -> bool {
+        self.0.find(bytes).is_some()
+    }
+}
+
+/// What is in the bytes of a document in which a value at a path, or an element of it, equals another.
+fn bytes(node: &Node) -> Option<Vec<u8>> {
+    let Node::Field(_, test) = node else { return None };
+    match test {
+        Test::Leaf(leaf) => value(leaf),
+        Test::And(tests) => {
+            let leaves = tests.iter().filter_map(|test| if let Test::Leaf(leaf) = test { value(leaf) } else { None });
+            leaves.max_by_key(Vec::len)
+        }
+        Test::Not(_) => None,
+    }
+}
+
+/// A value as it is written: what is equal to it and of another type is written alike.
+fn value(leaf: &Leaf) -> Option<Vec<u8>> {
+    match leaf {
+        Leaf::Equal(Bson::String(text) | Bson::Symbol(text)) => {
+            let length = i32::try_from(text.len() + 1).ok()?;
+            Some([&length.to_le_bytes(), text.as_bytes(), &[0]].concat())
+        }
+        Leaf::Equal(Bson::ObjectId(id)) => Some(id.bytes().to_vec()),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Filter;
+    use bson::{Bson, Document, RawDocumentBuf, doc, oid::ObjectId};
+
+    #[test]
+    fn documents_that_match_contain_what_is_looked_for() {
+        let id = ObjectId::from_bytes([9; 12]);
+        let filters = [
+            doc! { "a": "text" },
+            doc! { "a.b": "text" },
+            doc! { "a": { "$eq": "text", "$exists": true } },
+            doc! { "$and": [{ "a": "text" }, { "n": 1 }] },
+            doc! { "id": id },
+            doc! { "a": { "$elemMatch": { "$eq": "text" } } },
+            doc! { "a": { "$ne": "text" } },
+            doc! { "$or": [{ "a": "text" }, { "n": 2 }] },
+            doc! { "a": "" },
+        ];
+        let documents: [Document; 9] = [
+            doc! { "a": "text", "n": 1 },
+            doc! { "a": ["x", "text"], "n": [1] },
+            doc! { "a": [{ "b": ["text"] }] },
+            doc! { "a": Bson::Symbol("text".into()) },
+            doc! { "a": { "b": "text" }, "id": id },
+            doc! { "a": "texts", "b": "text", "n": 2 },
+            doc! { "a": "", "id": [id] },
+            doc! { "a": [["text"]] },
+            doc! { "n": 2 },
+        ];
+        for filter in &filters {
+            let filter = Filter::parse(filter).unwrap();
+            for document in &documents {
+                let raw = RawDocumentBuf::try_from(document).unwrap();
+                assert_eq!(
+                    filter.matches(&raw).unwrap(),
+                    filter.matches_document(document).unwrap(),
+                    "{filter:?}: {document}"
+                );
+            }
+        }
+    }
+}
