@@ -105,6 +105,13 @@ impl Pipeline {
         })
     }
 
+    /// Whether what comes of a document depends on no other one that comes in: then the
+    /// pipeline may be run over some documents after the other.
+    #[must_use]
+    pub fn is_piecewise(&self) -> bool {
+        self.stages.iter().all(Stage::is_piecewise)
+    }
+
     /// What to do with the results, where the last stage is `$out` or `$merge`.
     #[must_use]
     pub fn output(&self) -> Option<&Output> {

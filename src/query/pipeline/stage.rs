@@ -64,6 +64,12 @@ pub(super) fn encode(document: &Document) -> Result<RawDocumentBuf> {
 }
 
 impl Stage {
+    /// Whether what comes of a document depends on no other one that comes in.
+    pub(super) fn is_piecewise(&self) -> bool {
+        // `$lookup` does not either, but may keep what it looked up for the next ones.
+        matches!(self, Self::Match(_) | Self::Reshape(_) | Self::Unwind(_) | Self::Redact(_))
+    }
+
     /// The documents after this stage; `limit` says that no more are wanted of a sort.
     pub(super) fn run<'a, E: From<QueryError> + 'a>(
         &'a self,

@@ -9,9 +9,12 @@ use super::scan::Scan;
 use crate::query::{Filter, Origin, Pipeline};
 use crate::store::{Documents, Namespace, StoreError};
 
+/// So many documents at a time go through a pipeline that allows it.
+const PIECE: usize = 256;
+
 impl Embedded {
-    /// Runs a pipeline to its end: its results are held in memory (they borrow
-    /// the pipeline), what they are made from is not.
+    /// Runs a pipeline: piece by piece, as its results are asked for, where it allows that,
+    /// else to its end, with the results held in memory. What they are made from is not.
     pub(super) fn run_pipeline(&self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'_>, StoreError> {
         let stages = &self.with_near_key(ns, stages)?;
         let pipeline = Pipeline::parse(stages)?;
@@ -23,6 +26,9 @@ impl Embedded {
             false => self.matches(ns, &first_filter(stages))?,
         };
         let now = DateTime::now();
+        if pipeline.is_piecewise() && pipeline.output().is_none() {
+            return Ok(self.pieces(ns, pipeline, input, now));
+        }
         let sources = |origin: &Origin| self.matches(&named(origin, ns), &Document::new());
         let results: Vec<_> = pipeline.run(input, now, &sources).collect::<Result<_, StoreError>>()?;
         match pipeline.output() {
@@ -32,6 +38,38 @@ impl Embedded {
                 Ok(Box::new(std::iter::empty()))
             }
         }
+    }
+
+    /// The results of a pipeline, made of some documents at a time.
+    fn pieces<'a>(
+        &'a self,
+        ns: &Namespace,
+        pipeline: Pipeline,
+        mut input: Documents<'a>,
+        now: DateTime,
+    ) -> Documents<'a> {
+        let ns = ns.clone();
+        let mut results = Vec::new().into_iter();
+        let mut is_over = false;
+        Box::new(std::iter::from_fn(move || {
+            loop {
+                if let Some(result) = results.next() {
+                    return Some(result);
+                }
+                if is_over {
+                    return None;
+                }
+                let piece: Vec<_> = input.by_ref().take(PIECE).collect();
+                is_over = piece.len() < PIECE;
+                let sources = |origin: &Origin| self.matches(&named(origin, &ns), &Document::new());
+                let mut made: Vec<_> = pipeline.run(Box::new(piece.into_iter()), now, &sources).collect();
+                if let Some(failed) = made.iter().position(Result::is_err) {
+                    made.truncate(failed + 1);
+                    is_over = true;
+                }
+                results = made.into_iter();
+            }
+        }))
     }
 
     /// The documents that match, in natural order.
