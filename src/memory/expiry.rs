@@ -46,7 +46,12 @@ impl Memory {
             |filter: Document| self.journal.note("expire", Some(ns), |n| *n, || store.delete(ns, &filter, false));
         let mut expired = Expired {
             // Computed documents decay too: they are counted as what they are.
-            computed: remove(doc! { "_robmem_info.computed": true, "_robmem_info.cached_until": { "$lte": now } })?,
+            computed: remove(doc! {
+                // By the date of its decay, which has an index.
+                stamp::DECAY_PATH: { "$lte": now },
+                "_robmem_info.computed": true,
+                "_robmem_info.cached_until": { "$lte": now },
+            })?,
             decayed: remove(doc! { stamp::DECAY_PATH: { "$lte": now } })?,
             ..Expired::default()
         };

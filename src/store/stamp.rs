@@ -67,6 +67,10 @@ pub fn insert(document: &mut Document, at: DateTime) -> Result<(), QueryError> {
     check(document)?;
     match document.get_mut(INFO) {
         Some(Bson::Document(info)) => {
+            // What was computed decays when it is not good any more.
+            if let (None, Some(Bson::DateTime(until))) = (info.get(DECAY), info.get("cached_until")) {
+                info.insert(DECAY, *until);
+            }
             info.remove(UPDATED);
             info.insert(INSERTED, at);
         }
