@@ -71,7 +71,7 @@ CREATE INDEX changes_of ON changes (database, collection, sequence);";
 
 impl Embedded {
     /// Opens the memory in the file `path`, creating it where there is none
-    /// (its folder has to exist). On a file system that is read-only, it is read.
+    /// (its folder has to exist). What this process may not write, it reads.
     ///
     /// # Errors
     /// Where the file cannot be opened, is not a memory, or is one of a newer rmem.
@@ -87,6 +87,9 @@ impl Embedded {
         if is_read_only(path) {
             return Self::open_unchanging(path, place);
         }
+        if !may_write(path) {
+            return Self::open_of_others(path, place);
+        }
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
             | OpenFlags::SQLITE_OPEN_CREATE
             | OpenFlags::SQLITE_OPEN_NO_MUTEX
@@ -95,11 +98,21 @@ impl Embedded {
         Self::prepare(connection, place)
     }
 
-    /// Opens a file that nobody can change: readers need no log beside it then.
+    /// Opens a file that only others may change. While they have it open, their log is read with
+    /// it; else it is read as it is, and nothing is made beside it that would be in their way.
+    fn open_of_others(path: &Path, place: Place) -> Result<Self, StoreError> {
+        if !has_log(path) {
+            return Self::open_unchanging(path, place);
+        }
+        let flags =
+            OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_EXRESCODE;
+        let connection = Connection::open_with_flags(path, flags).map_err(|e| failure::explain(&place, &e))?;
+        Self::prepare(connection, place)
+    }
+
+    /// Opens a file that nobody changes: readers need no log beside it then.
     fn open_unchanging(path: &Path, place: Place) -> Result<Self, StoreError> {
-        let mut log = path.as_os_str().to_owned();
-        log.push("-wal");
-        if std::fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
+        if has_log(path) {
             return Err(StoreError::Failed {
                 address: place.to_string(),
                 reason: "is on a read-only file system, with writes still in its log (-wal); copy both files \
@@ -144,6 +157,18 @@ impl Embedded {
 /// Whether there is a file, on a file system that is mounted read-only.
 fn is_read_only(path: &Path) -> bool {
     rustix::fs::statvfs(path).is_ok_and(|system| system.f_flag.contains(rustix::fs::StatVfsMountFlags::RDONLY))
+}
+
+/// Whether this process may write the file, or make it.
+fn may_write(path: &Path) -> bool {
+    !path.exists() || rustix::fs::access(path, rustix::fs::Access::WRITE_OK).is_ok()
+}
+
+/// Whether there are writes that are not folded into the file.
+fn has_log(path: &Path) -> bool {
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    std::fs::metadata(&log).is_ok_and(|log| log.len() > 0)
 }
 
 /// SQLite's URI for a file that does not change; each byte of the path that
@@ -200,11 +225,11 @@ fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
 /// FULL makes every commit wait for the disk, so that not even a loss of power
 /// takes back what was acknowledged. The log is folded into the file every
 /// 1000 pages by whoever commits then, and cut to 64 MiB after a long reader
-/// let it grow.
+/// let it grow. The cache holds some hundred thousand small documents.
 fn tune(connection: &Connection) -> rusqlite::Result<()> {
     be_durable(connection, true)?;
     connection.pragma_update(None, "journal_size_limit", 64 << 20)?;
-    connection.pragma_update(None, "cache_size", -(16 << 10))?;
+    connection.pragma_update(None, "cache_size", -(32 << 10))?;
     connection.pragma_update(None, "trusted_schema", "OFF")
 }
 
