@@ -10,9 +10,12 @@ mod backend;
 mod clips;
 mod computables;
 mod contract;
+mod crashes;
 mod imported;
+mod mixtures;
 #[cfg(feature = "mongodb")]
 mod mongod;
+mod permissions;
 #[cfg(feature = "mongodb")]
 mod places;
 mod planner;
@@ -37,6 +40,9 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials = contract::embedded();
     trials.extend(processes::trials());
+    trials.extend(crashes::trials());
+    trials.extend(mixtures::trials());
+    trials.extend(permissions::trials());
     trials.extend(restores::trials());
     trials.extend(planner::trials());
     trials.extend(imported::trials());

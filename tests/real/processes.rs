@@ -15,7 +15,7 @@ use rmem::store::{Embedded, Find, Namespace, Store as _, UpdateRequest, UpdateSp
 /// What a child process does: `ROLE PATH NAME COUNT`, separated by line feeds.
 const ROLE: &str = "RMEM_TEST_ROLE";
 /// How many writers are killed; more by hand than in every run.
-const KILLS: &str = "RMEM_TEST_KILLS";
+pub(crate) const KILLS: &str = "RMEM_TEST_KILLS";
 /// How many documents each of the concurrent writers stores.
 const WRITES: &str = "RMEM_TEST_WRITES";
 
@@ -42,6 +42,7 @@ pub(crate) fn child() -> Option<ExitCode> {
         "write" => write(&store, name, count),
         "read" => read(&store, count),
         "fill" => fill(&store, count),
+        "churn" => super::crashes::churn(&store, count),
         "count" => (0..count).for_each(|_| increment(&store)),
         other => panic!("no role {other}"),
     }
@@ -99,7 +100,7 @@ fn increment(store: &Embedded) {
     store.update(&ns(), &request, None).unwrap();
 }
 
-fn spawn(role: &str, path: &Path, name: &str, count: i32) -> std::io::Result<Child> {
+pub(crate) fn spawn(role: &str, path: &Path, name: &str, count: i32) -> std::io::Result<Child> {
     let told: OsString = format!("{role}\n{}\n{name}\n{count}", path.display()).into();
     Command::new(std::env::current_exe()?).env(ROLE, told).stdin(Stdio::null()).stdout(Stdio::piped()).spawn()
 }
@@ -109,7 +110,7 @@ fn succeeds(child: Child) -> Result<(), Failed> {
     if output.status.success() { Ok(()) } else { Err(format!("a process ended with {}", output.status).into()) }
 }
 
-fn number(variable: &str, default: i32) -> i32 {
+pub(crate) fn number(variable: &str, default: i32) -> i32 {
     std::env::var(variable).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
