@@ -66,12 +66,66 @@ impl<T> Setting<T> {
         Self { value, origin: Origin::Default }
     }
 
-    /// Lets a later layer win.
-    fn layer(&mut self, value: Option<T>, origin: impl FnOnce() -> Origin) {
-        if let Some(value) = value {
-            *self = Self { value, origin: origin() };
+    /// A value that may be absent.
+    fn of(setting: Option<Self>) -> Setting<Option<T>> {
+        setting.map_or_else(|| Setting::default(None), |setting| setting.map(Some))
+    }
+
+    fn map<U>(self, change: impl FnOnce(T) -> U) -> Setting<U> {
+        Setting { value: change(self.value), origin: self.origin }
+    }
+
+    /// Changes what a settings file says: relative to that file.
+    fn located(self, change: impl FnOnce(T) -> T) -> Self {
+        match self.origin {
+            Origin::File(..) => self.map(change),
+            _ => self,
         }
     }
+}
+
+impl Setting<String> {
+    /// Reads the text; an error says where it came from.
+    fn read<U, E>(self, read: impl FnOnce(&str) -> Result<U, E>) -> anyhow::Result<Setting<U>>
+    where
+        Result<U, E>: anyhow::Context<U, E>,
+    {
+        let value = read(&self.value).with_context(|| format!("set by {}", self.origin))?;
+        Ok(Setting { value, origin: self.origin })
+    }
+}
+
+/// The layers below the flags: the settings file, and above it the environment.
+struct Layers<'a> {
+    path: &'a Path,
+    file: &'a File,
+    environment: &'a Environment,
+}
+
+impl Layers<'_> {
+    /// What the settings file says, or `variable` if it is set.
+    fn text(&self, in_file: &Option<toml::Spanned<String>>, variable: &'static str) -> Option<Setting<String>> {
+        let environment = set(self.environment, variable)
+            .map(|value| Setting { value: value.clone(), origin: Origin::Environment(variable) });
+        environment.or_else(|| {
+            in_file.as_ref().map(|text| Setting { value: text.get_ref().clone(), origin: self.place(text) })
+        })
+    }
+
+    /// Where a value stands in the settings file.
+    fn place<T>(&self, value: &toml::Spanned<T>) -> Origin {
+        Origin::File(self.path.to_owned(), self.file.line(value.span()))
+    }
+}
+
+/// The layer of the flags, above all others.
+fn flag<T>(below: Option<Setting<T>>, name: &'static str, given: Option<T>) -> Option<Setting<T>> {
+    given.map(|value| Setting { value, origin: Origin::Flag(name) }).or(below)
+}
+
+/// The value of an environment variable; one that is empty is not set.
+fn set<'e>(environment: &'e Environment, name: &str) -> Option<&'e String> {
+    environment.get(name).filter(|value| !value.is_empty())
 }
 
 /// Everything that is set before a command runs.
@@ -126,64 +180,34 @@ impl Settings {
             Some(path) => read_file(path)?,
             None => File::default(),
         };
-        let folder = path.as_deref().and_then(Path::parent).unwrap_or(directory).to_owned();
-        let at = |line: usize| {
-            let path = path.clone().unwrap_or_default();
-            move || Origin::File(path, line)
-        };
-        let variable = |name: &'static str| environment.get(name).filter(|value| !value.is_empty()).cloned();
+        let folder = path.as_deref().and_then(Path::parent).unwrap_or(directory);
+        let below = Layers { path: path.as_deref().unwrap_or(directory), file: &file, environment };
 
-        let mut memory = Setting::default(default_memory(environment));
-        let mut shared = Setting::default(None);
-        for (setting, in_file, name, flag, flag_name) in [
-            (&mut memory, &file.memory, "RMEM_MEMORY", &flags.memory, "--memory"),
-            (&mut shared, &file.shared, "RMEM_SHARED", &flags.shared, "--shared"),
-        ] {
-            if let Some(uri) = in_file {
-                setting.layer(Some(Some(relative_uri(&folder, uri.get_ref()))), at(file.line(uri.span())));
-            }
-            setting.layer(variable(name).map(Some), || Origin::Environment(name));
-            setting.layer(flag.clone().map(Some), || Origin::Flag(flag_name));
-        }
-
-        let mut shared_databases = Setting::default(Vec::new());
-        if let Some(databases) = &file.shared_databases {
-            shared_databases.layer(Some(names(databases.get_ref())), at(file.line(databases.span())));
-        }
-
-        let mut collection = Setting::default(DEFAULT_COLLECTION.to_owned());
-        if let Some(name) = &file.collection {
-            collection.layer(Some(name.get_ref().clone()), at(file.line(name.span())));
-        }
-        collection.layer(variable("RMEM_COLLECTION"), || Origin::Environment("RMEM_COLLECTION"));
-        collection.layer(flags.collection.clone(), || Origin::Flag("--collection"));
-        let collection = Setting {
-            value: collection.value.parse().with_context(|| format!("set by {}", collection.origin))?,
-            origin: collection.origin,
-        };
-
-        let mut format = Setting::default(None);
-        if let Some(name) = &file.format {
-            format.layer(Some(Some(parse_format(name.get_ref())?)), at(file.line(name.span())));
-        }
-        if let Some(name) = variable("RMEM_FORMAT") {
-            let format_of = parse_format(&name).context("set by the environment variable RMEM_FORMAT")?;
-            format.layer(Some(Some(format_of)), || Origin::Environment("RMEM_FORMAT"));
-        }
-        format.layer(flags.format.map(Some), || Origin::Flag("--format"));
-
-        let mut log = Setting::default(None);
-        if let Some(name) = &file.log {
-            log.layer(Some(Some(folder.join(name.get_ref()))), at(file.line(name.span())));
-        }
-        log.layer(variable("RMEM_LOG").map(|path| Some(path.into())), || Origin::Environment("RMEM_LOG"));
-        log.layer(flags.log.clone().map(Some), || Origin::Flag("--log"));
+        let memory = below.text(&file.memory, "RMEM_MEMORY").map(|uri| uri.located(|uri| relative_uri(folder, &uri)));
+        let memory = flag(memory, "--memory", flags.memory.clone())
+            .map_or_else(|| Setting::default(default_memory(environment)), |uri| uri.map(Some));
+        let shared = below.text(&file.shared, "RMEM_SHARED").map(|uri| uri.located(|uri| relative_uri(folder, &uri)));
+        let shared = Setting::of(flag(shared, "--shared", flags.shared.clone()));
+        let shared_databases = file.shared_databases.as_ref().map_or_else(
+            || Setting::default(Vec::new()),
+            |databases| Setting { value: names(databases.get_ref()), origin: below.place(databases) },
+        );
+        let collection = below.text(&file.collection, "RMEM_COLLECTION");
+        let collection = flag(collection, "--collection", flags.collection.clone())
+            .unwrap_or_else(|| Setting::default(DEFAULT_COLLECTION.to_owned()))
+            .read(str::parse)?;
+        let format = below.text(&file.format, "RMEM_FORMAT").map(|name| name.read(parse_format)).transpose()?;
+        let format = Setting::of(flag(format, "--format", flags.format));
+        let log =
+            below.text(&file.log, "RMEM_LOG").map(|path| path.map(PathBuf::from).located(|path| folder.join(path)));
+        let log = Setting::of(flag(log, "--log", flags.log.clone()));
 
         let color = match flags.color {
             Some(Color::Always) => true,
             Some(Color::Never) => false,
             Some(Color::Auto) | None => {
-                terminal && variable("NO_COLOR").is_none() && variable("TERM").is_none_or(|term| term != "dumb")
+                let set = |name| set(environment, name);
+                terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|term| term != "dumb")
             }
         };
         let verbosity = match (flags.quiet, flags.verbose) {
@@ -201,9 +225,9 @@ impl Settings {
             color,
             log,
             load: flags.load.clone(),
-            planners: file.planners(&folder),
-            backends: file.backends(&folder),
-            computables: file.computables(&folder),
+            planners: file.planners(folder),
+            backends: file.backends(folder),
+            computables: file.computables(folder),
             file: path,
         })
     }
@@ -230,7 +254,7 @@ fn relative_uri(folder: &Path, uri: &str) -> String {
 
 /// The embedded store in the user's data directory.
 fn default_memory(environment: &Environment) -> Option<String> {
-    let set = |name: &str| environment.get(name).filter(|value| !value.is_empty());
+    let set = |name: &str| set(environment, name);
     let data = set("XDG_DATA_HOME")
         .map(PathBuf::from)
         .or_else(|| set("HOME").map(|home| Path::new(home).join(".local/share")))?;
@@ -239,7 +263,7 @@ fn default_memory(environment: &Environment) -> Option<String> {
 
 /// The file that was named, else the nearest `rmem.toml` upwards, else the user's.
 fn find_file(flags: &Global, environment: &Environment, directory: &Path) -> anyhow::Result<Option<PathBuf>> {
-    let set = |name: &str| environment.get(name).filter(|value| !value.is_empty());
+    let set = |name: &str| set(environment, name);
     if let Some(path) = flags.config.clone().or_else(|| set("RMEM_CONFIG").map(PathBuf::from)) {
         return Ok(Some(directory.join(path)));
     }
