@@ -3,11 +3,12 @@
 use std::fs::{self, File};
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::net::{TcpStream, ToSocketAddrs as _};
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
 use super::{BackendError, failed, said};
 use crate::settings::backend::Backend;
@@ -19,6 +20,10 @@ const ANSWER: Duration = Duration::from_secs(3);
 const HANDOVER: Duration = Duration::from_secs(3);
 /// How long a process has to end.
 const END: Duration = Duration::from_secs(60);
+/// How long a process that starts may do nothing that can be seen.
+const SILENCE: Duration = Duration::from_secs(20);
+/// How long a process that listens may take to go into the background.
+const LULL: Duration = Duration::from_secs(2);
 /// How often it is looked whether it has ended.
 const LOOK: Duration = Duration::from_millis(25);
 
@@ -151,20 +156,74 @@ fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
         #[expect(clippy::cast_precision_loss, reason = "a size in GB need not be exact")]
         command.args(["--wiredTigerCacheSizeGB", &(bytes as f64 / f64::from(1 << 30)).to_string()]);
     }
-    let output = command.stdin(Stdio::null()).output().map_err(|error| match error.kind() {
+    let unstarted = |error: &io::Error| failed(backend, format!("cannot start {}: {error}", backend.mongod.display()));
+    // A file, which is whole when the program has ended; a pipe is, once all that it left in the background has.
+    let said = tempfile::tempfile().map_err(|error| unstarted(&error))?;
+    let stream = || said.try_clone().map(Stdio::from).map_err(|error| unstarted(&error));
+    command.stdin(Stdio::null()).stdout(stream()?).stderr(stream()?).process_group(0);
+    let mut child = command.spawn().map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => {
             BackendError::NoProgram { backend: backend.name, program: backend.mongod.display().to_string() }
         }
-        _ => failed(backend, format!("cannot start {}: {error}", backend.mongod.display())),
+        _ => unstarted(&error),
     })?;
-    if output.status.success() {
-        return Ok(());
+    let reason = match attend(backend, data, &mut child).map_err(|error| unstarted(&error))? {
+        Start::Done => return Ok(()),
+        Start::Silent => {
+            let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
+            let _ = child.wait();
+            format!("it neither listened nor wrote to its log for {} s", SILENCE.as_secs())
+        }
+        Start::Failed(status) => {
+            let words = complaint(&log, before).or_else(|| printed(said));
+            words.unwrap_or_else(|| format!("it ended with {status} and said nothing"))
+        }
+    };
+    let program = backend.mongod.display();
+    Err(failed(backend, format!("{program} did not start as a mongod: {reason}; its log is {}", log.display())))
+}
+
+/// What became of a start.
+enum Start {
+    /// It runs in the background.
+    Done,
+    /// It ended.
+    Failed(ExitStatus),
+    /// It does nothing.
+    Silent,
+}
+
+/// Waits until mongod has gone into the background, or stays where it was started and listens.
+fn attend(backend: &Backend, data: &Path, child: &mut Child) -> io::Result<Start> {
+    let log = beside(data, "log");
+    let (mut length, mut heard) = (0, Instant::now());
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(if status.success() { Start::Done } else { Start::Failed(status) });
+        }
+        let now = fs::metadata(&log).map_or(0, |found| found.len());
+        if now != length {
+            (length, heard) = (now, Instant::now());
+        }
+        if heard.elapsed() > LULL && look(backend, data).is_ok_and(|running| running.is_some()) {
+            // Some cannot go into the background by themselves.
+            return Ok(Start::Done);
+        }
+        if heard.elapsed() > SILENCE {
+            return Ok(Start::Silent);
+        }
+        std::thread::sleep(LOOK);
     }
-    let words = complaint(&log, before).unwrap_or_else(|| {
-        let said = [output.stderr, output.stdout].concat();
-        String::from_utf8_lossy(&said).lines().filter(|line| line.contains("rror")).collect::<Vec<_>>().join("; ")
-    });
-    Err(failed(backend, format!("mongod did not start: {words}; its log is {}", log.display())))
+}
+
+/// What a program that failed printed: the lines that speak of an error, or else the last.
+fn printed(mut said: File) -> Option<String> {
+    let mut bytes = Vec::new();
+    said.rewind().and_then(|()| said.read_to_end(&mut bytes)).ok()?;
+    let text = String::from_utf8_lossy(&bytes);
+    let errors: Vec<&str> = text.lines().filter(|line| line.contains("rror")).collect();
+    let last = text.lines().map(str::trim).rfind(|line| !line.is_empty());
+    if errors.is_empty() { last.map(str::to_owned) } else { Some(errors.join("; ")) }
 }
 
 /// The last error in what was added to a log of mongod.

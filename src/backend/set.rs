@@ -54,7 +54,12 @@ pub fn settle(backend: &Backend) -> Result<Settled, BackendError> {
             Step::Settled(Settled::Copying) if since.elapsed() < SETTLE => {}
             Step::Settled(settled) => return Ok(settled),
             Step::Again(missing) if since.elapsed() > SETTLE => {
-                let reason = format!("the replica set `{}` is not ready: {missing}", backend.replica_set);
+                let reason = format!(
+                    "the replica set `{}` is not ready: {missing}; `rmem backend status` shows its members, and the \
+                     log beside {} says more",
+                    backend.replica_set,
+                    backend.path.display()
+                );
                 return Err(failed(backend, reason));
             }
             Step::Again(_) => {}

@@ -49,29 +49,58 @@ pub fn status(backend: &Backend) -> Result<Vec<Row>, BackendError> {
     let data = std::fs::canonicalize(&backend.path).unwrap_or_else(|_| backend.path.clone());
     let running = process::look(backend, &data)?;
     let address = backend.address();
-    let asked = running.iter().map(|_| &address).chain(&backend.members);
-    let states = asked.filter_map(|host| Some((host, Admin::at(host, ANSWER).ok()?.members().ok()??))).next();
+    let own = running.iter().map(|_| address.as_str());
+    let mut answers = ask(own.chain(backend.members.iter().map(String::as_str)));
+    let states = answers.iter().find_map(|(host, answer)| Some((host.clone(), answer.members.clone()?)));
     let (asked, states) = states.map_or((None, Vec::new()), |(host, states)| (Some(host), states));
-    let own = match states.iter().find(|state| state.is_asked && asked == Some(&address)) {
+    let own = match states.iter().find(|state| state.is_asked && asked.as_ref() == Some(&address)) {
         Some(state) => Some(state.name.clone()),
         None => own_name(backend),
     };
     let mut names = backend.members.clone();
     names.extend(states.iter().map(|state| state.name.clone()).filter(|name| !backend.members.contains(name)));
+    let is_asked = |name: &&str| answers.iter().any(|(host, _)| host == name) || own.as_deref() == Some(*name);
+    let others: Vec<&str> = names.iter().map(String::as_str).filter(|name| !is_asked(name)).collect();
+    let more = ask(others.into_iter());
+    answers.extend(more);
     let newest = states.iter().find(|state| state.state == "PRIMARY").and_then(|state| state.reached);
     let row = |name: &String| {
         let is_own = own.as_ref() == Some(name);
-        let address = if is_own { &address } else { name };
+        let host = if is_own && running.is_some() { &address } else { name };
+        let answer = answers.iter().find(|(other, _)| other == host).map(|(_, answer)| answer);
         let known = states.iter().find(|state| state.name == *name);
-        let mut row = row(backend, name, address, known, newest);
+        let mut row = row(backend, name, answer, known, newest);
         row.own = is_own;
         row.pid = running.filter(|_| is_own).and_then(|running| running.pid);
         row
     };
-    Ok(std::thread::scope(|scope| {
-        let rows: Vec<_> = names.iter().map(|name| scope.spawn(|| row(name))).collect();
-        rows.into_iter().filter_map(|row| row.join().ok()).collect()
-    }))
+    Ok(names.iter().map(row).collect())
+}
+
+/// What a member says of itself.
+#[derive(Debug, Default)]
+struct Answer {
+    version: Option<String>,
+    members: Option<Vec<MemberState>>,
+    oplog: Option<u32>,
+}
+
+/// Asks all at once, since those who are not there take as long to be silent.
+fn ask<'a>(hosts: impl Iterator<Item = &'a str>) -> Vec<(String, Answer)> {
+    std::thread::scope(|scope| {
+        let asked: Vec<_> = hosts.map(|host| (host, scope.spawn(|| answer(host)))).collect();
+        asked.into_iter().map(|(host, answer)| (host.to_owned(), answer.join().unwrap_or_default())).collect()
+    })
+}
+
+fn answer(host: &str) -> Answer {
+    let Ok(admin) = Admin::at(host, ANSWER) else { return Answer::default() };
+    let Ok(version) = admin.version() else { return Answer::default() };
+    Answer {
+        version: Some(version),
+        members: admin.members().ok().flatten(),
+        oplog: admin.oplog_window().ok().flatten(),
+    }
 }
 
 /// Which of the configured members is this robot's own, where that is plain: the only one with its port.
@@ -82,24 +111,28 @@ fn own_name(backend: &Backend) -> Option<String> {
     with_port.next().is_none().then(|| name.clone())
 }
 
-fn row(backend: &Backend, name: &str, address: &str, known: Option<&MemberState>, newest: Option<i64>) -> Row {
-    let admin = Admin::at(address, ANSWER).ok();
-    let version = admin.as_ref().and_then(|admin| admin.version().ok());
-    let state = match (known, &version) {
+fn row(
+    backend: &Backend,
+    name: &str,
+    answer: Option<&Answer>,
+    known: Option<&MemberState>,
+    newest: Option<i64>,
+) -> Row {
+    let up = answer.filter(|answer| answer.version.is_some());
+    let state = match (known, up) {
         (_, None) => "DOWN".to_owned(),
         (Some(known), Some(_)) => known.state.clone(),
         (None, Some(_)) => "NEW".to_owned(),
     };
-    let up = admin.filter(|_| version.is_some());
     Row {
         backend: backend.name,
         set: backend.replica_set.clone(),
         member: name.to_owned(),
         own: false,
         lag: known.filter(|_| up.is_some()).and_then(|known| Some((newest? - known.reached?).max(0))),
-        oplog: up.and_then(|admin| admin.oplog_window().ok().flatten()),
+        oplog: up.and_then(|answer| answer.oplog),
         state,
-        version,
+        version: up.and_then(|answer| answer.version.clone()),
         pid: None,
     }
 }

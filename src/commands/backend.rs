@@ -122,10 +122,12 @@ mod served {
     }
 
     fn status(context: &mut Context<'_>) -> anyhow::Result<Exit> {
-        let mut rows = Vec::new();
-        for backend in meant(&[], context)? {
-            rows.extend(backend::status(&backend)?);
-        }
+        let backends = meant(&[], context)?;
+        let asked: Vec<_> = std::thread::scope(|scope| {
+            let asked: Vec<_> = backends.iter().map(|backend| scope.spawn(|| backend::status(backend))).collect();
+            asked.into_iter().filter_map(|asked| asked.join().ok()).collect()
+        });
+        let rows = asked.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
         let up = rows.iter().all(Row::is_up);
         context.print_documents(rows.into_iter().map(|row| Ok(member(row))))?;
         Ok(if up { Exit::Done } else { Exit::No })

@@ -1,6 +1,8 @@
 //! `rmem backend`: three robots on loopback, each with its own `rmem.toml` and mongod processes.
 
 use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufRead as _, BufReader};
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -16,8 +18,9 @@ use crate::mongod::Mongod;
 type Case = fn(&Path) -> Result<(), Failed>;
 
 const CASES: &[(&str, Case)] = &[
-    ("backend::a_killed_primary_loses_no_acknowledged_write", survive),
+    ("backend::a_killed_primary_loses_no_acknowledged_write_and_no_watch_misses_one", survive),
     ("backend::what_runs_stays_as_it_is_and_strangers_are_left_alone", stay),
+    ("backend::a_program_that_does_not_do_as_mongod_does_is_not_waited_for", misbehave),
 ];
 
 /// The names of the tests, all of which need a mongod.
@@ -226,6 +229,56 @@ impl Acknowledged {
     }
 }
 
+/// A `rmem watch` of the shared documents, by one of the robots, into a file.
+struct Ear {
+    child: Child,
+    heard: PathBuf,
+}
+
+impl Ear {
+    fn open(robots: &Robots, robot: usize) -> Result<Self, Failed> {
+        let heard = robots.path(robot).join("heard");
+        let mut command = robots.command(robot, &["watch", "syncedrobmem.x", "--resume", "ear"]);
+        let mut child = command.stdout(File::create(&heard)?).stderr(Stdio::piped()).spawn()?;
+        let mut said = String::new();
+        let mut stderr = BufReader::new(child.stderr.take().ok_or("no stderr")?);
+        stderr.read_line(&mut said)?;
+        // What it says of the election is nobody's business.
+        std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
+        assert!(said.starts_with("watching "), "{said}");
+        Ok(Self { child, heard })
+    }
+
+    /// The `_id`s of the changes, each where it is heard first, once all of `written` are among them.
+    fn hear(&self, written: &BTreeSet<String>) -> Result<Vec<String>, Failed> {
+        let since = Instant::now();
+        loop {
+            let mut ids: Vec<String> = Vec::new();
+            for line in std::fs::read_to_string(&self.heard)?.split_inclusive('\n').filter(|line| line.ends_with('\n'))
+            {
+                let id = serde_json::from_str::<Value>(line)?["_id"].as_str().unwrap_or_default().to_owned();
+                if !ids.contains(&id) {
+                    ids.push(id);
+                }
+            }
+            if written.iter().all(|id| ids.contains(id)) {
+                return Ok(ids);
+            }
+            if since.elapsed() > Duration::from_secs(90) {
+                return Err(format!("{} of {} changes were heard", ids.len(), written.len()).into());
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+}
+
+impl Drop for Ear {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
 fn survive(mongod: &Path) -> Result<(), Failed> {
     let robots = Robots::new(mongod, 3)?;
     // One robot alone does its part, and says who is missing.
@@ -245,6 +298,8 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
     let rows = robots.until(0, healthy)?;
     assert!(rows.iter().all(|row| row["version"].as_str().is_some_and(|version| version.contains('.'))), "{rows:?}");
 
+    robots.ends(0, &["insert", "syncedrobmem.x", "{_id: 'first'}"], 0)?;
+    let ear = Ear::open(&robots, 0)?;
     let acknowledged = Acknowledged::default();
     let killed = std::thread::scope(|scope| -> Result<usize, Failed> {
         let writers: Vec<_> = (0..3)
@@ -277,6 +332,15 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
     let gap = *acknowledged.longest.lock().map_err(|_| "poisoned")?;
     eprintln!("{} writes acknowledged; the longest took {:.1} s, the election", written.len(), gap.as_secs_f64());
 
+    let heard = ear.hear(&written)?;
+    for robot in 0..3 {
+        let prefix = format!("{robot}-");
+        let numbers: Vec<u32> = heard.iter().filter_map(|id| id.strip_prefix(&prefix)?.parse().ok()).collect();
+        assert!(numbers.is_sorted(), "the changes of robot {robot} are out of order: {numbers:?}");
+    }
+    drop(ear);
+
+    let written = written.into_iter().chain(["first".to_owned()]).collect();
     let other = (killed + 1) % 3;
     assert_eq!(states(&robots.ends(other, &["backend", "status"], 1)?), ["DOWN", "PRIMARY", "SECONDARY"]);
     robots.ends(killed, &["backend", "up", "--wait", "1m"], 0)?;
@@ -292,6 +356,18 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
     robots.ends(killed, &["backend", "up", "--wait", "1m"], 0)?;
     robots.until(killed, healthy)?;
     assert!(robots.ids(killed)? == written, "the copy is not whole");
+    // One of three alone has no majority.
+    for robot in 1..3 {
+        robots.ends(robot, &["backend", "down", "shared"], 0)?;
+    }
+    robots.until(0, |rows| states(rows) == ["DOWN", "DOWN", "SECONDARY"])?;
+    let refused = robots.run(0, &["insert", "syncedrobmem.x", "{}"])?;
+    let said = String::from_utf8(refused.stderr)?;
+    assert!(
+        refused.status.code() == Some(4) && said.contains("`rmem backend up` starts those of this robot"),
+        "{said}"
+    );
+    robots.together(&[1, 2], &["backend", "up", "--wait", "1m"])?;
     for robot in 0..3 {
         let (local, shared) = (robots.pid(robot, "local")?, robots.pid(robot, "shared")?);
         let down = robots.ends(robot, &["backend", "down"], 0)?;
@@ -299,6 +375,40 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
         assert!([local, shared].iter().all(|pid| ended(pid)));
     }
     Ok(())
+}
+
+/// Programs that are no mongod, and a mongod that stays in the foreground.
+fn misbehave(mongod: &Path) -> Result<(), Failed> {
+    let robots = Robots::new(mongod, 1)?;
+    robots.settle(0, 1)?;
+    let settings = robots.path(0).join("rmem.toml");
+    let text = std::fs::read_to_string(&settings)?;
+    let program = robots.path(0).join("program");
+    for (script, words) in [
+        ("exit 1", "it ended with exit status: 1 and said nothing"),
+        ("echo I am not what you think >&2; exit 3", "did not start as a mongod: I am not what you think"),
+        ("sleep 600 & echo $$ > pid; wait", "neither listened nor wrote to its log for 20 s"),
+    ] {
+        script_at(&program, script)?;
+        std::fs::write(&settings, text.replace(&format!("{mongod:?}"), "'./program'"))?;
+        let output = robots.run(0, &["backend", "up", "local"])?;
+        let said = String::from_utf8(output.stderr)?;
+        assert!(output.status.code() == Some(4) && said.contains(words), "{said}");
+    }
+    assert!(ended(std::fs::read_to_string(robots.path(0).join("pid"))?.trim()), "it was left running");
+    // Its first word, --fork, does not reach it.
+    script_at(&program, &format!("shift; exec {mongod:?} \"$@\""))?;
+    let up = robots.ends(0, &["backend", "up", "local"], 0)?;
+    assert_eq!((&up[0]["started"], &up[0]["state"]), (&true.into(), &"PRIMARY".into()));
+    robots.ends(0, &["insert", "robmem.x", "{_id: 1}"], 0)?;
+    assert_eq!(robots.ends(0, &["backend", "down", "local"], 0)?[0]["did"], "stopped");
+    Ok(())
+}
+
+fn script_at(path: &Path, script: &str) -> Result<(), Failed> {
+    use std::os::unix::fs::PermissionsExt as _;
+    std::fs::write(path, format!("#!/bin/sh\n{script}\n"))?;
+    Ok(std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755))?)
 }
 
 fn stay(mongod: &Path) -> Result<(), Failed> {

@@ -174,6 +174,11 @@ fn selection(message: &str) -> String {
         .split_once("I/O error: ")
         .map(|(_, behind)| behind.split_once(", labels").map_or(behind, |(cause, _)| cause));
     match cause {
+        _ if message.contains("ReplicaSetNoPrimary") && message.contains("None of the available servers") => {
+            "the replica set has no primary, so nothing can be written: a majority of its members has to be up and \
+             in reach of each other; `rmem backend status` shows them, `rmem backend up` starts those of this robot"
+                .to_owned()
+        }
         Some(cause) => format!("no server answers ({cause}); is it running?"),
         None if message.contains("None of the available servers") => {
             "no server takes this operation (is there a primary? does replicaSet in the URI fit?)".to_owned()
@@ -194,6 +199,14 @@ mod tests {
         let message = "E11000 duplicate key error collection: a.b index: name_1 dup key: { name: \"x}\" }";
         assert_eq!(key(message), "name: \"x}\" (unique index name_1)");
         assert_eq!(key("E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: {} }"), "_id: {}");
+    }
+
+    #[test]
+    fn without_a_primary_it_is_said_what_to_do() {
+        let message = "Server selection timeout: None of the available servers suitable for criteria Write. Topology: \
+            { Type: ReplicaSetNoPrimary, Set Name: shared, Servers: [ { Address: 127.0.0.1:1, Type: Unknown, Error: Kind: \
+            I/O error: Connection refused (os error 111), labels: {} }, { Address: 127.0.0.1:2, Type: RsSecondary } ] }";
+        assert!(selection(message).contains("`rmem backend up` starts those of this robot"), "{}", selection(message));
     }
 
     #[test]
