@@ -5,12 +5,14 @@ mod delivery;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use bson::{Document, doc};
+
 use super::Context;
 use super::query::{argument, blame};
 use crate::cli;
 use crate::exit::Exit;
 use crate::memory::watch::{Trigger, Watch};
-use crate::store::{Next, StoreError};
+use crate::store::{Name, Namespace, Next, StoreError};
 use delivery::{Delivered, Delivery};
 
 /// How long nothing is looked at but the memory.
@@ -24,22 +26,24 @@ const LULL: Duration = Duration::from_millis(20);
 const RETREAT: Duration = Duration::from_millis(500);
 
 pub(super) fn run(args: &cli::Watch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let delivery = Delivery::new(args, context)?;
-    let trigger = trigger(args)?;
+    // The command line has one or the other.
+    let Some(namespace) = &args.namespace else { return names(context) };
+    let delivery = Delivery::new(args, namespace, context)?;
+    let trigger = trigger(args, namespace)?;
     let memory = context.memory()?;
     if let (true, Some(name)) = (args.forget, &args.resume) {
-        return Ok(if memory.forget_watch(&args.namespace, name)? { Exit::Done } else { Exit::No });
+        return Ok(if memory.forget_watch(namespace, name)? { Exit::Done } else { Exit::No });
     }
     let patience = crate::Patience::new();
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.tell_operations();
-    context.output.note(&format!("watching {}", args.namespace));
+    context.output.note(&format!("watching {namespace}"));
     let session = Session {
         args,
+        namespace,
         delivery,
         watch,
         stop: patience.interrupted(),
-        start: Instant::now(),
         delivered: 0,
         behind: false,
         kept: None,
@@ -47,9 +51,28 @@ pub(super) fn run(args: &cli::Watch, context: &mut Context<'_>) -> anyhow::Resul
     session.follow(context)
 }
 
-fn trigger(args: &cli::Watch) -> anyhow::Result<Trigger> {
+/// Lists the names of watches.
+fn names(context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let names = context.memory()?.watch_names()?;
+    context.print_documents(names.iter().map(|name| Ok(listed(name))))?;
+    Ok(Exit::Done)
+}
+
+fn listed(name: &Name) -> Document {
+    let number = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    doc! {
+        "name": &name.name,
+        "ns": name.namespace.to_string(),
+        "process": name.process.map(i64::from),
+        "missed": name.missed,
+        "waiting": name.waiting.map(|waiting| number(waiting.changes)),
+        "bytes": name.waiting.map(|waiting| number(waiting.bytes)),
+    }
+}
+
+fn trigger(args: &cli::Watch, namespace: &Namespace) -> anyhow::Result<Trigger> {
     Ok(Trigger {
-        namespace: args.namespace.clone(),
+        namespace: namespace.clone(),
         filter: argument("<query>", &args.query)?,
         name: args.resume.clone(),
         computed: args.computed,
@@ -60,10 +83,10 @@ fn trigger(args: &cli::Watch) -> anyhow::Result<Trigger> {
 /// What is followed, and how far it is.
 struct Session<'a> {
     args: &'a cli::Watch,
+    namespace: &'a Namespace,
     delivery: Delivery<'a>,
     watch: Watch<'a>,
     stop: &'a AtomicBool,
-    start: Instant,
     delivered: u64,
     /// Whether something was delivered since the position was kept.
     behind: bool,
@@ -101,7 +124,7 @@ impl Session<'_> {
                 }
             }
             if std::mem::take(&mut lost) {
-                context.output.note(&format!("watching {} again", self.args.namespace));
+                context.output.note(&format!("watching {} again", self.namespace));
             }
             self.keep(quiet)?;
         }
@@ -109,7 +132,7 @@ impl Session<'_> {
 
     fn next(&mut self) -> anyhow::Result<Next> {
         let slice = if self.behind { LULL } else { SLICE };
-        let left = self.args.timeout.map_or(slice, |timeout| timeout.saturating_sub(self.start.elapsed()));
+        let left = self.delivery.deadline.map_or(slice, |deadline| deadline.saturating_duration_since(Instant::now()));
         self.watch.next(left.min(slice)).map_err(|error| blame(error, &[("<query>", &self.args.query)]))
     }
 
@@ -130,7 +153,7 @@ impl Session<'_> {
         if self.args.count.is_some_and(|count| self.delivered >= count) {
             return Some(Exit::Done);
         }
-        let over = self.args.timeout.is_some_and(|timeout| self.start.elapsed() >= timeout);
+        let over = self.delivery.deadline.is_some_and(|deadline| Instant::now() >= deadline);
         let enough = self.args.count.is_none() && self.delivered > 0;
         over.then_some(if enough { Exit::Done } else { Exit::No })
     }

@@ -243,7 +243,7 @@ impl Memory {
     pub fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         let work = || {
             let mut found = self.routes.collections()?;
-            found.retain(|ns| !computables::is_records(ns));
+            found.retain(|ns| !ns.is_own());
             Ok(found)
         };
         self.journal.note("collections", None, |found: &Vec<Namespace>| length(found), work)

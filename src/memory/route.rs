@@ -3,7 +3,7 @@
 use std::cell::{Cell, OnceCell};
 
 use crate::query::QueryError;
-use crate::store::{self, Embedded, Namespace, Role, Store, StoreError, StoreUri};
+use crate::store::{self, Embedded, Name, Namespace, Role, Store, StoreError, StoreUri};
 
 /// A store that is opened by its first use.
 pub(super) struct Lazy {
@@ -147,6 +147,20 @@ impl Routes {
                 all.extend(shared.reading()?.collections()?.into_iter().filter(|ns| self.is_shared(ns)));
             }
             all.sort();
+        }
+        Ok(all)
+    }
+
+    /// All names of watches, each of the store its database belongs to, sorted by collection.
+    pub(super) fn names(&self) -> Result<Vec<Name>, StoreError> {
+        let mut all = self.local.reading()?.names()?;
+        if let Some(shared) = &self.shared {
+            all.retain(|name| !self.is_shared(&name.namespace));
+            if !self.shared_databases.is_empty() {
+                let names = shared.reading()?.names()?;
+                all.extend(names.into_iter().filter(|name| self.is_shared(&name.namespace)));
+            }
+            all.sort_by(|a, b| (&a.namespace, &a.name).cmp(&(&b.namespace, &b.name)));
         }
         Ok(all)
     }

@@ -14,7 +14,7 @@ use bson::{Document, RawDocument, RawDocumentBuf};
 
 use super::Memory;
 use crate::query::{Filter, QueryError};
-use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError, stamp};
+use crate::store::{Change, ChangeKind, Changes, Name, Namespace, Next, StoreError, stamp};
 
 /// Which changes are wanted.
 #[derive(Debug, Clone)]
@@ -55,6 +55,16 @@ impl Memory {
     /// Where a process watches by it, or it belongs to another collection.
     pub fn forget_watch(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         self.store(ns)?.forget(ns, name)
+    }
+}
+
+impl Memory {
+    /// The names of watches in both stores.
+    ///
+    /// # Errors
+    /// Where a store fails.
+    pub fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
+        self.routes.names()
     }
 }
 

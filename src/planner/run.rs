@@ -13,7 +13,7 @@ use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
 use crate::pddl::{Domain, Feature, Problem, Validation, Why, validate, why};
 use crate::plan::Plan;
-use crate::process::{self, End, Ended, Host, Job, Limits, Share};
+use crate::process::{self, End, Ended, Host, Job, Limits, Manner, Share};
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
@@ -262,6 +262,7 @@ fn ask(
         folder: None,
         environment: planner.environment(),
         share,
+        manner: Manner::Captured,
         wanted: files::order,
     };
     let mut ended = process::run(&job, limits, host);

@@ -58,8 +58,20 @@ pub(crate) struct Job<'a> {
     pub(crate) environment: Option<&'a [(&'a str, &'a str)]>,
     /// Its part in a limit of memory that several runs share.
     pub(crate) share: Option<Share<'a>>,
+    /// On whose behalf it runs.
+    pub(crate) manner: Manner<'a>,
     /// Which of the files it leaves are wanted: where one stands among them, by its name.
     pub(crate) wanted: fn(&str) -> Option<u64>,
+}
+
+/// On whose behalf a program runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Manner<'a> {
+    /// On rmem's: what it prints is captured, and nothing that it started outlives it.
+    Captured,
+    /// On the user's: it prints where rmem does, has these variables as well, and may leave something in
+    /// the background when it ends by itself.
+    Attached(&'a [(&'a str, &'a str)]),
 }
 
 /// How a program ended.
@@ -200,6 +212,9 @@ impl Warden {
         if let Some(bytes) = limits.memory {
             command.arg("--memory").arg(bytes.to_string());
         }
+        if let Manner::Attached(variables) = job.manner {
+            command.arg("--attached").envs(variables.iter().copied());
+        }
         if job.input.is_some() {
             command.arg("--input").arg(directory.path().join(INPUT));
         }
@@ -213,7 +228,9 @@ impl Warden {
         }
         command.current_dir(directory.path()).process_group(0);
         command.stdin(Stdio::from(OwnedFd::from(theirs)));
-        command.stdout(stream(directory.path(), "stdout")?).stderr(stream(directory.path(), "stderr")?);
+        if job.manner == Manner::Captured {
+            command.stdout(stream(directory.path(), "stdout")?).stderr(stream(directory.path(), "stderr")?);
+        }
         let process = command.spawn()?;
         Ok(Self { process, lifeline: ours, pending: String::new(), group: None, directory: Some(directory) })
     }

@@ -1,7 +1,7 @@
 //! The warden: the process between rmem and a program.
 //!
 //! rmem starts itself again as `rmem __warden [--memory BYTES] [--input FILE] [--folder DIR]
-//! --directory DIR -- PROGRAM ARGUMENT…`, with one end of a socket pair as standard input,
+//! [--attached] --directory DIR -- PROGRAM ARGUMENT…`, with one end of a socket pair as standard input,
 //! the *lifeline*. The warden starts the program in a process group of its own under
 //! limits, adopts whatever the program leaves behind (it is a subreaper), and says on
 //! the lifeline what happens, one line each:
@@ -19,7 +19,8 @@
 //! rmem says `stop`, and the group gets TERM, a grace, then KILL; `starve`, and it gets KILL at once,
 //! because several runs together are over a limit of memory; or `done`, when it has read what it wants. An end of the lifeline without `done` means that rmem died:
 //! the warden stops the program and removes the directory. When the warden reports
-//! the end, nothing that the program started is alive.
+//! the end, nothing that the program started is alive; but an *attached* program, one that
+//! the user gave, may leave something in the background when it ends by itself.
 //!
 //! The program is started through rmem once more, as `rmem __warden --exec …`: that
 //! process binds its life to the warden's, takes the limits upon itself, and becomes the
@@ -52,6 +53,9 @@ use super::{launch, usage};
 /// How long a program has between TERM and KILL.
 pub(super) const GRACE: Duration = Duration::from_millis(500);
 
+/// The same for a program that the user gave, which may have a robot to stop.
+const LONG_GRACE: Duration = Duration::from_secs(2);
+
 /// How long the warden tries to bury what is left.
 const BURIAL: Duration = Duration::from_secs(3);
 
@@ -76,7 +80,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let Ok(lifeline) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
     let mut lifeline = Lifeline { stream: UnixStream::from(lifeline), pending: String::new(), lost: false };
     let said = match order.start(&mut lifeline) {
-        Ok(Started::Running(child)) => Ward { child, limit: order.memory, peak: 0 }.watch(&mut lifeline),
+        Ok(Started::Running(child)) => {
+            let ward = Ward { child, attached: order.attached, stopped: false, limit: order.memory, peak: 0 };
+            ward.watch(&mut lifeline)
+        }
         Ok(Started::Refused(words)) => words,
         Err(error) => format!("failed {error}"),
     };
@@ -96,6 +103,8 @@ struct Order {
     input: Option<OsString>,
     /// Where it runs; else in the directory.
     folder: Option<PathBuf>,
+    /// Whether it is a program that the user gave.
+    attached: bool,
     program: OsString,
     arguments: Vec<OsString>,
 }
@@ -103,8 +112,10 @@ struct Order {
 impl Order {
     fn read(mut arguments: impl Iterator<Item = OsString>) -> Option<Self> {
         let (mut directory, mut memory, mut input, mut folder) = (None, None, None, None);
+        let mut attached = false;
         loop {
             match arguments.next()?.to_str()? {
+                "--attached" => attached = true,
                 "--directory" => directory = Some(PathBuf::from(arguments.next()?)),
                 "--memory" => memory = Some(arguments.next()?.to_str()?.parse().ok()?),
                 "--input" => input = Some(arguments.next()?),
@@ -114,7 +125,7 @@ impl Order {
             }
         }
         let (directory, program) = (directory?, arguments.next()?);
-        Some(Self { directory, memory, input, folder, program, arguments: arguments.collect() })
+        Some(Self { directory, memory, input, folder, attached, program, arguments: arguments.collect() })
     }
 
     fn start(&self, lifeline: &mut Lifeline) -> io::Result<Started> {
@@ -228,6 +239,10 @@ impl Lifeline {
 /// The program under watch.
 struct Ward {
     child: Child,
+    /// Whether what it leaves in the background may live.
+    attached: bool,
+    /// Whether it was told to end.
+    stopped: bool,
     /// The limit of memory, in bytes.
     limit: Option<u64>,
     peak: u64,
@@ -245,8 +260,10 @@ impl Ward {
     fn watch(mut self, lifeline: &mut Lifeline) -> String {
         let group = Pid::from_child(&self.child);
         let status = self.outlive(group, lifeline);
-        let _ = kill_process_group(group, Signal::KILL);
-        bury();
+        if !self.attached || self.stopped || !matches!(status, Ok(Watched::Ended(_))) {
+            let _ = kill_process_group(group, Signal::KILL);
+            bury();
+        }
         match status {
             Ok(Watched::Ended(status)) => match status.code() {
                 Some(code) => format!("exited {code} {} {}", self.peak, spent()),
@@ -270,7 +287,8 @@ impl Ward {
                 match lifeline.hear().as_deref() {
                     None | Some("stop") => {
                         let _ = kill_process_group(group, Signal::TERM);
-                        deadline = Some(Instant::now() + GRACE);
+                        self.stopped = true;
+                        deadline = Some(Instant::now() + if self.attached { LONG_GRACE } else { GRACE });
                     }
                     Some("starve") => return self.starve(group),
                     Some(_) => {}

@@ -24,7 +24,7 @@ pub use index::Index;
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
 pub use uri::{Role, StoreUri, UriError, open};
-pub use watch::{Change, ChangeKind, Changes, Next};
+pub use watch::{Change, ChangeKind, Changes, Name, Next};
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
@@ -98,6 +98,9 @@ pub trait Store: Send {
 
     /// Forgets a name of [`Store::watch`]; says whether there was one.
     fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
+
+    /// All names of [`Store::watch`], sorted by collection.
+    fn names(&self) -> Result<Vec<Name>, StoreError>;
 
     /// Runs operations so that all they do is kept or, where they fail, nothing; a process
     /// that is killed has done nothing. Others wait with their writes meanwhile. Where

@@ -62,6 +62,15 @@ impl Namespace {
     }
 }
 
+impl Namespace {
+    /// Whether rmem keeps something of its own there: what computables are good for, how far watches are.
+    /// Such collections are in no list of collections, and no dump of all.
+    #[must_use]
+    pub fn is_own(&self) -> bool {
+        self.collection.starts_with("rmem.")
+    }
+}
+
 impl FromStr for Namespace {
     type Err = NamespaceError;
 

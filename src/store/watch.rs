@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bson::{Bson, DateTime, RawDocumentBuf};
 
-use super::StoreError;
+use super::{Namespace, StoreError};
 
 /// What was done to a document, or to the collection as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -52,6 +52,30 @@ pub struct Change {
     pub time: DateTime,
     /// Where in the store's own order; unique.
     pub position: String,
+}
+
+/// A name by which the changes of a collection are followed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Name {
+    /// The name.
+    pub name: String,
+    /// Of which collection.
+    pub namespace: Namespace,
+    /// The process that follows them now.
+    pub process: Option<u32>,
+    /// Whether changes that were not delivered are gone.
+    pub missed: bool,
+    /// What is kept until it is delivered, where the store keeps it for the name.
+    pub waiting: Option<Waiting>,
+}
+
+/// Changes that wait to be delivered.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Waiting {
+    /// How many.
+    pub changes: u64,
+    /// About how many bytes.
+    pub bytes: u64,
 }
 
 /// What waiting for a change gave.

@@ -218,6 +218,28 @@ fn nobody_watching_costs_nothing_and_the_dead_keep_nothing() {
 }
 
 #[test]
+fn names_are_listed_with_what_waits_for_them() {
+    let lab = Lab::new();
+    assert_eq!(lab.rmem(&["watch", "--names"]).success(), "");
+    lab.rmem(&["watch", "a.c", "--resume", "idle", "--timeout", "10ms"]).exits(1);
+    let watch = Watch::start(&lab, &["a.b", "--resume", "busy"]);
+    lab.rmem(&["insert", "a.c", "{_id: 1}", "{_id: 2}"]).success();
+    let names = lab.rmem(&["watch", "--names"]).success();
+    let (busy, idle) = names.trim_end().split_once('\n').unwrap();
+    let process = watch.child.id();
+    let expected = format!(r#"{{"name":"busy","ns":"a.b","process":{process},"missed":false,"waiting":0,"bytes":0}}"#);
+    assert_eq!(busy, expected);
+    assert!(
+        idle.starts_with(r#"{"name":"idle","ns":"a.c","process":null,"missed":false,"waiting":2,"bytes":1"#),
+        "{idle}"
+    );
+    lab.rmem(&["watch", "a.c", "--resume", "idle", "--forget"]).success();
+    assert_eq!(lab.rmem(&["watch", "--names"]).success().lines().count(), 1);
+    lab.rmem(&["watch"]).exits(2);
+    lab.rmem(&["watch", "a.b", "--names"]).exits(2);
+}
+
+#[test]
 fn who_missed_changes_is_told_what_to_do() {
     let lab = Lab::new();
     lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
@@ -273,6 +295,39 @@ fn an_interrupted_command_is_ended_and_its_change_comes_again() {
     assert_eq!(watch.end().0, 130);
     let again = lab.rmem(&["watch", "a.b", "--resume", "x", "--count", "1"]).success();
     assert!(again.contains(r#""_id":1"#), "{again}");
+}
+
+#[test]
+fn a_killed_watch_leaves_no_command_behind() {
+    let lab = Lab::new();
+    let watch = Watch::start(&lab, &["a.b", "--exec", "sleep 1000 & echo $$ $!; wait"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    let line = watch.next();
+    watch.signal("KILL");
+    watch.end();
+    let since = Instant::now();
+    for process in line.split(' ') {
+        let is_there = || std::fs::read(format!("/proc/{process}/cmdline")).is_ok_and(|line| !line.is_empty());
+        while is_there() {
+            assert!(since.elapsed() < PATIENCE, "process {process} of `{line}` does not end");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+#[test]
+fn what_a_command_leaves_in_the_background_lives_on() {
+    let lab = Lab::new();
+    let line = "(while ! [ -e go ]; do sleep 0.02; done; touch went) > /dev/null 2>&1 &";
+    let watch = Watch::start(&lab, &["a.b", "--exec", line, "--count", "1"]);
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    assert_eq!(watch.end(), (0, vec![]));
+    lab.write("go", "");
+    let since = Instant::now();
+    while !lab.path().join("went").exists() {
+        assert!(since.elapsed() < PATIENCE, "it did not live on");
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 use rmem::memory::Memory;
 use rmem::memory::watch::{Trigger, Watch, event};
-use rmem::store::{Namespace, Next, StoreUri, UpdateSpec};
+use rmem::store::{Name, Namespace, Next, StoreUri, UpdateSpec};
 
 use crate::mongod::Mongod;
 use crate::watching::{Heard, PATIENCE, Pause, Watching, Writers, drain, killed_watch, kills, namespace, update};
@@ -153,7 +153,15 @@ fn a_name_goes_on(uri: &str) -> Result<(), Failed> {
     drop(watch);
     let other_ns = other.watch(trigger(&namespace("else"), Some("x"))).err().ok_or("a name has two collections")?;
     assert!(other_ns.to_string().contains("the name `x` follows watching.named"), "{other_ns}");
-    assert!(other.watch(trigger(&namespace("watchers"), None)).is_err());
+    assert!(other.watch(trigger(&namespace("rmem.watchers"), None)).is_err());
+    let own = |names: Vec<Name>| names.into_iter().filter(|name| name.namespace == ns).collect::<Vec<_>>();
+    let free = Name { name: "x".into(), namespace: ns.clone(), process: None, missed: false, waiting: None };
+    assert_eq!(own(memory.watch_names()?), [free.clone()]);
+    let watch = other.watch(trigger(&ns, Some("x")))?;
+    assert_eq!(own(memory.watch_names()?), [Name { process: Some(std::process::id()), ..free }]);
+    drop(watch);
+    let shown = memory.collections()?;
+    assert!(shown.contains(&ns) && shown.iter().all(|shown| !shown.collection.contains("watchers")), "{shown:?}");
     assert!(memory.forget_watch(&ns, "x")? && !memory.forget_watch(&ns, "x")?);
     Ok(())
 }

@@ -20,7 +20,8 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
 /// What needs no server.
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![Trial::test("watching::a_killed_watch_of_a_file_misses_nothing", kill_watch_of_a_file)]
+    let by_hand = Trial::test("watching::benchmark::how_soon_a_change_is_heard_of", latency).with_ignored_flag(true);
+    vec![Trial::test("watching::a_killed_watch_of_a_file_misses_nothing", kill_watch_of_a_file), by_hand]
 }
 
 pub(crate) fn namespace(name: &str) -> Namespace {
@@ -219,4 +220,50 @@ fn kill_watch_of_a_file() -> Result<(), Failed> {
     let path = folder.path().join("robot.rmem");
     drop(Embedded::open(&path)?);
     killed_watch(&format!("file:{}", path.display()), &namespace("killed"))
+}
+
+/// How long it takes from before a change until another process has printed it, and what a watch
+/// costs while nothing happens: a benchmark, by hand.
+fn latency() -> Result<(), Failed> {
+    const CHANGES: usize = 1_000;
+    const IDLE: Duration = Duration::from_secs(60);
+    let folder = tempfile::tempdir()?;
+    let (uri, ns) = (format!("file:{}", folder.path().join("robot.rmem").display()), namespace("latency"));
+    let store = open(&StoreUri::parse(&uri)?, Role::Local)?;
+    store.insert(&ns, vec![doc! {}])?;
+    let watching = Watching::start(&uri, &ns, folder.path())?;
+    let before = processor_time(watching.child.id())?;
+    std::thread::sleep(IDLE);
+    let idle = processor_time(watching.child.id())? - before;
+    let mut pause = Pause::new();
+    let mut written = Vec::new();
+    let mut heard = Vec::new();
+    for n in 0..CHANGES {
+        // Long enough that the watch sleeps again.
+        std::thread::sleep(Duration::from_millis(5));
+        pause.sleep(40_000);
+        let start = Instant::now();
+        store.insert(&ns, vec![doc! { "_id": i64::try_from(n)? }])?;
+        written.push(start.elapsed());
+        watching.lines.recv_timeout(PATIENCE)?;
+        heard.push(start.elapsed());
+    }
+    written.sort();
+    heard.sort();
+    eprintln!(
+        "{CHANGES} inserts: stored in {:?} (median), printed by a watch in {:?} (median), {:?} (99 %), {:?} (all)",
+        written[CHANGES / 2],
+        heard[CHANGES / 2],
+        heard[CHANGES * 99 / 100],
+        heard[CHANGES - 1]
+    );
+    eprintln!("a watch of nothing used {} ms of a processor in {IDLE:?}", idle * 10);
+    Ok(())
+}
+
+/// The processor time of a process, in hundredths of a second: two fields of its `stat`.
+fn processor_time(process: u32) -> Result<u64, Failed> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat"))?;
+    let (_, fields) = stat.rsplit_once(") ").ok_or("no fields")?;
+    Ok(fields.split(' ').skip(11).take(2).filter_map(|field| field.parse::<u64>().ok()).sum())
 }

@@ -9,7 +9,7 @@ use rmem::memory::Memory;
 use rmem::pddl::Domain;
 use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names};
 use rmem::store::embedded::Embedded;
-use rmem::store::{Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
+use rmem::store::{Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
 
 fn memory(documents: Vec<Document>) -> Memory {
     let memory = Memory::new(Box::new(Embedded::in_memory().expect("a store")), None, Vec::new());
@@ -395,6 +395,10 @@ impl Store for Talkative {
     }
 
     fn forget(&self, _: &Namespace, _: &str) -> Result<bool, StoreError> {
+        unreachable!("templates only read")
+    }
+
+    fn names(&self) -> Result<Vec<Name>, StoreError> {
         unreachable!("templates only read")
     }
 }

@@ -1,15 +1,12 @@
 //! Delivering a change: a line on stdout, or a command that is run.
 
-use std::io::Write as _;
-use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
-use std::process::{Command, ExitStatus, Stdio};
+use std::ffi::OsStr;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use bson::Document;
-use rustix::process::{Pid, Signal, kill_process_group};
 
 use crate::cli;
 use crate::commands::{Context, WrongInput};
@@ -18,20 +15,19 @@ use crate::formats::clips::{write_fact, write_value};
 use crate::formats::shell;
 use crate::memory::watch::{Watch, event};
 use crate::output::Format;
-use crate::store::{Change, Namespace};
+use crate::process::{self, End, Host, Job, Limits, Manner};
+use crate::store::{Change, Namespace, StoreError};
 
 /// How often a running command is looked after.
 const SLICE: Duration = Duration::from_millis(100);
-/// How long a command that is told to end may take.
-const GRACE: Duration = Duration::from_secs(2);
 
 /// How changes are delivered.
 pub(super) struct Delivery<'a> {
     namespace: &'a Namespace,
     name: Option<&'a str>,
     exec: Option<&'a str>,
-    /// When a running command is ended.
-    deadline: Option<Instant>,
+    /// When the watch is over, and a running command is ended.
+    pub(super) deadline: Option<Instant>,
     format: Format,
 }
 
@@ -46,11 +42,11 @@ pub(super) enum Delivered {
 }
 
 impl<'a> Delivery<'a> {
-    pub(super) fn new(args: &'a cli::Watch, context: &Context<'_>) -> anyhow::Result<Self> {
+    pub(super) fn new(args: &'a cli::Watch, namespace: &'a Namespace, context: &Context<'_>) -> anyhow::Result<Self> {
         let format = context.format(&[Format::Jsonl, Format::Canonical, Format::Clips])?;
         let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
         let (name, exec) = (args.resume.as_deref(), args.exec.as_deref());
-        Ok(Self { namespace: &args.namespace, name, exec, deadline, format })
+        Ok(Self { namespace, name, exec, deadline, format })
     }
 
     /// Delivers one change, and tells how long that took.
@@ -70,10 +66,7 @@ impl<'a> Delivery<'a> {
                 context.output.flush()?;
                 Delivered::Well
             }
-            Some(line) => {
-                let mut command = self.command(line, change);
-                run(&mut command, text, watch, stop, self.deadline)?
-            }
+            Some(line) => self.run(line, change, &text, watch, stop, &context.host())?,
         };
         let id = event.get("_id").map(shell::relaxed_value).unwrap_or_default();
         let outcome = match delivered {
@@ -107,60 +100,84 @@ impl<'a> Delivery<'a> {
         Ok(text)
     }
 
-    fn command(&self, line: &str, change: &Change) -> Command {
-        let mut command = Command::new("sh");
-        command
-            .args(["-c", line])
-            .env("RMEM_OPERATION", change.kind.name())
-            .env("RMEM_NAMESPACE", self.namespace.to_string())
-            .env("RMEM_POSITION", &change.position)
-            .stdin(Stdio::piped())
-            .process_group(0);
-        command
+    /// Runs the command for a change, with `text` on its stdin.
+    fn run(
+        &self,
+        line: &str,
+        change: &Change,
+        text: &str,
+        watch: &mut Watch<'_>,
+        stop: &AtomicBool,
+        host: &Host<'_>,
+    ) -> anyhow::Result<Delivered> {
+        let namespace = self.namespace.to_string();
+        let variables = [
+            ("RMEM_OPERATION", change.kind.name()),
+            ("RMEM_NAMESPACE", &namespace),
+            ("RMEM_POSITION", &change.position),
+        ];
+        let job = Job {
+            program: OsStr::new("sh"),
+            arguments: &["-c".into(), line.into()],
+            files: &[],
+            input: Some(text),
+            folder: Some(Path::new(".")),
+            environment: None,
+            share: None,
+            manner: Manner::Attached(&variables),
+            wanted: |_| None,
+        };
+        let time = self.deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
+        verdict(attend(&job, &Limits { time, ..Limits::default() }, host, watch, stop)?)
     }
 }
 
-/// Runs a command with `text` on its stdin until it ends, somebody interrupts, or the time is over.
-fn run(
-    command: &mut Command,
-    text: String,
+/// Runs a program to its end, or until somebody interrupts, and shows meanwhile that the watch lives.
+fn attend(
+    job: &Job<'_>,
+    limits: &Limits,
+    host: &Host<'_>,
     watch: &mut Watch<'_>,
     stop: &AtomicBool,
-    deadline: Option<Instant>,
-) -> anyhow::Result<Delivered> {
-    let mut child = command.spawn().context("cannot run sh")?;
-    let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
-    if let Some(mut stdin) = child.stdin.take() {
-        // A command that does not read all of it closes its stdin; that is its business.
-        std::thread::spawn(move || drop(stdin.write_all(text.as_bytes())));
-    }
-    let (sender, ended) = channel();
-    std::thread::spawn(move || drop(sender.send(child.wait())));
-    let mut told = None;
-    loop {
-        match ended.recv_timeout(SLICE) {
-            Ok(_) if told.is_some() => return Ok(Delivered::Interrupted),
-            Ok(status) => return Ok(verdict(status.context("cannot wait for the command")?)),
-            Err(RecvTimeoutError::Disconnected) => anyhow::bail!("cannot wait for the command"),
-            Err(RecvTimeoutError::Timeout) => {}
+) -> Result<End, StoreError> {
+    let quit = AtomicBool::new(false);
+    let host = Host { interrupted: &quit, ..host.clone() };
+    std::thread::scope(|scope| {
+        let (sender, ended) = channel();
+        let host = &host;
+        let running = scope.spawn(move || drop(sender.send(process::run(job, limits, host).end)));
+        loop {
+            match ended.recv_timeout(SLICE) {
+                Ok(end) => return Ok(end),
+                Err(RecvTimeoutError::Disconnected) => return Ok(End::Failed("it was lost".to_owned())),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            let renewed = watch.renew();
+            if renewed.is_err() || stop.load(Ordering::Relaxed) {
+                quit.store(true, Ordering::Relaxed);
+            }
+            if renewed.is_err() {
+                // Whoever has the name now runs the command for the same change: this one ends first.
+                let _ = running.join();
+                return renewed.map(|()| End::Interrupted);
+            }
         }
-        watch.renew()?;
-        let is_over = deadline.is_some_and(|deadline| Instant::now() >= deadline);
-        if !stop.load(Ordering::Relaxed) && !is_over {
-            continue;
-        }
-        let since = *told.get_or_insert_with(Instant::now);
-        let signal = if since.elapsed() < GRACE { Signal::TERM } else { Signal::KILL };
-        // A group that has just ended needs no signal.
-        let _ = group.map(|group| kill_process_group(group, signal));
-    }
+    })
 }
 
 /// What the shell would say of it.
-fn verdict(status: ExitStatus) -> Delivered {
-    match (status.code(), status.signal()) {
-        (Some(0), _) => Delivered::Well,
-        (Some(code), _) => Delivered::Badly(u8::try_from(code).unwrap_or(u8::MAX)),
-        (None, signal) => Delivered::Badly(u8::try_from(128 + signal.unwrap_or_default()).unwrap_or(u8::MAX)),
-    }
+fn verdict(end: End) -> anyhow::Result<Delivered> {
+    let code = match end {
+        End::Exited(code) => code,
+        End::Signalled(signal) => 128 + signal,
+        End::Interrupted | End::OutOfTime => return Ok(Delivered::Interrupted),
+        End::Missing => return Err(unrunnable("there is no sh")),
+        End::NoInterpreter(_) | End::Starved | End::TooMuchOutput => return Err(unrunnable("it was stopped")),
+        End::Failed(words) => return Err(unrunnable(&words)),
+    };
+    Ok(if code == 0 { Delivered::Well } else { Delivered::Badly(u8::try_from(code).unwrap_or(u8::MAX)) })
+}
+
+fn unrunnable(words: &str) -> anyhow::Error {
+    anyhow::Error::new(std::io::Error::other(words.to_owned())).context("cannot run the command of --exec")
 }

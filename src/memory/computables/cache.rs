@@ -28,14 +28,9 @@ pub(super) fn records(ns: &Namespace) -> Namespace {
     Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() }
 }
 
-/// Whether a namespace is the memory's own, for entries.
-pub(in crate::memory) fn is_records(ns: &Namespace) -> bool {
-    ns.collection == COLLECTION
-}
-
 /// Removes all entries for a collection whose documents are gone.
 pub(in crate::memory) fn forget(store: &dyn Store, ns: &Namespace) -> Result<(), StoreError> {
-    if is_records(ns) {
+    if ns.is_own() {
         return Ok(());
     }
     store.delete(&records(ns), &doc! { "collection": &ns.collection }, false).map(|_| ())

@@ -14,7 +14,7 @@ use bson::Document;
 
 use super::body::{Asked, Body, ComputeError};
 use crate::formats::{Source, shell};
-use crate::process::{self, End, Ended, Host, Job, Limits};
+use crate::process::{self, End, Ended, Host, Job, Limits, Manner};
 
 /// What a program may print, in bytes.
 const MOST_OUTPUT: u64 = 64 << 20;
@@ -58,6 +58,7 @@ impl Command {
             folder: Some(&self.folder),
             environment: None,
             share: None,
+            manner: Manner::Captured,
             wanted: |_| None,
         };
         let limits = Limits { time: Some(self.timeout), memory: None, output: MOST_OUTPUT };

@@ -42,6 +42,6 @@ pub use registry::{Computable, Registry};
 pub use report::Computed;
 
 pub(super) use answer::Computables;
-pub(super) use cache::{forget, is_records};
+pub(super) use cache::forget;
 pub(super) use questions::{questions, target, visible_stages};
 pub(super) use view::View;

@@ -11,7 +11,7 @@ use super::wake::Ear;
 use super::watcher::{self, State, Taken, Watcher};
 use super::{Embedded, Place, log};
 use crate::query::QueryError;
-use crate::store::{Change, Changes, Namespace, Next, StoreError};
+use crate::store::{Change, Changes, Name, Namespace, Next, StoreError};
 
 /// At most so many changes are read at once …
 const PAGE: usize = 256;
@@ -20,7 +20,7 @@ const PAGE_BYTES: usize = 1 << 20;
 /// How often a watcher without a name says how far it is, and each says that it lives.
 const PULSE: Duration = Duration::from_secs(15);
 /// How long a position may wait to be written while others are writing all the time.
-const DEFERRAL: Duration = Duration::from_secs(30);
+const DEFERRAL: Duration = Duration::from_secs(5);
 /// After so many changes, a watcher without a name says how far it is.
 const STRIDE: i64 = 1_000;
 
@@ -74,6 +74,11 @@ impl Embedded {
         };
         feed.turn()?;
         Ok(Box::new(feed))
+    }
+
+    /// The names, and what is kept for each.
+    pub(super) fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
+        watcher::names(&self.connection).map_err(|e| self.explain(&e))
     }
 
     /// Forgets how far a name is; says whether there was one.

@@ -8,7 +8,7 @@ use super::catalog::Collection;
 use super::log::Noted;
 use super::{Embedded, failure, file, patience};
 use crate::store::{
-    Changes, Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
+    Changes, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
 };
 
 impl Store for Embedded {
@@ -95,6 +95,10 @@ impl Store for Embedded {
 
     fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         self.forget_name(ns, name)
+    }
+
+    fn names(&self) -> Result<Vec<Name>, StoreError> {
+        self.watch_names()
     }
 
     fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {

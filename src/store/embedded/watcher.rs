@@ -8,6 +8,7 @@ use rusqlite::{Connection, OptionalExtension as _, params};
 use super::log;
 use crate::store::Namespace;
 use crate::store::holder::{Holder, Life};
+use crate::store::watch::{Name, Waiting};
 
 /// A process that cannot be seen from here counts as alive for so long after it was heard of.
 const SILENCE: i64 = 60_000;
@@ -121,6 +122,32 @@ pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) 
 fn find(connection: &Connection, name: &str) -> rusqlite::Result<Option<Row>> {
     let sql = "SELECT id, database, collection, position, holder, beat FROM watchers WHERE name = ?";
     connection.prepare_cached(sql)?.query_row([name], row).optional()
+}
+
+/// The names, and what is kept for each.
+pub(super) fn names(connection: &Connection) -> rusqlite::Result<Vec<Name>> {
+    let sql = "SELECT id, database, collection, position, holder, beat, name, missed,
+                   (SELECT count(*) FROM changes WHERE database = watchers.database
+                        AND collection = watchers.collection AND sequence > watchers.position),
+                   (SELECT total(coalesce(length(before), 0) + coalesce(length(after), 0)) FROM changes
+                        WHERE database = watchers.database AND collection = watchers.collection
+                          AND sequence > watchers.position)
+               FROM watchers WHERE name IS NOT NULL ORDER BY database, collection, name";
+    let mut statement = connection.prepare(sql)?;
+    let names = statement.query_map([], |found| {
+        let watcher = row(found)?;
+        let (changes, bytes): (i64, f64) = (found.get(8)?, found.get(9)?);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of lengths")]
+        let waiting = Waiting { changes: u64::try_from(changes).unwrap_or_default(), bytes: bytes as u64 };
+        Ok(Name {
+            name: found.get(6)?,
+            process: watcher.holder().map(|holder| holder.process()),
+            namespace: watcher.namespace,
+            missed: found.get(7)?,
+            waiting: Some(waiting),
+        })
+    })?;
+    names.collect()
 }
 
 /// Forgets a name. In a write transaction only.

@@ -1,4 +1,5 @@
-//! Names of watches: how far each is, kept in the collection `watchers` of the watched database.
+//! Names of watches: how far each is, kept in the collection `rmem.watchers` of the watched database,
+//! one of those that a memory does not show.
 //!
 //! `{_id: NAME, namespace, token, holder, until}`: the token of the last change that is
 //! done, which process has the name, and until when it is believed to live where nobody
@@ -12,10 +13,11 @@ use mongodb::sync::Collection;
 
 use super::{MongoDb, failure};
 use crate::store::holder::{Holder, Life};
-use crate::store::{Namespace, StoreError};
+use crate::store::watch::Name;
+use crate::store::{Namespace, Store as _, StoreError};
 
 /// The collection of names.
-pub(super) const COLLECTION: &str = "watchers";
+pub(super) const COLLECTION: &str = "rmem.watchers";
 /// How long a process that cannot be seen is believed to live, in milliseconds.
 const LEASE: i64 = 15_000;
 /// How often it says that it lives.
@@ -134,6 +136,39 @@ impl MongoDb {
         names.delete_one(mine).run().map_err(|e| self.explain(&e))?;
         Ok(true)
     }
+}
+
+impl MongoDb {
+    /// The names, and who follows each.
+    pub(super) fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
+        let mut names = Vec::new();
+        for place in self.collections()?.into_iter().filter(|place| place.collection == COLLECTION) {
+            let kept: Collection<Document> = self.client().database(&place.database).collection(COLLECTION);
+            let now = doc! { "$gt": ["$until", "$$NOW"] };
+            let stages = [doc! { "$sort": { "_id": 1 } }, doc! { "$set": { "leased": now } }];
+            for found in kept.aggregate(stages).run().map_err(|e| self.explain(&e))? {
+                names.extend(name(&found.map_err(|e| self.explain(&e))?));
+            }
+        }
+        Ok(names)
+    }
+}
+
+fn name(found: &Document) -> Option<Name> {
+    let holder = found.get_str("holder").ok().and_then(|holder| holder.parse::<Holder>().ok());
+    let is_leased = found.get_bool("leased").unwrap_or(false);
+    let is_followed = |holder: &Holder| match holder.life() {
+        Life::Running => true,
+        Life::Over => false,
+        Life::Unseen | Life::Elsewhere => is_leased,
+    };
+    Some(Name {
+        name: found.get_str("_id").ok()?.to_owned(),
+        namespace: Namespace::parse(found.get_str("namespace").ok()?).ok()?,
+        process: holder.filter(is_followed).map(|holder| holder.process()),
+        missed: false,
+        waiting: None,
+    })
 }
 
 fn check_namespace(found: &Document, ns: &Namespace, name: &str) -> Result<(), StoreError> {

@@ -10,7 +10,8 @@ use crate::query::QueryError;
 use crate::store::document::{settle, with_id_first};
 use crate::store::stamp;
 use crate::store::{
-    Changes, Documents, Find, Index, Inserted, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec, Updated,
+    Changes, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec,
+    Updated,
 };
 
 /// The server's own databases.
@@ -183,6 +184,10 @@ impl Store for MongoDb {
 
     fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         self.forget_name(ns, name)
+    }
+
+    fn names(&self) -> Result<Vec<Name>, StoreError> {
+        self.watch_names()
     }
 
     fn describe(&self) -> String {
