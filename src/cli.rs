@@ -203,7 +203,15 @@ mutexes of the first of shared_databases, or of robmem where none is shared."
 Computables are [[computable]] tables in rmem.toml: a name, a collection, a spec, and a pipeline, a\n\
 command or a builtin (transform, nearest). One runs when a query, count, distinct, aggregate or template\n\
 asks its collection a query that, as a document, matches its spec; its documents are stored there, and\n\
-for the time of its cache an equal query computes nothing. --check computes nothing."
+for the time of its cache an equal query computes nothing, unless they were changed or removed.\n\
+--check computes nothing.\n\n\
+A pipeline may use the asked query: '$$query.KEY' is the value of a key in an expression, nothing\n\
+where the query has no such key; in a filter or $limit it stands for the value as it is:\n\n\
+[[computable]]\n\
+name = \"below\"\n\
+collection = \"robmem.blocks\"\n\
+spec = \"{below: {$exists: true}}\"\n\
+pipeline = \"[{$match: {z: {$lt: '$$query.below'}}}, {$project: {_id: 0, block: 1, below: '$$query.below'}}]\""
     )]
     Computables(Computables),
     /// Generate a PDDL problem from a template whose sections are queries
@@ -219,11 +227,11 @@ problem says so; exits with 1 where it does not."
     /// Find a plan, check it, store it, print it
     #[command(
         after_help = "Examples:\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  rmem gen-problem --template problem.pddl.j2 | rmem plan --domain domain.pddl --problem -\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --watch\n\n\
-With --watch, rmem prints a plan and stays. When a collection that the template asks changes, the\n\
-steps that are not done are simulated from the memory as it is then; a plan that holds is left\n\
-alone, any other is replaced by a new one, stored and printed. While a step is noted as begun\n\
-(plan step ID N --started), the world is in between, and nothing is done until it is noted as\n\
-ended. Ends when it is interrupted."
+With --watch, rmem prints a plan and stays. When a collection changes that the template asks, or that\n\
+pipelines of its computables are made from, or a step is noted as ended, the steps that are not done\n\
+are simulated from the memory as it is then; a plan that holds is left alone, any other is replaced\n\
+by a new one, stored and printed. While a step is noted as begun (plan step ID N --started), the\n\
+world is in between, and nothing is done until it is noted as ended. Ends when it is interrupted."
     )]
     Plan(Plan),
     /// Run the built-in planner, speaking FF

@@ -51,14 +51,8 @@ pub(super) fn owned(document: bson::RawDocumentBuf) -> Result<bson::Document, St
 /// in the first of the texts that has it; the kind of any other error stays.
 pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> anyhow::Error {
     let StoreError::Query(query) = &error else { return error.into() };
-    let words = query
-        .operator
-        .iter()
-        .map(String::as_str)
-        .chain(query.message.split(|c: char| c != '$' && !c.is_alphanumeric()));
-    let words: Vec<&str> = words.filter(|word| word.starts_with('$') && word.len() > 1).collect();
-    let place = words
-        .iter()
+    let place = query
+        .operators()
         .find_map(|word| texts.iter().find_map(|(name, text)| Some((*name, *text, text.find(word)?, word.len()))));
     match (place, texts) {
         (Some((name, text, start, length)), _) => {

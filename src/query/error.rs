@@ -1,5 +1,7 @@
 //! Why a query, update, projection, sort or pipeline is refused or failed.
 
+use std::ops::Range;
+
 /// Why a query, update, projection, sort or pipeline is refused or failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
@@ -25,6 +27,19 @@ pub(super) const FAILED_TO_PARSE: i32 = 9;
 pub(super) const TYPE_MISMATCH: i32 = 14;
 
 impl QueryError {
+    /// Where a text has the operator that is complained about, or the first one that the message names.
+    #[must_use]
+    pub fn place(&self, text: &str) -> Option<Range<usize>> {
+        self.operators().find_map(|word| text.find(word).map(|start| start..start + word.len()))
+    }
+
+    /// The operator that is complained about, and those that the message names.
+    pub fn operators(&self) -> impl Iterator<Item = &str> {
+        let named = self.message.split(|c: char| c != '$' && !c.is_alphanumeric());
+        let words = self.operator.as_deref().into_iter().chain(named);
+        words.filter(|word| word.starts_with('$') && word.len() > 1)
+    }
+
     /// A mistake in the query.
     #[must_use]
     pub fn invalid(code: i32, message: impl Into<String>) -> Self {

@@ -9,9 +9,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::cli::quantity;
-use crate::formats::{Source, shell};
-use crate::memory::computables::{BUILTINS, Definition, Kind};
-use crate::query::Filter;
+use crate::formats::{Diagnostic, Source, shell};
+use crate::memory::computables::{BUILTINS, Definition, Kind, check_pipeline};
+use crate::query::{Filter, QueryError};
 use crate::store::Namespace;
 
 /// How long a command may take where nothing is said.
@@ -29,10 +29,8 @@ pub(super) struct Table {
     spec: Spanned<String>,
     #[serde(default)]
     priority: i64,
-    #[serde(default, deserialize_with = "optional_duration")]
-    cache: Option<Duration>,
-    #[serde(default, deserialize_with = "optional_duration")]
-    timeout: Option<Duration>,
+    cache: Option<Spanned<String>>,
+    timeout: Option<Spanned<String>>,
     pipeline: Option<Spanned<String>>,
     from: Option<Spanned<String>>,
     command: Option<Spanned<Vec<String>>>,
@@ -41,16 +39,12 @@ pub(super) struct Table {
     position: Option<Spanned<String>>,
 }
 
-fn optional_duration<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Duration>, D::Error> {
-    let text = String::deserialize(deserializer)?;
-    quantity::duration(&text).map(Some).map_err(serde::de::Error::custom)
-}
-
-/// What the tables declare; commands run in `folder`.
-pub(super) fn definitions(tables: &[Table], folder: &Path) -> Result<Vec<Definition>, Complaint> {
+/// What the tables declare; commands run in `folder`. What is wrong in a text that a
+/// string of the `file` has is shown there.
+pub(super) fn definitions(tables: &[Table], folder: &Path, file: &str) -> Result<Vec<Definition>, Complaint> {
     let mut definitions: Vec<Definition> = Vec::with_capacity(tables.len());
     for table in tables {
-        let definition = table.definition(folder)?;
+        let definition = table.definition(folder, file)?;
         if definitions.iter().any(|other| other.name == definition.name) {
             let name = &definition.name;
             return Err((table.name.span(), format!("there are two computables `{name}`; name one otherwise")));
@@ -61,32 +55,36 @@ pub(super) fn definitions(tables: &[Table], folder: &Path) -> Result<Vec<Definit
 }
 
 impl Table {
-    fn definition(&self, folder: &Path) -> Result<Definition, Complaint> {
+    fn definition(&self, folder: &Path, file: &str) -> Result<Definition, Complaint> {
+        if self.name.get_ref().trim().is_empty() {
+            return Err((self.name.span(), "expected what messages call the computable, found no name".to_owned()));
+        }
         let namespace = namespace(&self.collection)?;
         Ok(Definition {
             name: self.name.get_ref().clone(),
-            spec: self.spec()?,
+            spec: self.spec(file)?,
             priority: self.priority,
-            cache: self.cache,
-            body: self.body(&namespace, folder)?,
+            cache: duration(self.cache.as_ref(), "leave `cache` out to compute for each query")?,
+            body: self.body(&namespace, folder, file)?,
             namespace,
         })
     }
 
-    fn spec(&self) -> Result<Document, Complaint> {
-        let wrong = |words: &str| (self.spec.span(), format!("this is no query: {words}"));
-        let spec = shell::parse_document(&Source::new("spec", self.spec.get_ref().as_str()))
-            .map_err(|error| wrong(error.message()))?;
-        Filter::parse(&spec).map_err(|error| wrong(&error.message))?;
+    fn spec(&self, file: &str) -> Result<Document, Complaint> {
+        let text = Quoted { string: &self.spec, file };
+        let spec = shell::parse_document(&text.source()).map_err(|error| text.unread("no query", &error))?;
+        Filter::parse(&spec).map_err(|error| text.refused("no query", &error))?;
         Ok(spec)
     }
 
-    fn body(&self, namespace: &Namespace, folder: &Path) -> Result<Kind, Complaint> {
+    fn body(&self, namespace: &Namespace, folder: &Path, file: &str) -> Result<Kind, Complaint> {
         match (&self.pipeline, &self.command, &self.builtin) {
             (Some(pipeline), None, None) => {
                 self.refuse("pipeline", &["timeout", "frames", "position"])?;
-                let stages = shell::parse_pipeline(&Source::new("pipeline", pipeline.get_ref().as_str()))
-                    .map_err(|error| (pipeline.span(), format!("this is no pipeline: {}", error.message())))?;
+                let text = Quoted { string: pipeline, file };
+                let wrong = "no pipeline of a computable";
+                let stages = shell::parse_pipeline(&text.source()).map_err(|error| text.unread(wrong, &error))?;
+                check_pipeline(&stages).map_err(|error| text.refused(wrong, &error))?;
                 let from = self.from.as_ref().map(self::namespace).transpose()?;
                 Ok(Kind::Pipeline { from: from.unwrap_or_else(|| namespace.clone()), stages })
             }
@@ -96,7 +94,8 @@ impl Table {
                 if words.first().is_none_or(String::is_empty) {
                     return Err((command.span(), "expected a program and its arguments, found none".to_owned()));
                 }
-                Ok(Kind::Command { words, folder: folder.to_owned(), timeout: self.timeout.unwrap_or(TIMEOUT) })
+                let timeout = duration(self.timeout.as_ref(), "leave `timeout` out for 10s")?.unwrap_or(TIMEOUT);
+                Ok(Kind::Command { words, folder: folder.to_owned(), timeout })
             }
             (None, None, Some(builtin)) => self.builtin(builtin, namespace),
             _ => Err((
@@ -116,6 +115,10 @@ impl Table {
             }
             "nearest" => {
                 self.refuse("nearest", &["from", "timeout", "frames"])?;
+                if let Some(path) = self.position.as_ref().filter(|path| path.get_ref().split('.').any(str::is_empty)) {
+                    let words = format!("`{}` is no key; expected one like `pose.translation`", path.get_ref());
+                    return Err((path.span(), words));
+                }
                 let position = self.position.as_ref().map_or("translation", |path| path.get_ref().as_str());
                 Ok(Kind::Nearest { position: position.to_owned() })
             }
@@ -132,7 +135,7 @@ impl Table {
                 "from" => self.from.as_ref().map(Spanned::span),
                 "frames" => self.frames.as_ref().map(Spanned::span),
                 "position" => self.position.as_ref().map(Spanned::span),
-                _ => self.timeout.map(|_| self.name.span()),
+                _ => self.timeout.as_ref().map(Spanned::span),
             };
             if let Some(span) = span {
                 return Err((span, format!("`{key}` means nothing for the body `{kind}`")));
@@ -144,4 +147,59 @@ impl Table {
 
 fn namespace(name: &Spanned<String>) -> Result<Namespace, Complaint> {
     Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))
+}
+
+/// A duration, which is not nothing.
+fn duration(text: Option<&Spanned<String>>, otherwise: &str) -> Result<Option<Duration>, Complaint> {
+    let Some(text) = text else { return Ok(None) };
+    match quantity::duration(text.get_ref()) {
+        Ok(duration) if duration.is_zero() => {
+            Err((text.span(), format!("`{}` is no time at all; {otherwise}", text.get_ref())))
+        }
+        Ok(duration) => Ok(Some(duration)),
+        Err(words) => Err((text.span(), words)),
+    }
+}
+
+/// A string of the file that has a text of another language in it.
+struct Quoted<'a> {
+    string: &'a Spanned<String>,
+    file: &'a str,
+}
+
+impl Quoted<'_> {
+    fn source(&self) -> Source {
+        Source::new("rmem.toml", self.string.get_ref().as_str())
+    }
+
+    /// What is wrong with the text as such.
+    fn unread(&self, what: &str, error: &Diagnostic) -> Complaint {
+        let span = error.span();
+        (self.place(span.start..span.end), format!("this is {what}: {}", error.message()))
+    }
+
+    /// What is wrong with its meaning.
+    fn refused(&self, what: &str, error: &QueryError) -> Complaint {
+        let place = error.place(self.string.get_ref());
+        (
+            place.map_or_else(|| self.string.span(), |part| self.place(part)),
+            format!("this is {what}: {}", error.message),
+        )
+    }
+
+    /// Where a part of the text is in the file; the whole string, where escapes are in front of it.
+    fn place(&self, part: Range<usize>) -> Range<usize> {
+        let whole = self.string.span();
+        let written = self.file.get(whole.clone()).unwrap_or_default();
+        let long = ["\"\"\"\r\n", "\"\"\"\n", "\"\"\"", "'''\r\n", "'''\n", "'''", "\"", "'"];
+        let Some(mark) = long.into_iter().find(|mark| written.starts_with(mark)) else { return whole };
+        let is_there = |front: &str| written.get(mark.len()..).is_some_and(|rest| rest.starts_with(front));
+        match self.string.get_ref().get(..part.end) {
+            Some(front) if is_there(front) => {
+                let start = whole.start + mark.len();
+                start + part.start..start + part.end
+            }
+            _ => whole,
+        }
+    }
 }

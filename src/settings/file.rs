@@ -76,8 +76,8 @@ impl File {
             let message = error.message().lines().next().unwrap_or_default();
             complain(error.span().unwrap_or_default(), masked(message))
         })?;
-        file.check().map_err(|(span, message)| complain(span, message))?;
         source.text().clone_into(&mut file.text);
+        file.check().map_err(|(span, message)| complain(span, message))?;
         Ok(file)
     }
 
@@ -110,7 +110,7 @@ impl File {
                 ));
             }
         }
-        computable::definitions(&self.computables, Path::new(""))?;
+        computable::definitions(&self.computables, Path::new(""), &self.text)?;
         self.backend.check()
     }
 
@@ -124,7 +124,7 @@ impl File {
     #[must_use]
     pub fn computables(&self, folder: &Path) -> Vec<Definition> {
         // They were checked when the file was read.
-        computable::definitions(&self.computables, folder).unwrap_or_default()
+        computable::definitions(&self.computables, folder, &self.text).unwrap_or_default()
     }
 
     /// The configured planners; relative paths in their commands are relative to `folder`.
@@ -217,11 +217,11 @@ mod tests {
         let computable =
             |rest: &str| complaint(&format!("[[computable]]\nname='a'\ncollection='a.b'\nspec='{{}}'\n{rest}"));
         let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{'\n");
-        assert!(text.starts_with("rmem.toml:4:6: this is no query"), "{text}");
+        assert!(text.starts_with("rmem.toml:4:8: this is no query"), "{text}");
         for (rest, words) in [
             ("", "rmem.toml:2:6: a computable has one body"),
             ("pipeline='[]'\ncommand=['x']", "rmem.toml:2:6: a computable has one body"),
-            ("pipeline='['", "rmem.toml:5:10: this is no pipeline"),
+            ("pipeline='['", "rmem.toml:5:12: this is no pipeline"),
             ("command=[]", "rmem.toml:5:9: expected a program"),
             ("builtin='tf'", "rmem.toml:5:9: there is no builtin `tf`; expected one of transform, nearest"),
             ("builtin='nearest'\nframes='a.b'", "rmem.toml:6:8: `frames` means nothing"),

@@ -59,10 +59,6 @@ fn what_fails_is_named_and_nothing_is_stored() {
         ("command = [\"sh\", \"-c\", \"echo {sum: 1}; echo oh no >&2; exit 3\"]", vec!["exit code 3", "| oh no"]),
         ("command = [\"sh\", \"-c\", \"kill -9 $$\"]", vec!["was ended by signal 9"]),
         ("command = [\"sleep\", \"60\"]\ntimeout = \"200ms\"", vec!["was stopped after 200ms", "`timeout`"]),
-        (
-            "command = [\"sh\", \"-c\", \"echo '{sum: 1}'; echo '{sum: }'\"]",
-            vec!["did not print documents", "its output:2:7"],
-        ),
         ("command = [\"no-such-program\"]", vec!["no such program"]),
         ("command = [\"./sum.py\"]", vec!["no such program", "$LAB/robot"]),
         ("command = [\"yes\", \"{}\"]", vec!["printed more than 64 MiB"]),
@@ -75,6 +71,65 @@ fn what_fails_is_named_and_nothing_is_stored() {
             assert_eq!(run.stdout, "");
             assert_eq!(lab.rmem(&args(&["count", "robmem.calc"])).success(), "0\n");
         }
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_question_or_an_answer_is_bad_input() {
+    let sum = "{compute: 'sum', x: 15, y: 0}";
+    for (body, words) in [
+        (
+            r#"command = ["sh", "-c", "echo '{sum: 1}'; echo '{sum: }'; echo oh no >&2"]"#,
+            ["did not print documents", "its output:2:7", "| oh no"],
+        ),
+        (r#"command = ["echo", "{a: 1, _id: [1]}"]"#, ["what it gave cannot be stored in robmem.calc", "_id", "array"]),
+        (r#"builtin = "nearest""#, ["`nearest_to` has to be a point", "", ""]),
+        (r#"pipeline = "[{$match: {sum: '$$query.z'}}]""#, ["its pipeline takes `$$query.z`", "has no `z`", ""]),
+        (
+            "pipeline = \"[{$set: {sum: {$divide: ['$$query.x', '$$query.y']}}}]\"\nfrom = \"robmem.numbers\"",
+            ["zero", "", ""],
+        ),
+        (r#"pipeline = "[{$match: {compute: 'sum', x: 1, y: 1}}]""#, ["in a cycle: sum → sum", "", ""]),
+    ] {
+        let lab = lab(body);
+        lab.rmem(&args(&["insert", "robmem.numbers", "{_id: 1}"])).success();
+        let run = lab.rmem(&args(&["query", "robmem.calc", sum])).exits(3);
+        assert!(run.stderr.contains("the computable `sum` failed: "), "{run}");
+        assert!(words.iter().all(|word| run.stderr.contains(word)), "{words:?}: {run}");
+        assert_eq!(lab.rmem(&args(&["count", "robmem.calc"])).success(), "0\n");
+    }
+}
+
+#[test]
+fn what_is_wrong_in_a_table_is_shown_at_its_place() {
+    let second = |line: &str| format!("pipeline = '[]'\n[[computable]]\ncollection = 'a.b'\npipeline = '[]'\n{line}");
+    for (rest, words) in [
+        ("command = ['true']\ntimeout = '0s'", "7:11: `0s` is no time at all"),
+        ("command = ['true']\ntimeout = 'soon'", "7:11: `soon` is not a duration"),
+        ("command = ['true']\ncache = '0ms'", "7:9: `0ms` is no time at all"),
+        ("command = ['true']\ntimeout = 3", "7:11: invalid type"),
+        ("builtin = 'nearest'\ntimeout = '1s'", "7:11: `timeout` means nothing"),
+        ("builtin = 'nearest'\nposition = ''", "7:12: `` is no key"),
+        (r#"pipeline = "[{$nope: 1}]""#, "6:15: this is no pipeline of a computable: "),
+        (r#"pipeline = "[{$match: {a: 1}}, {$out: 'x'}]""#, "6:33: this is no pipeline of a computable: "),
+        ("pipeline = '''\n[{$match: {a: 1}},\n {$set: {a: {$nope: 1}}}]'''", "8:3: this is no pipeline"),
+        (r#"pipeline = "[{$set: {a: '$$nope'}}]""#, "this is no pipeline of a computable: "),
+        (r#"pipeline = "[{$match: {a: }}]""#, "6:27: this is no pipeline of a computable: "),
+        (r#"pipeline = "[{$match: {\"a\": }}]""#, "6:12: this is no pipeline of a computable: "),
+        (&second("name = ' '\nspec = '{}'"), "10:8: expected what messages call the computable"),
+        (&second("name = 'b'\nspec = '{a: {$nope: 1}}'"), "11:14: this is no query: "),
+    ] {
+        let run = lab(rest).rmem(&args(&["computables"])).exits(3);
+        assert!(run.stderr.contains("$LAB/robot/rmem.toml:"), "{run}");
+        assert!(run.stderr.contains(words), "{words}: {run}");
+    }
+    for right in [
+        "pipeline = \"[{$match: {a: '$$query.x'}}, {$limit: '$$query.y'}]\"",
+        "pipeline = \"[{$set: {a: {$add: ['$$query.x', '$a']}}}]\"",
+        "pipeline = \"[{$match: {$text: {$search: 'x'}}}]\"",
+        "builtin = 'nearest'\nposition = 'pose.translation'",
+    ] {
+        lab(right).rmem(&args(&["computables"])).success();
     }
 }
 

@@ -33,6 +33,7 @@ const CASES: &[(&str, Case)] = cases![
     stored_and_computed_documents_are_answered_alike,
     the_cache_answers_equal_queries_in_any_order_of_keys,
     what_is_no_longer_good_is_computed_again_in_place,
+    what_was_changed_or_removed_is_computed_again,
     queries_that_overlap_see_no_document_twice,
     without_a_cache_nothing_is_left,
     the_computable_of_higher_priority_comes_first,
@@ -41,6 +42,8 @@ const CASES: &[(&str, Case)] = cases![
     what_a_pipeline_looks_up_is_computed,
     changes_do_not_compute,
     a_cycle_is_named,
+    a_pipeline_takes_values_of_the_query,
+    a_filter_of_a_pipeline_takes_what_the_query_has,
     a_taken_id_is_an_error_and_nothing_is_stored,
     dropping_and_emptying_a_collection_empties_its_cache,
     dumps_and_the_list_of_collections_have_nothing_computed,
@@ -252,6 +255,70 @@ fn what_is_no_longer_good_is_computed_again_in_place(lab: &Lab) {
         assert_eq!(stored(lab, &memory, "x"), 0, "what is no longer good is not seen");
         memory.delete(&lab.ns("blocks"), &doc! { "z": 0 }, true).unwrap();
     }
+}
+
+fn what_was_changed_or_removed_is_computed_again(lab: &Lab) {
+    let memory = lab.memory(vec![lab.low()]);
+    let x = lab.ns("x");
+    lab.blocks(&memory);
+    let holds = |cached: bool| {
+        assert_eq!(texts(&memory, &x, doc! { "relation": "on-table" }, "object"), ["A", "C"]);
+        assert_eq!(told(&memory), [("low".into(), cached)]);
+    };
+    let change = |update: Document| {
+        let request = UpdateRequest {
+            filter: doc! { "object": "C" },
+            update: UpdateSpec::Document(update),
+            array_filters: Vec::new(),
+            many: false,
+            upsert: false,
+        };
+        assert_eq!(memory.update(&x, &request).unwrap().modified, 1);
+    };
+    holds(false);
+    holds(true);
+    assert_eq!(memory.delete(&x, &doc! { "object": "A" }, false).unwrap(), 1);
+    holds(false);
+    holds(true);
+    change(doc! { "$set": { "object": "Z" } });
+    holds(false);
+    change(doc! { "relation": "under-table", "object": "Z" });
+    holds(false);
+    holds(true);
+    // What has nothing to do with it leaves the cache alone.
+    memory.insert(&x, vec![doc! { "relation": "on", "object": "C" }]).unwrap();
+    memory.delete(&x, &doc! { "relation": "on" }, false).unwrap();
+    holds(true);
+}
+
+fn a_pipeline_takes_values_of_the_query(lab: &Lab) {
+    let stages = vec![
+        doc! { "$match": { "z": { "$lt": "$$query.below" } } },
+        doc! { "$project": {
+            "_id": 0, "below": "$$query.below", "object": "$block", "gap": { "$subtract": ["$$query.below", "$z"] },
+            "no": "$$query.no",
+        } },
+    ];
+    let memory = lab.memory(vec![lab.pipeline("lower", doc! { "below": { "$exists": true } }, "blocks", stages)]);
+    lab.blocks(&memory);
+    let gaps = |below: i32| -> Vec<i32> {
+        let found = all(&memory, &lab.ns("x"), doc! { "below": below });
+        assert!(found.iter().all(|found| !found.contains_key("no")));
+        found.iter().map(|found| found.get_i32("gap").unwrap()).collect()
+    };
+    assert_eq!(gaps(3), [3, 3]);
+    assert_eq!(gaps(6), [6, 1, 6]);
+    assert!(gaps(0).is_empty());
+}
+
+fn a_filter_of_a_pipeline_takes_what_the_query_has(lab: &Lab) {
+    let filter = vec![doc! { "$match": { "block": "$$query.named" } }, doc! { "$unset": "_id" }];
+    let memory = lab.memory(vec![lab.pipeline("named", doc! {}, "blocks", filter)]);
+    lab.blocks(&memory);
+    assert_eq!(all(&memory, &lab.ns("x"), doc! { "named": { "$in": ["A", "B"] } }).len(), 0, "none has the key");
+    assert_eq!(memory.computed().first().map(|computed| computed.documents), Some(2));
+    let error = fails(&memory, &lab.ns("x"), doc! { "block": "A" });
+    assert!(error.contains("`named`") && error.contains("the query {\"block\":\"A\"} has no `named`"), "{error}");
 }
 
 fn queries_that_overlap_see_no_document_twice(lab: &Lab) {

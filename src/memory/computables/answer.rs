@@ -15,6 +15,7 @@ use super::report::Computed;
 use super::view::View;
 use crate::memory::Memory;
 use crate::memory::journal::Operation;
+use crate::query::QueryError;
 use crate::store::{Namespace, Store, StoreError, stamp};
 
 /// How often an answer is made again because its documents were replaced meanwhile.
@@ -301,13 +302,11 @@ impl Memory {
         self.computables.running.borrow_mut().pop();
         let documents = computed.map_err(|error| match error {
             ComputeError::Store(error @ StoreError::Computable { .. }) if is_cycle(&error) => error,
-            error => failed(wanted, Box::new(error)),
+            error => failed(wanted, error.into_source()),
         })?;
         if documents.len() > MOST_DOCUMENTS {
-            return Err(failed(
-                wanted,
-                format!("it gave {} documents, more than {MOST_DOCUMENTS}", documents.len()).into(),
-            ));
+            let wrong = format!("it gave {} documents, more than {MOST_DOCUMENTS}", documents.len());
+            return Err(failed(wanted, ComputeError::wrong(wrong).into_source()));
         }
         Ok(documents)
     }
@@ -323,12 +322,12 @@ impl Memory {
         let names = running.iter().skip(start.unwrap_or(0)).map(|at| at.name.as_str());
         let chain = names.chain([name.as_str()]).collect::<Vec<_>>().join(" → ");
         let reason = match start {
-            Some(_) => Cycle(format!(
-                "computables depend on each other in a cycle: {chain}; narrow the spec or the query of one"
-            )),
-            None => Cycle(format!("computables depend on each other more than {DEPTH} deep: {chain}")),
+            Some(_) => {
+                format!("computables depend on each other in a cycle: {chain}; narrow the spec or the query of one")
+            }
+            None => format!("computables depend on each other more than {DEPTH} deep: {chain}"),
         };
-        Err(failed(wanted, Box::new(reason)))
+        Err(failed(wanted, Box::new(Cycle(QueryError::bad_value(reason)))))
     }
 
     /// Stores what a body gave; gives the `_id`s.
@@ -387,10 +386,10 @@ fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> R
     Ok(())
 }
 
-/// Computables that depend on each other.
+/// Computables that depend on each other, by how they were declared.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-struct Cycle(String);
+struct Cycle(#[source] QueryError);
 
 /// A cycle is told once, not by every computable on it.
 fn is_cycle(error: &StoreError) -> bool {

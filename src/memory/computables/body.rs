@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use bson::Document;
 
+use crate::formats::Diagnostic;
 use crate::memory::Memory;
+use crate::query::QueryError;
 use crate::store::{Namespace, StoreError};
 
 /// The question that a body answers.
@@ -31,6 +33,9 @@ pub(super) trait Body {
     /// What it is, in a line.
     fn describe(&self) -> String;
 
+    /// The collections that it is computed from, as far as that is known.
+    fn sources(&self, asked: &Namespace) -> Vec<Namespace>;
+
     /// How long it may take, where it is bound. Another process that asks the
     /// same waits for it so long.
     fn timeout(&self) -> Option<Duration> {
@@ -44,7 +49,29 @@ pub(super) enum ComputeError {
     /// The memory that it asked failed.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The asked query, or a document that it is about, is not as it has to be.
+    #[error(transparent)]
+    Query(#[from] QueryError),
+    /// A program printed what are no documents.
+    #[error("{0}")]
+    Unreadable(String, #[source] Diagnostic),
     /// Anything else, in a sentence.
     #[error("{0}")]
     Failed(String),
+}
+
+impl ComputeError {
+    /// A mistake in the asked query or in a document, in a sentence.
+    pub(super) fn wrong(words: impl Into<String>) -> Self {
+        QueryError::bad_value(words).into()
+    }
+
+    /// The error for a message, in which it is the kind of the mistake that counts.
+    pub(super) fn into_source(self) -> Box<dyn std::error::Error + Send + Sync> {
+        match self {
+            Self::Store(error) => error.into(),
+            Self::Query(error) => error.into(),
+            other => other.into(),
+        }
+    }
 }

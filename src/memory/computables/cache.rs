@@ -63,6 +63,8 @@ pub(super) struct Former {
     token: ObjectId,
     /// The computation that made documents.
     made: Option<ObjectId>,
+    /// How many they are.
+    documents: u64,
     /// Their `_id`s, where there are not too many.
     ids: Vec<Bson>,
     /// Whether whoever had the entry died over its computation, and may have left documents.
@@ -77,10 +79,28 @@ impl<'a> Entry<'a> {
     pub(super) fn state(&self, now: DateTime) -> Result<State, StoreError> {
         let find = Find { filter: doc! { "_id": &self.key }, ..Find::default() };
         let found = self.store.find(&self.records, &find)?.next().transpose()?;
-        Ok(match found {
-            Some(found) => state(&Document::try_from(&*found).map_err(QueryError::from)?, now),
-            None => State::Stale(None),
-        })
+        let Some(found) = found else { return Ok(State::Stale(None)) };
+        let entry = Document::try_from(&*found).map_err(QueryError::from)?;
+        match state(&entry, now) {
+            good @ State::Good { .. } => {
+                let former = former(&entry);
+                Ok(if self.is_whole(&former)? { good } else { State::Stale(Some(former)) })
+            }
+            other => Ok(other),
+        }
+    }
+
+    /// Whether the documents of a computation are as it made them, all of them.
+    fn is_whole(&self, made: &Former) -> Result<bool, StoreError> {
+        if made.documents == 0 {
+            return Ok(true);
+        }
+        let mut unchanged = doc! { stamp::computation("token"): made.token };
+        if !made.ids.is_empty() {
+            unchanged.insert("_id", doc! { "$in": &made.ids });
+        }
+        unchanged.insert(stamp::info_path(stamp::UPDATED), Bson::Null);
+        Ok(self.store.count(self.asked, &unchanged)? == made.documents)
     }
 
     /// Claims the entry for a computation, until a time; says whether that succeeded.
@@ -217,21 +237,26 @@ fn state(entry: &Document, now: DateTime) -> State {
     {
         return State::Busy { until: *until };
     }
-    let made = entry.get_object_id("made").ok();
+    let former = former(entry);
     let until = entry.get_document(stamp::INFO).and_then(|info| info.get_datetime("cached_until"));
-    let documents = u64::try_from(entry.get_i64("documents").unwrap_or_default()).unwrap_or_default();
     match until {
-        Ok(until) if *until > now && made == Some(token) => State::Good { token, until: *until, documents },
-        _ => {
-            let ids = entry.get_array("ids").cloned().unwrap_or_default();
-            // Nothing was made where no documents are counted.
-            State::Stale(Some(Former {
-                token,
-                made: made.filter(|_| documents > 0),
-                ids,
-                is_abandoned: claimed.is_ok(),
-            }))
+        Ok(until) if *until > now && entry.get_object_id("made").ok() == Some(token) => {
+            State::Good { token, until: *until, documents: former.documents }
         }
+        _ => State::Stale(Some(former)),
+    }
+}
+
+/// The computation that an entry is about, where it is one.
+fn former(entry: &Document) -> Former {
+    let documents = u64::try_from(entry.get_i64("documents").unwrap_or_default()).unwrap_or_default();
+    Former {
+        token: entry.get_object_id("token").unwrap_or_default(),
+        // Nothing was made where no documents are counted.
+        made: entry.get_object_id("made").ok().filter(|_| documents > 0),
+        documents,
+        ids: entry.get_array("ids").cloned().unwrap_or_default(),
+        is_abandoned: entry.contains_key("busy_until"),
     }
 }
 

@@ -15,6 +15,7 @@ use bson::Document;
 use super::body::{Asked, Body, ComputeError};
 use crate::formats::{Source, shell};
 use crate::process::{self, End, Ended, Host, Job, Limits, Manner};
+use crate::store::Namespace;
 
 /// What a program may print, in bytes.
 const MOST_OUTPUT: u64 = 64 << 20;
@@ -34,7 +35,10 @@ impl Body for Command {
         let question = shell::relaxed(asked.query) + "\n";
         let ended = self.run(&question);
         self.read(&ended)
-            .map_err(|wrong| ComputeError::Failed(format!("its command `{}` {wrong}", self.words.join(" "))))
+    }
+
+    fn sources(&self, _: &Namespace) -> Vec<Namespace> {
+        Vec::new()
     }
 
     fn describe(&self) -> String {
@@ -75,7 +79,8 @@ impl Command {
     }
 
     /// The documents that it printed, or what is wrong.
-    fn read(&self, ended: &Ended) -> Result<Vec<Document>, String> {
+    fn read(&self, ended: &Ended) -> Result<Vec<Document>, ComputeError> {
+        let message = |wrong: &str| format!("its command `{}` {wrong}{}", self.words.join(" "), tail(&ended.stderr));
         let wrong = match &ended.end {
             End::Exited(0) => None,
             End::Exited(code) => Some(format!("failed with exit code {code}")),
@@ -95,12 +100,15 @@ impl Command {
             End::Failed(words) => Some(format!("cannot be run: {words}")),
         };
         if let Some(wrong) = wrong {
-            return Err(format!("{wrong}{}", tail(&ended.stderr)));
+            return Err(ComputeError::Failed(message(&wrong)));
         }
         let output = Source::new("its output", ended.stdout.as_str());
         shell::parse_documents(&output)
             .map(|documents| documents.into_iter().map(|(_, document)| document).collect())
-            .map_err(|complaint| format!("did not print documents, one a line\n{complaint}{}", tail(&ended.stderr)))
+            .map_err(|complaint| {
+                let wrong = message(&format!("did not print documents, one a line\n{complaint}"));
+                ComputeError::Unreadable(wrong, complaint)
+            })
     }
 }
 

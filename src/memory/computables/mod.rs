@@ -17,9 +17,12 @@
 //! - A body may ask the memory, and what it asks may need other computables. It
 //!   does not see what its own computable made, unless it asks for that.
 //! - Without a cache time, documents are removed when the query is answered.
-//! - Removing a collection, or all of its documents, empties its cache.
+//! - The cache holds as long as the documents are as they were computed: where
+//!   some were removed or changed, the next query computes them anew, and what
+//!   is left of them goes.
 
 mod answer;
+mod binding;
 mod body;
 mod cache;
 mod check;
@@ -32,14 +35,17 @@ mod pose;
 mod questions;
 mod registry;
 mod report;
+mod sources;
 mod spec;
 mod transform;
 mod view;
 
 pub use check::{Check, Verdict};
 pub use definition::{BUILTINS, Definition, Kind};
+pub use pipeline::check as check_pipeline;
 pub use registry::{Computable, Registry};
 pub use report::Computed;
+pub use sources::Sources;
 
 pub(super) use answer::Computables;
 pub(super) use cache::forget;

@@ -13,7 +13,7 @@ use super::body::{Asked, Body, ComputeError};
 use super::pose::number;
 use crate::formats::shell;
 use crate::query::QueryError;
-use crate::store::Find;
+use crate::store::{Find, Namespace};
 
 /// The keys of the query that are parameters.
 const OWN: [&str; 4] = ["nearest_to", "limit", "max_distance", "distance"];
@@ -32,7 +32,7 @@ struct Wanted {
 
 impl Body for Nearest {
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError> {
-        let wanted = Wanted::read(asked.query).map_err(ComputeError::Failed)?;
+        let wanted = Wanted::read(asked.query).map_err(ComputeError::wrong)?;
         let mut filter = doc! { "$nor": [{ "nearest_to": { "$exists": true } }] };
         let rest = asked.query.iter().filter(|(key, _)| !OWN.contains(&key.as_str()));
         filter.extend(rest.map(|(key, value)| (key.clone(), value.clone())));
@@ -51,6 +51,10 @@ impl Body for Nearest {
         Ok(near.into_iter().map(|(distance, document)| answer(document, distance, asked.query)).collect())
     }
 
+    fn sources(&self, asked: &Namespace) -> Vec<Namespace> {
+        vec![asked.clone()]
+    }
+
     fn describe(&self) -> String {
         format!("nearest, with positions under {}", self.position)
     }
@@ -60,7 +64,7 @@ impl Nearest {
     fn wrong(&self, document: &Document, wanted: &Wanted) -> ComputeError {
         let id = document.get("_id").map(shell::relaxed_value).unwrap_or_default();
         let count = wanted.point.len();
-        ComputeError::Failed(format!(
+        ComputeError::wrong(format!(
             "the `{}` of the document with _id {id} is no position of {count} numbers, as `nearest_to` is",
             self.position
         ))

@@ -2,13 +2,16 @@
 
 use bson::{Bson, Document};
 
+use super::binding::bind;
 use super::body::{Asked, Body, ComputeError};
+use super::questions::questions;
 use crate::formats::shell;
-use crate::query::QueryError;
+use crate::query::{Pipeline as Stages, QueryError};
 use crate::store::Namespace;
 
 /// The results of a pipeline. The query that it asks of its collection is its
-/// first `$match`; what computables give for that is part of its input.
+/// first `$match`; what computables give for that is part of its input. It may
+/// use the asked query as `$$query`.
 pub(super) struct Pipeline {
     pub(super) from: Namespace,
     pub(super) stages: Vec<Document>,
@@ -16,13 +19,36 @@ pub(super) struct Pipeline {
 
 impl Body for Pipeline {
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError> {
-        let results = asked.memory.aggregate(&self.from, &self.stages)?;
+        let results = asked.memory.aggregate(&self.from, &bind(&self.stages, asked.query)?)?;
         results.map(|result| Ok(Document::try_from(&*result?).map_err(|error| failed(&error))?)).collect()
+    }
+
+    fn sources(&self, _: &Namespace) -> Vec<Namespace> {
+        questions(&self.from, &self.stages).into_iter().map(|(namespace, _)| namespace).collect()
     }
 
     fn describe(&self) -> String {
         let stages = Bson::Array(self.stages.iter().cloned().map(Bson::Document).collect());
         format!("pipeline over {}: {}", self.from, shell::relaxed_value(&stages))
+    }
+}
+
+/// Looks for mistakes in a pipeline that can be seen before a query is asked.
+///
+/// # Errors
+/// Where it is none, or writes to a collection. What a server may know and the
+/// embedded store does not is left to them, and so is a pipeline that takes
+/// filters from the query.
+pub fn check(stages: &[Document]) -> Result<(), QueryError> {
+    let names = stages.iter().flat_map(Document::keys);
+    if let Some(name) = names.into_iter().find(|name| matches!(name.as_str(), "$out" | "$merge")) {
+        let message = format!("a computable gives documents and stores none itself; leave {name} out");
+        return Err(QueryError { operator: Some(name.clone()), ..QueryError::bad_value(message) });
+    }
+    let Ok(stages) = bind(stages, &Document::new()) else { return Ok(()) };
+    match Stages::parse(&stages) {
+        Err(error) if !error.unsupported => Err(error),
+        _ => Ok(()),
     }
 }
 

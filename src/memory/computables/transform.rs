@@ -31,7 +31,7 @@ impl Body for Transform {
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError> {
         let Some(Bson::String(target)) = asked.query.get("frame") else {
             let wanted = "it needs one frame to transform into, like {frame: 'map', allow_tf: true}";
-            return Err(ComputeError::Failed(wanted.to_owned()));
+            return Err(ComputeError::wrong(wanted));
         };
         let mut filter = doc! {
             "$nor": [{ "allow_tf": true }],
@@ -45,6 +45,10 @@ impl Body for Transform {
         let tree = Tree::read(asked.memory, &self.frames)?;
         let mut ways = HashMap::new();
         documents.into_iter().map(|document| tree.transform(document, target, &mut ways)).collect()
+    }
+
+    fn sources(&self, asked: &Namespace) -> Vec<Namespace> {
+        vec![asked.clone(), self.frames.clone()]
     }
 
     fn describe(&self) -> String {
@@ -78,11 +82,10 @@ impl<'a> Tree<'a> {
         for document in found(memory, place, doc! { "parent": { "$type": "string" }, "frame": { "$type": "string" } })?
         {
             let (Ok(frame), Ok(parent)) = (document.get_str("frame"), document.get_str("parent")) else { continue };
-            let pose = Pose::of(&document).map_err(|wrong| {
-                ComputeError::Failed(format!("the frame `{frame}` of {place} has no pose: {wrong}"))
-            })?;
+            let pose = Pose::of(&document)
+                .map_err(|wrong| ComputeError::wrong(format!("the frame `{frame}` of {place} has no pose: {wrong}")))?;
             if frames.insert(frame.to_owned(), (parent.to_owned(), pose)).is_some() {
-                return Err(ComputeError::Failed(format!(
+                return Err(ComputeError::wrong(format!(
                     "the frame `{frame}` is in {place} twice; a frame has one parent"
                 )));
             }
@@ -101,7 +104,7 @@ impl<'a> Tree<'a> {
         if frame != target {
             let wrong = |wrong: String| {
                 let id = id.as_ref().map(shell::relaxed_value).unwrap_or_default();
-                ComputeError::Failed(format!("the document with _id {id} cannot be transformed: {wrong}"))
+                ComputeError::wrong(format!("the document with _id {id} cannot be transformed: {wrong}"))
             };
             let way = match ways.get(&frame) {
                 Some(way) => *way,
