@@ -294,10 +294,14 @@ struct Watcher {
 impl Watcher {
     /// Starts it, and waits until it watches.
     fn new(lab: &Lab) -> Self {
+        Self::with(lab, &[])
+    }
+
+    fn with(lab: &Lab, more: &[&str]) -> Self {
         use std::io::{BufRead as _, BufReader};
         let mut command = std::process::Command::new(crate::lab::rmem());
         lab.isolate(&mut command);
-        let command = command.args([&["plan", "--watch"], &TASK[2..]].concat());
+        let command = command.args([&["plan", "--watch"], &TASK[2..], more].concat());
         let pipes = command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
         let mut child = pipes.spawn().unwrap();
         let told = BufReader::new(child.stdout.take().unwrap()).lines();
@@ -357,6 +361,40 @@ fn a_watch_plans_again_only_where_the_plan_does_not_hold() {
     let plan = watcher.plan();
     assert_eq!(plan[0], "(unstack E D)", "{plan:?}");
     assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "2\n");
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
+fn what_changes_during_a_step_is_looked_at_when_it_has_ended() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let mut watcher = Watcher::new(&lab);
+    watcher.plan();
+    lab.rmem(&["plan", "step", "last", "1", "--started"]).success();
+    STACKED.iter().for_each(|line| drop(lab.shell(line).success()));
+    let block = ["{relation: 'on', object_top: 'E', object_bottom: 'D'}", "{relation: 'clear', object: 'E'}"];
+    lab.rmem(&[&["insert", "robmem.worldmodel"], &block[..]].concat()).success();
+    lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
+    // Longer than a watch waits for quiet.
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    lab.rmem(&["plan", "step", "last", "1", "--done"]).success();
+    watcher.said_until("does not hold");
+    assert_eq!(watcher.plan()[0], "(unstack E D)");
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
+fn a_watch_hears_of_what_facts_are_computed_from() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.blocks", "--load", "fixtures/blocksworld-geometric.json"]).success();
+    let mut watcher = Watcher::with(&lab, &["--config", "fixtures/blocksworld-geometric.toml"]);
+    assert_eq!(watcher.plan()[0], "(stack B C)");
+    // The camera sees that D has fallen from A.
+    let fallen = "{$set: {translation: [0.6, -0.2, 0.0]}}";
+    lab.rmem(&["update", "robmem.blocks", "{block: 'D'}", fallen]).success();
+    lab.rmem(&["update", "robmem.blocks", "{block: 'A'}", "{$set: {visible: true}}"]).success();
+    watcher.said_until("does not hold");
+    assert_eq!(watcher.plan().len(), 4, "nothing has to be taken from A");
     assert_eq!(watcher.interrupt(), 130);
 }
 

@@ -19,6 +19,8 @@ mod permissions;
 #[cfg(feature = "mongodb")]
 mod places;
 mod planner;
+#[cfg(feature = "mongodb")]
+mod planning;
 mod processes;
 mod restores;
 #[cfg(feature = "mongodb")]

@@ -15,6 +15,7 @@ use crate::computables;
 use crate::contract;
 use crate::mongod::Mongod;
 use crate::places;
+use crate::planning;
 use crate::{mixtures, triggers, worlds};
 
 /// The one server of this run, started by the first test that needs it.
@@ -40,7 +41,8 @@ type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried on the one server, by its address.
 fn cases() -> impl Iterator<Item = (&'static str, Case)> {
-    worlds::CASES.iter().chain(triggers::CASES).chain(&places::CASES).chain(&mixtures::CASES).copied()
+    let cases = worlds::CASES.iter().chain(triggers::CASES).chain(&places::CASES).chain(&mixtures::CASES);
+    cases.chain(planning::CASES).copied()
 }
 
 /// The tests; those that need a server are ignored where there is no program.
