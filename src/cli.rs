@@ -6,6 +6,7 @@
 
 mod backend;
 mod bench;
+mod clips_run;
 mod computables;
 mod expire;
 mod import_problem;
@@ -26,6 +27,7 @@ use crate::store::Namespace;
 
 pub use backend::{Backend, BackendCommand, BackendName, BackendUp};
 pub use bench::Bench;
+pub use clips_run::{ClipsRun, HELP as CLIPS_RUN_HELP, WORLD};
 pub use computables::Computables;
 pub use expire::Expire;
 pub use import_problem::ImportProblem;
@@ -657,6 +659,9 @@ pub enum ClipsCommand {
         after_help = "Example:\n  rmem clips import facts.txt --into robmem.worldmodel --deftemplates templates.clp --key sync-id"
     )]
     Import(ClipsImport),
+    /// Run programs of CLIPS with the memory's functions inside
+    #[command(after_help = clips_run::HELP)]
+    Run(ClipsRun),
 }
 
 /// `clips export`

@@ -7,7 +7,7 @@
 //! Templates whose sections are queries become PDDL problems ([`problem`]),
 //! checked against a domain ([`pddl`]); a [`planner`], a program run as a [`process`],
 //! turns a problem into a [`plan`], which is simulated, stored as a document and printed. Documents
-//! become [`facts`] of CLIPS, and facts documents. Text on either side is read
+//! become [`facts`] of CLIPS, and facts documents; `engine` is a CLIPS that works on the memory by itself. Text on either side is read
 //! and written in [`formats`]. What rmem is given comes through [`input`], what
 //! the user sees goes through [`output`], and a command ends with a code of
 //! [`exit`].
@@ -40,6 +40,9 @@ pub mod plan;
 pub mod process;
 
 pub mod facts;
+
+#[cfg(feature = "clips-engine")]
+pub mod engine;
 
 pub mod formats;
 

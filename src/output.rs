@@ -178,6 +178,12 @@ impl<'a> Output<'a> {
         self.say(&format!("{label} {text}"));
     }
 
+    /// Passes on what a program that is run on somebody's behalf says on stderr.
+    pub fn pass_on(&mut self, text: &[u8]) {
+        // stderr gone is no reason to fail.
+        let _ = self.stderr.write_all(text);
+    }
+
     /// An observer for the memory, if operations are to be told or logged.
     #[must_use]
     pub fn observer(&self) -> Option<Observer> {

@@ -1,4 +1,7 @@
-//! `rmem clips export|import`: documents to CLIPS facts and back.
+//! `rmem clips export|import|run`: documents to CLIPS facts and back, and CLIPS itself.
+
+#[cfg_attr(not(feature = "clips-engine"), path = "clips/without.rs")]
+mod run;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::PathBuf;
@@ -26,6 +29,7 @@ pub(super) fn run(args: &Clips, context: &mut Context<'_>) -> anyhow::Result<Exi
     match &args.command {
         ClipsCommand::Export(args) => export(args, context),
         ClipsCommand::Import(args) => import(args, context),
+        ClipsCommand::Run(args) => run::run(args, context),
     }
 }
 

@@ -10,9 +10,9 @@ use bson::Document;
 
 use crate::formats::{Source, shell};
 use crate::input::{UsageError, decode, unreadable};
-use crate::memory::Memory;
 use crate::memory::computables::Registry;
 use crate::memory::world::{World, WorldError};
+use crate::memory::{Memory, Observer};
 use crate::output::{Format, Output};
 use crate::process::Host;
 use crate::settings::{Environment, Origin, Settings};
@@ -62,11 +62,7 @@ impl<'a> Context<'a> {
     /// # Errors
     /// As [`Context::memory`].
     pub fn memory_to_fill(&mut self) -> anyhow::Result<Memory> {
-        let registry = Registry::new(self.settings.computables.clone(), &self.host())?;
-        let mut memory = open(&self.settings)?.with_computables(registry);
-        if let Some(observer) = self.output.observer() {
-            memory = memory.with_observer(observer);
-        }
+        let memory = self.opening().open(self.output.observer())?;
         for path in self.settings.load.clone() {
             let start = Instant::now();
             let (name, world) = self.world(&path)?;
@@ -87,6 +83,24 @@ impl<'a> Context<'a> {
         }
         let name = path.display().to_string();
         Ok((name, World::open(path).map_err(WorldError::from)))
+    }
+
+    /// What a memory is opened with, in whichever thread; the world files of `--load` are not in it.
+    #[must_use]
+    pub fn opening(&self) -> Opening {
+        Opening { settings: self.settings.clone(), host: self.host() }
+    }
+
+    /// A line of stdin with its end; none where there is no more.
+    ///
+    /// # Errors
+    /// Where stdin was read as a file, or cannot be read.
+    #[cfg(feature = "clips-engine")]
+    pub(super) fn read_line(&mut self) -> anyhow::Result<Option<Vec<u8>>> {
+        let Some(stdin) = &mut self.stdin else { return Ok(None) };
+        let mut line = Vec::new();
+        stdin.read_until(b'\n', &mut line).map_err(|error| unreadable("stdin", &error))?;
+        Ok((!line.is_empty()).then_some(line))
     }
 
     /// What programs are run with that end when rmem does.
@@ -198,6 +212,28 @@ impl<'a> Context<'a> {
             _ => {}
         }
         Ok(count)
+    }
+}
+
+/// What a memory is opened with.
+#[derive(Debug, Clone)]
+pub struct Opening {
+    settings: Settings,
+    host: Host<'static>,
+}
+
+impl Opening {
+    /// Opens the memory.
+    ///
+    /// # Errors
+    /// Where a store cannot be opened, or a computable is wrong.
+    pub fn open(&self, observer: Option<Observer>) -> anyhow::Result<Memory> {
+        let registry = Registry::new(self.settings.computables.clone(), &self.host)?;
+        let memory = open(&self.settings)?.with_computables(registry);
+        Ok(match observer {
+            Some(observer) => memory.with_observer(observer),
+            None => memory,
+        })
     }
 }
 

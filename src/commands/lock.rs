@@ -7,7 +7,7 @@ use crate::cli::{HolderOptions, Lock};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::lock::{Mutex, Tried};
-use crate::store::Namespace;
+use crate::store::{Namespace, NamespaceError};
 
 /// The collection of mutexes, in its database.
 const COLLECTION: &str = "mutexes";
@@ -41,10 +41,12 @@ pub(super) fn mutex(name: &str, options: &HolderOptions, context: &Context<'_>) 
             return Err(UsageError::new(text).into());
         }
     };
-    let database = context.settings.shared_databases.value.first().map_or(DATABASE, String::as_str);
-    let namespace = match &options.into {
-        Some(namespace) => namespace.clone(),
-        None => Namespace::parse(&format!("{database}.{COLLECTION}"))?,
-    };
+    let namespace = options.into.clone().map_or_else(|| mutexes(context), Ok)?;
     Ok(Mutex { namespace, name: name.to_owned(), owner })
+}
+
+/// The collection of mutexes, where none is named.
+pub(super) fn mutexes(context: &Context<'_>) -> Result<Namespace, NamespaceError> {
+    let database = context.settings.shared_databases.value.first().map_or(DATABASE, String::as_str);
+    Namespace::parse(&format!("{database}.{COLLECTION}"))
 }

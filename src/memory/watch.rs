@@ -49,6 +49,15 @@ impl Memory {
         Ok(Watch { trigger, filter, changes })
     }
 
+    /// Whether a query sees all that was written before it, by whomever. The nearest member of a
+    /// replica set may be behind; [`Memory::watch`] is exact on every store.
+    ///
+    /// # Errors
+    /// Where the store cannot be opened.
+    pub fn is_current(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        Ok(self.store(ns)?.is_atomic())
+    }
+
     /// Forgets the name of a watch; says whether there was one.
     ///
     /// # Errors

@@ -5,6 +5,8 @@ mod lab;
 mod clips;
 mod computables;
 mod documents;
+#[cfg(feature = "clips-engine")]
+mod engine;
 mod executive;
 mod exit_codes;
 mod indexes;

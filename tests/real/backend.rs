@@ -48,7 +48,7 @@ rm -rf "$1"
 "#;
 
 /// Robots in folders of their own, and the ports of their private and shared databases.
-struct Robots {
+pub(crate) struct Robots {
     folder: PathBuf,
     keeper: Child,
     mongod: PathBuf,
@@ -56,7 +56,7 @@ struct Robots {
 }
 
 impl Robots {
-    fn new(mongod: &Path, count: usize) -> Result<Self, Failed> {
+    pub(crate) fn new(mongod: &Path, count: usize) -> Result<Self, Failed> {
         let folder = tempfile::tempdir()?.keep();
         let keeper = Command::new("sh").args(["-c", KEEPER, "keeper"]).arg(&folder).stdin(Stdio::piped()).spawn()?;
         // Held together, so that no port is given twice.
@@ -73,7 +73,7 @@ impl Robots {
     }
 
     /// Writes the settings of a robot, in which the first `count` are members.
-    fn settle(&self, robot: usize, count: usize) -> Result<(), Failed> {
+    pub(crate) fn settle(&self, robot: usize, count: usize) -> Result<(), Failed> {
         let (local, shared) = self.ports[robot];
         let common = format!("mongod = {:?}\noplog_size = '64M'\ncache_size = '256M'\n", self.mongod);
         let settings = format!(
@@ -88,11 +88,11 @@ impl Robots {
         Ok(std::fs::write(self.path(robot).join("rmem.toml"), settings)?)
     }
 
-    fn path(&self, robot: usize) -> PathBuf {
+    pub(crate) fn path(&self, robot: usize) -> PathBuf {
         self.folder.join(format!("r{robot}"))
     }
 
-    fn command(&self, robot: usize, arguments: &[&str]) -> Command {
+    pub(crate) fn command(&self, robot: usize, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
         command.args(arguments).current_dir(self.path(robot)).env("HOME", &self.folder).stdin(Stdio::null());
         command
@@ -113,7 +113,7 @@ impl Robots {
     }
 
     /// Runs a command on several robots at once.
-    fn together(&self, robots: &[usize], arguments: &[&str]) -> Result<(), Failed> {
+    pub(crate) fn together(&self, robots: &[usize], arguments: &[&str]) -> Result<(), Failed> {
         std::thread::scope(|scope| {
             let runs: Vec<_> = robots.iter().map(|robot| scope.spawn(|| self.ends(*robot, arguments, 0))).collect();
             runs.into_iter().try_for_each(|run| run.join().map_err(|_| Failed::from("a robot failed"))?.map(drop))

@@ -11,6 +11,7 @@ mod clips;
 mod computables;
 mod contract;
 mod crashes;
+mod engine;
 mod imported;
 mod mixtures;
 #[cfg(feature = "mongodb")]
@@ -49,6 +50,7 @@ fn main() -> ExitCode {
     trials.extend(planner::trials());
     trials.extend(imported::trials());
     trials.extend(clips::trials());
+    trials.extend(engine::trials());
     trials.extend(watching::trials());
     trials.extend(computables::embedded());
     let stop = with_servers(&arguments, &mut trials);
@@ -59,9 +61,10 @@ fn main() -> ExitCode {
 
 #[cfg(feature = "mongodb")]
 fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
-    let names = [server::names(), backend::names()].concat();
+    let names = [server::names(), backend::names(), engine::names()].concat();
     let program = mongod::program_for(arguments, &names);
     trials.extend(backend::trials(program.as_deref()));
+    trials.extend(engine::servers(program.as_deref()));
     trials.extend(server::trials(program));
     server::stop
 }

@@ -18,5 +18,6 @@ mod reachability;
 mod shell;
 mod store;
 mod transcripts;
+mod unsafety;
 mod validate;
 mod world;

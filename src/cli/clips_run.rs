@@ -1,0 +1,76 @@
+//! `clips run`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+
+use super::quantity;
+use crate::store::Namespace;
+
+/// What stands below the help of `clips run`.
+pub const HELP: &str = "\
+Examples:
+  rmem clips run agent.clp
+  rmem clips run templates.clp agent.clp --facts world.txt --timeout 10m --sync
+
+Loads the programs, resets, asserts the facts of --facts, and fires rules until none can fire. A program
+that follows triggers or the shared world model goes on, until it says (exit) or (halt), --timeout is
+over, or somebody interrupts. What it prints is stdout.
+
+Ends with 0; with the code of (exit CODE); with 1 where an error halted it; with 3 where something does not
+load; with 23 where --timeout is over and rules still fire; with 130 where it is interrupted.
+
+NS is DATABASE.COLLECTION; DOC is a document (an external address) or its text. Errors at any time are
+said on stderr and the function gives FALSE; wrong arguments and destroyed documents halt the program.
+
+  (rm-insert NS DOC) (rm-query NS [DOC [SORT]]) (rm-query-sort NS DOC SORT) (rm-count NS [DOC])
+  (rm-update NS DOC QUERY) sets the fields, or does what operators say, on the first match
+  (rm-replace NS DOC QUERY) (rm-upsert NS DOC QUERY) (rm-delete NS QUERY), also called rm-remove
+  (rm-create-index NS KEYS) (rm-create-unique-index NS KEYS)
+  (rm-cursor-next C), a document or FALSE, (rm-cursor-more C) (rm-cursor-destroy C)
+  (rm-fact-to-bson FACT) (rm-structured-fact-to-bson FACT) (rm-ordered-fact-to-bson FACT)
+  (rm-assert-from-bson DOC)
+  (rm-trigger-register NS QUERY NAME) (rm-trigger-destroy T); each change asserts
+     (robmem-trigger (name \"NAME\") (rcvd-at SEC USEC) (ptr DOC) (operation insert) (namespace \"NS\")
+        (id \"…\") (before \"…\") (after \"…\")) and the ordered fact (NAME)
+  (rm-gen-problem TEMPLATE [GOAL [NAME VALUE]…]), a string
+  (rm-plan DOMAIN PROBLEM [PLANNER [SECONDS]]), the id of the stored plan or FALSE; asserts the facts of
+     rmem plan --format clips for which the program has the deftemplates plan and plan-action
+  (rm-dump NS PATH) (rm-restore PATH [NS])
+  (synced-assert \"(template (slot value) …)\") (synced-modify FACT SLOT VALUE …) (synced-retract FACT)
+  (synced-add-to-multifield FACT SLOT VALUE) (synced-remove-from-multifield FACT SLOT VALUE)
+     keep a world model with all who use --sync's namespace, by the slot sync-id
+
+As in Fawkes: robmem-insert robmem-query robmem-query-sort robmem-count robmem-update robmem-replace
+robmem-upsert robmem-remove robmem-create-index robmem-create-unique-index robmem-cursor-next
+robmem-cursor-more robmem-cursor-destroy robmem-trigger-register robmem-trigger-destroy
+(robmem-dump-collection NS DIR) (robmem-restore-collection NS DIR [NS]) (robmem-mutex-create NAME)
+robmem-mutex-destroy (robmem-mutex-try-lock NAME OWNER) robmem-mutex-renew-lock robmem-mutex-force-lock
+robmem-mutex-unlock (robmem-mutex-setup-ttl SEC) (robmem-mutex-expire-locks SEC)
+bson-create bson-parse bson-destroy bson-tostring bson-append bson-append-array bson-append-time
+bson-append-regex bson-array-start bson-array-append bson-array-finish bson-field-names bson-has-field
+bson-get bson-get-array bson-get-time";
+
+/// `clips run`
+#[derive(Debug, Args)]
+pub struct ClipsRun {
+    /// Programs: constructs, loaded in this order; - is stdin
+    #[arg(value_name = "PROGRAM", required = true)]
+    pub programs: Vec<PathBuf>,
+    /// Facts to assert after the reset, as (save-facts) writes them (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub facts: Vec<PathBuf>,
+    /// Fire at most N rules
+    #[arg(long, value_name = "N")]
+    pub cycles: Option<u64>,
+    /// End after so long
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    pub timeout: Option<Duration>,
+    /// Keep the shared world model of NS from the start, and not only once the program changes it
+    #[arg(long, value_name = "NS", num_args = 0..=1, default_missing_value = WORLD, require_equals = true)]
+    pub sync: Option<Namespace>,
+}
+
+/// The shared world model where none is named, as in Fawkes.
+pub const WORLD: &str = "syncedrobmem.clipswm";

@@ -1,0 +1,86 @@
+//! `rmem clips run PROGRAM…`: CLIPS with the memory's functions inside it.
+
+use anyhow::Context as _;
+
+use crate::cli::{ClipsRun, WORLD};
+use crate::commands::{Context, lock};
+use crate::engine::{self, Ended, Job, Outlet, Said};
+use crate::exit::Exit;
+use crate::formats::Source;
+use crate::memory::world::{World, WorldError};
+use crate::planner::Host;
+use crate::store::Namespace;
+
+pub(super) fn run(args: &ClipsRun, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let programs = args.programs.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
+    let facts = args.facts.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
+    let patience = crate::Patience::new();
+    let job = Job {
+        programs,
+        facts,
+        cycles: args.cycles,
+        timeout: args.timeout,
+        interrupted: patience.interrupted(),
+        world: args.sync.clone().map_or_else(|| Namespace::parse(WORLD), Ok)?,
+        is_synced: args.sync.is_some(),
+        collection: context.settings.collection.value.clone(),
+        mutexes: lock::mutexes(context)?,
+        planners: context.settings.planners.clone(),
+        host: Host { interrupted: patience.interrupted(), ..context.host() },
+    };
+    let (opening, worlds) = (context.opening(), worlds(context)?);
+    let is_observed = context.output.observer().is_some();
+    let open = move |outlet: &Outlet| {
+        let memory = opening.open(is_observed.then(|| outlet.observer()))?;
+        for world in &worlds {
+            let loaded =
+                World::parse(world).map_err(|source| WorldError::Text { name: world.name().to_owned(), source });
+            let loaded = loaded.and_then(|world| world.load(&memory));
+            loaded.with_context(|| format!("loading {}", world.name()))?;
+        }
+        Ok(memory)
+    };
+    let ended = engine::run(job, open, &mut |said| listen(said, context))?;
+    Ok(match ended {
+        Ended::Well => Exit::Done,
+        Ended::Exited(code) => Exit::Passed(u8::try_from(code & 0xff).unwrap_or(u8::MAX)),
+        Ended::Failed => Exit::No,
+        Ended::OutOfTime => {
+            context.output.error("the time was over while rules were firing");
+            Exit::OutOfTime
+        }
+        Ended::Interrupted => Exit::Interrupted,
+    })
+}
+
+/// The world files of `--load`.
+fn worlds(context: &mut Context<'_>) -> anyhow::Result<Vec<Source>> {
+    context.settings.load.clone().iter().map(|path| context.read(path)).collect()
+}
+
+/// Prints what the program says, and reads what it wants to know.
+fn listen(said: Said, context: &mut Context<'_>) -> anyhow::Result<()> {
+    match said {
+        Said::Out(text) => context.output.stdout().write_all(&text)?,
+        Said::Err(text) => {
+            context.output.flush()?;
+            context.output.pass_on(&text);
+        }
+        Said::Note(text) => context.output.note(&text),
+        Said::Operation(operation) => {
+            if let Some(observer) = context.output.observer() {
+                observer(&operation);
+            }
+        }
+        Said::Pause => {
+            context.output.flush()?;
+            context.output.tell_operations();
+        }
+        Said::Read(answer) => {
+            context.output.flush()?;
+            // Who asked may be gone; then nobody wants the line.
+            drop(answer.send(context.read_line()?));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,216 @@
+//! Facts: asserted, changed, retracted and read.
+
+use std::rc::Rc;
+
+use clips_sys as sys;
+
+use super::environment::{Alive, Environment};
+use super::value::{Value, c_text, text};
+
+/// A fact, there or retracted. It is told apart from any later one.
+#[derive(Debug)]
+pub(crate) struct FactRef {
+    fact: *mut sys::Fact,
+    alive: Rc<Alive>,
+}
+
+impl FactRef {
+    /// # Safety
+    /// The pointer is to a fact of the environment.
+    pub(super) unsafe fn new(fact: *mut sys::Fact, environment: &Environment) -> Self {
+        // SAFETY: the caller's promise.
+        unsafe { sys::RetainFact(fact) };
+        Self { fact, alive: Rc::clone(environment.alive()) }
+    }
+
+    /// The pointer, where the fact is one of this environment and that is alive.
+    pub(super) fn pointer(&self, environment: &Environment) -> Option<*mut sys::Fact> {
+        (self.alive.is() && Rc::ptr_eq(&self.alive, environment.alive())).then_some(self.fact)
+    }
+}
+
+impl Clone for FactRef {
+    fn clone(&self) -> Self {
+        if self.alive.is() {
+            // SAFETY: the environment is alive, and keeps the fact because it is retained.
+            unsafe { sys::RetainFact(self.fact) };
+        }
+        Self { fact: self.fact, alive: Rc::clone(&self.alive) }
+    }
+}
+
+impl Drop for FactRef {
+    fn drop(&mut self) {
+        if self.alive.is() {
+            // SAFETY: as for `clone`; this gives back what was retained.
+            unsafe { sys::ReleaseFact(self.fact) };
+        }
+    }
+}
+
+impl PartialEq for FactRef {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self.fact, other.fact) && Rc::ptr_eq(&self.alive, &other.alive)
+    }
+}
+
+impl Environment {
+    /// Asserts a fact that is spelled out; where CLIPS cannot, it has said why. The same fact
+    /// as one that is there is that one.
+    pub(crate) fn assert_text(&self, text: &str) -> Option<FactRef> {
+        // SAFETY: the environment is alive, and the text is copied.
+        let fact = unsafe { sys::AssertString(self.raw(), c_text(text).as_ptr()) };
+        // SAFETY: it has just been asserted.
+        (!fact.is_null()).then(|| unsafe { FactRef::new(fact, self) })
+    }
+
+    /// Asserts a fact with slots; slots that are not given have their defaults.
+    ///
+    /// # Errors
+    /// What does not fit the template, as a sentence.
+    pub(crate) fn assert(&self, template: &str, slots: &[(String, Value)]) -> Result<FactRef, String> {
+        // SAFETY: the environment is alive; the builder is used for one fact and disposed of.
+        unsafe {
+            let builder = sys::CreateFactBuilder(self.raw(), c_text(template).as_ptr());
+            if builder.is_null() {
+                return Err(format!("there is no deftemplate `{template}`"));
+            }
+            let wrong = slots.iter().find_map(|(name, value)| {
+                let mut native = self.to_native(value);
+                complaint(sys::FBPutSlot(builder, c_text(name).as_ptr(), &raw mut native), template, name)
+            });
+            let fact = match wrong {
+                None => sys::FBAssert(builder),
+                Some(_) => std::ptr::null_mut(),
+            };
+            let asserted = (!fact.is_null()).then(|| FactRef::new(fact, self));
+            sys::FBDispose(builder);
+            asserted.ok_or_else(|| wrong.unwrap_or_else(|| format!("CLIPS does not assert this `{template}`")))
+        }
+    }
+
+    /// Changes some slots; gives the fact as it is then.
+    ///
+    /// # Errors
+    /// What does not fit the template, or that the fact is gone, as a sentence.
+    pub(crate) fn modify(&self, fact: &FactRef, slots: &[(String, Value)]) -> Result<FactRef, String> {
+        let Some(pointer) = fact.pointer(self).filter(|_| self.exists(fact)) else {
+            return Err("the fact is gone".to_owned());
+        };
+        // SAFETY: the environment is alive and the fact there; the modifier is used once.
+        unsafe {
+            let modifier = sys::CreateFactModifier(self.raw(), pointer);
+            if modifier.is_null() {
+                return Err("the fact has no slots that could be changed".to_owned());
+            }
+            let template = self.template_of(fact);
+            let wrong = slots.iter().find_map(|(name, value)| {
+                let mut native = self.to_native(value);
+                complaint(sys::FMPutSlot(modifier, c_text(name).as_ptr(), &raw mut native), &template, name)
+            });
+            let changed = match wrong {
+                None => sys::FMModify(modifier),
+                Some(_) => std::ptr::null_mut(),
+            };
+            let changed = (!changed.is_null()).then(|| FactRef::new(changed, self));
+            sys::FMDispose(modifier);
+            changed.ok_or_else(|| wrong.unwrap_or_else(|| "CLIPS does not modify this fact".to_owned()))
+        }
+    }
+
+    /// Retracts a fact; says whether it was there.
+    pub(crate) fn retract(&self, fact: &FactRef) -> bool {
+        let Some(pointer) = fact.pointer(self).filter(|_| self.exists(fact)) else { return false };
+        // SAFETY: the environment is alive and the fact there.
+        unsafe { sys::Retract(pointer) == sys::RetractError_RE_NO_ERROR }
+    }
+
+    /// Whether the fact is there.
+    pub(crate) fn exists(&self, fact: &FactRef) -> bool {
+        // SAFETY: a fact that is known is retained, so that its memory is.
+        fact.pointer(self).is_some_and(|pointer| unsafe { sys::FactExistp(pointer) })
+    }
+
+    /// The name of the fact's template, without its module.
+    pub(crate) fn template_of(&self, fact: &FactRef) -> String {
+        let Some(pointer) = fact.pointer(self) else { return String::new() };
+        // SAFETY: the fact's memory is kept, and the template's while it has facts in use.
+        unsafe { text(sys::DeftemplateName(sys::FactDeftemplate(pointer))) }
+    }
+
+    /// The values of an ordered fact; none where the fact has slots.
+    pub(crate) fn ordered(&self, fact: &FactRef) -> Option<Vec<Value>> {
+        let pointer = fact.pointer(self)?;
+        let mut native = sys::CLIPSValue::default();
+        // SAFETY: the fact's memory is kept; without a slot's name only ordered facts answer.
+        unsafe {
+            let got = sys::GetFactSlot(pointer, std::ptr::null(), &raw mut native);
+            if got != sys::GetSlotError_GSE_NO_ERROR {
+                return None;
+            }
+            match self.value(native.__bindgen_anon_1.header) {
+                Value::Many(values) => Some(values),
+                _ => None,
+            }
+        }
+    }
+
+    /// The slots of a fact with their values; those with several have a [`Value::Many`].
+    pub(crate) fn slots(&self, fact: &FactRef) -> Vec<(String, Value)> {
+        let Some(pointer) = fact.pointer(self) else { return Vec::new() };
+        let mut names = sys::CLIPSValue::default();
+        // SAFETY: the fact's memory is kept, and the template's while it has facts in use.
+        unsafe {
+            sys::DeftemplateSlotNames(sys::FactDeftemplate(pointer), &raw mut names);
+            let Value::Many(names) = self.value(names.__bindgen_anon_1.header) else { return Vec::new() };
+            let slot = |name: Value| {
+                let Value::Symbol(name) = name else { return None };
+                let mut native = sys::CLIPSValue::default();
+                let got = sys::GetFactSlot(pointer, c_text(&name).as_ptr(), &raw mut native);
+                (got == sys::GetSlotError_GSE_NO_ERROR).then(|| (name, self.value(native.__bindgen_anon_1.header)))
+            };
+            names.into_iter().filter_map(slot).collect()
+        }
+    }
+
+    /// The names of all templates whose facts have slots.
+    pub(crate) fn templates(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        // SAFETY: the environment is alive, and no template comes or goes meanwhile.
+        unsafe {
+            let mut next = sys::GetNextDeftemplate(self.raw(), std::ptr::null_mut());
+            while !next.is_null() {
+                if !sys::DeftemplatePPForm(next).is_null() {
+                    names.push(text(sys::DeftemplateName(next)));
+                }
+                next = sys::GetNextDeftemplate(self.raw(), next);
+            }
+        }
+        names
+    }
+
+    /// The `deftemplate` of that name, as CLIPS prints it; none where it has only ordered
+    /// facts, or is not there.
+    pub(crate) fn template(&self, name: &str) -> Option<String> {
+        // SAFETY: the environment is alive; the form is copied.
+        unsafe {
+            let template = sys::FindDeftemplate(self.raw(), c_text(name).as_ptr());
+            let form = (!template.is_null()).then(|| sys::DeftemplatePPForm(template))?;
+            (!form.is_null()).then(|| text(form))
+        }
+    }
+}
+
+/// What is wrong with a value for a slot.
+fn complaint(error: sys::PutSlotError, template: &str, slot: &str) -> Option<String> {
+    let what = match error {
+        sys::PutSlotError_PSE_NO_ERROR => return None,
+        sys::PutSlotError_PSE_SLOT_NOT_FOUND_ERROR => return Some(format!("`{slot}` is no slot of `{template}`")),
+        sys::PutSlotError_PSE_TYPE_ERROR => "its value is of a type that the slot does not take",
+        sys::PutSlotError_PSE_RANGE_ERROR => "its value is out of the slot's range",
+        sys::PutSlotError_PSE_ALLOWED_VALUES_ERROR => "its value is none of the slot's allowed values",
+        sys::PutSlotError_PSE_CARDINALITY_ERROR => "it has too few or too many values",
+        _ => "its value does not fit",
+    };
+    Some(format!("the slot `{slot}` of `{template}`: {what}"))
+}
