@@ -69,6 +69,30 @@ impl Environment {
     /// # Errors
     /// What does not fit the template, as a sentence.
     pub(crate) fn assert(&self, template: &str, slots: &[(String, Value)]) -> Result<FactRef, String> {
+        self.build(template, slots, None)
+    }
+
+    /// Changes some slots; gives the fact as it is then, which is another one. CLIPS 6.40 would do that
+    /// itself, but frees the values of a multislot that it has just put there.
+    ///
+    /// # Errors
+    /// What does not fit the template, or that the fact is gone, as a sentence.
+    pub(crate) fn modify(&self, fact: &FactRef, changes: &[(String, Value)]) -> Result<FactRef, String> {
+        if !self.exists(fact) {
+            return Err("the fact is gone".to_owned());
+        }
+        let mut slots = self.slots(fact);
+        for (name, value) in changes {
+            match slots.iter_mut().find(|(slot, _)| slot == name) {
+                Some(slot) => slot.1 = value.clone(),
+                None => return Err(format!("`{name}` is no slot of the fact")),
+            }
+        }
+        self.build(&self.template_of(fact), &slots, Some(fact))
+    }
+
+    /// Asserts a fact, in place of another one; where it does not fit, that one stays.
+    fn build(&self, template: &str, slots: &[(String, Value)], old: Option<&FactRef>) -> Result<FactRef, String> {
         // SAFETY: the environment is alive; the builder is used for one fact and disposed of.
         unsafe {
             let builder = sys::CreateFactBuilder(self.raw(), c_text(template).as_ptr());
@@ -80,41 +104,17 @@ impl Environment {
                 complaint(sys::FBPutSlot(builder, c_text(name).as_ptr(), &raw mut native), template, name)
             });
             let fact = match wrong {
-                None => sys::FBAssert(builder),
+                None => {
+                    if let Some(old) = old {
+                        self.retract(old);
+                    }
+                    sys::FBAssert(builder)
+                }
                 Some(_) => std::ptr::null_mut(),
             };
             let asserted = (!fact.is_null()).then(|| FactRef::new(fact, self));
             sys::FBDispose(builder);
             asserted.ok_or_else(|| wrong.unwrap_or_else(|| format!("CLIPS does not assert this `{template}`")))
-        }
-    }
-
-    /// Changes some slots; gives the fact as it is then.
-    ///
-    /// # Errors
-    /// What does not fit the template, or that the fact is gone, as a sentence.
-    pub(crate) fn modify(&self, fact: &FactRef, slots: &[(String, Value)]) -> Result<FactRef, String> {
-        let Some(pointer) = fact.pointer(self).filter(|_| self.exists(fact)) else {
-            return Err("the fact is gone".to_owned());
-        };
-        // SAFETY: the environment is alive and the fact there; the modifier is used once.
-        unsafe {
-            let modifier = sys::CreateFactModifier(self.raw(), pointer);
-            if modifier.is_null() {
-                return Err("the fact has no slots that could be changed".to_owned());
-            }
-            let template = self.template_of(fact);
-            let wrong = slots.iter().find_map(|(name, value)| {
-                let mut native = self.to_native(value);
-                complaint(sys::FMPutSlot(modifier, c_text(name).as_ptr(), &raw mut native), &template, name)
-            });
-            let changed = match wrong {
-                None => sys::FMModify(modifier),
-                Some(_) => std::ptr::null_mut(),
-            };
-            let changed = (!changed.is_null()).then(|| FactRef::new(changed, self));
-            sys::FMDispose(modifier);
-            changed.ok_or_else(|| wrong.unwrap_or_else(|| "CLIPS does not modify this fact".to_owned()))
         }
     }
 
