@@ -7,8 +7,10 @@ use pest::Parser as _;
 use super::Value;
 use crate::formats::{Diagnostic, Source, Span};
 
-/// About how many bytes are split into words at once.
-const STRETCH: usize = 4096;
+/// About how many bytes are split into words at once …
+const STRETCH: usize = 512;
+/// … and at most about so many where they are plain ones.
+const SKIMMED: usize = 4096;
 
 #[derive(pest_derive::Parser)]
 #[grammar = "grammars/clips.pest"]
@@ -118,7 +120,22 @@ impl<'a> Lexer<'a> {
         Ok(text.split_whitespace().skip(3))
     }
 
+    /// Takes plain words up to the first that is none; says whether there were any.
+    fn skim(&mut self) -> bool {
+        let (bytes, start) = (self.source.text().as_bytes(), self.offset);
+        while self.offset - start < SKIMMED {
+            let Some((kind, length)) = bytes.get(self.offset..).and_then(plain) else { break };
+            let span = Span::new(self.offset, self.offset + length);
+            self.ready.extend(kind.map(|kind| Token { kind, span }));
+            self.offset += length;
+        }
+        self.offset > start
+    }
+
     fn advance(&mut self) -> Result<(), Diagnostic> {
+        if self.skim() {
+            return Ok(());
+        }
         let text = self.source.text();
         let end = stretch(text, self.offset);
         let base = self.offset;
@@ -162,6 +179,41 @@ fn kind(rule: Rule, text: &str) -> Option<Kind> {
         Rule::symbol => Kind::Symbol,
         _ => return None,
     })
+}
+
+/// The word that a text begins with, and its length, where it is one that needs no grammar; blanks are of
+/// no kind. These are nearly all of what facts consist of.
+fn plain(text: &[u8]) -> Option<(Option<Kind>, usize)> {
+    let blank = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\n' | b'\r' | 0x0C);
+    let first = text.first()?;
+    match first {
+        b'(' => return Some((Some(Kind::Open), 1)),
+        b')' => return Some((Some(Kind::Close), 1)),
+        b'"' => {
+            let end = 1 + memchr::memchr2(b'"', b'\\', text.get(1..)?)?;
+            return (text.get(end) == Some(&b'"')).then_some((Some(Kind::Text), end + 1));
+        }
+        byte if blank(byte) => return Some((None, text.iter().take_while(|byte| blank(byte)).count())),
+        _ => {}
+    }
+    let is_inner = |byte: &&u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_' | b'.');
+    let length = text.iter().take_while(is_inner).count();
+    let (word, behind) = text.split_at_checked(length)?;
+    if !behind.first().is_none_or(|byte| blank(byte) || matches!(byte, b'(' | b')')) {
+        return None;
+    }
+    let digits = |part: &[u8]| !part.is_empty() && part.iter().all(u8::is_ascii_digit);
+    let number = word.strip_prefix(b"-").unwrap_or(word);
+    let kind = match number.iter().position(|byte| *byte == b'.') {
+        _ if first.is_ascii_alphabetic() => Kind::Symbol,
+        None if digits(number) => Kind::Integer,
+        Some(point) => {
+            let (whole, rest) = number.split_at_checked(point)?;
+            (digits(whole) && digits(rest.get(1..)?)).then_some(Kind::Float)?
+        }
+        None => return None,
+    };
+    Some((Some(kind), length))
 }
 
 /// The kind of the one word that `text` is, all of it.
@@ -239,6 +291,59 @@ mod tests {
         }
         assert_eq!(lone("[ä]"), Some(Kind::Instance));
         assert_eq!(lone("$?x"), Some(Kind::Variable));
+    }
+
+    #[test]
+    fn plain_words_are_what_the_grammar_says() {
+        let words = [
+            "a",
+            "a-b",
+            "a.b",
+            "e5",
+            "1",
+            "-1",
+            "1.5",
+            "-1.5",
+            "1.",
+            ".5",
+            "-",
+            "--1",
+            "1-2",
+            "1e5",
+            "1.5.2",
+            "-.5",
+            "0x1",
+            "a_1",
+            "nan",
+            "\"\"",
+            "\"a b\"",
+            "\"a\\\"b\"",
+            "\"ä ; (\"",
+            "(",
+            ")",
+            "ä",
+            "a<b",
+            "a\"b\"",
+            "\"a\"b",
+            "1;x",
+            "?a",
+        ];
+        for word in words {
+            for text in [word.to_owned(), format!("({word})"), format!(" {word}\t1"), format!("{word}\u{c}{word} ")] {
+                let source = Source::new("t", text.as_str());
+                let mut lexer = Lexer::new(&source);
+                let mut found = Vec::new();
+                while lexer.peek(0).unwrap().kind != Kind::End {
+                    found.push(lexer.next().unwrap());
+                }
+                let pairs = Grammar::parse(Rule::words, &text).unwrap();
+                let wanted = pairs.filter_map(|pair| {
+                    let span = Span::new(pair.as_span().start(), pair.as_span().end());
+                    Some(Token { kind: kind(pair.as_rule(), pair.as_str())?, span })
+                });
+                assert_eq!(found, wanted.collect::<Vec<_>>(), "{text:?}");
+            }
+        }
     }
 
     #[test]
