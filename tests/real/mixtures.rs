@@ -16,8 +16,10 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
+type Case = fn(&str) -> Result<(), Failed>;
+
 /// What is tried with a server, by its address.
-pub(crate) const CASES: [(&str, fn(&str) -> Result<(), Failed>); 3] = [
+pub(crate) const CASES: [(&str, Case); 3] = [
     ("mixtures::a_file_and_a_server", |uri| mixed(&["file:a.rmem", uri])),
     ("mixtures::a_server_and_a_file", |uri| mixed(&[uri, "file:b.rmem"])),
     ("mixtures::a_server_and_a_process", |uri| mixed(&[uri, "mem:"])),

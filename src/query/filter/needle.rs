@@ -9,7 +9,7 @@ use super::tree::Node;
 
 /// Bytes that every match contains.
 #[derive(Debug)]
-pub(super) struct Needle(Finder<'static>);
+pub(super) struct Needle(Box<Finder<'static>>);
 
 impl Needle {
     /// The longest there is, where the filter wants a text or an id. Where it computes, a
@@ -21,7 +21,7 @@ impl Needle {
         };
         let is_plain = conjuncts.iter().all(|node| matches!(node, Node::Field(..) | Node::Always(_)));
         let longest = conjuncts.iter().filter_map(bytes).max_by_key(Vec::len).filter(|_| is_plain)?;
-        Some(Self(Finder::new(&longest).into_owned()))
+        Some(Self(Box::new(Finder::new(&longest).into_owned())))
     }
 
     /// Whether these bytes contain it.
