@@ -48,6 +48,35 @@ pub enum Feature {
 }
 
 impl Feature {
+    /// All of them.
+    pub const ALL: [Self; 19] = [
+        Self::Typing,
+        Self::Equality,
+        Self::NegativePreconditions,
+        Self::DisjunctivePreconditions,
+        Self::ExistentialPreconditions,
+        Self::UniversalPreconditions,
+        Self::ConditionalEffects,
+        Self::DerivedPredicates,
+        Self::ChangingDerivedPredicates,
+        Self::ActionCosts,
+        Self::NumericFluents,
+        Self::ObjectFluents,
+        Self::DurativeActions,
+        Self::DurationInequalities,
+        Self::ContinuousEffects,
+        Self::TimedInitialLiterals,
+        Self::Preferences,
+        Self::Constraints,
+        Self::ActionVariables,
+    ];
+
+    /// The features that a requirement, with or without its colon, is the name of.
+    pub fn named(requirement: &str) -> impl Iterator<Item = Self> {
+        let name = requirement.trim_start_matches(':').to_ascii_lowercase();
+        Self::ALL.into_iter().filter(move |feature| feature.requirement() == name)
+    }
+
     /// The requirement that announces it, without its colon.
     #[must_use]
     pub fn requirement(self) -> &'static str {

@@ -2,7 +2,7 @@
 //!
 //! How it is spelled is [`crate::formats::pddl`]'s business. A [`Domain`] is read and
 //! checked by itself, a [`Problem`] against its domain; what passes has every name
-//! resolved. [`validate`] simulates a plan; [`why`] says what keeps a goal from ever being reached. Names compare without regard to case and
+//! resolved. [`validate`] simulates a plan, and [`repair`] says what would mend one that breaks; [`why`] says what keeps a goal from ever being reached. Names compare without regard to case and
 //! keep the spelling they were declared with.
 
 mod axiom;
@@ -22,7 +22,7 @@ pub use domain::{Action, Domain, Parameter, Predicate};
 pub use feature::{Feature, Use};
 pub use problem::{Object, Problem};
 pub use reachability::{Achiever, Obstacle, Why, why};
-pub use validation::{Failure, Validation, validate};
+pub use validation::{Cause, Failure, Remedy, Repair, Validation, repair, validate};
 
 /// One ground action of a plan, as a planner or a file named it.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,6 +9,7 @@ use sha2::{Digest as _, Sha256};
 use super::Recipe;
 use crate::pddl::Why;
 use crate::planner::{Race, Run};
+use crate::problem::names;
 
 /// What stands for the planner of a plan that came from a file.
 pub const IMPORTED: &str = "import";
@@ -183,18 +184,19 @@ fn racer(racer: &Racer) -> Bson {
 }
 
 /// What keeps the goal from being reached: the conditions that can never hold, those of the goal first, each
-/// with what would make it hold and what that lacks, and the predicates that are never true of anything.
+/// with what would make it hold and what that lacks, in the memory's spelling, and the predicates that are never true of anything.
 fn reasons(why: &Why) -> Document {
     if why.is_unknown {
         return doc! { "unknown": true };
     }
+    let spelled = |text: &String| names::restore(text);
     let obstacles = why.obstacles.iter().enumerate().map(|(place, obstacle)| {
-        let achievers = obstacle
-            .achievers
-            .iter()
-            .map(|achiever| Bson::Document(doc! { "action": &achiever.action, "missing": &achiever.missing }));
+        let achievers = obstacle.achievers.iter().map(|achiever| {
+            let missing: Vec<String> = achiever.missing.iter().map(spelled).collect();
+            Bson::Document(doc! { "action": spelled(&achiever.action), "missing": missing })
+        });
         Bson::Document(doc! {
-            "condition": &obstacle.condition,
+            "condition": spelled(&obstacle.condition),
             "goal": place < why.goals,
             "achievers": achievers.collect::<Array>(),
         })

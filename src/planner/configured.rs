@@ -29,6 +29,8 @@ pub struct Configured {
     pub command: Vec<String>,
     /// How its output is read.
     pub output: Dialect,
+    /// What it cannot handle.
+    pub lacks: Vec<Feature>,
     /// The folder of the configuration. The planner runs in a temporary directory, so
     /// words of the command that are paths of files relative to this folder are made
     /// absolute.
@@ -48,6 +50,10 @@ impl Configured {
 impl Planner for Configured {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn lacks(&self) -> &[Feature] {
+        &self.lacks
     }
 
     fn command(&self, _host: &Host<'_>) -> Vec<OsString> {

@@ -10,6 +10,7 @@ use toml::Spanned;
 use super::computable;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::computables::Definition;
+use crate::pddl::Feature;
 use crate::planner::{Configured, Dialect};
 use crate::store::Namespace;
 
@@ -49,6 +50,9 @@ pub struct File {
 struct PlannerTable {
     command: Spanned<Vec<String>>,
     output: DialectName,
+    /// What it cannot handle, as PDDL names requirements.
+    #[serde(default)]
+    lacks: Vec<Spanned<String>>,
 }
 
 /// How a planner spells its plans, in the file.
@@ -109,6 +113,13 @@ impl File {
                     "expected a program and its arguments, found an empty list".to_owned(),
                 ));
             }
+            if let Some(unknown) = table.lacks.iter().find(|lack| Feature::named(lack.get_ref()).next().is_none()) {
+                let known: Vec<&str> = Feature::ALL.iter().map(|feature| feature.requirement()).collect();
+                return Err((
+                    unknown.span(),
+                    format!("`{}` is no part of PDDL; expected one of {}", unknown.get_ref(), known.join(", ")),
+                ));
+            }
         }
         computable::definitions(&self.computables, Path::new(""), &self.text)?;
         self.backend.check()
@@ -138,6 +149,7 @@ impl File {
                 DialectName::Downward => Dialect::Downward,
                 DialectName::Temporal => Dialect::Temporal,
             },
+            lacks: table.lacks.iter().flat_map(|lack| Feature::named(lack.get_ref())).collect(),
             folder: folder.to_owned(),
         };
         self.planner.iter().map(planner).collect()

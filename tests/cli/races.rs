@@ -76,6 +76,23 @@ fn where_nobody_wins_the_code_is_the_most_telling_one() {
 }
 
 #[test]
+fn what_a_configured_planner_lacks_is_refused_with_the_line() {
+    let lab = Lab::new();
+    let task = ["plan", "-d", "fixtures/tasks/numeric/domain.pddl", "-p", "fixtures/tasks/numeric/problem.pddl"];
+    let modest = |lacks: &str| {
+        format!(
+            "[planner.modest]\ncommand = [\"/bin/sh\", \"-c\", \"touch ran\"]\noutput = \"ff\"\nlacks = [{lacks}]\n"
+        )
+    };
+    lab.write("rmem.toml", &modest("'durative-actions', ':numeric-fluents'"));
+    let run = lab.rmem(&[&task[..], &["--planner", "modest"]].concat()).exits(34);
+    assert!(run.stderr.contains("numeric/domain.pddl:") && run.stderr.contains("numeric fluents"), "{run}");
+    lab.write("rmem.toml", &modest("'numbers'"));
+    let run = lab.rmem(&[&task[..], &["--planner", "modest"]].concat()).exits(3);
+    assert!(run.stderr.contains("rmem.toml:4:") && run.stderr.contains("`numbers` is no part of PDDL"), "{run}");
+}
+
+#[test]
 fn a_word_without_a_proof_ends_no_race() {
     let lab = Lab::new();
     let run = race(&lab, "solvable", &["believer", "builtin"], &[]).exits(0);

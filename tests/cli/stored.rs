@@ -31,6 +31,9 @@ fn a_plan_holds_until_the_world_changes_under_it() {
     assert_eq!(verdict["step"], 2);
     assert_eq!(verdict["missing"], serde_json::json!(["(clear D)"]));
     assert_eq!((&verdict["left"], &verdict["holds"]), (&4.into(), &false.into()));
+    // What would mend it is said as well.
+    assert_eq!(verdict["repairs"][0]["condition"], "(clear D)");
+    assert!(verdict["repairs"][0]["remedies"].as_array().is_some_and(|remedies| !remedies.is_empty()), "{verdict}");
 }
 
 #[test]

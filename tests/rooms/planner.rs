@@ -85,7 +85,7 @@ impl Place {
         self.script("fake", body);
         let command = ["./fake", "{domain}", "{problem}", "{plan}"].map(str::to_owned).to_vec();
         let folder = self.directory.path().to_owned();
-        self.run(&Configured { name: "fake".to_owned(), command, output, folder }, limits)
+        self.run(&Configured { name: "fake".to_owned(), command, output, lacks: Vec::new(), folder }, limits)
     }
 }
 

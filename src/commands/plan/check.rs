@@ -10,9 +10,9 @@ use crate::exit::Exit;
 use crate::formats::{Diagnostics, Source, shell};
 use crate::memory::Memory;
 use crate::output::Format;
-use crate::pddl::{Failure, Step, Validation, validate};
+use crate::pddl::{Cause, Failure, Repair, Step, Validation, repair, validate};
 use crate::plan::{Given, Recipe, Record, Status, Stored, spelled};
-use crate::problem::Part;
+use crate::problem::{Part, names};
 use crate::store::Namespace;
 
 pub(super) fn run(args: &PlanCheck, context: &mut Context<'_>) -> anyhow::Result<Exit> {
@@ -48,6 +48,8 @@ struct Fault {
     missing: Vec<String>,
     /// Where what is missing would come from, or what should not be there does.
     sources: Vec<Origin>,
+    /// What would make the plan go on.
+    repairs: Vec<Repair>,
 }
 
 struct Origin {
@@ -113,7 +115,11 @@ fn simulate(
     match validate(domain, &posed.problem, &steps) {
         Validation::Valid { .. } => verdict(None, None),
         Validation::Unjudged(reason) => verdict(None, Some(reason)),
-        Validation::Invalid(failure) => verdict(Some(fault(&failure, &left, &steps, &posed)), None),
+        Validation::Invalid(failure) => {
+            let mut repairs = repair(domain, &posed.problem, &steps);
+            repairs.iter_mut().for_each(|repair| recount(repair, &left));
+            verdict(Some(Fault { repairs, ..fault(&failure, &left, &steps, &posed) }), None)
+        }
     }
 }
 
@@ -125,6 +131,15 @@ fn rest(steps: &[Step], left: &[usize]) -> Vec<Step> {
         rest.iter_mut().for_each(|step| step.start = step.start.map(|start| start - first));
     }
     rest
+}
+
+/// Names the step that is to blame by its place in the whole plan.
+fn recount(repair: &mut Repair, left: &[usize]) {
+    if let Cause::Step { step, .. } = &mut repair.cause
+        && let Some(place) = left.get(*step)
+    {
+        *step = *place;
+    }
 }
 
 fn fault(failure: &Failure, left: &[usize], steps: &[Step], posed: &Posed) -> Fault {
@@ -141,14 +156,15 @@ fn fault(failure: &Failure, left: &[usize], steps: &[Step], posed: &Posed) -> Fa
     };
     let action = step.and_then(|step| steps.get(step)).map(|step| {
         let words: Vec<&str> = std::iter::once(&step.action).chain(&step.arguments).map(String::as_str).collect();
-        format!("({})", words.join(" "))
+        names::restore(&format!("({})", words.join(" ")))
     });
     Fault {
         step: step.and_then(|step| left.get(step)).map(|index| index + 1),
         action,
-        message,
+        message: names::restore(&message),
         sources: missing.iter().flat_map(|condition| sources(condition, posed)).collect(),
-        missing,
+        missing: missing.iter().map(|condition| names::restore(condition)).collect(),
+        repairs: Vec::new(),
     }
 }
 
@@ -216,13 +232,14 @@ impl Verdict {
                 lines.push(format!("  document _id {} of {namespace}", shell::relaxed_value(id)));
             }
         }
+        let repairs = fault.repairs.iter().map(|repair| names::restore(&repair.to_string()));
+        lines.extend(repairs.flat_map(|text| text.lines().map(|line| format!("  {line}")).collect::<Vec<_>>()));
         lines
     }
 
     /// The verdict for programs.
     fn to_document(&self, id: &str) -> Document {
         let (left, count) = self.left;
-        let number = |count: usize| Bson::Int64(i64::try_from(count).unwrap_or(i64::MAX));
         let mut document = doc! { "plan": id, "holds": self.holds(), "left": number(left), "steps": number(count) };
         if let Some(reason) = &self.unjudged {
             document.insert("unjudged", reason);
@@ -245,6 +262,30 @@ impl Verdict {
             Bson::Document(entry)
         });
         document.insert("sources", sources.collect::<Vec<_>>());
+        document.insert("repairs", fault.repairs.iter().map(mended).collect::<Vec<_>>());
         document
     }
+}
+
+/// A repair for programs; the step that is to blame counts from 1.
+fn mended(repair: &Repair) -> Bson {
+    let spelled = |text: &String| names::restore(text);
+    let all = |texts: &[String]| texts.iter().map(spelled).collect::<Vec<_>>();
+    let mut document = doc! { "condition": spelled(&repair.condition) };
+    if let Cause::Step { step, action } = &repair.cause {
+        document.insert("undone_by", doc! { "step": number(step + 1), "action": spelled(action) });
+    }
+    if !repair.values.is_empty() {
+        document.insert("values", all(&repair.values));
+    }
+    let remedies = repair.remedies.iter().map(|remedy| {
+        let (action, missing) = (spelled(&remedy.action), all(&remedy.missing));
+        Bson::Document(doc! { "action": action, "possible": remedy.is_possible, "missing": missing })
+    });
+    document.insert("remedies", remedies.collect::<Vec<_>>());
+    document.into()
+}
+
+fn number(count: usize) -> Bson {
+    Bson::Int64(i64::try_from(count).unwrap_or(i64::MAX))
 }

@@ -8,8 +8,9 @@ use crate::cli::PlanImport;
 use crate::commands::Context;
 use crate::exit::Exit;
 use crate::formats::plan::read_plan;
-use crate::pddl::{Validation, validate};
+use crate::pddl::{Validation, repair, validate};
 use crate::plan::{IMPORTED, Plan, to_document};
+use crate::problem::names;
 use crate::store::stamp;
 
 pub(super) fn run(args: &PlanImport, context: &mut Context<'_>) -> anyhow::Result<Exit> {
@@ -23,7 +24,11 @@ pub(super) fn run(args: &PlanImport, context: &mut Context<'_>) -> anyhow::Resul
     match validate(&domain, &posed.problem, &plan.steps) {
         Validation::Valid { value } => plan.cost = value.or(plan.cost),
         verdict => {
-            context.output.error(&format!("{} is not stored: {verdict}", file.name()));
+            let said = names::restore(&verdict.to_string());
+            context.output.error(&format!("{} is not stored: {said}", file.name()));
+            for repair in repair(&domain, &posed.problem, &plan.steps) {
+                context.output.note(&names::restore(&repair.to_string()));
+            }
             return Ok(if matches!(verdict, Validation::Invalid(_)) { Exit::No } else { Exit::Unsupported });
         }
     }

@@ -15,6 +15,7 @@ use crate::memory::Memory;
 use crate::pddl::Domain;
 use crate::plan::{self, Recipe};
 use crate::planner::{self, Ff, Host, Limits, Outcome, Planner, Race, Run, Task};
+use crate::problem::names;
 use crate::store::{Namespace, stamp};
 
 /// What a planner may print on one stream, or write as its plan: more is no plan, and reading it takes long.
@@ -168,12 +169,13 @@ fn print(run: &Run, document: &Document, posed: &Posed, id: &str, context: &mut 
             (outcome, "") => format!("{}: {}", run.planner, outcome.sentence()),
             (outcome, said) => format!("{}: {}: {said}", run.planner, outcome.sentence()),
         };
+        text = names::restore(&text);
         if matches!(run.outcome, Outcome::Failed) && !run.tail().is_empty() {
             text = format!("{text}\n  its last words:\n{}", indent(&run.tail()));
         }
         context.output.error(&text);
         if let Some(why) = &run.why {
-            context.output.note(&why.to_string());
+            context.output.note(&names::restore(&why.to_string()));
         }
         return Ok(Exit::from(&run.outcome));
     };

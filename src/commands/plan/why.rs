@@ -8,6 +8,7 @@ use crate::commands::{Context, WrongInput};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::plan::{Record, hash};
+use crate::problem::names;
 
 /// How wide the names are.
 const WIDTH: usize = 12;
@@ -34,7 +35,7 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
     say("outcome", text("outcome"));
     say("length", text("length").map(|length| format!("{length} steps")));
     say("cost", text("cost"));
-    say("goal", text("goal"));
+    say("goal", text("goal").map(|goal| names::restore(&goal)));
     let sources = lineage.get_document("sources").ok();
     for what in ["domain", "template", "problem"] {
         let kept = sources.and_then(|sources| sources.get_document(what).ok());
@@ -65,6 +66,12 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
     );
     say("timeout", lineage.get_f64("timeout").ok().map(|millis| format!("{millis} ms")));
     say("memory", lineage.get_i64("memory_limit").ok().map(|bytes| format!("{bytes} bytes at most")));
+    let why = lineage.get_document("why").ok();
+    for obstacle in why.and_then(|why| why.get_array("unreachable").ok()).into_iter().flatten() {
+        say("unreachable", obstacle.as_document().map(unreachable));
+    }
+    let unfilled = why.and_then(|why| why.get_array("unfilled").ok()).filter(|names| !names.is_empty());
+    say("unfilled", unfilled.map(|names| listed(names)));
     say("started", text("started"));
     let times = lineage.get_document("times").into_iter().flatten();
     let times: Vec<String> =
@@ -85,6 +92,29 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
 fn planner(lineage: &Document) -> Option<String> {
     let name = lineage.get_str("planner").ok()?;
     Some(lineage.get_str("version").map_or_else(|_| name.to_owned(), |version| format!("{name} {version}")))
+}
+
+/// `(on A B): (stack A B) needs (holding A)`
+fn unreachable(obstacle: &Document) -> String {
+    let condition = obstacle.get_str("condition").unwrap_or_default();
+    let achievers = obstacle.get_array("achievers").into_iter().flatten().filter_map(Bson::as_document);
+    let needs = achievers.map(|achiever| {
+        let action = achiever.get_str("action").unwrap_or_default();
+        match achiever.get_array("missing").ok().filter(|missing| !missing.is_empty()) {
+            Some(missing) => format!("{action} needs {}", listed(missing)),
+            None => format!("{action} never finds all it needs together"),
+        }
+    });
+    let needs: Vec<String> = needs.collect();
+    if needs.is_empty() {
+        format!("{condition}: nothing makes it so")
+    } else {
+        format!("{condition}: {}", needs.join("; "))
+    }
+}
+
+fn listed(words: &[Bson]) -> String {
+    words.iter().filter_map(Bson::as_str).collect::<Vec<_>>().join(", ")
 }
 
 /// `builtin ferroplan 0.30.0: plan after 0.12 s, 12 steps`

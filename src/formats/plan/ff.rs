@@ -111,7 +111,7 @@ impl Reader {
                 if transcript.verdict == Verdict::Unclear {
                     self.place = Place::Complaint;
                 }
-                transcript.reject(syntax_error(said));
+                transcript.reject(syntax_error(&said));
             }
             _ => {
                 if text.trim_start().starts_with("usage of ff") {
@@ -149,17 +149,9 @@ pub(super) fn action(step: Pair<'_, Rule>, line: usize) -> Option<Action> {
     Some(Action { name, arguments: names.collect(), start, duration, line })
 }
 
-fn syntax_error(said: Pair<'_, Rule>) -> Complaint {
-    let mut complaint = Complaint { text: "syntax error".to_owned(), ..Complaint::default() };
-    for part in said.into_inner() {
-        match part.as_rule() {
-            Rule::file => complaint.file = Some(part.as_str().to_owned()),
-            Rule::integer => complaint.line = part.as_str().parse().ok(),
-            Rule::quoted => complaint.token = Some(part.as_str().to_owned()),
-            _ => {}
-        }
-    }
-    complaint
+fn syntax_error(said: &Pair<'_, Rule>) -> Complaint {
+    let word = |rule| said.clone().into_inner().find(|part| part.as_rule() == rule).map(|part| part.as_str());
+    Complaint::syntax_error(word(Rule::file), word(Rule::integer), word(Rule::quoted))
 }
 
 fn parse_error(said: Pair<'_, Rule>) -> Complaint {

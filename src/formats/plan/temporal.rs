@@ -100,7 +100,7 @@ fn remark(transcript: &mut Transcript, text: &str) -> bool {
         Rule::heading => transcript.cost = cost(said).or(transcript.cost),
         Rule::syntax_error => {
             let first = transcript.verdict == Verdict::Unclear;
-            transcript.reject(syntax_error(said));
+            transcript.reject(syntax_error(&said));
             return first;
         }
         _ => {}
@@ -175,17 +175,9 @@ fn cost(heading: Pair<'_, Rule>) -> Option<f64> {
     cost.into_inner().find(|part| part.as_rule() == Rule::number)?.as_str().parse().ok()
 }
 
-fn syntax_error(said: Pair<'_, Rule>) -> Complaint {
-    let mut complaint = Complaint { text: "syntax error".to_owned(), ..Complaint::default() };
-    for part in said.into_inner() {
-        match part.as_rule() {
-            Rule::file => complaint.file = Some(part.as_str().to_owned()),
-            Rule::integer => complaint.line = part.as_str().parse().ok(),
-            Rule::quoted => complaint.token = Some(part.as_str().to_owned()),
-            _ => {}
-        }
-    }
-    complaint
+fn syntax_error(said: &Pair<'_, Rule>) -> Complaint {
+    let word = |rule| said.clone().into_inner().find(|part| part.as_rule() == rule).map(|part| part.as_str());
+    Complaint::syntax_error(word(Rule::file), word(Rule::integer), word(Rule::quoted))
 }
 
 /// Whether a line starts like a timed step.

@@ -149,6 +149,16 @@ const FEATURES: [&str; 27] = [
 ];
 
 impl Complaint {
+    /// A syntax error, with the words that name its file, its line and the token it stands at.
+    pub(super) fn syntax_error(file: Option<&str>, line: Option<&str>, token: Option<&str>) -> Self {
+        Self {
+            file: file.map(str::to_owned),
+            line: line.and_then(|line| line.parse().ok()),
+            token: token.map(str::to_owned),
+            text: "syntax error".to_owned(),
+        }
+    }
+
     fn names_a_feature(&self) -> bool {
         let Some(token) = &self.token else { return false };
         FEATURES.iter().any(|feature| feature.eq_ignore_ascii_case(token))

@@ -109,7 +109,9 @@ impl World<'_> {
 
     /// Lets changes happen; what is both added and deleted is there afterwards.
     pub(super) fn apply(&mut self, changes: Changes) -> Result<(), Trouble> {
-        if !(changes.adds.is_empty() && changes.deletes.is_empty() && changes.values.is_empty()) {
+        let is_looked_at = |fact: &Ground| fact.first().is_some_and(|predicate| self.looked_at.contains(predicate));
+        let touches = changes.adds.iter().chain(&changes.deletes).any(is_looked_at);
+        if touches || (self.rules_compute && !changes.values.is_empty()) {
             self.derived.replace(None);
         }
         for fact in &changes.deletes {

@@ -5,6 +5,7 @@
 //! there are give the variables their values, and only variables that no positive
 //! fact mentions run through all objects of their type.
 
+use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
 
 use super::state::{Bindings, Ground, Trouble, UNBOUND, World};
@@ -16,7 +17,7 @@ use crate::pddl::types::Kind;
 const JOIN_LIMIT: usize = 200;
 
 /// Facts by predicate.
-type Index = HashMap<u32, Vec<Ground>>;
+pub(super) type Index = HashMap<u32, Vec<Ground>>;
 
 /// What to do with each solution.
 type Visit<'v> = dyn FnMut(&mut Bindings) -> Result<(), Trouble> + 'v;
@@ -75,9 +76,29 @@ impl World<'_> {
         index
     }
 
+    /// The facts of the predicates that a condition looks at, the derived ones among them.
+    pub(super) fn index_of(&self, condition: &Formula) -> Result<Index, Trouble> {
+        let mut index = Index::new();
+        predicates(condition, &mut |predicate, _| {
+            index.entry(predicate).or_default();
+        });
+        if index.keys().any(|predicate| self.domain.derived.contains(predicate)) {
+            self.derive()?;
+        }
+        let derived = self.derived.borrow();
+        for fact in self.facts.iter().chain(derived.iter().flatten()) {
+            if let Some(facts) = fact.first().and_then(|predicate| index.get_mut(predicate)) {
+                facts.push(fact.clone());
+            }
+        }
+        // Of several ways to mend a plan, the same one is found every time.
+        index.values_mut().for_each(|facts| facts.sort_unstable());
+        Ok(index)
+    }
+
     fn apply_rule(&self, rule: &Rule, index: &Index, news: &mut HashSet<Ground>) -> Result<(), Trouble> {
         let mut bindings: Bindings = vec![UNBOUND; rule.variables.len()];
-        let join = Join { world: self, index };
+        let join = Join { world: self, index, budget: None };
         let mut kinds: Vec<Kind> = rule.variables.iter().map(|variable| variable.kind.clone()).collect();
         let head: Vec<u32> = (0_u32..).take(rule.variables.len()).collect();
         let mut emit = |bindings: &mut Bindings| {
@@ -102,12 +123,51 @@ impl World<'_> {
 }
 
 /// Solves conditions over indexed facts.
-struct Join<'j> {
+pub(super) struct Join<'j> {
     world: &'j World<'j>,
     index: &'j Index,
+    /// How many facts and objects may still be tried.
+    budget: Option<Cell<u64>>,
 }
 
-impl Join<'_> {
+impl<'j> Join<'j> {
+    /// A join that gives up after so many facts and objects were tried.
+    pub(super) fn bounded(world: &'j World<'j>, index: &'j Index, budget: u64) -> Self {
+        Self { world, index, budget: Some(Cell::new(budget)) }
+    }
+
+    /// Values of the variables under which `formula` holds, those of `slots` among them.
+    pub(super) fn first(
+        &self,
+        formula: &Formula,
+        slots: &[u32],
+        mut kinds: Vec<Kind>,
+        mut bindings: Bindings,
+    ) -> Result<Option<Bindings>, Trouble> {
+        let (mut found, all) = (None, kinds.clone());
+        let ended = self.solve(formula, &mut kinds, &mut bindings, &mut |bindings| {
+            self.enumerate(slots, &all, bindings, &mut |bindings| {
+                found = Some(bindings.clone());
+                Err(Trouble::Unjudged("one is enough".to_owned()))
+            })
+        });
+        match found {
+            Some(found) => Ok(Some(found)),
+            None => ended.map(|()| None),
+        }
+    }
+
+    fn spend(&self) -> Result<(), Trouble> {
+        let Some(budget) = &self.budget else { return Ok(()) };
+        match budget.get().checked_sub(1) {
+            Some(rest) => {
+                budget.set(rest);
+                Ok(())
+            }
+            None => Err(Trouble::Unjudged("too much was tried".to_owned())),
+        }
+    }
+
     /// Visits values of the variables under which `formula` holds; some may stay unbound.
     fn solve(
         &self,
@@ -117,11 +177,7 @@ impl Join<'_> {
         visit: &mut Visit<'_>,
     ) -> Result<(), Trouble> {
         match formula {
-            Formula::And(parts) => {
-                let mut parts: Vec<&Formula> = parts.iter().collect();
-                parts.sort_by_key(|part| rank(part));
-                self.solve_all(&parts, kinds, bindings, visit)
-            }
+            Formula::And(parts) => self.solve_all(&parts.iter().collect::<Vec<_>>(), kinds, bindings, visit),
             Formula::Or(parts) => parts.iter().try_for_each(|part| self.solve(part, kinds, bindings, visit)),
             Formula::Fact(fact) => self.solve_fact(fact, kinds, bindings, visit),
             Formula::Exists(quantifier, inner) => {
@@ -156,9 +212,12 @@ impl Join<'_> {
         bindings: &mut Bindings,
         visit: &mut Visit<'_>,
     ) -> Result<(), Trouble> {
-        let Some((first, rest)) = parts.split_first() else { return visit(bindings) };
+        let next = parts.iter().enumerate().min_by_key(|(_, part)| (rank(part), open(part, bindings)));
+        let Some((place, first)) = next else { return visit(bindings) };
+        let rest: Vec<&Formula> =
+            parts.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, part)| *part).collect();
         let outer = kinds.clone();
-        self.solve(first, kinds, bindings, &mut |bindings| self.solve_all(rest, &mut outer.clone(), bindings, visit))
+        self.solve(first, kinds, bindings, &mut |bindings| self.solve_all(&rest, &mut outer.clone(), bindings, visit))
     }
 
     fn solve_fact(
@@ -174,6 +233,7 @@ impl Join<'_> {
         }
         let Some(known) = self.index.get(&fact.predicate) else { return Ok(()) };
         for candidate in known {
+            self.spend()?;
             let outer = bindings.clone();
             if self.unify(fact, candidate, kinds, bindings) {
                 visit(bindings)?;
@@ -221,6 +281,7 @@ impl Join<'_> {
             for ((slot, members), choice) in open.iter().zip(&members).zip(&chosen) {
                 bindings[*slot] = members[*choice];
             }
+            self.spend()?;
             visit(bindings)?;
             for (choice, members) in chosen.iter_mut().zip(&members).rev() {
                 *choice += 1;
@@ -236,6 +297,16 @@ impl Join<'_> {
         }
         Ok(())
     }
+}
+
+/// How many of a fact's arguments have no value yet: the fewer, the fewer facts fit.
+fn open(formula: &Formula, bindings: &Bindings) -> usize {
+    let Formula::Fact(fact) = formula else { return 0 };
+    let is_open = |argument: &&Arg| match argument {
+        Arg::Slot(slot) => bindings.get(*slot as usize).is_none_or(|value| *value == UNBOUND),
+        Arg::Object(_) | Arg::Fluent => false,
+    };
+    fact.arguments.iter().filter(is_open).count()
 }
 
 /// What binds most comes first; what binds nothing comes last.

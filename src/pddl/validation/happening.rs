@@ -1,6 +1,6 @@
 //! A plan as moments in time, and what happens at each.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use super::change::{Changes, is_continuous};
 use super::state::{Bindings, Ground, TOLERANCE, Trouble, World};
@@ -8,7 +8,7 @@ use super::truth::at_moment;
 use super::verdict::Failure;
 use crate::formats::pddl::ast::Moment;
 use crate::pddl::domain::Action;
-use crate::pddl::model::{Formula, Number};
+use crate::pddl::model::{Change, Formula, Number};
 
 /// Moments closer than this are one.
 const SAME_TIME: f64 = 1e-6;
@@ -110,6 +110,10 @@ fn happen(
     let mut last = None;
     for Effects { step, changes, .. } in effects {
         last = step.or(last);
+        if let Some(history) = &mut world.history {
+            history.extend(changes.deletes.iter().map(|fact| (fact.clone(), (step, false))));
+            history.extend(changes.adds.iter().map(|fact| (fact.clone(), (step, true))));
+        }
         all.join(changes, world).map_err(|trouble| stop(trouble, step, instances))?;
     }
     world.apply(all).map_err(|trouble| stop(trouble, last, instances))?;
@@ -155,7 +159,9 @@ impl World<'_> {
             .map_err(|trouble| stop(trouble, Some(step), instances))?;
         let mut reads = HashSet::new();
         if !alone {
-            self.reads(condition, &mut bindings, &mut reads).map_err(|trouble| stop(trouble, Some(step), instances))?;
+            let noted = self.reads(condition, &mut bindings, &mut reads);
+            let noted = noted.and_then(|()| self.effect_reads(&body.effect, moment, &mut bindings, &mut reads));
+            noted.map_err(|trouble| stop(trouble, Some(step), instances))?;
         }
         Ok(Effects { step: Some(step), reads, changes })
     }
@@ -178,11 +184,12 @@ impl World<'_> {
     ) -> Result<(), Stop> {
         let fault = match self.is_true(condition, bindings) {
             Ok(true) => return Ok(()),
-            Ok(false) => self.fault(condition, bindings),
+            Ok(false) => self.faulty(condition, bindings),
             Err(trouble) => Err(trouble),
         };
         match fault {
-            Ok(condition) => {
+            Ok(part) => {
+                let condition = self.blame(&[part]).concat();
                 Err(Stop::failure(Failure::Precondition { step, action: text(instances, step), condition }))
             }
             Err(trouble) => Err(stop(trouble, Some(step), instances)),
@@ -238,6 +245,34 @@ impl World<'_> {
         }
     }
 
+    /// The facts and values that an effect looks at.
+    fn effect_reads(
+        &self,
+        change: &Change,
+        moment: Option<Moment>,
+        bindings: &mut Bindings,
+        reads: &mut HashSet<Ground>,
+    ) -> Result<(), Trouble> {
+        match change {
+            Change::And(parts) => parts.iter().try_for_each(|part| self.effect_reads(part, moment, bindings, reads)),
+            Change::Timed(when, inner) if moment.is_none_or(|moment| moment == *when) => {
+                self.effect_reads(inner, moment, bindings, reads)
+            }
+            Change::Forall(quantifier, inner) => self
+                .each(quantifier, bindings, |bindings| {
+                    self.effect_reads(inner, moment, bindings, reads)?;
+                    Ok(false)
+                })
+                .map(drop),
+            Change::When(condition, inner) => {
+                self.reads(condition, bindings, reads)?;
+                self.effect_reads(inner, moment, bindings, reads)
+            }
+            Change::Assign(_, _, value) => self.number_reads(value, bindings, reads),
+            Change::Timed(..) | Change::Add(_) | Change::Delete(_) | Change::AssignObject => Ok(()),
+        }
+    }
+
     fn number_reads(&self, number: &Number, bindings: &Bindings, reads: &mut HashSet<Ground>) -> Result<(), Trouble> {
         match number {
             Number::Fluent(fluent) => {
@@ -262,27 +297,68 @@ fn function_key(ground: &Ground) -> Ground {
     key
 }
 
+/// Who reads, adds and deletes each fact, and who reads and changes each number, at one time.
+#[derive(Default)]
+struct Uses<'e> {
+    reads: HashMap<&'e Ground, Vec<usize>>,
+    changes: HashMap<Ground, Vec<(usize, Touch)>>,
+}
+
+/// How a fact is touched.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Touch {
+    Added,
+    Deleted,
+    /// A number got another value; who changes the same one is looked at when the changes are joined.
+    Computed,
+}
+
 /// What happens at one time must not be about the same facts, unless all only look.
 fn check_interference(effects: &[Effects], instances: &[Instance<'_>]) -> Result<(), Stop> {
-    for (place, one) in effects.iter().enumerate() {
-        for other in effects.iter().skip(place + 1) {
-            if (interferes(one, other) || interferes(other, one))
-                && let Some(step) = one.step.max(other.step)
-            {
-                let with = one.step.min(other.step);
-                let with = with.map_or_else(|| "a timed initial literal".to_owned(), |with| text(instances, with));
-                return Err(Stop::failure(Failure::Interference { step, action: text(instances, step), with }));
+    let mut uses = Uses::default();
+    for (place, Effects { reads, changes, .. }) in effects.iter().enumerate() {
+        for fact in reads {
+            uses.reads.entry(fact).or_default().push(place);
+        }
+        let adds = changes.adds.iter().map(|fact| (fact.clone(), Touch::Added));
+        let deletes = changes.deletes.iter().map(|fact| (fact.clone(), Touch::Deleted));
+        let values = changes.values.keys().map(|fluent| (function_key(fluent), Touch::Computed));
+        for (fact, touch) in adds.chain(deletes).chain(values) {
+            uses.changes.entry(fact).or_default().push((place, touch));
+        }
+    }
+    // Of several, the one that comes first in the plan is said.
+    let mut worst: Option<(usize, usize)> = None;
+    let mut note = |one: usize, other: usize| {
+        let pair = (one.min(other), one.max(other));
+        let has_step =
+            [pair.0, pair.1].iter().any(|place| effects.get(*place).is_some_and(|effect| effect.step.is_some()));
+        if has_step && worst.is_none_or(|worst| pair < worst) {
+            worst = Some(pair);
+        }
+    };
+    for (fact, touches) in &uses.changes {
+        let readers = uses.reads.get(fact).map_or(&[][..], Vec::as_slice);
+        // A pair is enough: one of the first that touch it, which are two at least, with another that reads or undoes it.
+        for (place, touch) in touches.iter().take(3) {
+            if let Some(reader) = readers.iter().find(|reader| *reader != place) {
+                note(*place, *reader);
+            }
+            let undoes = |(other, how): &&(usize, Touch)| {
+                other != place
+                    && matches!((touch, how), (Touch::Added, Touch::Deleted) | (Touch::Deleted, Touch::Added))
+            };
+            if let Some((other, _)) = touches.iter().find(undoes) {
+                note(*place, *other);
             }
         }
     }
-    Ok(())
-}
-
-fn interferes(one: &Effects, other: &Effects) -> bool {
-    let touches = |fact: &Ground| other.changes.adds.contains(fact) || other.changes.deletes.contains(fact);
-    let is_changed = |fluent: &Ground| other.changes.values.contains_key(fluent);
-    one.reads.iter().any(|fact| touches(fact) || is_changed(&function_key(fact)))
-        || one.changes.adds.iter().any(|fact| other.changes.deletes.contains(fact))
+    let Some((one, other)) = worst else { return Ok(()) };
+    let step = |place: usize| effects.get(place).and_then(|effect| effect.step);
+    let (first, second) = (step(one).min(step(other)), step(one).max(step(other)));
+    let with = first.map_or_else(|| "a timed initial literal".to_owned(), |with| text(instances, with));
+    let step = second.unwrap_or_default();
+    Err(Stop::failure(Failure::Interference { step, action: text(instances, step), with }))
 }
 
 fn text(instances: &[Instance<'_>], step: usize) -> String {

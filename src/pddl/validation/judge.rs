@@ -16,14 +16,16 @@ const GOAL_LIMIT: usize = 20;
 /// Names compare without regard to case. Preferences never make a plan invalid.
 #[must_use]
 pub fn validate(domain: &Domain, problem: &Problem, steps: &[Step]) -> Validation {
-    match judge(domain, problem, steps) {
+    match judge(&mut World::new(domain, problem), steps) {
         Ok(value) => Validation::Valid { value },
         Err(Stop::Failure(failure)) => Validation::Invalid(*failure),
         Err(Stop::Unjudged(reason)) => Validation::Unjudged(reason),
     }
 }
 
-fn judge(domain: &Domain, problem: &Problem, steps: &[Step]) -> Result<Option<f64>, Stop> {
+/// Lets a plan happen in a world, which is left as it was when the plan broke.
+pub(super) fn judge(world: &mut World<'_>, steps: &[Step]) -> Result<Option<f64>, Stop> {
+    let (domain, problem) = (world.domain, world.problem);
     let instances = instances(domain, problem, steps)?;
     if domain.is_constrained || problem.is_constrained {
         return Err(Stop::Unjudged("constraints are not simulated".to_owned()));
@@ -32,10 +34,9 @@ fn judge(domain: &Domain, problem: &Problem, steps: &[Step]) -> Result<Option<f6
     if fluents.into_iter().any(|used| used.feature == Feature::ObjectFluents) {
         return Err(Stop::Unjudged("object fluents are not simulated".to_owned()));
     }
-    let mut world = World::new(domain, problem);
-    simulate(&mut world, &instances)?;
-    check_goal(&world)?;
-    Ok(value(&world, steps.len()))
+    simulate(world, &instances)?;
+    check_goal(world)?;
+    Ok(value(world, steps.len()))
 }
 
 fn check_goal(world: &World<'_>) -> Result<(), Stop> {
@@ -46,8 +47,8 @@ fn check_goal(world: &World<'_>) -> Result<(), Stop> {
     if world.is_true(&world.problem.goal, &mut Bindings::new()).map_err(trouble)? {
         return Ok(());
     }
-    let conditions = world.faults(&world.problem.goal, GOAL_LIMIT).map_err(trouble)?;
-    Err(Stop::failure(Failure::Goal { conditions }))
+    let parts = world.all_faulty(&world.problem.goal, GOAL_LIMIT).map_err(trouble)?;
+    Err(Stop::failure(Failure::Goal { conditions: world.blame(&parts) }))
 }
 
 fn value(world: &World<'_>, steps: usize) -> Option<f64> {

@@ -12,6 +12,7 @@ mod change;
 mod derive;
 mod happening;
 mod judge;
+mod repair;
 mod state;
 mod stratum;
 mod text;
@@ -22,4 +23,5 @@ pub(super) use state::{Bindings, Ground, Trouble, UNBOUND, World};
 pub(super) use stratum::{free_slots, predicates};
 
 pub use judge::validate;
+pub use repair::{Cause, Remedy, Repair, repair};
 pub use verdict::{Failure, Validation};

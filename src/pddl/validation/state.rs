@@ -4,8 +4,9 @@ use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
+use super::stratum::{compares, predicates};
 use crate::pddl::domain::Domain;
-use crate::pddl::model::Arg;
+use crate::pddl::model::{Arg, Formula};
 use crate::pddl::problem::Problem;
 use crate::pddl::types::Kind;
 
@@ -38,6 +39,10 @@ pub(in crate::pddl) struct World<'a> {
     pub(super) values: HashMap<Ground, f64>,
     /// What the rules derive from the facts, where a condition has asked.
     pub(super) derived: RefCell<Option<HashSet<Ground>>>,
+    /// The predicates that rules look at.
+    pub(super) looked_at: HashSet<u32>,
+    /// Whether rules look at numbers.
+    pub(super) rules_compute: bool,
     /// Whether the rules are being applied; then what they have derived so far is what holds.
     pub(super) deriving: Cell<bool>,
     members: RefCell<HashMap<Kind, Rc<[u32]>>>,
@@ -47,7 +52,14 @@ pub(in crate::pddl) struct World<'a> {
     pub(super) time: f64,
     /// How far two numbers may be apart and still be equal.
     pub(super) tolerance: f64,
+    /// What each fact owes its truth or falsehood to, where that is wanted.
+    pub(super) history: Option<History>,
+    /// The parts of a condition that were found to be false, with the values of their variables.
+    pub(super) blamed: RefCell<Vec<(Formula, Bindings)>>,
 }
+
+/// What happened to a fact last: the step, or none where it was a timed literal, and whether that made it true.
+pub(super) type History = HashMap<Ground, (Option<usize>, bool)>;
 
 impl<'a> World<'a> {
     /// The initial state. Costs begin at zero where nothing else is said, as for every planner that counts them.
@@ -58,9 +70,17 @@ impl<'a> World<'a> {
             values.insert([cost].into(), 0.0);
         }
         values.extend(problem.start.values.iter().cloned());
+        let mut looked_at = HashSet::new();
+        for rule in &domain.rules {
+            predicates(&rule.condition, &mut |predicate, _| {
+                looked_at.insert(predicate);
+            });
+        }
         Self {
             domain,
             problem,
+            looked_at,
+            rules_compute: domain.rules.iter().any(|rule| compares(&rule.condition)),
             facts: problem.start.facts.iter().cloned().collect(),
             values,
             derived: RefCell::new(None),
@@ -69,7 +89,16 @@ impl<'a> World<'a> {
             duration: None,
             time: 0.0,
             tolerance: TOLERANCE,
+            history: None,
+            blamed: RefCell::default(),
         }
+    }
+
+    /// Keeps the false parts of a condition, and gives them as PDDL.
+    pub(super) fn blame(&self, parts: &[(&Formula, Bindings)]) -> Vec<String> {
+        let kept = parts.iter().map(|(formula, bindings)| ((*formula).clone(), bindings.clone()));
+        self.blamed.replace(kept.collect());
+        parts.iter().map(|(formula, bindings)| self.text(formula, bindings)).collect()
     }
 
     /// The objects of a kind.

@@ -19,6 +19,21 @@ pub(super) fn size(formula: &Formula) -> usize {
     }
 }
 
+/// Whether a condition looks at numbers.
+pub(super) fn compares(formula: &Formula) -> bool {
+    match formula {
+        Formula::Compare(..) => true,
+        Formula::And(parts) | Formula::Or(parts) => parts.iter().any(compares),
+        Formula::Imply(left, right) => compares(left) || compares(right),
+        Formula::Not(inner)
+        | Formula::Forall(_, inner)
+        | Formula::Exists(_, inner)
+        | Formula::Timed(_, inner)
+        | Formula::Preference(inner) => compares(inner),
+        Formula::Fact(_) | Formula::Same(..) | Formula::Modal => false,
+    }
+}
+
 /// Calls `visit` with each predicate and whether it stands under an odd number of negations.
 pub(in crate::pddl) fn predicates(formula: &Formula, visit: &mut dyn FnMut(u32, bool)) {
     walk(formula, false, visit);

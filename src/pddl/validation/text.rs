@@ -123,6 +123,11 @@ impl World<'_> {
         self.ground_text(name_of(&self.domain.vocabulary.functions, head(ground)), ground)
     }
 
+    /// A ground fact as text; an object that is not known is a question mark.
+    pub(super) fn fact_text(&self, ground: &[u32]) -> String {
+        self.ground_text(name_of(&self.domain.vocabulary.predicates, head(ground)), ground)
+    }
+
     fn ground_text(&self, name: &str, ground: &[u32]) -> String {
         let mut words = vec![name];
         words.extend(ground.iter().skip(1).map(|number| self.object_name(*number)));

@@ -119,34 +119,44 @@ impl World<'_> {
         })
     }
 
-    /// The smallest part of a false condition that makes it false, as PDDL text.
-    pub(super) fn fault(&self, formula: &Formula, bindings: &mut Bindings) -> Result<String, Trouble> {
+    /// The smallest part of a false condition that makes it false, and the values of its variables.
+    pub(super) fn faulty<'f>(
+        &self,
+        formula: &'f Formula,
+        bindings: &mut Bindings,
+    ) -> Result<(&'f Formula, Bindings), Trouble> {
         match formula {
             Formula::And(parts) => {
                 for part in parts {
                     if !self.is_true(part, bindings)? {
-                        return self.fault(part, bindings);
+                        return self.faulty(part, bindings);
                     }
                 }
-                Ok(self.text(formula, bindings))
             }
             Formula::Forall(quantifier, inner) => {
                 let mut fault = None;
                 self.each(quantifier, bindings, |bindings| {
                     if !self.is_true(inner, bindings)? {
-                        fault = Some(self.fault(inner, bindings)?);
+                        fault = Some(self.faulty(inner, bindings)?);
                     }
                     Ok(fault.is_some())
                 })?;
-                Ok(fault.unwrap_or_else(|| self.text(formula, bindings)))
+                if let Some(fault) = fault {
+                    return Ok(fault);
+                }
             }
-            Formula::Timed(_, inner) => self.fault(inner, bindings),
-            _ => Ok(self.text(formula, bindings)),
+            Formula::Timed(_, inner) => return self.faulty(inner, bindings),
+            _ => {}
         }
+        Ok((formula, bindings.clone()))
     }
 
-    /// Every part of a conjunction that is false, as PDDL text.
-    pub(super) fn faults(&self, formula: &Formula, limit: usize) -> Result<Vec<String>, Trouble> {
+    /// What is false of every false part of a conjunction.
+    pub(super) fn all_faulty<'f>(
+        &self,
+        formula: &'f Formula,
+        limit: usize,
+    ) -> Result<Vec<(&'f Formula, Bindings)>, Trouble> {
         let mut faults = Vec::new();
         let mut pending = vec![formula];
         while let Some(formula) = pending.pop() {
@@ -157,7 +167,7 @@ impl World<'_> {
                 Formula::And(parts) => pending.extend(parts.iter().rev()),
                 other => {
                     if !self.is_true(other, &mut Bindings::new())? {
-                        faults.push(self.fault(other, &mut Bindings::new())?);
+                        faults.push(self.faulty(other, &mut Bindings::new())?);
                     }
                 }
             }

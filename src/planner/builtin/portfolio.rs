@@ -14,7 +14,8 @@
 //!    ladder, which makes the shortest plans; its last rung is complete, and proves;
 //! 3. search by novelty and the number of goals.
 //!
-//! Search by novelty makes detours, so that a plan of its is worth a look for a shorter one.
+//! Search by novelty makes detours, so that a plan of its is worth a look for a shorter one, as long as another
+//! search would have had in the slice in which it was found.
 
 use std::ops::Range;
 
@@ -42,11 +43,8 @@ const GROWTH: usize = 4;
 /// How many states a search that makes no estimates may look at where others look at one.
 const CHEAP: usize = 4;
 
-/// The most states that are looked at to straighten a plan, about a second's work.
+/// The most states that are looked at to straighten a plan.
 const POLISH: usize = 30_000;
-
-/// As [`POLISH`], times operators.
-const POLISH_WORK: usize = 30_000_000;
 
 /// The weights of the estimate, from greedy to cautious, with which better plans are looked for.
 const WEIGHTS: [f64; 3] = [3.0, 2.0, 1.0];
@@ -84,8 +82,8 @@ pub(super) fn plan(
         }
     };
     let portfolio = Portfolio { task: &task, threads };
-    let (ops, spent, makes_detours) = match portfolio.first() {
-        First::Plan { ops, spent, makes_detours } => (ops, spent, makes_detours),
+    let (ops, spent, detours) = match portfolio.first() {
+        First::Plan { ops, spent, detours } => (ops, spent, detours),
         First::Exhausted => return proven(NoPlan::Exhausted, String::new()),
         First::Full => return Ok(Some(NoPlan::GaveUp("its memory is full of states".to_owned()))),
     };
@@ -93,7 +91,10 @@ pub(super) fn plan(
     match cost.and_then(|fluent| Some((fluent, costs::plan_cost(&task, fluent, &ops)?))) {
         Some((fluent, cost)) => portfolio.cheapen(fluent, ops, cost, spent, options, found),
         None => {
-            let ops = if options.optimize && makes_detours { portfolio.straighten(ops) } else { ops };
+            let ops = match detours {
+                Some(states) if options.optimize => portfolio.straighten(ops, states),
+                _ => ops,
+            };
             portfolio.shorten(ops, options, found);
         }
     }
@@ -106,8 +107,8 @@ enum First {
         ops: Vec<usize>,
         /// How many states were looked at by the search that found it.
         spent: usize,
-        /// Whether it was found by a search that makes them.
-        makes_detours: bool,
+        /// The states of the slice, where it was found by a search that makes detours.
+        detours: Option<usize>,
     },
     /// There is nothing left to look at.
     Exhausted,
@@ -137,7 +138,9 @@ impl Portfolio<'_> {
             let mut is_full = false;
             for (search, makes_detours) in searches {
                 match search() {
-                    Slice::Plan(ops, spent) => return First::Plan { ops, spent, makes_detours },
+                    Slice::Plan(ops, spent) => {
+                        return First::Plan { ops, spent, detours: makes_detours.then_some(states) };
+                    }
                     Slice::Exhausted => return First::Exhausted,
                     // Who stops before its time has no room for more.
                     Slice::Spent(spent) => is_full |= spent < states,
@@ -206,8 +209,8 @@ impl Portfolio<'_> {
     }
 
     /// Looks once for a shorter plan.
-    fn straighten(&self, ops: Vec<usize>) -> Vec<usize> {
-        let states = self.affordable(POLISH_WORK).min(POLISH);
+    fn straighten(&self, ops: Vec<usize>, states: usize) -> Vec<usize> {
+        let states = states.min(POLISH);
         let settings = SearchCfg { g_bound: ops.len(), ..SearchCfg::from_weights(1.0, 5.0, Some(states)) };
         match search::plan(self.task, self.threads, settings, false, None).ops {
             Some(better) if better.len() < ops.len() => better,

@@ -1,0 +1,102 @@
+//! How long it takes to judge a long plan in a large state.
+//!
+//! `cargo bench --bench validator [-- --steps 10000 --atoms 100000]`
+//!
+//! A robot carries parcels between places: with conditional and universal effects, costs, and the numbers of
+//! the plan as asked for. Each part is measured alone, then `rmem validate` as a whole.
+
+#![allow(clippy::print_stdout)]
+
+use std::fmt::Write as _;
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use rmem::formats::Source;
+use rmem::formats::pddl::Dialect;
+use rmem::formats::plan::read_plan;
+use rmem::pddl::{Domain, Problem, Step, repair, validate};
+
+const DOMAIN: &str = "(define (domain parcels) (:requirements :adl :action-costs)
+  (:types place parcel mark)
+  (:predicates (at ?p - place) (road ?a ?b - place) (lies ?x - parcel ?p - place) (held ?x - parcel) (seen ?m - mark) (free))
+  (:functions (total-cost) - number (length ?a ?b - place) - number)
+  (:action go :parameters (?a ?b - place) :precondition (and (at ?a) (road ?a ?b))
+    :effect (and (not (at ?a)) (at ?b) (increase (total-cost) (length ?a ?b))))
+  (:action pick :parameters (?x - parcel ?p - place) :precondition (and (at ?p) (lies ?x ?p) (free))
+    :effect (and (held ?x) (not (lies ?x ?p)) (not (free)) (forall (?m - mark) (seen ?m))))
+  (:action drop :parameters (?x - parcel ?p - place) :precondition (and (at ?p) (held ?x))
+    :effect (and (lies ?x ?p) (free) (not (held ?x)) (forall (?m - mark) (when (seen ?m) (not (seen ?m)))))))";
+
+/// How many places there are; each has roads to those after it.
+const PLACES: usize = 400;
+
+/// A problem of so many atoms, and a plan of so many steps: each parcel is carried to the next place.
+fn task(atoms: usize, steps: usize) -> (String, String) {
+    let parcels = atoms / 2;
+    let (mut objects, mut init, mut goal, mut plan) = (String::new(), String::new(), String::new(), String::new());
+    (0..PLACES).for_each(|place| drop(write!(objects, " p{place}")));
+    objects.push_str(" - place");
+    (0..parcels).for_each(|parcel| drop(write!(objects, " x{parcel}")));
+    objects.push_str(" - parcel m0 m1 m2 m3 - mark");
+    for road in 0..atoms - parcels {
+        let (from, to) = (road % PLACES, (road + road / PLACES + 1) % PLACES);
+        let _ = writeln!(init, "(road p{from} p{to}) (= (length p{from} p{to}) 1)");
+    }
+    (0..parcels).for_each(|parcel| drop(writeln!(init, "(lies x{parcel} p{})", parcel % PLACES)));
+    for parcel in 0..parcels.min(steps / 3) {
+        let (here, there) = (parcel % PLACES, (parcel + 1) % PLACES);
+        let _ = writeln!(plan, "(pick x{parcel} p{here})\n(go p{here} p{there})\n(drop x{parcel} p{there})");
+        let _ = write!(goal, " (lies x{parcel} p{there})");
+    }
+    let problem = format!(
+        "(define (problem many) (:domain parcels) (:objects{objects})
+           (:init (at p0) (free) (= (total-cost) 0)\n{init}) (:goal (and{goal})) (:metric minimize (total-cost)))"
+    );
+    (problem, plan)
+}
+
+fn measured<T>(what: &str, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    println!("{what:<44}{:>9.1} ms", start.elapsed().as_secs_f64() * 1e3);
+    result
+}
+
+fn main() {
+    let (mut atoms, mut steps) = (100_000, 10_000);
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        let mut value =
+            || words.next().and_then(|word| word.parse().ok()).unwrap_or_else(|| panic!("a number after {word}"));
+        match word.as_str() {
+            "--atoms" => atoms = value(),
+            "--steps" => steps = value(),
+            _ => {}
+        }
+    }
+    let (text, plan) = task(atoms, steps);
+    let source = Source::new("domain.pddl", DOMAIN);
+    let domain = Domain::read(&source, Dialect::default()).expect("a domain");
+    let source = Source::new("problem.pddl", text.as_str());
+    let problem = measured("the problem is read and checked", || Problem::read(&source, &domain, Dialect::default()));
+    let problem = problem.expect("a problem");
+    let read = measured("the plan is read", || read_plan(&Source::new("plan", plan.as_str())).expect("a plan"));
+    let mut plan_steps: Vec<Step> = read.actions.into_iter().map(Step::from).collect();
+    let verdict = measured("the plan is simulated", || validate(&domain, &problem, &plan_steps));
+    println!("  {} steps, {verdict}", plan_steps.len());
+    plan_steps.remove(plan_steps.len() / 2);
+    let verdict = measured("one with a step left out is simulated", || validate(&domain, &problem, &plan_steps));
+    println!("  {verdict}");
+    let repairs = measured("it is looked for what would mend it", || repair(&domain, &problem, &plan_steps));
+    repairs.iter().for_each(|repair| println!("  {}", repair.to_string().replace('\n', "\n  ")));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("a file");
+    file("domain.pddl", DOMAIN);
+    file("problem.pddl", &text);
+    file("plan", &plan);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
+    command.args(["validate", "domain.pddl", "problem.pddl", "plan"]).current_dir(folder.path()).stdout(Stdio::null());
+    let status = measured("rmem validate, from start to end", || command.status().expect("a run"));
+    println!("  {status}");
+}
