@@ -115,7 +115,7 @@ rm -rf "$data"
 /// A running server.
 pub(crate) struct Mongod {
     keeper: Child,
-    port: u16,
+    pub(crate) port: u16,
     /// How to reach it.
     pub(crate) uri: String,
 }
@@ -128,9 +128,9 @@ impl Mongod {
         Ok(server)
     }
 
-    /// Starts a server that is no member of a replica set.
-    pub(crate) fn alone(program: &Path) -> Result<Self, String> {
-        let server = Self::launch(program, &[], "")?;
+    /// Starts a server that is no member of a replica set, with some options.
+    pub(crate) fn alone(program: &Path, options: &[&str]) -> Result<Self, String> {
+        let server = Self::launch(program, options, "")?;
         wait(server.port, |hello| hello.get_bool("isWritablePrimary").unwrap_or(false))?;
         Ok(server)
     }
@@ -155,7 +155,7 @@ impl Mongod {
         stdout.read_exact(&mut [0; 5]).map_err(|error| error.to_string())
     }
 
-    fn launch(program: &Path, member: &[&str], options: &str) -> Result<Self, String> {
+    fn launch(program: &Path, options: &[&str], query: &str) -> Result<Self, String> {
         if !program.is_file() {
             return Err(format!("{} is not there", program.display()));
         }
@@ -165,7 +165,7 @@ impl Mongod {
             .args(["-c", KEEPER, "keeper"])
             .arg(&data)
             .arg(program)
-            .args(member)
+            .args(options)
             .args(["--bind_ip", "127.0.0.1", "--nounixsocket"])
             .args(["--oplogSize", "64", "--wiredTigerCacheSizeGB", "0.25"])
             .args(["--port", &port.to_string(), "--dbpath"])
@@ -174,7 +174,7 @@ impl Mongod {
             .stdout(Stdio::piped())
             .spawn()
             .map_err(|error| error.to_string())?;
-        Ok(Self { keeper, port, uri: format!("mongodb://127.0.0.1:{port}/{options}") })
+        Ok(Self { keeper, port, uri: format!("mongodb://127.0.0.1:{port}/{query}") })
     }
 }
 

@@ -198,7 +198,7 @@ fn kill_mongod(program: &Path) -> Result<(), Failed> {
 }
 
 fn standalone(program: &Path) -> Result<(), Failed> {
-    let server = Mongod::alone(program)?;
+    let server = Mongod::alone(program, &[])?;
     let refused = memory(&server.uri)?.watch(trigger(&namespace("alone"), None)).err().ok_or("it is watched")?;
     assert!(refused.to_string().contains("start mongod with --replSet NAME"), "{refused}");
     let output = Command::new(env!("CARGO_BIN_EXE_rmem")).args(["--memory", &server.uri, "watch", "a.b"]).output()?;

@@ -170,9 +170,9 @@ pub(super) fn are_documented() -> Result<(), Failed> {
     }
 }
 
-/// Whether a difference is known.
-pub(super) fn explains(difference: &Difference) -> bool {
-    KNOWN.iter().any(|known| (known.holds)(difference))
+/// What a difference is, where it is known.
+pub(super) fn reason(difference: &Difference) -> Option<&'static str> {
+    KNOWN.iter().find(|known| (known.holds)(difference)).map(|known| known.what)
 }
 
 /// Whether the command has one of these operators anywhere.

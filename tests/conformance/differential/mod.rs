@@ -4,7 +4,8 @@
 //!
 //! `RMEM_DIFFERENTIAL_SEED`, `RMEM_DIFFERENTIAL_CASES` and
 //! `RMEM_DIFFERENTIAL_FAMILY` (a part of a family's name) choose other cases,
-//! more of them, or those of some families.
+//! more of them, or those of some families. `RMEM_DIFFERENTIAL_KNOWN` is how many
+//! known differences of a family are printed.
 
 mod family;
 mod generate;
@@ -12,6 +13,7 @@ mod known;
 mod pair;
 mod shrink;
 mod table;
+mod wire;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -29,7 +31,7 @@ use table::Counts;
 static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
 
 /// How many cases of each family a normal run has.
-const CASES: usize = 300;
+const CASES: usize = 2000;
 /// The seed of a normal run: the same cases every time.
 const SEED: u64 = 1;
 /// So many operations are asked of the same documents.
@@ -68,12 +70,14 @@ pub(crate) fn stop() {
     table::print();
 }
 
-fn uri(program: &Path) -> Result<String, Failed> {
+fn port(program: &Path) -> Result<u16, Failed> {
     let mut server = SERVER.lock().unwrap_or_else(PoisonError::into_inner);
-    if server.is_none() {
-        *server = Some(Mongod::start(program)?);
-    }
-    Ok(server.as_ref().map(|server| server.uri.clone()).unwrap_or_default())
+    let running = match server.take() {
+        Some(running) => running,
+        // Nothing has to outlive a crash: writes without a journal are quicker.
+        None => Mongod::alone(program, &["--nojournal"])?,
+    };
+    Ok(server.insert(running).port)
 }
 
 fn setting(name: &str, default: u64) -> Result<u64, Failed> {
@@ -87,8 +91,9 @@ fn setting(name: &str, default: u64) -> Result<u64, Failed> {
 fn compare(name: &str, family: &Family, program: &Path) -> Result<(), Failed> {
     let seed = setting("RMEM_DIFFERENTIAL_SEED", SEED)?;
     let cases = setting("RMEM_DIFFERENTIAL_CASES", CASES as u64)? as usize / family.cost;
-    let mut pair = Pair::connect(&uri(program)?, name)?;
+    let mut pair = Pair::connect(port(program)?, name)?;
     let mut runner = runner(seed, name);
+    let mut known = setting("RMEM_DIFFERENTIAL_KNOWN", 0)?;
     let (mut counts, mut shown) = (Counts::default(), Vec::new());
     while counts.cases < cases {
         let documents = numbered(family, &mut runner)?;
@@ -96,9 +101,15 @@ fn compare(name: &str, family: &Family, program: &Path) -> Result<(), Failed> {
         pair.reset(&documents, &others)?;
         for _ in 0..BATCH.min(cases - counts.cases) {
             let command = family.commands.new_tree(&mut runner)?.current();
-            let case = Case { documents: pair.documents(&documents), others: others.clone(), command };
+            let case = Case { documents: pair.documents().to_vec(), others: others.clone(), command };
             let verdict = pair.ask(&case.command)?;
             counts.add(&verdict);
+            if let Verdict::Known(what, difference) = &verdict
+                && known > 0
+            {
+                known -= 1;
+                println!("{name}: {what}\n{}\n", case.show(difference));
+            }
             if let Verdict::Differs(difference) = &verdict {
                 if counts.differ <= SHOWN {
                     shown.push(match shrink::shrink(&mut pair, &case)? {

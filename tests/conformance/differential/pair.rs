@@ -4,11 +4,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
-use mongodb::error::ErrorKind;
-use mongodb::sync::{Client, Database};
 use rmem::formats::shell;
 
 use super::known;
+use super::wire::Connection;
 use crate::command::{Answer, Failure};
 use crate::compare;
 use crate::server::Server;
@@ -32,7 +31,7 @@ pub(super) enum Verdict {
     /// The embedded store does not support it, by name.
     Refused,
     /// They differ as is known and explained.
-    Known,
+    Known(&'static str, Box<Difference>),
     /// They differ.
     Differs(Box<Difference>),
 }
@@ -79,30 +78,34 @@ impl Case {
 }
 
 pub(super) struct Pair {
-    mongod: Database,
+    mongod: Connection,
     embedded: Server,
+    documents: Vec<Document>,
     writes: usize,
 }
 
 impl Pair {
-    pub(super) fn connect(uri: &str, name: &str) -> Result<Self, Failed> {
-        let mongod = Client::with_uri_str(uri)?.database(&format!("differential_{name}"));
-        Ok(Self { mongod, embedded: Server::open()?, writes: 0 })
+    pub(super) fn connect(port: u16, name: &str) -> Result<Self, Failed> {
+        let mongod = Connection::open(port, &format!("differential_{name}"))?;
+        Ok(Self { mongod, embedded: Server::open()?, documents: Vec::new(), writes: 0 })
     }
 
     /// Both hold these documents and no others.
     pub(super) fn reset(&mut self, documents: &[Document], others: &[Document]) -> Result<(), Failed> {
         self.embedded = Server::open()?;
         self.writes = 0;
-        for (name, documents) in [("c", documents), ("o", others), ("w", others)] {
-            self.server(&doc! { "delete": name, "deletes": [{ "q": {}, "limit": 0 }] })?;
-            if documents.is_empty() {
-                continue;
-            }
-            let insert = doc! { "insert": name, "documents": documents };
-            let theirs = self.server(&insert)?;
-            let ours = self.embedded(&insert, &theirs);
-            if is_error(&theirs) || ours.as_ref().map_or(true, is_error) {
+        self.documents = documents.to_vec();
+        let collections = [("c", documents), ("o", others), ("w", others)];
+        let mut commands: Vec<_> = collections
+            .iter()
+            .map(|(name, _)| doc! { "delete": *name, "deletes": [{ "q": {}, "limit": 0 }] })
+            .collect();
+        let filled = collections.into_iter().filter(|(_, documents)| !documents.is_empty());
+        commands.extend(filled.map(|(name, documents)| doc! { "insert": name, "documents": documents }));
+        let replies = self.server(&commands)?;
+        for (insert, theirs) in commands.iter().zip(&replies).skip(collections.len()) {
+            let ours = self.embedded(insert, theirs);
+            if is_error(theirs) || ours.as_ref().map_or(true, is_error) {
                 return Err(format!("documents cannot be stored: {theirs}, {ours:?}").into());
             }
         }
@@ -114,72 +117,65 @@ impl Pair {
         self.writes >= WORN
     }
 
-    /// The documents that both hold now: those of the beginning where nothing was written.
-    pub(super) fn documents(&mut self, beginning: &[Document]) -> Vec<Document> {
-        let found = || self.server(&doc! { "find": "c" }).ok().and_then(|reply| batch(&reply));
-        if self.writes == 0 { beginning.to_vec() } else { found().unwrap_or_default() }
+    /// The documents of `c` that both hold now.
+    pub(super) fn documents(&self) -> &[Document] {
+        &self.documents
     }
 
     /// Asks both, and compares the answers and what is there then.
     pub(super) fn ask(&mut self, command: &Document) -> Result<Verdict, Failed> {
-        let verdict = self.compare(command, command)?;
         let name = command.keys().next().map_or("", String::as_str);
-        let writes = matches!(name, "update" | "delete") || writes_results(command);
-        if !writes {
-            return Ok(verdict);
-        }
-        self.writes += 1;
-        match verdict {
-            // Where a write of many documents fails, mongod keeps what it did before.
-            Verdict::Agrees { error: true, .. } => self.writes = WORN,
-            Verdict::Agrees { .. } => {
-                for name in if writes_results(command) { ["w"] } else { ["c"] } {
-                    let found = self.compare(&doc! { "find": name }, command)?;
-                    if matches!(found, Verdict::Differs(_) | Verdict::Known) {
-                        self.writes = WORN;
-                        return Ok(found);
-                    }
-                }
+        let written = match name {
+            "update" | "delete" => "c",
+            _ if writes_results(command) => "w",
+            _ => {
+                let theirs = self.server(std::slice::from_ref(command))?;
+                return Ok(self.compare(command, &theirs[0], command));
             }
-            _ => self.writes = WORN,
+        };
+        let look = doc! { "find": written };
+        let theirs = self.server(&[command.clone(), look.clone()])?;
+        let mut verdict = self.compare(command, &theirs[0], command);
+        if matches!(verdict, Verdict::Agrees { error: false, .. }) {
+            self.writes += 1;
+            if written == "c" {
+                self.documents = batch(&theirs[1]).unwrap_or_default();
+            }
+            let found = self.compare(&look, &theirs[1], command);
+            if matches!(found, Verdict::Differs(_) | Verdict::Known(..)) {
+                verdict = found;
+            }
+        }
+        // Where a write of many documents fails, mongod keeps what it did before.
+        if !matches!(verdict, Verdict::Agrees { error: false, .. }) {
+            self.writes = WORN;
         }
         Ok(verdict)
     }
 
     /// Compares the answers to a question that is asked because of a command, perhaps of itself.
-    fn compare(&mut self, question: &Document, command: &Document) -> Result<Verdict, Failed> {
-        let theirs = self.server(question)?;
-        let ours = self.embedded(question, &theirs);
+    fn compare(&mut self, question: &Document, theirs: &Document, command: &Document) -> Verdict {
+        let ours = self.embedded(question, theirs);
         if matches!(ours, Err(Failure::Refused(_))) {
-            return Ok(Verdict::Refused);
+            return Verdict::Refused;
         }
-        let compared = compare::replies(question, &theirs, &ours);
-        let error = is_error(&theirs);
-        let Err(text) = compared else { return Ok(Verdict::Agrees { something: is_something(&theirs), error }) };
+        let compared = compare::replies(question, theirs, &ours);
+        let error = is_error(theirs);
+        let Err(text) = compared else { return Verdict::Agrees { something: is_something(theirs), error } };
         let ours = ours.map_err(|failure| match failure {
             Failure::Refused(name) => name,
             Failure::Failed(message) => message,
         });
-        let difference = Difference { command: command.clone(), theirs, ours, text };
-        Ok(if known::explains(&difference) { Verdict::Known } else { Verdict::Differs(Box::new(difference)) })
+        let difference = Difference { command: command.clone(), theirs: theirs.clone(), ours, text };
+        match known::reason(&difference) {
+            Some(reason) => Verdict::Known(reason, Box::new(difference)),
+            None => Verdict::Differs(Box::new(difference)),
+        }
     }
 
-    /// What mongod answers.
-    fn server(&self, command: &Document) -> Result<Document, Failed> {
-        let mut command = command.clone();
-        let name = command.keys().next().map_or("", String::as_str);
-        if matches!(name, "insert" | "update" | "delete") || writes_results(&command) {
-            command.insert("writeConcern", doc! { "w": 1, "j": false });
-        }
-        match self.mongod.run_command(command).run() {
-            Ok(reply) => Ok(reply),
-            Err(error) => match error.kind.as_ref() {
-                ErrorKind::Command(refusal) => {
-                    Ok(doc! { "ok": 0.0, "code": refusal.code, "errmsg": refusal.message.clone() })
-                }
-                _ => Err(error.into()),
-            },
-        }
+    /// What mongod answers, to each of the commands.
+    fn server(&mut self, commands: &[Document]) -> Result<Vec<Document>, Failed> {
+        Ok(self.mongod.ask(commands)?)
     }
 
     /// What the embedded store answers.

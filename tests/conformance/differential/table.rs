@@ -24,7 +24,7 @@ impl Counts {
                 self.errors += usize::from(*error);
             }
             Verdict::Refused => self.refused += 1,
-            Verdict::Known => self.known += 1,
+            Verdict::Known(..) => self.known += 1,
             Verdict::Differs(_) => self.differ += 1,
         }
     }
