@@ -391,7 +391,7 @@ impl Decimal {
         Self::Finite { negative, coefficient, exponent }
     }
 
-    /// With all 34 digits written out, where the value is not zero.
+    /// With all 34 digits written out; zero has the smallest exponent there is.
     pub(super) fn padded(self) -> Self {
         match self {
             Self::Finite { negative, coefficient, exponent } if coefficient != 0 => {
@@ -401,6 +401,7 @@ impl Decimal {
                 let exponent = exponent - i32::try_from(steps).unwrap_or(0);
                 Self::Finite { negative, coefficient: coefficient * 10u128.pow(steps), exponent }
             }
+            Self::Finite { .. } => Self::Finite { negative: false, coefficient: 0, exponent: MIN_EXPONENT },
             other => other,
         }
     }

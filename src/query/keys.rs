@@ -4,6 +4,7 @@
 //! followed through each of its elements together; a number in a path names
 //! an element, as far as it can.
 
+use super::error::QueryError;
 use super::key;
 use super::path::Path;
 use super::view::{Fields, Items, View};
@@ -20,9 +21,29 @@ struct Field {
     descending: bool,
 }
 
-/// Two of the paths run through different arrays.
-#[derive(Debug)]
-pub(super) struct Parallel;
+/// Why a document has no keys.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Unclear {
+    /// Two of the paths run through different arrays.
+    Parallel,
+    /// A number in a path is both the index of an element and the name of a field in one.
+    Ambiguous(String),
+}
+
+impl Unclear {
+    /// The complaint; what is said of parallel arrays depends on who asks.
+    pub(super) fn complaint(self, parallel: impl FnOnce() -> QueryError) -> QueryError {
+        match self {
+            Self::Parallel => parallel(),
+            Self::Ambiguous(name) => {
+                let message = format!(
+                    "ambiguous field name: '{name}' is the index of an element of an array and the name of a field in one"
+                );
+                QueryError::invalid(16_746, message).about(&name)
+            }
+        }
+    }
+}
 
 /// One combination of values.
 pub(super) struct Key<'a> {
@@ -49,13 +70,13 @@ impl Keys {
     }
 
     /// Shows every key of a document; gives the paths that run through an array, as bits.
-    pub(super) fn each(&self, fields: Fields<'_>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Parallel> {
+    pub(super) fn each(&self, fields: Fields<'_>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Unclear> {
         let slots = self.fields.iter().map(|field| Slot::Path(fields, &field.path, 0)).collect();
         self.expand(slots, show)
     }
 
     /// Follows all paths to the first array on the way, and through each of its elements.
-    fn expand(&self, mut slots: Vec<Slot<'_>>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Parallel> {
+    fn expand(&self, mut slots: Vec<Slot<'_>>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Unclear> {
         for slot in &mut slots {
             slot.advance();
         }
@@ -64,7 +85,7 @@ impl Keys {
             return Ok(0);
         };
         if slots.iter().filter_map(Slot::array).any(|other| !other.is(items)) {
-            return Err(Parallel);
+            return Err(Unclear::Parallel);
         }
         let at_array = slots.iter().enumerate().filter(|(_, slot)| slot.array().is_some());
         let mut through = at_array.fold(0, |bits, (index, _)| bits | 1u64 << index.min(63));
@@ -72,7 +93,8 @@ impl Keys {
             return Ok(through | self.expand(slots.iter().map(Slot::in_empty).collect(), show)?);
         }
         for item in items.iter() {
-            through |= self.expand(slots.iter().map(|slot| slot.in_item(item)).collect(), show)?;
+            let inside = slots.iter().map(|slot| slot.in_item(item)).collect::<Result<_, _>>()?;
+            through |= self.expand(inside, show)?;
         }
         Ok(through)
     }
@@ -140,16 +162,19 @@ impl<'a> Slot<'a> {
         }
     }
 
-    fn in_item(&self, item: View<'a>) -> Self {
-        let Self::Array { items, path, done, indexed } = *self else { return self.clone() };
+    fn in_item(&self, item: View<'a>) -> Result<Self, Unclear> {
+        let Self::Array { items, path, done, indexed } = *self else { return Ok(self.clone()) };
         let Some(part) = path.parts().get(done) else {
-            return Self::Value(Some(if indexed { View::Array(items) } else { item }));
+            return Ok(Self::Value(Some(if indexed { View::Array(items) } else { item })));
         };
         // A number names an element, where there is one.
         match (part.index.and_then(|index| items.get(index)), item) {
-            (Some(named), _) => Self::at(Some(named), path, done + 1, true),
-            (None, View::Document(fields)) => Self::Path(fields, path, done),
-            (None, _) => Self::Value(None),
+            (Some(_), View::Document(fields)) if fields.get(&part.name).is_some() => {
+                Err(Unclear::Ambiguous(part.name.clone()))
+            }
+            (Some(named), _) => Ok(Self::at(Some(named), path, done + 1, true)),
+            (None, View::Document(fields)) => Ok(Self::Path(fields, path, done)),
+            (None, _) => Ok(Self::Value(None)),
         }
     }
 

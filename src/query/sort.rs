@@ -84,14 +84,14 @@ impl Sort {
     /// The place of a document: bytes in the order of the pattern.
     ///
     /// # Errors
-    /// Where two fields of the pattern run through different arrays.
+    /// Where two fields of the pattern run through different arrays, or a number in one means two things.
     pub fn key(&self, document: &RawDocument) -> Result<Vec<u8>> {
         self.key_of(document.into())
     }
 
     pub(super) fn key_of(&self, fields: Fields<'_>) -> Result<Vec<u8>> {
         let mut least: Option<Vec<u8>> = None;
-        let parallel = |_| QueryError::bad_value("cannot sort with keys that are parallel arrays");
+        let parallel = || QueryError::bad_value("cannot sort with keys that are parallel arrays");
         self.keys
             .each(fields, &mut |key| {
                 let bytes = key.encode();
@@ -99,7 +99,7 @@ impl Sort {
                     least = Some(bytes);
                 }
             })
-            .map_err(parallel)?;
+            .map_err(|unclear| unclear.complaint(parallel))?;
         Ok(least.unwrap_or_default())
     }
 

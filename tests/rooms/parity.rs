@@ -146,3 +146,121 @@ fn some_combinations_of_merge_are_refused() {
     let merge = doc! { "into": "w", "whenMatched": "keepExisting", "whenNotMatched": "discard" };
     assert!(store.aggregate(&ns, &[doc! { "$merge": merge }]).is_err());
 }
+
+fn computed(document: Document, expression: Document) -> Bson {
+    let found = aggregated(vec![document], &[doc! { "$project": { "_id": 0, "r": expression } }]);
+    found.into_iter().next().and_then(|mut document| document.remove("r")).unwrap_or(Bson::Undefined)
+}
+
+fn decimal(text: &str) -> Bson {
+    Bson::Decimal128(text.parse().unwrap())
+}
+
+#[test]
+fn an_integer_modulo_an_integral_double_stays_an_integer() {
+    let of = |n: Bson, by: Bson| computed(doc! { "_id": 1, "n": n }, doc! { "$mod": ["$n", by] });
+    assert_eq!(of(5.into(), 2.0.into()), Bson::Int32(1));
+    assert_eq!(of(5i64.into(), 2.0.into()), Bson::Int64(1));
+    assert_eq!(of(5.into(), 2.5.into()), Bson::Double(0.0));
+    assert!(matches!(of((-0.0).into(), 3.into()), Bson::Double(zero) if zero.is_sign_negative()));
+}
+
+#[test]
+fn constants_of_a_product_are_multiplied_first() {
+    let factors = doc! { "$multiply": ["$n", 3, (1i64 << 53) + 1] };
+    assert_eq!(computed(doc! { "_id": 1, "n": 2.0 }, factors), Bson::Double(5.404319552844596e16));
+    let within = doc! { "$multiply": [{ "$multiply": [3, "$n"] }, (1i64 << 53) + 1] };
+    assert_eq!(computed(doc! { "_id": 1, "n": 2.0 }, within), Bson::Double(5.404319552844596e16));
+}
+
+#[test]
+fn constants_go_last_so_that_a_null_before_them_counts() {
+    let document = || doc! { "_id": 1, "l": [2] };
+    assert_eq!(computed(document(), doc! { "$setUnion": [[{ "$literal": 2.0 }], "$l"] }), Bson::from(vec![2]));
+    assert_eq!(computed(document(), doc! { "$add": [{ "$literal": "x" }, "$missing"] }), Bson::Null);
+    assert_eq!(computed(document(), doc! { "$add": ["$missing", { "$divide": [1, "$zero"] }] }), Bson::Null);
+}
+
+#[test]
+fn of_equal_elements_those_of_the_smaller_set_are_in_the_intersection() {
+    let common = doc! { "$setIntersection": ["$l", [{ "$literal": 3.0 }]] };
+    assert_eq!(computed(doc! { "_id": 1, "l": [3, 1] }, common), Bson::from(vec![3.0]));
+}
+
+#[test]
+fn what_a_case_that_never_holds_would_give_is_not_computed() {
+    let never = doc! { "case": false, "then": { "$divide": [1, 0] } };
+    let always = doc! { "case": true, "then": 7 };
+    assert_eq!(
+        computed(doc! { "_id": 1 }, doc! { "$switch": { "branches": [never.clone(), always, never] } }),
+        7.into()
+    );
+}
+
+#[test]
+fn what_is_wrong_in_an_update_that_nothing_matches_is_no_error() {
+    let (store, ns) = store(vec![doc! { "_id": 1 }]);
+    let update = UpdateSpec::Pipeline(vec![doc! { "$set": { "r": { "$divide": [1, 0] } } }]);
+    let request = |id: i32| UpdateRequest {
+        filter: doc! { "_id": id },
+        update: update.clone(),
+        array_filters: Vec::new(),
+        many: false,
+        upsert: false,
+    };
+    assert_eq!(store.update(&ns, &request(2), None).unwrap().matched, 0);
+    assert!(store.update(&ns, &request(1), None).is_err());
+}
+
+#[test]
+fn decimals_keep_their_digits_in_trigonometry() {
+    let radians = computed(doc! { "_id": 1, "n": decimal("-3") }, doc! { "$degreesToRadians": "$n" });
+    assert_eq!(radians, decimal("-0.05235987755982988730771072305465839"));
+    assert_eq!(computed(doc! { "_id": 1 }, doc! { "$pow": [0, decimal("2.5")] }), decimal("0E-6176"));
+    assert_eq!(computed(doc! { "_id": 1, "n": 2.5 }, doc! { "$acosh": "$n" }), Bson::Double(1.566799236972411));
+}
+
+#[test]
+fn a_push_sorts_elements_by_their_fields_and_arrays_as_they_are() {
+    let document = doc! { "_id": 3, "b": [{ "c": [] }] };
+    let (_, after) =
+        changed(document, doc! {}, doc! { "$push": { "b": { "$each": [1], "$sort": { "c": 1 } } } }).unwrap();
+    assert_eq!(after.get_array("b").unwrap(), &vec![1.into(), Bson::from(doc! { "c": [] })]);
+}
+
+#[test]
+fn a_rename_happens_at_its_target_and_not_through_arrays() {
+    let renamed = |document: Document, update: Document| changed(document, doc! {}, update);
+    let update = doc! { "$set": { "d": {} }, "$rename": { "b": "a.1" } };
+    let (_, after) = renamed(doc! { "_id": 2, "b": [] }, update).unwrap();
+    assert_eq!(after.keys().collect::<Vec<_>>(), ["_id", "a", "d"]);
+    assert!(renamed(doc! { "_id": 1, "a": [1] }, doc! { "$rename": { "a.0.b": "b" } }).is_err());
+    assert!(renamed(doc! { "_id": 1, "c": 1 }, doc! { "$rename": { "c": "_id" } }).is_err());
+}
+
+#[test]
+fn a_number_that_is_an_index_and_a_field_cannot_be_sorted_by() {
+    let ambiguous = vec![doc! { "_id": 1, "a": [{ "0": 1 }] }];
+    assert!(sorted(ambiguous, doc! { "a.0": 1 }).unwrap_err().contains("ambiguous"));
+}
+
+#[test]
+fn of_two_sorts_in_a_row_only_the_second_counts() {
+    let stages = [doc! { "$unwind": "$b" }, doc! { "$sort": { "b": 1 } }, doc! { "$sort": { "_id": 1 } }];
+    let found = aggregated(vec![doc! { "_id": 9, "b": [2, 1] }], &stages);
+    assert_eq!(found, [doc! { "_id": 9, "b": 2 }, doc! { "_id": 9, "b": 1 }]);
+}
+
+#[test]
+fn of_equal_greatest_values_the_latest_comes_first() {
+    let most = doc! { "$maxN": { "n": 2, "input": "$n" } };
+    let documents = vec![doc! { "_id": 1, "n": 0 }, doc! { "_id": 2, "n": 0.0 }, doc! { "_id": 3, "n": 0i64 }];
+    let found = aggregated(documents, &[doc! { "$group": { "_id": 0, "p": most } }]);
+    assert_eq!(found, [doc! { "_id": 0, "p": [0.0, 0] }]);
+}
+
+#[test]
+fn fields_within_the_id_are_either_included_or_excluded() {
+    let (store, ns) = store(vec![doc! { "_id": 1 }]);
+    assert!(store.aggregate(&ns, &[doc! { "$project": { "_id": { "b": 0, "c": 1 } } }]).is_err());
+}

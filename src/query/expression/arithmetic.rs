@@ -203,13 +203,14 @@ fn modulo(values: &[Value]) -> Result<Value> {
         (Number::Decimal(_), _) | (_, Number::Decimal(_)) => {
             Bson::Decimal128(a.to_decimal().modulo(b.to_decimal()).into())
         }
-        (Number::Double(_), _) | (_, Number::Double(_)) => match (a.integral_32(), b.integral_32(), a, b) {
-            (Some(x), Some(y), Number::Int(_) | Number::Long(_), _)
-            | (Some(x), Some(y), _, Number::Int(_) | Number::Long(_)) => Bson::Double(f64::from(x) % f64::from(y)),
-            _ => Bson::Double(a.to_double() % b.to_double()),
-        },
-        (Number::Int(a), Number::Int(b)) => Bson::Int32(a.checked_rem(b).unwrap_or(0)),
-        (a, b) => Bson::Int64(a.to_long().checked_rem(b.to_long()).unwrap_or(0)),
+        // An integer by a double that is one, too, stays an integer.
+        (Number::Double(_), _) => Bson::Double(a.to_double() % b.to_double()),
+        (_, Number::Double(_)) if b.integral_32().is_none() => Bson::Double(a.to_double() % b.to_double()),
+        (Number::Long(_), _) | (_, Number::Long(_)) => Bson::Int64(a.to_long().checked_rem(b.to_long()).unwrap_or(0)),
+        (a, b) => {
+            let rest = a.to_long().checked_rem(b.to_long()).unwrap_or(0);
+            i32::try_from(rest).map_or(Bson::Int64(rest), Bson::Int32)
+        }
     }))
 }
 
@@ -347,6 +348,7 @@ fn decimal_power(base: Decimal, exponent: Decimal) -> Bson {
             }
             if exponent < 0 { Decimal::ONE.over(result) } else { result }
         }
+        None if base.is_zero() && !exponent.is_nan() => Decimal::ZERO,
         None if base.is_negative() || base.is_infinite() => {
             Decimal::from_double_15(base.to_double().powf(exponent.to_double()))
         }

@@ -7,7 +7,7 @@ use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_nullish, 
 use crate::query::compare::{compare_values, equal_values};
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
-use crate::query::sort::Sort;
+use crate::query::ranking::Ranking;
 
 pub(super) const OPERATORS: [Operator; 13] = [
     Operator { name: "$arrayElemAt", arity: (2, 2), call: element },
@@ -276,7 +276,7 @@ fn sorted(arguments: &Arguments) -> Result<Value> {
     let order = arguments.get(1);
     let by_value = Number::of(order).map(Number::integral);
     let pattern = match order {
-        Bson::Document(pattern) => Some(Sort::parse(pattern)?),
+        Bson::Document(pattern) => Some(Ranking::parse(pattern)?),
         _ if matches!(by_value, Some(Some(1 | -1))) => None,
         other => return Err(wrong_type(2_942_506, "$sortArray", "a pattern, 1 or -1", other)),
     };
@@ -285,19 +285,7 @@ fn sorted(arguments: &Arguments) -> Result<Value> {
     match pattern {
         None if by_value == Some(Some(1)) => items.sort_by(compare_values),
         None => items.sort_by(|a, b| compare_values(b, a)),
-        Some(pattern) => {
-            let empty = Document::new();
-            let mut keyed = Vec::with_capacity(items.len());
-            for item in items {
-                let key = match &item {
-                    Bson::Document(document) => pattern.key_of(document.into())?,
-                    _ => pattern.key_of((&empty).into())?,
-                };
-                keyed.push((key, item));
-            }
-            keyed.sort_by(|a, b| a.0.cmp(&b.0));
-            items = keyed.into_iter().map(|(_, item)| item).collect();
-        }
+        Some(pattern) => pattern.sort(&mut items),
     }
     Ok(Some(Bson::Array(items)))
 }
@@ -330,11 +318,16 @@ fn take(arguments: &Arguments, which: Take) -> Result<Value> {
         }
         Take::Least | Take::Greatest => {
             items.retain(|item| !is_null(item));
-            items.sort_by(compare_values);
-            if matches!(which, Take::Greatest) {
+            if matches!(which, Take::Least) {
+                items.sort_by(compare_values);
+                items.truncate(count);
+            } else {
+                items.sort_by(|a, b| compare_values(b, a));
+                items.truncate(count);
+                // Of equal ones, the latest comes first.
                 items.reverse();
+                items.sort_by(|a, b| compare_values(b, a));
             }
-            items.truncate(count);
         }
     }
     Ok(Some(Bson::Array(items)))

@@ -94,6 +94,9 @@ impl Form {
         if decided {
             return Ok(Expression::Constant(Some(Bson::Boolean(matches!(self, Self::Or(_))))));
         }
+        if let Self::Cond([Expression::Constant(condition), then, otherwise]) = self {
+            return Ok(if is_true(&condition) { then } else { otherwise });
+        }
         let form = Expression::Form(Box::new(self));
         if constants { Ok(Expression::Constant(constant(&form)?)) } else { Ok(form) }
     }
@@ -305,13 +308,22 @@ fn cond(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
 
 fn switch(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     let fields = fields("$switch", argument, &[], &["branches", "default"])?;
-    let mut branches = Vec::new();
+    let (mut branches, mut decided) = (Vec::new(), false);
     match fields.get("branches") {
         None => {}
         Some(Bson::Array(items)) => {
             for item in items {
                 let branch = self::fields("$switch", item, &["case", "then"], &[])?;
-                branches.push((reader.read(get(branch, "case"))?, reader.read(get(branch, "then"))?));
+                // What a case that never holds would give, and all after one that holds, is not computed.
+                let reader = if decided { reader.lazily() } else { *reader };
+                let case = reader.read(get(branch, "case"))?;
+                let holds = match &case {
+                    Expression::Constant(value) => Some(is_true(value)),
+                    _ => None,
+                };
+                let then = if holds == Some(false) { reader.lazily() } else { reader }.read(get(branch, "then"))?;
+                decided |= holds == Some(true);
+                branches.push((case, then));
             }
         }
         Some(_) => return Err(QueryError::invalid(40_061, "$switch expected an array for 'branches'")),

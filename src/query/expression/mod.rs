@@ -9,6 +9,7 @@
 mod arithmetic;
 mod array;
 mod boundary;
+mod constants;
 mod convert;
 mod date;
 mod form;

@@ -57,6 +57,14 @@ impl Operator {
     pub(super) fn run(&self, arguments: &[Value]) -> Result<Value> {
         (self.call)(arguments)
     }
+
+    /// The value that is known without the arguments that follow: some operators take one after the other,
+    /// and end at one that is null.
+    pub(super) fn ended(&self, arguments: &[Value]) -> Option<Value> {
+        const ENDING: [&str; 6] = ["$add", "$multiply", "$concat", "$concatArrays", "$setIntersection", "$setUnion"];
+        let ends = ENDING.contains(&self.name) && arguments.iter().any(is_nullish);
+        self.run(arguments).ok().filter(|_| ends)
+    }
 }
 
 impl Named {

@@ -2,6 +2,7 @@
 
 use bson::{Bson, Document};
 
+use super::constants::gathered;
 use super::form;
 use super::operator::{self, Named, Operator};
 use super::scope::Scope;
@@ -20,30 +21,36 @@ const VOLATILE: [&str; 2] = ["$rand", "$sampleRate"];
 pub(super) struct Reader<'a> {
     pub(super) scope: &'a Scope,
     depth: usize,
+    /// Whether what is constant is computed at once. What is wrong with it is an error even if nobody asks for it.
+    folds: bool,
 }
 
 impl<'a> Reader<'a> {
     pub(super) fn new(scope: &'a Scope) -> Self {
-        Self { scope, depth: 0 }
+        Self { scope, depth: 0, folds: !scope.lazy }
     }
 
     /// The same depth with other variables in sight.
     pub(super) fn within<'b>(&self, scope: &'b Scope) -> Reader<'b> {
-        Reader { scope, depth: self.depth }
+        Reader { scope, ..*self }
+    }
+
+    /// The same, and nothing is computed.
+    pub(super) fn lazily(&self) -> Self {
+        Self { folds: false, ..*self }
     }
 
     pub(super) fn read(&self, value: &Bson) -> Result<Expression> {
         if self.depth > MAX_DEPTH {
             return Err(QueryError::invalid(15, "the expression is nested too deeply"));
         }
-        let deeper = Self { scope: self.scope, depth: self.depth + 1 };
+        let deeper = Self { depth: self.depth + 1, ..*self };
         match value {
             Bson::String(text) if text.starts_with('$') => deeper.path(text),
             Bson::Array(items) => {
                 let items: Vec<_> = items.iter().map(|item| deeper.read(item)).collect::<Result<_>>()?;
                 let all_constant = items.iter().all(Expression::is_constant);
-                let array = Expression::Array(items);
-                if all_constant { Ok(Expression::Constant(constant(&array)?)) } else { Ok(array) }
+                deeper.folded(Expression::Array(items), all_constant)
             }
             Bson::Document(document) => match document.iter().next() {
                 Some((name, argument)) if name.starts_with('$') => {
@@ -70,8 +77,15 @@ impl<'a> Reader<'a> {
             fields.push((name.clone(), self.read(value)?));
         }
         let all_constant = fields.iter().all(|(_, field)| field.is_constant());
-        let document = Expression::Document(fields);
-        if all_constant { Ok(Expression::Constant(constant(&document)?)) } else { Ok(document) }
+        self.folded(Expression::Document(fields), all_constant)
+    }
+
+    /// The expression, or its value, where that is known before there is a document.
+    fn folded(&self, expression: Expression, is_constant: bool) -> Result<Expression> {
+        match is_constant && self.folds {
+            true => Ok(Expression::Constant(constant(&expression)?)),
+            false => Ok(expression),
+        }
     }
 
     fn operator(&self, name: &str, argument: &Bson) -> Result<Expression> {
@@ -79,7 +93,7 @@ impl<'a> Reader<'a> {
             return Ok(Expression::Constant(Some(argument.clone())));
         }
         if let Some(form) = form::read(self, name, argument)? {
-            return form.folded();
+            return if self.folds { form.folded() } else { Ok(Expression::Form(Box::new(form))) };
         }
         if let Some(operator) = operator::named(name) {
             return self.named(operator, argument);
@@ -87,8 +101,8 @@ impl<'a> Reader<'a> {
         let operator = operator::positional(name).ok_or_else(|| operator::unknown(name))?;
         let arguments = self.positional(operator, argument)?;
         let fold = arguments.iter().all(Expression::is_constant) && !VOLATILE.contains(&name);
-        let call = Expression::Call(operator, arguments);
-        if fold { Ok(Expression::Constant(constant(&call)?)) } else { Ok(call) }
+        let arguments = if fold || !self.folds { arguments } else { gathered(operator, arguments)? };
+        self.folded(Expression::Call(operator, arguments), fold)
     }
 
     fn positional(&self, operator: &Operator, argument: &Bson) -> Result<Vec<Expression>> {
@@ -147,8 +161,7 @@ impl<'a> Reader<'a> {
             }
         }
         let fold = arguments.iter().flatten().all(Expression::is_constant);
-        let call = Expression::Named(operator, arguments);
-        if fold { Ok(Expression::Constant(constant(&call)?)) } else { Ok(call) }
+        self.folded(Expression::Named(operator, arguments), fold)
     }
 
     /// `$path`, `$$variable.path`.

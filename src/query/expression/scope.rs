@@ -13,6 +13,8 @@ pub(in crate::query) struct Scope {
     next: usize,
     /// Whether `$$KEEP`, `$$PRUNE` and `$$DESCEND` are in sight.
     pub(in crate::query) redacting: bool,
+    /// Whether constants are computed only when they are asked for, as in an update: mongod does not optimise it.
+    pub(in crate::query) lazy: bool,
 }
 
 /// Values of variables that hold for a whole run.

@@ -62,6 +62,10 @@ fn intersection(values: &[Value]) -> Result<Value> {
         let set = sorted(array(17_047, "$setIntersection", value)?);
         common = Some(match common {
             None => set,
+            // Of equal values, those of the smaller set stay.
+            Some(common) if common.len() > set.len() => {
+                set.into_iter().filter(|item| contains(&common, item)).collect()
+            }
             Some(common) => common.into_iter().filter(|item| contains(&set, item)).collect(),
         });
     }

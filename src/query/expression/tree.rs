@@ -61,8 +61,13 @@ impl Expression {
                 Ok(Some(Bson::Array(items.collect::<Result<_>>()?)))
             }
             Self::Call(operator, arguments) => {
-                let values: Vec<Value> =
-                    arguments.iter().map(|argument| argument.evaluate(environment)).collect::<Result<_>>()?;
+                let mut values: Vec<Value> = Vec::with_capacity(arguments.len());
+                for argument in arguments {
+                    match argument.evaluate(environment) {
+                        Ok(value) => values.push(value),
+                        Err(error) => return operator.ended(&values).ok_or(error),
+                    }
+                }
                 operator.run(&values)
             }
             Self::Named(operator, arguments) => {

@@ -1,5 +1,7 @@
 //! Trigonometry, in radians.
 
+use std::f64::consts::LN_2;
+
 use bson::Bson;
 
 use super::Value;
@@ -10,8 +12,8 @@ use crate::query::number::Number;
 
 /// An operator of one argument whose domain is all numbers, or an interval.
 macro_rules! function {
-    ($name:literal, $double:expr, $low:expr, $high:expr) => {
-        Operator { name: $name, arity: (1, 1), call: |values| apply($name, values, $double, ($low, $high)) }
+    ($name:literal, $double:expr, $decimal:expr, $low:expr, $high:expr) => {
+        Operator { name: $name, arity: (1, 1), call: |values| apply($name, values, $double, $decimal, ($low, $high)) }
     };
 }
 
@@ -19,24 +21,74 @@ const ALL: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 const FINITE: (f64, f64) = (f64::MIN, f64::MAX);
 
 pub(super) const OPERATORS: [Operator; 15] = [
-    function!("$sin", f64::sin, FINITE.0, FINITE.1),
-    function!("$cos", f64::cos, FINITE.0, FINITE.1),
-    function!("$tan", f64::tan, FINITE.0, FINITE.1),
-    function!("$asin", f64::asin, -1.0, 1.0),
-    function!("$acos", f64::acos, -1.0, 1.0),
-    function!("$atan", f64::atan, ALL.0, ALL.1),
-    function!("$sinh", f64::sinh, ALL.0, ALL.1),
-    function!("$cosh", f64::cosh, ALL.0, ALL.1),
-    function!("$tanh", f64::tanh, ALL.0, ALL.1),
-    function!("$asinh", f64::asinh, ALL.0, ALL.1),
-    function!("$acosh", f64::acosh, 1.0, ALL.1),
-    function!("$atanh", f64::atanh, -1.0, 1.0),
-    function!("$degreesToRadians", f64::to_radians, ALL.0, ALL.1),
-    function!("$radiansToDegrees", f64::to_degrees, ALL.0, ALL.1),
+    function!("$sin", f64::sin, Decimal::sine, FINITE.0, FINITE.1),
+    function!("$cos", f64::cos, Decimal::cosine, FINITE.0, FINITE.1),
+    function!("$tan", f64::tan, Decimal::tangent, FINITE.0, FINITE.1),
+    function!("$asin", f64::asin, Decimal::arc_sine, -1.0, 1.0),
+    function!("$acos", f64::acos, Decimal::arc_cosine, -1.0, 1.0),
+    function!("$atan", f64::atan, Decimal::arc_tangent, ALL.0, ALL.1),
+    function!("$sinh", f64::sinh, Decimal::hyperbolic_sine, ALL.0, ALL.1),
+    function!("$cosh", f64::cosh, Decimal::hyperbolic_cosine, ALL.0, ALL.1),
+    function!("$tanh", f64::tanh, Decimal::hyperbolic_tangent, ALL.0, ALL.1),
+    function!("$asinh", area_sine, Decimal::area_sine, ALL.0, ALL.1),
+    function!("$acosh", area_cosine, Decimal::area_cosine, 1.0, ALL.1),
+    function!("$atanh", area_tangent, Decimal::area_tangent, -1.0, 1.0),
+    function!("$degreesToRadians", f64::to_radians, |angle| angle.times(degree()), ALL.0, ALL.1),
+    function!("$radiansToDegrees", f64::to_degrees, |angle| angle.times(radian()), ALL.0, ALL.1),
     Operator { name: "$atan2", arity: (2, 2), call: arc_tangent },
 ];
 
-fn apply(name: &str, values: &[Value], function: fn(f64) -> f64, (low, high): (f64, f64)) -> Result<Value> {
+/// The inverse hyperbolic functions as C computes them, to the last digit; Rust's differ in it.
+fn area_sine(x: f64) -> f64 {
+    let size = x.abs();
+    let result = match size {
+        _ if !x.is_finite() || size < 2f64.powi(-28) => return x,
+        _ if size > 2f64.powi(28) => size.ln() + LN_2,
+        _ if size > 2.0 => (2.0 * size + 1.0 / ((x * x + 1.0).sqrt() + size)).ln(),
+        _ => (size + x * x / (1.0 + (1.0 + x * x).sqrt())).ln_1p(),
+    };
+    result.copysign(x)
+}
+
+fn area_cosine(x: f64) -> f64 {
+    match x {
+        _ if x > 2f64.powi(28) => x.ln() + LN_2,
+        _ if x > 2.0 => (2.0 * x - 1.0 / (x + (x * x - 1.0).sqrt())).ln(),
+        _ => {
+            let above = x - 1.0;
+            (above + (2.0 * above + above * above).sqrt()).ln_1p()
+        }
+    }
+}
+
+fn area_tangent(x: f64) -> f64 {
+    let size = x.abs();
+    let twice = size + size;
+    let result = match size {
+        _ if size < 2f64.powi(-28) => return x,
+        _ if size < 0.5 => (twice + twice * size / (1.0 - size)).ln_1p() / 2.0,
+        _ => (twice / (1.0 - size)).ln_1p() / 2.0,
+    };
+    result.copysign(x)
+}
+
+/// A degree in radians.
+fn degree() -> Decimal {
+    Decimal::parse("0.01745329251994329576923690768488613").unwrap_or(Decimal::NaN)
+}
+
+/// A radian in degrees.
+fn radian() -> Decimal {
+    Decimal::parse("57.29577951308232087679815481410517").unwrap_or(Decimal::NaN)
+}
+
+fn apply(
+    name: &str,
+    values: &[Value],
+    doubles: fn(f64) -> f64,
+    decimals: fn(Decimal) -> Decimal,
+    (low, high): (f64, f64),
+) -> Result<Value> {
     let value = at(values, 0);
     if is_null(value) {
         return Ok(Some(Bson::Null));
@@ -49,7 +101,10 @@ fn apply(name: &str, values: &[Value], function: fn(f64) -> f64, (low, high): (f
             format!("cannot apply {name} to {double}: outside of [{low}, {high}]"),
         ));
     }
-    Ok(Some(of_kind(number, function(double))))
+    Ok(Some(match number {
+        Number::Decimal(decimal) => Bson::Decimal128(decimals(decimal).into()),
+        _ => Bson::Double(doubles(double)),
+    }))
 }
 
 fn arc_tangent(values: &[Value]) -> Result<Value> {
@@ -59,14 +114,10 @@ fn arc_tangent(values: &[Value]) -> Result<Value> {
     let (y, x) = (at(values, 0), at(values, 1));
     let y = Number::of(y).ok_or_else(|| wrong_type(51_044, "$atan2", "numbers", y))?;
     let x = Number::of(x).ok_or_else(|| wrong_type(51_045, "$atan2", "numbers", x))?;
-    let angle = y.to_double().atan2(x.to_double());
-    Ok(Some(of_kind(if matches!(x, Number::Decimal(_)) { x } else { y }, angle)))
-}
-
-/// A decimal where the argument was one.
-fn of_kind(argument: Number, result: f64) -> Bson {
-    match argument {
-        Number::Decimal(_) => Bson::Decimal128(Decimal::from_double(result).into()),
-        _ => Bson::Double(result),
-    }
+    Ok(Some(match (y, x) {
+        (Number::Decimal(_), _) | (_, Number::Decimal(_)) => {
+            Bson::Decimal128(y.to_decimal().arc_tangent_of(x.to_decimal()).into())
+        }
+        _ => Bson::Double(y.to_double().atan2(x.to_double())),
+    }))
 }

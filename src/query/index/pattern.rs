@@ -126,12 +126,14 @@ impl Pattern {
             let message = format!("a number in the path {} of an index is an element and a field", path.text());
             return Err(QueryError::invalid(AMBIGUOUS, message));
         }
-        self.keys.each(fields, &mut |key| show(key.encode(), key.values().all(|value| value.is_none()))).map_err(|_| {
+        let parallel = || {
             let paths: Vec<&str> = self.keys.fields().map(|(name, _)| name).collect();
             let message =
                 format!("cannot index parallel arrays: two of {} are arrays in one document", paths.join(", "));
             QueryError::invalid(PARALLEL, message)
-        })
+        };
+        let keys = self.keys.each(fields, &mut |key| show(key.encode(), key.values().all(|value| value.is_none())));
+        keys.map_err(|unclear| unclear.complaint(parallel))
     }
 
     /// The values behind a key of a document, path by path.

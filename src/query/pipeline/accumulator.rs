@@ -220,10 +220,16 @@ impl Accumulator {
             }
             (Kind::Extremes { greatest, .. }, State::Counted(limit, values)) => {
                 let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
-                let at = values.partition_point(|known| {
+                let order = |known: &Bson| {
                     let order = compare_values(known, &value);
-                    if *greatest { order.is_ge() } else { order.is_le() }
-                });
+                    if *greatest { order.reverse() } else { order }
+                };
+                // What equals the last does not take its place. Of equal ones, the latest of the greatest comes
+                // first, and the earliest of the least.
+                if values.len() == *limit && values.last().is_some_and(|last| order(last).is_le()) {
+                    return Ok(());
+                }
+                let at = values.partition_point(|known| order(known).is_lt() || !*greatest && order(known).is_eq());
                 values.insert(at, value);
                 values.truncate(*limit);
             }

@@ -82,6 +82,7 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
         }
         stage(name, argument, scope, depth, &mut stages).map_err(|error| error.about(name))?;
     }
+    drop_resorted(&mut stages);
     Ok((stages, output))
 }
 
@@ -132,6 +133,19 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, depth: usize, stages: &mut 
     };
     stages.push(stage);
     Ok(())
+}
+
+/// Drops sorts that a sort follows: of documents that are equal to the second, the first order does not count.
+fn drop_resorted(stages: &mut Vec<Stage>) {
+    let is_sort = |stage: Option<&Stage>| matches!(stage, Some(Stage::Sort(_)));
+    let mut index = 0;
+    while index < stages.len() {
+        if is_sort(stages.get(index)) && is_sort(stages.get(index + 1)) {
+            stages.remove(index);
+        } else {
+            index += 1;
+        }
+    }
 }
 
 fn is_empty_match(stage: &Document) -> bool {

@@ -45,7 +45,7 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
             }
             Entry::Include | Entry::Exclude => {
                 let include = matches!(entry, Entry::Include);
-                if include != (mode == Mode::Include) && !path.starts_with("_id.") {
+                if include != (mode == Mode::Include) {
                     let message = if include {
                         format!("cannot do inclusion on field {path} in exclusion projection")
                     } else {

@@ -7,6 +7,7 @@ use bson::{Bson, DateTime, Document};
 use super::field;
 use super::filters::ArrayFilters;
 use super::modifier::{Action, Modifier, Segment};
+use super::rename;
 use crate::query::error::{QueryError, Result};
 use crate::query::filter::is_reference_key;
 use crate::query::path::padded_index;
@@ -15,7 +16,7 @@ use crate::query::path::padded_index;
 const MAX_PADDING: usize = 1_500_000;
 
 /// MongoDB's code for a path that does not lead into a document.
-const PATH_NOT_VIABLE: i32 = 28;
+pub(super) const PATH_NOT_VIABLE: i32 = 28;
 
 /// An update on its way through one document.
 pub(super) struct Application<'a> {
@@ -43,24 +44,20 @@ impl Application<'_> {
     /// Applies all modifiers.
     pub(super) fn apply(&self, modifiers: &[Modifier], document: Document) -> Result<Document> {
         let mut document = document;
-        // A rename changes two places, each in the order of its own path.
-        let mut renamed: Vec<(&[Segment], Bson)> = Vec::new();
         for modifier in modifiers {
             check_name(modifier)?;
             match &modifier.action {
                 Action::SetOnInsert(_) if !self.inserting => {}
-                Action::Rename(target) => {
-                    if let Some(value) = take(&mut document, &modifier.path, &modifier.text)? {
-                        renamed.push((target, value));
-                    }
+                Action::Rename(source) => {
+                    let Some(value) = rename::source(&document, source)? else { continue };
+                    rename::check_target(&document, &modifier.path)?;
+                    let put = Modifier { action: Action::Set(value), ..modifier.moved() };
+                    self.in_document(&mut document, &modifier.path, &put)?;
+                    let left = Modifier { path: source.clone(), action: Action::Unset, ..modifier.moved() };
+                    self.in_document(&mut document, source, &left)?;
                 }
                 _ => self.in_document(&mut document, &modifier.path, modifier)?,
             }
-        }
-        for (target, value) in renamed {
-            let modifier = Modifier { path: target.to_vec(), text: String::new(), action: Action::Set(value) };
-            check_no_arrays(&document, target)?;
-            self.in_document(&mut document, target, &modifier)?;
         }
         Ok(document)
     }
@@ -196,12 +193,10 @@ impl Application<'_> {
 
 /// Refuses to make a field at the top whose name is one of an operator.
 fn check_name(modifier: &Modifier) -> Result<()> {
-    let target = match &modifier.action {
-        Action::Rename(target) => target,
-        action if action.creates() => &modifier.path,
-        _ => return Ok(()),
-    };
-    match target.first() {
+    if !modifier.action.creates() {
+        return Ok(());
+    }
+    match modifier.path.first() {
         Some(Segment::Name(name)) if name.starts_with('$') => {
             let message = format!("the dollar ($) prefixed field '{name}' is not allowed at the top of a document");
             Err(QueryError::invalid(if is_reference_key(name) { 55 } else { 52 }, message).about(name))
@@ -230,62 +225,5 @@ fn put(items: &mut Vec<Bson>, index: usize, value: Bson) -> Result<()> {
     }
     items.resize(index, Bson::Null);
     items.push(value);
-    Ok(())
-}
-
-/// Removes and returns what `$rename` moves.
-fn take(document: &mut Document, path: &[Segment], text: &str) -> Result<Option<Bson>> {
-    let Some((Segment::Name(name), rest)) = path.split_first() else { return Ok(None) };
-    if rest.is_empty() {
-        return Ok(document.remove(name));
-    }
-    match document.get_mut(name) {
-        Some(Bson::Document(inner)) => take(inner, rest, text),
-        Some(Bson::Array(items)) if leads_somewhere(items, rest) => Err(renamed_array(text)),
-        Some(Bson::Array(_)) => Ok(None),
-        Some(value) => {
-            let message = format!("cannot use the part '{name}' of '{text}' to traverse the element {value}");
-            Err(QueryError::invalid(PATH_NOT_VIABLE, message))
-        }
-        None => Ok(None),
-    }
-}
-
-/// Whether a path reaches something in an array, or cannot lead into one.
-fn leads_somewhere(items: &[Bson], path: &[Segment]) -> bool {
-    if !matches!(path.first(), Some(Segment::Name(name)) if padded_index(name).is_some()) {
-        return true;
-    }
-    let mut value = path.first().and_then(|segment| element(items, segment));
-    for segment in path.iter().skip(1) {
-        value = match (value, segment) {
-            (Some(Bson::Array(items)), segment) => element(items, segment),
-            (Some(Bson::Document(document)), Segment::Name(name)) => document.get(name),
-            _ => None,
-        };
-    }
-    value.is_some()
-}
-
-fn element<'a>(items: &'a [Bson], segment: &Segment) -> Option<&'a Bson> {
-    let Segment::Name(name) = segment else { return None };
-    padded_index(name).and_then(|index| items.get(index))
-}
-
-fn renamed_array(text: &str) -> QueryError {
-    QueryError::bad_value(format!("$rename cannot go through an array: '{text}'"))
-}
-
-/// Refuses a target of `$rename` that leads through an array.
-fn check_no_arrays(document: &Document, path: &[Segment]) -> Result<()> {
-    let mut current = document;
-    for segment in path.iter().take(path.len().saturating_sub(1)) {
-        let Segment::Name(name) = segment else { return Ok(()) };
-        match current.get(name) {
-            Some(Bson::Document(inner)) => current = inner,
-            Some(Bson::Array(_)) => return Err(renamed_array(name)),
-            _ => return Ok(()),
-        }
-    }
     Ok(())
 }

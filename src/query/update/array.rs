@@ -11,7 +11,7 @@ use crate::query::error::{QueryError, Result};
 use crate::query::filter::{Context, Node, Parser, Test, is_operators};
 use crate::query::number::Number;
 use crate::query::path::Path;
-use crate::query::sort::Sort;
+use crate::query::ranking::Ranking;
 
 /// `$push` with its modifiers.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ pub(super) struct Push {
 #[derive(Debug)]
 enum Order {
     Whole { descending: bool },
-    Fields(Sort),
+    Fields(Ranking),
 }
 
 impl Push {
@@ -72,7 +72,7 @@ impl Push {
             None => {}
             Some(Order::Whole { descending: false }) => items.sort_by(compare_values),
             Some(Order::Whole { descending: true }) => items.sort_by(|a, b| compare_values(b, a)),
-            Some(Order::Fields(sort)) => items = sorted_by(sort, items)?,
+            Some(Order::Fields(ranking)) => ranking.sort(&mut items),
         }
         if let Some(slice) = self.slice {
             let keep = usize::try_from(slice.unsigned_abs()).unwrap_or(usize::MAX);
@@ -86,27 +86,12 @@ impl Push {
     }
 }
 
-/// Elements by the fields of the documents they are; others have no fields.
-fn sorted_by(sort: &Sort, items: Vec<Bson>) -> Result<Vec<Bson>> {
-    let empty = Document::new();
-    let mut keyed = Vec::with_capacity(items.len());
-    for item in items {
-        let key = match &item {
-            Bson::Document(document) => sort.key_of(document.into())?,
-            _ => sort.key_of((&empty).into())?,
-        };
-        keyed.push((key, item));
-    }
-    keyed.sort_by(|a, b| a.0.cmp(&b.0));
-    Ok(keyed.into_iter().map(|(_, item)| item).collect())
-}
-
 fn order(value: &Bson) -> Result<Order> {
     match value {
         Bson::Document(pattern) if pattern.is_empty() => {
             Err(QueryError::bad_value("the $sort pattern is empty when it should be a set of fields"))
         }
-        Bson::Document(pattern) => Ok(Order::Fields(Sort::parse(pattern)?)),
+        Bson::Document(pattern) => Ok(Order::Fields(Ranking::parse(pattern)?)),
         value => match Number::of(value).and_then(Number::integral) {
             Some(1) => Ok(Order::Whole { descending: false }),
             Some(-1) => Ok(Order::Whole { descending: true }),

@@ -10,6 +10,7 @@ mod field;
 mod filters;
 mod modifier;
 mod parse;
+mod rename;
 mod upsert;
 
 use std::cell::Cell;
@@ -75,7 +76,8 @@ impl Update {
     /// # Errors
     /// As [`Update::parse_pipeline`].
     pub fn parse_pipeline_with(stages: &[Document], constants: &Document) -> Result<Self> {
-        let (scope, variables) = Scope::with_constants(constants)?;
+        let (mut scope, variables) = Scope::with_constants(constants)?;
+        scope.lazy = true;
         let stages = stages.iter().map(|stage| Reshape::parse_update(stage, &scope)).collect::<Result<_>>()?;
         Ok(Self { kind: Kind::Pipeline(stages, variables) })
     }

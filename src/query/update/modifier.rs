@@ -17,6 +17,13 @@ pub(super) struct Modifier {
     pub(super) action: Action,
 }
 
+impl Modifier {
+    /// One at the same path that does nothing yet.
+    pub(super) fn moved(&self) -> Self {
+        Self { path: self.path.clone(), text: self.text.clone(), action: Action::Unset }
+    }
+}
+
 /// One part of a path of an update.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Segment {
@@ -40,7 +47,7 @@ pub(super) enum Action {
     Multiply(Number),
     Least(Bson),
     Greatest(Bson),
-    /// Takes the value away from the path, to put it at the other.
+    /// Takes the value away from that path, to put it at the modifier's.
     Rename(Vec<Segment>),
     /// Now, as a date or a timestamp.
     CurrentDate {
@@ -67,12 +74,12 @@ pub(super) enum Bitwise {
 impl Action {
     /// Whether it does not matter where a path cannot lead on.
     pub(super) fn ignores_dead_ends(&self) -> bool {
-        matches!(self, Self::Unset | Self::Rename(_))
+        matches!(self, Self::Unset)
     }
 
     /// Whether a missing path is made.
     pub(super) fn creates(&self) -> bool {
-        !matches!(self, Self::Unset | Self::Pop { .. } | Self::Pull(_) | Self::PullAll(_) | Self::Rename(_))
+        !matches!(self, Self::Unset | Self::Pop { .. } | Self::Pull(_) | Self::PullAll(_))
     }
 }
 

@@ -54,10 +54,17 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
                 }
             }
             let action = read(text, value).map_err(|error| error.about(name))?;
-            if matches!(action, Action::Rename(_)) && has_positions(&path) {
-                return Err(QueryError::bad_value(format!("the source field for $rename may not be dynamic: {text}")));
-            }
-            modifiers.push(Modifier { path, text: text.clone(), action });
+            modifiers.push(match action {
+                // A rename happens when it is its target's turn.
+                Action::Rename(target) => {
+                    if has_positions(&path) {
+                        let message = format!("the source field for $rename may not be dynamic: {text}");
+                        return Err(QueryError::bad_value(message));
+                    }
+                    Modifier { path: target, text: text.clone(), action: Action::Rename(path) }
+                }
+                action => Modifier { path, text: text.clone(), action },
+            });
         }
     }
     filters.check_used()?;
@@ -70,8 +77,8 @@ fn conflicts(modifiers: &[Modifier]) -> Result<()> {
     let mut paths: Vec<(&[Segment], &str)> = Vec::new();
     for modifier in modifiers {
         paths.push((&modifier.path, &modifier.text));
-        if let Action::Rename(target) = &modifier.action {
-            paths.push((target, &modifier.text));
+        if let Action::Rename(source) = &modifier.action {
+            paths.push((source, &modifier.text));
         }
     }
     check_conflicts(&paths)
