@@ -1,6 +1,7 @@
 //! Geometry on the sphere, as S2 has it: edges are the shortest ways between
 //! points, and a point is as large as a cell of about a centimetre.
 
+mod bounds;
 mod cap;
 mod cell;
 mod edge;

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use super::bounds::Bounds;
 use super::edge::{Meeting, meeting, passes};
 use super::vector::{Vector, in_order, turn};
 
@@ -20,6 +21,7 @@ pub(super) struct Ring {
     has_origin: bool,
     /// A centre and the least cosine of any point in or on the ring, where it is small.
     around: Option<(Vector, f64)>,
+    bounds: Bounds,
 }
 
 /// A vertex that two rings share, with the vertices before and after it in both.
@@ -43,10 +45,11 @@ enum Wedge {
 impl Ring {
     /// The ring with its inside to the left.
     pub(super) fn new(vertices: Vec<Vector>) -> Self {
-        let mut ring = Self { vertices, has_origin: false, around: None };
+        let mut ring = Self { vertices, has_origin: false, around: None, bounds: Bounds::ALL };
         if let [first, second, third, ..] = *ring.vertices.as_slice() {
             let inside = in_order(second.orthogonal(), first, third, second);
             ring.has_origin = inside != ring.has(second);
+            ring.bounds = Bounds::around(ring.edges(), |pole| ring.has(pole));
         }
         ring
     }
@@ -146,6 +149,9 @@ impl Ring {
 
     /// Whether all of another ring's inside is inside of this one.
     pub(super) fn contains(&self, other: &Self) -> bool {
+        if !self.bounds.contains(other.bounds) {
+            return false;
+        }
         let Some(first) = other.vertices.first() else { return false };
         if !self.has(*first) && !self.has_vertex(*first) {
             return false;
@@ -164,6 +170,9 @@ impl Ring {
 
     /// Whether the insides have something in common.
     pub(super) fn meets(&self, other: &Self) -> bool {
+        if !self.bounds.meets(other.bounds) {
+            return false;
+        }
         let begins_in = |inner: &Self, outer: &Self| {
             inner.vertices.first().is_some_and(|first| outer.has(*first) && !outer.has_vertex(*first))
         };
@@ -180,6 +189,9 @@ impl Ring {
 
     /// Whether another ring is inside (and its edge too), or nothing where the edges cross.
     pub(super) fn nests(&self, other: &Self) -> Option<bool> {
+        if !self.bounds.meets(other.bounds) {
+            return Some(false);
+        }
         let (mut more, mut less, mut crossed, mut apart) = (false, false, false, false);
         let crosses = self.crosses(other, &mut |shared| {
             let wedge = shared.wedge();
