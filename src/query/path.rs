@@ -128,12 +128,12 @@ fn in_items<'a>(
 ) -> bool {
     let Some((part, rest)) = parts.split_first() else { return false };
     for (index, item) in items.iter().enumerate() {
-        let outer = outer.or(Some(index));
         if let View::Document(fields) = item
-            && in_fields(fields, parts, leaves, outer, test)
+            && in_fields(fields, parts, leaves, outer.or(Some(index)), test)
         {
             return true;
         }
+        // An element that the path names is not found by going through the array: it leaves no index.
         if part.index == Some(index) {
             let found = match item {
                 item if rest.is_empty() => test(Some(item), outer),
@@ -168,10 +168,10 @@ mod tests {
     fn reaches_through_arrays() {
         let document = doc! {"a": [{"b": 1}, {"c": 2}, 3, {"b": [4, 5]}], "d": {"e": 6}, "m": [[1, 2]]};
         assert_eq!(reached(&document, "a.b"), ["1@0", "missing@1", "4@3", "5@3", "[4, 5]@3"]);
-        assert_eq!(reached(&document, "a.2"), ["missing@0", "missing@1", "3@2", "missing@3"]);
+        assert_eq!(reached(&document, "a.2"), ["missing@0", "missing@1", "3", "missing@3"]);
         assert_eq!(reached(&document, "d.e"), ["6"]);
         assert_eq!(reached(&document, "d.e.f"), ["missing"]);
-        assert_eq!(reached(&document, "m.0.1"), ["2@0"]);
+        assert_eq!(reached(&document, "m.0.1"), ["2"]);
         assert_eq!(reached(&document, "m."), ["[1, 2]@0", "[[1, 2]]"]);
         assert_eq!(reached(&document, "m.x"), Vec::<String>::new());
     }

@@ -144,7 +144,7 @@ impl Decimal {
                 signed(if negative { half.minus(eighth) } else { eighth })
             }
             (Self::Infinite { .. }, _) => signed(quarter()),
-            _ if self.is_zero() => signed(if x.is_negative() { half } else { Self::ZERO }),
+            _ if self.is_zero() => signed(if x.is_negative() { half } else { Self::ZERO.padded() }),
             _ if x.is_zero() => signed(quarter()),
             _ => {
                 let angle = self.absolute().over(x.absolute()).arc_tangent();

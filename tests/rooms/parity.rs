@@ -264,3 +264,74 @@ fn fields_within_the_id_are_either_included_or_excluded() {
     let (store, ns) = store(vec![doc! { "_id": 1 }]);
     assert!(store.aggregate(&ns, &[doc! { "$project": { "_id": { "b": 0, "c": 1 } } }]).is_err());
 }
+
+fn found(documents: Vec<Document>, find: Find) -> Result<Vec<Document>, String> {
+    let (store, ns) = store(documents);
+    let found = store.find(&ns, &find).map_err(|error| error.to_string())?;
+    found.map(|raw| Ok(Document::try_from(&*raw.map_err(|error| error.to_string())?).unwrap())).collect()
+}
+
+#[test]
+fn a_positional_projection_takes_the_element_of_the_whole_array() {
+    let at = |filter: Document, projection: Document| {
+        let document = doc! { "_id": 1, "a": [1, { "b": 2 }], "arr": [10] };
+        found(vec![document], Find { filter, projection, ..Find::default() })
+    };
+    let deep = at(doc! { "a.b": 2 }, doc! { "_id": 0, "a.b.$": 1 });
+    assert_eq!(deep, Ok(vec![doc! { "a": [{ "b": 2 }] }]));
+    assert!(at(doc! { "a": 1 }, doc! { "a.b.$": 1 }).unwrap_err().contains("mismatch"));
+    assert!(at(doc! { "arr.0": 10 }, doc! { "arr.$": 1 }).is_err());
+}
+
+#[test]
+fn a_slice_of_null_elements_is_null() {
+    let projection = doc! { "_id": 0, "arr": { "$slice": [0, Bson::Null] } };
+    let sliced = found(vec![doc! { "_id": 1, "arr": [1] }], Find { projection, ..Find::default() });
+    assert_eq!(sliced, Ok(vec![doc! { "arr": Bson::Null }]));
+}
+
+#[test]
+fn the_field_of_a_plain_lookup_goes_last() {
+    let lookup = doc! { "$lookup": { "from": "none", "localField": "b", "foreignField": "b", "as": "a" } };
+    let keys = |stages: &[Document]| -> Vec<String> {
+        aggregated(vec![doc! { "_id": 1, "a": 0, "b": 1 }], stages).remove(0).keys().cloned().collect()
+    };
+    assert_eq!(keys(std::slice::from_ref(&lookup)), ["_id", "b", "a"]);
+    assert_eq!(keys(&[doc! { "$set": { "c": 1 } }, lookup]), ["_id", "a", "b", "c"]);
+}
+
+#[test]
+fn a_date_moved_by_a_decimal_that_is_no_number_is_the_least() {
+    let moved = doc! { "$add": [bson::DateTime::from_millis(5), "$n"] };
+    let least = Bson::DateTime(bson::DateTime::from_millis(i64::MIN));
+    assert_eq!(computed(doc! { "_id": 1, "n": decimal("NaN") }, moved), least);
+}
+
+#[test]
+fn an_update_by_a_pipeline_that_drops_the_id_is_a_modification() {
+    let (store, ns) = store(vec![doc! { "_id": 1 }]);
+    let update = UpdateSpec::Pipeline(vec![doc! { "$unset": "_id" }]);
+    let request = UpdateRequest { filter: doc! {}, update, array_filters: Vec::new(), many: false, upsert: false };
+    assert_eq!(store.update(&ns, &request, None).unwrap().modified, 1);
+}
+
+#[test]
+fn what_is_wrong_with_constants_is_an_error_at_once_for_some_operators_only() {
+    let nothing = |expression: Document| {
+        let (store, ns) = store(Vec::new());
+        store.aggregate(&ns, &[doc! { "$project": { "r": expression } }]).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(nothing(doc! { "$zip": { "inputs": [[1], 1.0] } }), Ok(()));
+    assert!(nothing(doc! { "$setIsSubset": ["$k", { "$literal": "a" }] }).is_err());
+    assert!(nothing(doc! { "$indexOfArray": [{ "$literal": 1 }, "$x"] }).is_err());
+    assert!(nothing(doc! { "$switch": { "branches": [{ "case": false, "then": "$s" }] } }).is_err());
+    assert!(nothing(doc! { "$divide": [1, 0] }).is_err());
+}
+
+#[test]
+fn what_a_group_would_not_keep_is_not_computed() {
+    let documents = vec![doc! { "_id": 1, "n": 2 }, doc! { "_id": 2, "n": 0 }];
+    let half = doc! { "$divide": [1, "$n"] };
+    let first = doc! { "_id": 0, "p": { "$first": half.clone() }, "q": { "$firstN": { "n": 1, "input": half } } };
+    assert_eq!(aggregated(documents, &[doc! { "$group": first }]), [doc! { "_id": 0, "p": 0.5, "q": [0.5] }]);
+}

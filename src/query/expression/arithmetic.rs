@@ -103,6 +103,10 @@ fn sum_all(values: &[Value]) -> Result<Value> {
         return Ok(Some(total(numbers.into_iter()).into()));
     };
     let mut millis = date.timestamp_millis();
+    // A decimal that is no number becomes the least integer.
+    if numbers.iter().any(|number| matches!(number, Number::Decimal(decimal) if decimal.is_nan())) {
+        return Ok(Some(Bson::DateTime(DateTime::from_millis(i64::MIN))));
+    }
     for number in numbers {
         millis = shift(millis, number, 1)?;
     }

@@ -332,6 +332,10 @@ fn switch(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
         return Err(QueryError::invalid(40_068, "$switch requires at least one branch"));
     }
     let default = fields.get("default").map(|default| reader.read(default)).transpose()?;
+    let never = |(case, _): &(Expression, _)| matches!(case, Expression::Constant(value) if !is_true(value));
+    if reader.folds() && default.is_none() && branches.iter().all(never) {
+        return Err(QueryError::invalid(40_069, "no case of $switch can hold, and there is no default"));
+    }
     Ok(Form::Switch(branches, default))
 }
 

@@ -16,6 +16,9 @@ const MAX_DEPTH: usize = 200;
 /// Operators whose value differs from call to call.
 const VOLATILE: [&str; 2] = ["$rand", "$sampleRate"];
 
+/// Operators that mongod does not compute before there is a document, even where all their arguments are constants.
+const UNFOLDED: [&str; 8] = ["$firstN", "$lastN", "$maxN", "$minN", "$replaceAll", "$replaceOne", "$sortArray", "$zip"];
+
 /// Reads expressions in a scope.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reader<'a> {
@@ -33,6 +36,11 @@ impl<'a> Reader<'a> {
     /// The same depth with other variables in sight.
     pub(super) fn within<'b>(&self, scope: &'b Scope) -> Reader<'b> {
         Reader { scope, ..*self }
+    }
+
+    /// Whether constants are computed at once.
+    pub(super) fn folds(&self) -> bool {
+        self.folds
     }
 
     /// The same, and nothing is computed.
@@ -101,6 +109,18 @@ impl<'a> Reader<'a> {
         let operator = operator::positional(name).ok_or_else(|| operator::unknown(name))?;
         let arguments = self.positional(operator, argument)?;
         let fold = arguments.iter().all(Expression::is_constant) && !VOLATILE.contains(&name);
+        // Some look at a constant array before there is a document.
+        match (name, arguments.as_slice()) {
+            ("$setIsSubset", [_, Expression::Constant(set)]) if self.folds && !matches!(set, Some(Bson::Array(_))) => {
+                return Err(QueryError::invalid(17_311, "the second operand of $setIsSubset must be an array"));
+            }
+            ("$indexOfArray", [Expression::Constant(Some(array)), ..])
+                if self.folds && !matches!(array, Bson::Array(_) | Bson::Null | Bson::Undefined) =>
+            {
+                return Err(QueryError::invalid(50_809, "the first operand of $indexOfArray must be an array"));
+            }
+            _ => {}
+        }
         let arguments = if fold || !self.folds { arguments } else { gathered(operator, arguments)? };
         self.folded(Expression::Call(operator, arguments), fold)
     }
@@ -134,9 +154,10 @@ impl<'a> Reader<'a> {
                     let place = index.and_then(|index| arguments.get_mut(index)).ok_or_else(|| {
                         QueryError::failed_to_parse(format!("unrecognized argument to {}: {name}", operator.name))
                     })?;
-                    // A pattern of a sort is no expression.
-                    *place = Some(match name.as_str() {
-                        "sortBy" => Expression::Constant(Some(value.clone())),
+                    *place = Some(match (name.as_str(), operator.name) {
+                        // A pattern of a sort is no expression.
+                        ("sortBy", _) => Expression::Constant(Some(value.clone())),
+                        ("field", "$setField" | "$unsetField") => self.literal(operator.name, value)?,
                         _ => self.read(value)?,
                     });
                 }
@@ -160,8 +181,16 @@ impl<'a> Reader<'a> {
                 return Err(QueryError::failed_to_parse(format!("missing '{name}' parameter to {}", operator.name)));
             }
         }
-        let fold = arguments.iter().flatten().all(Expression::is_constant);
+        let fold = arguments.iter().flatten().all(Expression::is_constant) && !UNFOLDED.contains(&operator.name);
         self.folded(Expression::Named(operator, arguments), fold)
+    }
+
+    /// A constant that is not computed.
+    fn literal(&self, operator: &str, value: &Bson) -> Result<Expression> {
+        match self.lazily().read(value)? {
+            constant @ Expression::Constant(_) => Ok(constant),
+            _ => Err(QueryError::invalid(4_161_106, format!("{operator} requires 'field' to be a constant"))),
+        }
     }
 
     /// `$path`, `$$variable.path`.

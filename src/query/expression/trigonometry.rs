@@ -5,7 +5,7 @@ use std::f64::consts::LN_2;
 use bson::Bson;
 
 use super::Value;
-use super::operator::{Operator, at, is_null, is_nullish, wrong_type};
+use super::operator::{Operator, at, is_null, wrong_type};
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
@@ -108,11 +108,14 @@ fn apply(
 }
 
 fn arc_tangent(values: &[Value]) -> Result<Value> {
-    if values.iter().any(is_nullish) {
+    let (y, x) = (at(values, 0), at(values, 1));
+    if is_null(y) {
         return Ok(Some(Bson::Null));
     }
-    let (y, x) = (at(values, 0), at(values, 1));
     let y = Number::of(y).ok_or_else(|| wrong_type(51_044, "$atan2", "numbers", y))?;
+    if is_null(x) {
+        return Ok(Some(Bson::Null));
+    }
     let x = Number::of(x).ok_or_else(|| wrong_type(51_045, "$atan2", "numbers", x))?;
     Ok(Some(match (y, x) {
         (Number::Decimal(_), _) | (_, Number::Decimal(_)) => {

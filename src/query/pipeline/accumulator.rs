@@ -162,6 +162,12 @@ impl Accumulator {
 
     /// Takes the next document in.
     pub(super) fn add<E>(&self, state: &mut State, fields: Fields<'_>, run: &Run<'_, E>) -> Result<()> {
+        // What would not be kept is not computed.
+        match (&self.kind, &*state) {
+            (Kind::First, State::One(Some(_))) => return Ok(()),
+            (Kind::Some { first: true, .. }, State::Counted(limit, values)) if values.len() >= *limit => return Ok(()),
+            _ => {}
+        }
         let value = self.input.evaluate(&run.environment(fields))?;
         match (&self.kind, state) {
             (Kind::Sum, State::Sum(sum)) => {

@@ -3,6 +3,7 @@
 use bson::{Bson, Document, RawDocumentBuf};
 
 use super::Documents;
+use super::granularity::Granularity;
 use super::group::{Accumulators, Groups};
 use super::run::Run;
 use super::stage::encode;
@@ -114,6 +115,7 @@ impl Bucket {
 pub(super) struct AutoBucket {
     by: Expression,
     buckets: usize,
+    granularity: Option<Granularity>,
     output: Accumulators,
 }
 
@@ -128,16 +130,16 @@ impl AutoBucket {
             .filter(|buckets| *buckets > 0)
             .and_then(|buckets| usize::try_from(buckets).ok())
             .ok_or_else(|| QueryError::invalid(40_241, "the buckets of $bucketAuto must be a positive integer"))?;
-        match spec.get("granularity") {
-            None => {}
-            Some(Bson::String(_)) => return Err(QueryError::unsupported("$bucketAuto with granularity")),
+        let granularity = match spec.get("granularity") {
+            None => None,
+            Some(Bson::String(name)) => Some(Granularity::parse(name)?),
             Some(_) => return Err(QueryError::invalid(40_261, "the granularity of $bucketAuto must be a string")),
-        }
+        };
         let output = match spec.get("output") {
             Some(Bson::Document(fields)) if fields.is_empty() => Accumulators::counting(),
             _ => output(spec, scope)?,
         };
-        Ok(Self { by, buckets, output })
+        Ok(Self { by, buckets, granularity, output })
     }
 
     pub(super) fn run<E: From<QueryError>>(
@@ -149,33 +151,53 @@ impl AutoBucket {
         for document in input {
             let document = document?;
             let value = self.by.evaluate(&run.environment((&*document).into()))?.unwrap_or(Bson::Null);
+            if self.granularity.is_some() {
+                Granularity::check(&value)?;
+            }
             keyed.push((value, document));
         }
         keyed.sort_by(|a, b| compare_values(&a.0, &b.0));
-        let mut documents = Vec::new();
-        let mut rest = keyed.as_slice();
-        for bucket in 0..self.buckets {
+        // Equal parts, rounded.
+        let part = ((keyed.len() + self.buckets / 2) / self.buckets).max(1);
+        let (mut documents, mut rest, mut low) = (Vec::new(), keyed.as_slice(), None);
+        for bucket in 1..=self.buckets {
             if rest.is_empty() {
                 break;
             }
-            let size = self.size(keyed.len(), bucket).clamp(1, rest.len());
-            let size = if bucket + 1 == self.buckets { rest.len() } else { with_equals(rest, size) };
+            let size = if bucket == self.buckets { rest.len() } else { part.min(rest.len()) };
+            let (size, least, high) = self.bounds(rest, size, low);
             let (now, later) = rest.split_at(size);
-            documents.push(self.document(now, later, run)?);
-            rest = later;
+            documents.push(self.document(now, least, high.clone(), run)?);
+            (rest, low) = (later, Some(high));
         }
         Ok(documents.iter().map(encode).collect::<Result<_>>()?)
     }
 
-    /// Equal parts, rounded.
-    fn size(&self, count: usize, _: usize) -> usize {
-        (count + self.buckets / 2) / self.buckets
+    /// How many of the sorted values are in the next bucket, which has at least so many, and its bounds.
+    fn bounds(&self, rest: &[(Bson, RawDocumentBuf)], size: usize, low: Option<Bson>) -> (usize, Bson, Bson) {
+        let value = |index: usize| rest.get(index).map(|(value, _)| value.clone());
+        let least = value(0).unwrap_or(Bson::Null);
+        let Some(granularity) = &self.granularity else {
+            let size = with_equals(rest, size);
+            return (size, least, value(size).or_else(|| value(size.saturating_sub(1))).unwrap_or(Bson::Null));
+        };
+        let least = low.unwrap_or_else(|| granularity.below(&least));
+        let high = granularity.above(&value(size.saturating_sub(1)).unwrap_or(Bson::Null));
+        let below = rest.iter().skip(size).take_while(|(value, _)| compare_values(value, &high).is_lt()).count();
+        let size = size + below;
+        // Nothing is below a bound of 0: where it is all that is in the bucket, the bound is below the next value.
+        let high = match value(size) {
+            Some(next) if Number::of(&high).is_some_and(Number::is_zero) => granularity.below(&next),
+            _ => high,
+        };
+        (size, least, high)
     }
 
     fn document<E>(
         &self,
         now: &[(Bson, RawDocumentBuf)],
-        later: &[(Bson, RawDocumentBuf)],
+        least: Bson,
+        greatest: Bson,
         run: &Run<'_, E>,
     ) -> Result<Document> {
         let mut groups = Groups::new(&self.output);
@@ -183,8 +205,6 @@ impl AutoBucket {
             groups.add(Bson::Null, (&**document).into(), run)?;
         }
         let mut id = Document::new();
-        let least = now.first().map_or(Bson::Null, |(value, _)| value.clone());
-        let greatest = later.first().or(now.last()).map_or(Bson::Null, |(value, _)| value.clone());
         id.insert("min", least);
         id.insert("max", greatest);
         let mut document = groups.finish().pop().unwrap_or_default();

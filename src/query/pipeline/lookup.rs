@@ -26,6 +26,8 @@ pub(super) struct Lookup {
     bindings: Vec<(usize, Expression)>,
     pipeline: Option<Pipeline>,
     to: Vec<String>,
+    /// Whether the field that the results are put in goes last, wherever it was.
+    pub(super) last: bool,
 }
 
 /// Documents by the values that a path reaches in them; with `missing`, those without one have null.
@@ -172,7 +174,19 @@ impl Lookup {
         if from.is_none() && !pipeline.as_ref().is_some_and(Pipeline::brings_documents) {
             return Err(QueryError::failed_to_parse("must specify 'from' field for a $lookup"));
         }
-        Ok(Self { from, fields, bindings, pipeline, to: target("$lookup", spec)? })
+        Ok(Self { from, fields, bindings, pipeline, to: target("$lookup", spec)?, last: false })
+    }
+
+    /// Whether it only compares fields, neither of which names an element by its index.
+    pub(super) fn is_plain(&self) -> bool {
+        let by_name = |path: &Path| path.parts().iter().all(|part| part.index.is_none());
+        self.pipeline.is_none()
+            && self.fields.as_ref().is_some_and(|(local, foreign)| by_name(local) && by_name(foreign))
+    }
+
+    /// Whether the results are put at this path.
+    pub(super) fn is_to(&self, path: &[String]) -> bool {
+        self.to == path
     }
 
     pub(super) fn run<'a, E: From<QueryError> + 'a>(
@@ -185,6 +199,12 @@ impl Lookup {
             let document = document?;
             let found = self.found(&document, &run, &index)?;
             let mut document = Document::try_from(document).map_err(QueryError::from)?;
+            if self.last
+                && let Some(top) = self.to.first()
+                && let Some(value) = document.remove(top)
+            {
+                document.insert(top, value);
+            }
             put(&mut document, &self.to, found);
             Ok(encode(&document)?)
         }))

@@ -7,6 +7,7 @@
 mod accumulator;
 mod bucket;
 mod facet;
+mod granularity;
 mod graph;
 mod group;
 mod lookup;

@@ -83,6 +83,9 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
         stage(name, argument, scope, depth, &mut stages).map_err(|error| error.about(name))?;
     }
     drop_resorted(&mut stages);
+    if depth == 0 {
+        place_lookups(&mut stages);
+    }
     Ok((stages, output))
 }
 
@@ -144,6 +147,25 @@ fn drop_resorted(stages: &mut Vec<Stage>) {
             stages.remove(index);
         } else {
             index += 1;
+        }
+    }
+}
+
+/// Marks the plain `$lookup`s at the front: mongod has another engine for them, which puts the new field last. One
+/// whose results are unwound at once is not for it.
+fn place_lookups(stages: &mut [Stage]) {
+    for index in 0..stages.len() {
+        let (before, after) = stages.split_at_mut(index + 1);
+        match (before.last_mut(), after.first()) {
+            (Some(Stage::Lookup(lookup)), next) => {
+                let unwound = matches!(next, Some(Stage::Unwind(unwind)) if lookup.is_to(unwind.path()));
+                if unwound || !lookup.is_plain() {
+                    return;
+                }
+                lookup.last = true;
+            }
+            (Some(Stage::Match(_) | Stage::Sort(_) | Stage::Skip(_) | Stage::Limit(_) | Stage::Group(_)), _) => {}
+            _ => return,
         }
     }
 }

@@ -61,6 +61,11 @@ impl Unwind {
         }))
     }
 
+    /// Where the array is.
+    pub(super) fn path(&self) -> &[String] {
+        &self.path
+    }
+
     fn unwound(&self, mut document: Document) -> Vec<Document> {
         let items = match find(&mut document, &self.path) {
             Some(place @ Bson::Array(_)) => match std::mem::replace(place, Bson::Null) {

@@ -36,7 +36,9 @@ impl Kind {
                     (Some(_), Some(_)) => {
                         Err(QueryError::invalid(28_724, "the second argument to $slice must be positive"))
                     }
-                    (Some(_), None) => Err(QueryError::invalid(28_724, "the arguments to $slice must be numbers")),
+                    (Some(_), None) if !matches!(limit, Bson::Null | Bson::Undefined) => {
+                        Err(QueryError::invalid(28_724, "the arguments to $slice must be numbers"))
+                    }
                     _ => Ok(None),
                 },
                 _ => Ok(None),
@@ -89,7 +91,7 @@ impl Transform {
                     let message = "executor error: the positional operator '.$' could not find a matching element";
                     return Err(QueryError::invalid(51_246, message));
                 };
-                pick(&mut document, &parts, index)?;
+                pick(&mut document, whole, &parts, index)?;
             }
         }
         Ok(document)
@@ -143,21 +145,20 @@ fn leads_through_array(document: &Document, parts: &[&str]) -> bool {
     }
 }
 
-/// Leaves only one element of the first array on the path.
-fn pick(document: &mut Document, parts: &[&str], index: usize) -> Result<()> {
+/// Leaves only one element of the first array on the path. The index is that of the element in the whole document:
+/// where the path leads on, elements without fields are no longer there.
+fn pick(document: &mut Document, whole: &Document, parts: &[&str], index: usize) -> Result<()> {
     let Some((name, rest)) = parts.split_first() else { return Ok(()) };
-    match document.get_mut(name) {
-        Some(Bson::Array(items)) => {
-            let Some(item) = items.get(index).cloned() else {
-                return Err(QueryError::invalid(
-                    51_247,
-                    "executor error: the positional operator '.$' element mismatch",
-                ));
-            };
-            *items = vec![item];
+    match (document.get_mut(name), whole.get(name)) {
+        (Some(Bson::Array(items)), Some(Bson::Array(all))) => {
+            let stays = |item: &&Bson| rest.is_empty() || matches!(item, Bson::Document(_) | Bson::Array(_));
+            let before = all.iter().take(index).filter(stays).count();
+            let picked = all.get(index).filter(stays).and_then(|_| items.get(before).cloned());
+            let mismatch = "executor error: the positional operator '.$' element mismatch";
+            *items = vec![picked.ok_or_else(|| QueryError::invalid(51_247, mismatch))?];
             Ok(())
         }
-        Some(Bson::Document(inner)) => pick(inner, rest, index),
+        (Some(Bson::Document(inner)), Some(Bson::Document(whole))) => pick(inner, whole, rest, index),
         _ => Ok(()),
     }
 }

@@ -98,14 +98,18 @@ impl Update {
     pub fn apply(&self, document: &RawDocument, filter: &Filter, now: DateTime) -> Result<Option<RawDocumentBuf>> {
         let before = Document::try_from(document)?;
         let id = before.get("_id").cloned();
-        let mut touched = false;
+        let touched;
         let after = match &self.kind {
             Kind::Replacement(replacement) => {
-                // One that leaves `_id` to the document counts as a change, as in MongoDB.
+                // One that leaves `_id` to the document counts as a change, as in MongoDB. So does a pipeline.
                 touched = !replacement.contains_key("_id");
                 replaced(replacement, id.as_ref(), now)
             }
-            Kind::Pipeline(stages, variables) => with_id(reshaped(stages, variables, before, now)?, id.as_ref()),
+            Kind::Pipeline(stages, variables) => {
+                let after = reshaped(stages, variables, before, now)?;
+                touched = !after.contains_key("_id");
+                with_id(after, id.as_ref())
+            }
             Kind::Operators(modifiers, filters) => {
                 let position = filter.position(document.into(), now)?;
                 let application = Application { filters, position, now, inserting: false, touched: Cell::new(false) };

@@ -121,6 +121,7 @@ pub(crate) fn bucket() -> Gen<Stages> {
         ("output", 40, output.clone()),
     ]);
     let auto = fields(vec![("groupBy", 100, by), ("buckets", 100, pick(&[1, 2, 3, 5])), ("output", 40, output)]);
+    // No granularity: with one, mongod 6.0.5 falls over some numbers.
     any_of(vec![(3, then_sorted(stage(object("$bucket", bucket)))), (2, stage(object("$bucketAuto", auto)))])
 }
 
