@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use bson::{Bson, DateTime, Document, doc};
 
 use super::exchange;
-use super::native::Environment;
+use super::native::{Environment, Value};
 use super::state::State;
 use crate::formats::clips::{Body, Item, Reader};
 use crate::formats::pddl::Dialect;
@@ -53,7 +53,7 @@ pub(super) struct Wish<'a> {
 
 /// Finds a plan, stores it, and asserts its facts; gives its id. Where there is none, that is stored,
 /// and said.
-pub(super) fn plan(wish: Wish<'_>, state: &State<'_>, clips: &Environment) -> anyhow::Result<Option<String>> {
+pub(super) fn plan(wish: Wish<'_>, state: &State<'_>, clips: &Environment) -> anyhow::Result<Option<Value>> {
     let last = state.planning.last.borrow();
     let made = last.as_ref().filter(|(_, generated)| generated.text == wish.problem.text());
     let (started, clock, dialect) = (DateTime::now(), Instant::now(), Dialect::default());
@@ -89,8 +89,7 @@ pub(super) fn plan(wish: Wish<'_>, state: &State<'_>, clips: &Environment) -> an
         anyhow::bail!("{}: {said}", run.planner);
     };
     let page = Page { plan, document: &document, statuses: &[], id: &id, value: &value };
-    tell(&page.print(plan::Format::Clips)?, clips)?;
-    Ok(Some(id))
+    tell(&page.print(plan::Format::Clips)?, clips)
 }
 
 fn search(wish: &Wish<'_>, task: &Task<'_>, state: &State<'_>) -> anyhow::Result<(Run, Duration)> {
@@ -138,16 +137,22 @@ fn store(document: &Document, state: &State<'_>) -> anyhow::Result<String> {
 }
 
 /// Asserts the facts of a plan, with those of their slots that the program's templates have. A program
-/// that has none of these templates gets none of the facts.
-fn tell(facts: &str, clips: &Environment) -> anyhow::Result<()> {
+/// that has none of these templates gets none of the facts. Gives the id as the facts have it.
+fn tell(facts: &str, clips: &Environment) -> anyhow::Result<Option<Value>> {
+    let mut id = None;
     let schema = exchange::schema(clips, ["plan", "plan-action"]);
     let source = Source::new("<plan>", facts);
     for item in Reader::new(&source, []) {
         let Item::Fact(fact) = item? else { continue };
-        let (Body::Slots(slots), Some(template)) = (&fact.body, schema.get(&fact.name)) else { continue };
+        let Body::Slots(slots) = &fact.body else { continue };
+        if fact.name == "plan" {
+            let named = exchange::filled(slots, &schema, &fact.name).into_iter().find(|(slot, _)| slot == "id");
+            id = named.map(|(_, value)| value);
+        }
+        let Some(template) = schema.get(&fact.name) else { continue };
         let slots: Vec<_> = slots.iter().filter(|slot| template.slot(&slot.name).is_some()).cloned().collect();
         let slots = exchange::filled(&slots, &schema, &fact.name);
         clips.assert(&fact.name, &slots).map_err(WrongInput::new)?;
     }
-    Ok(())
+    Ok(id)
 }

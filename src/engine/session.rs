@@ -136,12 +136,12 @@ fn assert(texts: &[Source], clips: &Environment) -> anyhow::Result<()> {
 
 /// Fires rules, and asserts what the memory tells, until nothing more can happen.
 fn follow(cycles: Option<u64>, clips: &Environment, state: &State<'_>) -> anyhow::Result<Ended> {
-    let mut left = cycles;
+    let (mut left, mut is_idle) = (cycles, false);
     loop {
         if let Some(ended) = verdict(clips, state) {
             return Ok(ended);
         }
-        let heard = state.hear(clips, false)?;
+        let heard = state.hear(clips, is_idle)?;
         let burst = if state.is_listening() { Some(BURST) } else { None };
         let limit = [left, burst].into_iter().flatten().min();
         let fired = clips.run(limit);
@@ -152,13 +152,12 @@ fn follow(cycles: Option<u64>, clips: &Environment, state: &State<'_>) -> anyhow
         if left == Some(0) || clips.is_halted() {
             return Ok(Ended::Well);
         }
-        let is_idle = fired == 0 && !heard;
+        is_idle = fired == 0 && !heard;
         if is_idle && !state.is_listening() {
             return Ok(Ended::Well);
         }
         if is_idle {
             state.outlet().flush();
-            state.hear(clips, true)?;
         }
     }
 }

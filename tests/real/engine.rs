@@ -46,7 +46,7 @@ const PROGRAM: &str = r#"
   (bind ?r (random 1 100))
   (if (or (< ?count 5) (< ?r 20))
     then (synced-assert (str-cat "(thing (name \"t " (random 1 99) "\") (n " (random 0 9) ") (share 0.5) (tag green) (list a))"))
-    else (if (< ?r 35) then (synced-modify ?f n (random 0 1000) share (/ (random 1 1000) 7))
+    else (if (< ?r 35) then (synced-modify ?f n (random 0 1000) share (/ (random 1 1000) 8))
     else (if (< ?r 50) then (synced-modify ?f tag (nth$ (random 1 4) (create$ red "red" 3 "a \"b\"")))
     else (if (< ?r 70) then (synced-add-to-multifield ?f list (random 1 5))
     else (if (< ?r 85) then (synced-remove-from-multifield ?f list (random 1 5))

@@ -50,5 +50,5 @@ fn plan(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Res
     let seconds = arguments.get(4).map(|_| arguments.integer(4)).transpose()?;
     let wish = Wish { domain, problem, planner, seconds: seconds.and_then(|seconds| u64::try_from(seconds).ok()) };
     let found = planning::plan(wish, state, clips).map_err(|error| Failure::chained(&error))?;
-    Ok(found.map_or(Value::truth(false), Value::Text))
+    Ok(found.unwrap_or_else(|| Value::truth(false)))
 }

@@ -58,6 +58,7 @@ pub(crate) struct Environment {
 /// An environment with its functions. Dropping it destroys the environment.
 pub(crate) struct Running<'h> {
     environment: Environment,
+    #[expect(clippy::vec_box, reason = "C has pointers to them, so that they must not move")]
     functions: Vec<Box<Function<'h>>>,
     shared: Box<Shared<'h>>,
 }
