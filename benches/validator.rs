@@ -35,15 +35,21 @@ const PLACES: usize = 400;
 fn task(atoms: usize, steps: usize) -> (String, String) {
     let parcels = atoms / 2;
     let (mut objects, mut init, mut goal, mut plan) = (String::new(), String::new(), String::new(), String::new());
-    (0..PLACES).for_each(|place| drop(write!(objects, " p{place}")));
+    for place in 0..PLACES {
+        let _ = write!(objects, " p{place}");
+    }
     objects.push_str(" - place");
-    (0..parcels).for_each(|parcel| drop(write!(objects, " x{parcel}")));
+    for parcel in 0..parcels {
+        let _ = write!(objects, " x{parcel}");
+    }
     objects.push_str(" - parcel m0 m1 m2 m3 - mark");
     for road in 0..atoms - parcels {
         let (from, to) = (road % PLACES, (road + road / PLACES + 1) % PLACES);
         let _ = writeln!(init, "(road p{from} p{to}) (= (length p{from} p{to}) 1)");
     }
-    (0..parcels).for_each(|parcel| drop(writeln!(init, "(lies x{parcel} p{})", parcel % PLACES)));
+    for parcel in 0..parcels {
+        let _ = writeln!(init, "(lies x{parcel} p{})", parcel % PLACES);
+    }
     for parcel in 0..parcels.min(steps / 3) {
         let (here, there) = (parcel % PLACES, (parcel + 1) % PLACES);
         let _ = writeln!(plan, "(pick x{parcel} p{here})\n(go p{here} p{there})\n(drop x{parcel} p{there})");

@@ -101,19 +101,15 @@ fn a_word_without_a_proof_ends_no_race() {
 }
 
 /// A planner that needs much memory, and has its plan when the other one of its kind is gone.
-const ELEPHANT: &str = "import os, sys, time
-memory = b'x' * 200_000_000
-own, other = sys.argv[1:]
-with open(own + '.new', 'w') as file: file.write(str(os.getpid()))
-os.rename(own + '.new', own)
-while not os.path.exists(other): time.sleep(0.05)
-with open(other) as file: pid = file.read()
-while pid != 'nobody' and os.path.exists('/proc/' + pid): time.sleep(0.05)
-print('ff: found legal plan as follows')
-print('step 0: WALK DOOR WINDOW')
-print('1: PUSH WINDOW CORNER')
-print('2: CLIMB CORNER')
-print('3: SWITCH-ON CORNER')
+const ELEPHANT: &str = "echo $$ > $1.new; mv $1.new $1
+until [ -e $2 ]; do sleep 0.05; done
+other=$(cat $2)
+{ head -c 200000000 /dev/zero; while [ -e /proc/$other ]; do sleep 0.05; done; } | tail -c 200000000 > /dev/null
+echo 'ff: found legal plan as follows'
+echo 'step 0: WALK DOOR WINDOW'
+echo '1: PUSH WINDOW CORNER'
+echo '2: CLIMB CORNER'
+echo '3: SWITCH-ON CORNER'
 ";
 
 #[test]
@@ -121,14 +117,14 @@ fn the_limit_of_memory_is_one_for_all() {
     let lab = Lab::new();
     let place = |name: &str| lab.path().join(name).display().to_string();
     let elephant = |name: &str, other: &str| {
-        let program = place("elephant.py");
+        let program = place("elephant.sh");
         format!(
-            "[planner.{name}]\ncommand = [\"python3\", \"{program}\", \"{}\", \"{}\"]\noutput = \"ff\"\n",
+            "[planner.{name}]\ncommand = [\"/bin/sh\", \"{program}\", \"{}\", \"{}\"]\noutput = \"ff\"\n",
             place(&format!("{name}.pid")),
             place(&format!("{other}.pid"))
         )
     };
-    lab.write("elephant.py", ELEPHANT);
+    lab.write("elephant.sh", ELEPHANT);
     lab.write("nobody.pid", "nobody");
     lab.write("rmem.toml", &[elephant("one", "two"), elephant("two", "one"), elephant("alone", "nobody")].concat());
     let run = |planners: [&str; 2]| {

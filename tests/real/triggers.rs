@@ -156,7 +156,7 @@ fn a_name_goes_on(uri: &str) -> Result<(), Failed> {
     assert!(other.watch(trigger(&namespace("rmem.watchers"), None)).is_err());
     let own = |names: Vec<Name>| names.into_iter().filter(|name| name.namespace == ns).collect::<Vec<_>>();
     let free = Name { name: "x".into(), namespace: ns.clone(), process: None, missed: false, waiting: None };
-    assert_eq!(own(memory.watch_names()?), [free.clone()]);
+    assert_eq!(own(memory.watch_names()?), std::slice::from_ref(&free));
     let watch = other.watch(trigger(&ns, Some("x")))?;
     assert_eq!(own(memory.watch_names()?), [Name { process: Some(std::process::id()), ..free }]);
     drop(watch);
