@@ -31,12 +31,16 @@ pub(super) const KNOWN: &[Known] = &[
     },
     Known {
         what: "An error of work that mongod leaves out, or does early: sorting by parallel arrays around a `$sort`, `$match` \
-               or `$unwind` that it moves",
+               or `$unwind` that it moves, and what `$first` does not keep",
         holds: |difference| {
             let theirs = difference.theirs.get_str("errmsg").unwrap_or_default();
             let message = difference.ours.as_ref().err().map_or(theirs, String::as_str);
             let (their_error, our_error) = difference.kind();
-            their_error != our_error && message.contains("parallel arrays") && uses(difference, &["$sort"])
+            let sorting = message.contains("parallel arrays") && uses(difference, &["$sort"]);
+            sorting && their_error != our_error
+                || uses(difference, &["$group", "$bucket"])
+                    && uses(difference, &["$first"])
+                    && difference.kind() == (true, false)
         },
     },
     Known {
@@ -147,7 +151,8 @@ pub(super) const KNOWN: &[Known] = &[
             let grouping = uses(difference, &["$group", "$bucket", "$sortByCount"]);
             their_error != our_error
                 && (answer.is_some_and(is_null) && (uses(difference, &DATES) || uses(difference, &["$arrayElemAt"]))
-                    || grouping && message.contains("only supports numeric types"))
+                    || grouping
+                        && ["only supports numeric types", "only one date"].iter().any(|it| message.contains(it)))
         },
     },
     Known {

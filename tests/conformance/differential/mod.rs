@@ -102,7 +102,10 @@ fn compare(name: &str, family: &Family, program: &Path) -> Result<(), Failed> {
         for _ in 0..BATCH.min(cases - counts.cases) {
             let command = family.commands.new_tree(&mut runner)?.current();
             let case = Case { documents: pair.documents().to_vec(), others: others.clone(), command };
-            let verdict = pair.ask(&case.command)?;
+            let verdict = pair.ask(&case.command).map_err(|failed| {
+                let why = failed.message().unwrap_or("mongod did not answer").to_owned();
+                format!("{why}, asked {} of {:?}", case.command, case.documents)
+            })?;
             counts.add(&verdict);
             if let Verdict::Known(what, difference) = &verdict
                 && known > 0
