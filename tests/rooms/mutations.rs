@@ -115,7 +115,18 @@ fn tasks() -> Vec<(String, PathBuf, PathBuf)> {
         let file = |name: &str| root.join("pddl/tasks").join(format!("{name}.pddl"));
         (problem.to_owned(), file(domain), file(problem))
     };
-    let mut tasks = vec![pair("dom", "p_plan"), pair("acdom", "acp"), pair("ndom", "np"), pair("adldom", "adlp")];
+    let task = |name: &str| {
+        let file = |file: &str| root.join("tasks").join(name).join(file);
+        (name.to_owned(), file("domain.pddl"), file("problem.pddl"))
+    };
+    let mut tasks = vec![
+        pair("dom", "p_plan"),
+        pair("dom", "p_neg"),
+        pair("acdom", "acp"),
+        pair("ndom", "np"),
+        task("solvable"),
+        task("numeric"),
+    ];
     let Some(folder) = std::env::var_os("RMEM_TEST_BENCHMARKS").map(PathBuf::from) else { return tasks };
     let mut folders: Vec<PathBuf> =
         fs::read_dir(folder).expect("a folder").flatten().map(|entry| entry.path()).collect();
@@ -140,5 +151,5 @@ fn mutations_get_the_verdict_of_another_simulator() {
             valid += agreed;
         }
     }
-    assert!(judged >= 4 && valid >= judged, "only {judged} tasks were judged, with {valid} valid plans");
+    assert!(judged >= 6 && valid >= judged, "only {judged} tasks were judged, with {valid} valid plans");
 }
