@@ -1,16 +1,29 @@
 //! The README's commands run, and print what it says they print.
 //!
 //! In a `console` block a line that starts with `$ ` is a command; the lines up to the next one are what
-//! it prints on stdout (stderr is not shown in the README). `…` alone on a line stands for any lines.
+//! it prints on stdout (stderr is not shown in the README). `…` alone on a line stands for any lines. Blocks of
+//! `console clips-engine` are for an rmem with that feature.
 
 use crate::lab::{Lab, root};
 
 #[test]
 fn every_console_block_of_the_readme_is_true() {
+    let commands = run_blocks("```console\n");
+    assert!(commands >= 5, "the README shows too little: {commands} commands");
+}
+
+#[cfg(feature = "clips-engine")]
+#[test]
+fn what_the_readme_shows_of_the_engine_is_true() {
+    assert_eq!(run_blocks("```console clips-engine\n"), 1);
+}
+
+/// Runs the blocks that start so, in order; gives how many commands there were.
+fn run_blocks(start: &str) -> usize {
     let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
     let lab = Lab::new();
     let mut commands = 0;
-    for block in readme.split("```console\n").skip(1) {
+    for block in readme.split(start).skip(1) {
         let block = block.split("```").next().unwrap();
         for step in block.split("$ ").filter(|step| !step.trim().is_empty()) {
             let (command, expected) = split_command(step);
@@ -24,7 +37,7 @@ fn every_console_block_of_the_readme_is_true() {
             commands += 1;
         }
     }
-    assert!(commands >= 5, "the README shows too little: {commands} commands");
+    commands
 }
 
 /// A command goes on over lines that end in a backslash.
