@@ -19,7 +19,7 @@ import json, sys
 folder, count = sys.argv[1], int(sys.argv[2])
 with open(folder + "/documents.jsonl", "w") as out:
     for n in range(count):
-        out.write(json.dumps({"relation": "thing", "id": n, "name": f"thing number {n}", "kind": f"kind{n % 7}", "xy": [n / 8, n / 3]}) + "\n")
+        out.write(json.dumps({"relation": "thing", "id": n, "name": f"thing number {n}", "kind": f"kind{n % 7}", "xy": [n / 8, n / 4]}) + "\n")
 PY
 
 cat >"$folder/export.py" <<'PY'

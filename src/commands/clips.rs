@@ -6,7 +6,6 @@ mod run;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::PathBuf;
 
-use bson::oid::ObjectId;
 use bson::{Bson, Document, doc};
 
 use super::query::{argument, owned};
@@ -170,11 +169,7 @@ fn import(args: &ClipsImport, context: &mut Context<'_>) -> anyhow::Result<Exit>
     if let Some(key) = &args.key {
         replace(key, &source, &mut found, &memory, &namespace)?;
     }
-    let identified = found.into_iter().map(|(_, document)| match document.contains_key("_id") {
-        true => document,
-        false => doc! { "_id": ObjectId::new() }.into_iter().chain(document).collect(),
-    });
-    let put = memory.put(&namespace, identified.collect())?;
+    let put = memory.put(&namespace, found.into_iter().map(|(_, document)| document).collect())?;
     let line = format!("{{\"inserted\":{},\"replaced\":{},\"unchanged\":{}}}", put.inserted, put.replaced, put.same);
     context.output.line(&line)?;
     tell(&skipped, context);

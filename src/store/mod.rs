@@ -64,7 +64,8 @@ pub trait Store: Send {
     fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError>;
 
     /// Stores documents, each in place of the one with its `_id` where there is
-    /// one; the stamp is as with [`Store::update`]. Durable on return.
+    /// one, those without an `_id` under a new one; the stamp is as with
+    /// [`Store::update`]. Durable on return.
     fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError>;
 
     /// Removes all matches, or the first only; returns how many.

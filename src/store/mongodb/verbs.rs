@@ -1,5 +1,6 @@
 //! The operations of [`Store`], each one call of the driver.
 
+use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
@@ -47,7 +48,11 @@ impl Store for MongoDb {
     }
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
-        let (mut done, mut rest) = (Put::default(), documents);
+        let identified = |document: Document| match document.contains_key("_id") {
+            true => document,
+            false => with_id_first(document, &ObjectId::new().into()),
+        };
+        let (mut done, mut rest): (_, Vec<_>) = (Put::default(), documents.into_iter().map(identified).collect());
         while !rest.is_empty() {
             let inserted = match self.insert(ns, stamped(&rest, stamp)?) {
                 Ok(inserted) => inserted.ids.len(),
