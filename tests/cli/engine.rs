@@ -324,6 +324,16 @@ fn an_executive_in_clips_plans_acts_and_plans_again() {
 }
 
 #[test]
+fn an_interrupted_program_ends_with_130() {
+    let lab = lab();
+    lab.write("endless.clp", "(defrule go => (printout t \"begun\" crlf) (while TRUE do (bind ?n 1)))");
+    let program = lab.path().join("endless.clp");
+    let run =
+        lab.shell(&format!("timeout --preserve-status -s INT 2 rmem --memory mem: clips run {}", program.display()));
+    assert_eq!((run.code, run.stdout.as_str()), (130, "begun\n"), "{run}");
+}
+
+#[test]
 fn a_hundred_thousand_facts_are_asserted() {
     let lab = lab();
     let mut facts = String::new();
