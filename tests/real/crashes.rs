@@ -4,7 +4,7 @@
 //! What the writer does follows from the number of the step, so that it can be done again here.
 
 use std::collections::BTreeMap;
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use bson::{Bson, DateTime, Document, doc};
 use libtest_mimic::{Failed, Trial};
 use rmem::store::{ChangeKind, Embedded, Find, Index, Namespace, Next, Store, UpdateRequest, UpdateSpec};
 
-use super::processes::{KILLS, number, spawn};
+use super::processes::{KILLS, kill_one, number, spawn};
 
 /// The name by which the changes are followed.
 const WATCHER: &str = "harness";
@@ -130,7 +130,7 @@ fn a_killed_writer_leaves_indexes_and_the_change_log_as_the_documents_are() -> R
     let kills = number(KILLS, 30);
     for round in 0..kills {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let acknowledged = kill_one(&path, next, random >> 33)?;
+        let acknowledged = kill_one(spawn("churn", &path, "x", next)?, next, 8, random >> 33)?;
         let store = Embedded::open(&path).map_err(|error| format!("round {round}: {error}"))?;
         while next < acknowledged {
             take(&model, next);
@@ -199,24 +199,4 @@ fn check_file(path: &Path) -> Result<(), Failed> {
     let verdict: String = connection.query_row("PRAGMA integrity_check", [], |row| row.get(0))?;
     assert_eq!(verdict, "ok");
     Ok(())
-}
-
-/// Lets a writer acknowledge some steps, waits a moment, kills it; gives the step behind the last
-/// that it acknowledged.
-fn kill_one(path: &Path, from: i32, random: u64) -> Result<i32, Failed> {
-    let mut child = spawn("churn", path, "x", from)?;
-    let Some(stdout) = child.stdout.take() else { return Err("no output".into()) };
-    let mut lines = BufReader::new(stdout).lines();
-    let mut next = from;
-    for line in lines.by_ref().take(usize::try_from(random % 8)?) {
-        next = line?.parse::<i32>()? + 1;
-    }
-    std::thread::sleep(Duration::from_micros(random / 8 % 3_000));
-    child.kill()?;
-    child.wait()?;
-    // What it said before it died, it had done.
-    for line in lines {
-        next = line?.parse::<i32>()? + 1;
-    }
-    Ok(next)
 }

@@ -196,7 +196,7 @@ fn what_a_killed_writer_acknowledged_is_there() -> Result<(), Failed> {
     for round in 0..number(KILLS, 30) {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let name = format!("w{round}");
-        let acknowledged = kill_one(&path, &name, random >> 33)?;
+        let acknowledged = kill_one(spawn("write", &path, &name, i32::MAX)?, 0, 12, random >> 33)?;
         let store = Embedded::open(&path).map_err(|error| format!("round {round}: {error}"))?;
         for n in 0..acknowledged {
             let stored = store.count(&ns(), &doc! { "writer": &name, "n": n })?;
@@ -210,21 +210,21 @@ fn what_a_killed_writer_acknowledged_is_there() -> Result<(), Failed> {
     Ok(())
 }
 
-/// Lets a writer acknowledge some writes, waits a moment, kills it; returns how many it acknowledged.
-fn kill_one(path: &Path, name: &str, random: u64) -> Result<i32, Failed> {
-    let mut child = spawn("write", path, name, i32::MAX)?;
+/// Lets a writer acknowledge some of its work, fewer than `most` pieces, waits a moment, kills it; gives the number behind
+/// the last that it acknowledged, `from` where there is none.
+pub(crate) fn kill_one(mut child: Child, from: i32, most: u64, random: u64) -> Result<i32, Failed> {
     let Some(stdout) = child.stdout.take() else { return Err("no output".into()) };
     let mut lines = BufReader::new(stdout).lines();
-    let mut acknowledged = 0;
-    for line in lines.by_ref().take(usize::try_from(random % 12)?) {
-        acknowledged = line?.parse::<i32>()? + 1;
+    let mut next = from;
+    for line in lines.by_ref().take(usize::try_from(random % most)?) {
+        next = line?.parse::<i32>()? + 1;
     }
-    std::thread::sleep(Duration::from_micros(random / 12 % 3_000));
+    std::thread::sleep(Duration::from_micros(random / most % 3_000));
     child.kill()?;
     child.wait()?;
     // What it said before it died, it had done.
     for line in lines {
-        acknowledged = line?.parse::<i32>()? + 1;
+        next = line?.parse::<i32>()? + 1;
     }
-    Ok(acknowledged)
+    Ok(next)
 }

@@ -70,8 +70,8 @@ impl Failure {
     }
 }
 
-/// Makes all functions known.
-pub(super) fn define<'m: 'h, 'h>(clips: &mut Running<'h>, state: &Rc<State<'m>>) -> Result<(), String> {
+/// All functions, file by file.
+fn all() -> impl Iterator<Item = &'static Function> {
     let rooms = [
         document::FUNCTIONS,
         operation::FUNCTIONS,
@@ -83,7 +83,12 @@ pub(super) fn define<'m: 'h, 'h>(clips: &mut Running<'h>, state: &Rc<State<'m>>)
         problem::FUNCTIONS,
         synced::FUNCTIONS,
     ];
-    for function in rooms.into_iter().flatten() {
+    rooms.into_iter().flatten()
+}
+
+/// Makes all functions known.
+pub(super) fn define<'m: 'h, 'h>(clips: &mut Running<'h>, state: &Rc<State<'m>>) -> Result<(), String> {
+    for function in all() {
         for name in function.names {
             let state = Rc::clone(state);
             clips.define(name, function.least, function.most, move |clips, values| {
@@ -104,18 +109,7 @@ pub(super) fn define<'m: 'h, 'h>(clips: &mut Running<'h>, state: &Rc<State<'m>>)
 /// The names of all functions.
 #[cfg(test)]
 fn names() -> Vec<&'static str> {
-    let rooms = [
-        document::FUNCTIONS,
-        operation::FUNCTIONS,
-        cursor::FUNCTIONS,
-        fact::FUNCTIONS,
-        trigger::FUNCTIONS,
-        lock::FUNCTIONS,
-        dump::FUNCTIONS,
-        problem::FUNCTIONS,
-        synced::FUNCTIONS,
-    ];
-    rooms.into_iter().flatten().flat_map(|function| function.names).copied().collect()
+    all().flat_map(|function| function.names).copied().collect()
 }
 
 #[cfg(test)]
