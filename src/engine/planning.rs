@@ -15,7 +15,7 @@ use crate::formats::{Diagnostics, Source, shell};
 use crate::input::WrongInput;
 use crate::memory::Memory;
 use crate::pddl::{Domain, Problem};
-use crate::plan::{self, Answered, Given, Layout, Lineage, Page, Recipe};
+use crate::plan::{self, Given, Layout, Lineage, Page, Recipe};
 use crate::planner::{self, Limits, Outcome, Planner, Run, Task};
 use crate::problem::{self, Generated, ProblemError, Request, names};
 use crate::store::{Namespace, stamp};
@@ -72,12 +72,13 @@ pub(super) fn plan(wish: Wish<'_>, state: &State<'_>, clips: &Environment) -> an
         None => Bson::String(names::restore(name)),
     };
     let recipe = Recipe { domain: wish.domain.clone(), task: given, lenient: false };
-    let mut lineage = lineage(&recipe, &problem, made);
+    let sections = made.map_or(&[][..], |(_, generated)| &generated.sections);
+    let mut lineage = Lineage::of(recipe, &problem, sections);
     (lineage.started, lineage.times) = (Some(started), vec![("pose".to_owned(), clock.elapsed())]);
     let task = Task { domain: &domain, problem: &problem };
     let (run, limit) = search(&wish, &task, state)?;
     lineage = lineage.with_run(&run);
-    (lineage.planners, lineage.timeout, lineage.sources) = (vec![wish.planner.to_owned()], Some(limit), Some(recipe));
+    (lineage.planners, lineage.timeout) = (vec![wish.planner.to_owned()], Some(limit));
     let mut document = match &run.outcome {
         Outcome::Plan(plan) => plan::to_document(plan, domain.tree(), Layout::Numbered, &value),
         other => plan::failure(other.word(), Layout::Numbered),
@@ -106,25 +107,6 @@ fn search(wish: &Wish<'_>, task: &Task<'_>, state: &State<'_>) -> anyhow::Result
     let mut run = race.as_ref().and_then(planner::Race::winner).context("the planner did not run")?.clone();
     run.explain(task);
     Ok((run, limit))
-}
-
-fn lineage(recipe: &Recipe, problem: &Problem, made: Option<&(Request, Generated)>) -> Lineage {
-    let goal = problem.tree().goal.as_ref().map(ToString::to_string).unwrap_or_default();
-    let sections = made.iter().flat_map(|(_, generated)| &generated.sections);
-    let answered = |section: &problem::SectionReport| Answered {
-        name: section.name.clone(),
-        namespace: section.namespace.to_string(),
-        query: shell::relaxed(&section.query),
-        count: section.matched,
-    };
-    Lineage {
-        domain: plan::hash(recipe.domain.text()),
-        problem: plan::hash(problem.source().text()),
-        template: made.map(|(request, _)| plan::hash(request.template.text())),
-        goal: made.and_then(|(request, _)| request.goal.clone()).unwrap_or(goal),
-        queries: sections.map(answered).collect(),
-        ..Lineage::default()
-    }
 }
 
 fn store(document: &Document, state: &State<'_>) -> anyhow::Result<String> {

@@ -6,10 +6,11 @@ use std::time::Duration;
 use bson::{Array, Bson, DateTime, Document, doc};
 use sha2::{Digest as _, Sha256};
 
-use super::Recipe;
-use crate::pddl::Why;
+use super::{Given, Recipe};
+use crate::formats::shell;
+use crate::pddl::{Problem, Why};
 use crate::planner::{Race, Run};
-use crate::problem::names;
+use crate::problem::{SectionReport, names};
 
 /// What stands for the planner of a plan that came from a file.
 pub const IMPORTED: &str = "import";
@@ -35,6 +36,17 @@ pub struct Answered {
     pub query: String,
     /// How many documents answered.
     pub count: u64,
+}
+
+impl From<&SectionReport> for Answered {
+    fn from(section: &SectionReport) -> Self {
+        Self {
+            name: section.name.clone(),
+            namespace: section.namespace.to_string(),
+            query: shell::relaxed(&section.query),
+            count: section.matched,
+        }
+    }
 }
 
 /// What a planner did in a race.
@@ -104,6 +116,26 @@ pub struct Lineage {
 }
 
 impl Lineage {
+    /// That of a plan before it is looked for: what it is made from, the problem that this gave, and the
+    /// queries that its template asked.
+    #[must_use]
+    pub fn of(recipe: Recipe, problem: &Problem, sections: &[SectionReport]) -> Self {
+        let request = match &recipe.task {
+            Given::Template(request) => Some(request),
+            Given::Problem(_) => None,
+        };
+        let goal = || problem.tree().goal.as_ref().map(ToString::to_string).unwrap_or_default();
+        Self {
+            domain: hash(recipe.domain.text()),
+            problem: hash(problem.source().text()),
+            template: request.map(|request| hash(request.template.text())),
+            goal: request.and_then(|request| request.goal.clone()).unwrap_or_else(goal),
+            queries: sections.iter().map(Answered::from).collect(),
+            sources: Some(recipe),
+            ..Self::default()
+        }
+    }
+
     /// Notes a planner's run.
     #[must_use]
     pub fn with_run(mut self, run: &Run) -> Self {

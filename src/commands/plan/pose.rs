@@ -12,8 +12,8 @@ use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostics, shell};
 use crate::memory::Memory;
 use crate::pddl::{Domain, Problem};
-use crate::plan::{self, Answered, Given, Lineage, Recipe};
-use crate::problem::{self, Generated, SectionReport, names};
+use crate::plan::{Given, Lineage, Recipe};
+use crate::problem::{self, Generated, names};
 
 /// Reads what the command line names; the memory is not asked yet.
 pub(super) fn recipe(task: &cli::PlanTask, context: &mut Context<'_>) -> anyhow::Result<Recipe> {
@@ -102,25 +102,11 @@ impl Posed {
 
     /// Where a plan for this problem comes from, before it is looked for.
     pub(super) fn lineage(&self, recipe: Recipe) -> Lineage {
-        let given = match &recipe.task {
-            Given::Template(request) => request.goal.clone(),
-            Given::Problem(_) => None,
-        };
-        let template = match &recipe.task {
-            Given::Template(request) => Some(plan::hash(request.template.text())),
-            Given::Problem(_) => None,
-        };
-        let sections = self.generated.iter().flat_map(|generated| &generated.sections);
+        let sections = self.generated.as_ref().map_or(&[][..], |generated| &generated.sections);
         Lineage {
-            domain: plan::hash(recipe.domain.text()),
-            problem: plan::hash(self.problem.source().text()),
-            template,
-            goal: given.unwrap_or_else(|| goal(&self.problem)),
-            queries: sections.map(answered).collect(),
             started: Some(self.started),
             times: vec![("pose".to_owned(), self.took)],
-            sources: Some(recipe),
-            ..Lineage::default()
+            ..Lineage::of(recipe, &self.problem, sections)
         }
     }
 }
@@ -130,19 +116,5 @@ pub(super) fn key(value: &Bson) -> String {
     match value {
         Bson::Double(number) => number.to_string(),
         other => shell::relaxed_value(other),
-    }
-}
-
-/// The goal as PDDL.
-fn goal(problem: &Problem) -> String {
-    problem.tree().goal.as_ref().map(ToString::to_string).unwrap_or_default()
-}
-
-fn answered(section: &SectionReport) -> Answered {
-    Answered {
-        name: section.name.clone(),
-        namespace: section.namespace.to_string(),
-        query: shell::relaxed(&section.query),
-        count: section.matched,
     }
 }
