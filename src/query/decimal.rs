@@ -345,17 +345,17 @@ impl Decimal {
         Self::rounded(negative, quotient, target, false)
     }
 
-    /// The same value with a smaller exponent, where its digits allow.
+    /// The same value with a smaller exponent, as far as its digits allow.
     fn quantized(self, target: i32) -> Self {
         let Self::Finite { negative, coefficient, exponent } = self else { return self };
-        let steps = (exponent - target).unsigned_abs();
+        let target = target.max(MIN_EXPONENT);
         if coefficient == 0 {
-            return Self::Finite { negative, coefficient, exponent: target.max(MIN_EXPONENT) };
+            return Self::Finite { negative, coefficient, exponent: target };
         }
-        if steps + coefficient.ilog10() + 1 > PRECISION || target < MIN_EXPONENT {
-            return self;
-        }
-        Self::Finite { negative, coefficient: coefficient * 10u128.pow(steps), exponent: target }
+        let room = PRECISION - (coefficient.ilog10() + 1).min(PRECISION);
+        let steps = (exponent - target).unsigned_abs().min(room);
+        let lowered = exponent - i32::try_from(steps).unwrap_or(0);
+        Self::Finite { negative, coefficient: coefficient * 10u128.pow(steps), exponent: lowered }
     }
 
     /// The square root; NaN below zero.
@@ -394,13 +394,7 @@ impl Decimal {
     /// With all 34 digits written out; zero has the smallest exponent there is.
     pub(super) fn padded(self) -> Self {
         match self {
-            Self::Finite { negative, coefficient, exponent } if coefficient != 0 => {
-                let missing = PRECISION - (coefficient.ilog10() + 1).min(PRECISION);
-                let room = (exponent - MIN_EXPONENT).unsigned_abs();
-                let steps = missing.min(room);
-                let exponent = exponent - i32::try_from(steps).unwrap_or(0);
-                Self::Finite { negative, coefficient: coefficient * 10u128.pow(steps), exponent }
-            }
+            Self::Finite { coefficient, .. } if coefficient != 0 => self.quantized(MIN_EXPONENT),
             Self::Finite { .. } => Self::Finite { negative: false, coefficient: 0, exponent: MIN_EXPONENT },
             other => other,
         }

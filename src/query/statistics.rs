@@ -2,15 +2,20 @@
 
 use bson::Bson;
 
-use super::decimal::Decimal;
+use super::decimal::{Decimal, Rounding};
 use super::number::Number;
 
-/// A running sum: integers exactly, doubles with compensation, decimals apart.
+/// A running sum: pure integers exactly, everything with a rest beside the sum of doubles, decimals apart.
+///
+/// The last digit is MongoDB's: each number takes the rest along before it is added (Boldo, Graillat and Muller, "On the
+/// robustness of the 2Sum and Fast2Sum algorithms", 2016).
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sum {
     integers: i128,
     double: f64,
-    lost: f64,
+    rest: f64,
+    /// The sum without a rest, which stays right when infinities come in.
+    plain: f64,
     decimal: Option<Decimal>,
     wide: bool,
     floating: bool,
@@ -19,9 +24,13 @@ pub(super) struct Sum {
 impl Sum {
     pub(super) fn add(&mut self, number: Number) {
         match number {
-            Number::Int(value) => self.integers += i128::from(value),
+            Number::Int(value) => {
+                self.integers += i128::from(value);
+                self.add_double(f64::from(value));
+            }
             Number::Long(value) => {
                 self.integers += i128::from(value);
+                self.add_long(value);
                 self.wide = true;
             }
             Number::Double(value) => {
@@ -32,31 +41,61 @@ impl Sum {
         }
     }
 
-    /// Adds with the rounding error kept (two-sum).
-    fn add_double(&mut self, value: f64) {
-        let sum = self.double + value;
-        if sum.is_finite() {
-            let part = sum - self.double;
-            self.lost += (self.double - (sum - part)) + (value - part);
-        }
-        self.double = sum;
+    /// Adds in two parts that are doubles exactly.
+    #[expect(clippy::cast_precision_loss, reason = "each part has at most 32 significant bits")]
+    fn add_long(&mut self, value: i64) {
+        let low = value % (1 << 32);
+        self.add_double(low as f64);
+        self.add_double((value - low) as f64);
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "the nearest double is meant")]
+    fn add_double(&mut self, value: f64) {
+        self.plain += value;
+        let carried = value + self.rest;
+        let lost = self.rest - (carried - value);
+        let sum = self.double + carried;
+        let part = sum - carried;
+        let error = (self.double - part) + (carried - (sum - part));
+        self.double = sum;
+        self.rest = lost + error;
+    }
+
     fn to_double(self) -> f64 {
-        let mut sum = self;
-        let high = sum.integers as f64;
-        let rest = sum.integers.saturating_sub(high as i128) as f64;
-        sum.add_double(high);
-        sum.add_double(rest);
-        if sum.double.is_finite() { sum.double + sum.lost } else { sum.double }
+        if self.double.is_nan() { self.plain } else { self.double }
+    }
+
+    /// The decimals and everything else, doubles with 34 digits.
+    fn to_decimal(self) -> Decimal {
+        let others = if !self.floating {
+            Decimal::from_integer(self.integers)
+        } else if self.double.is_finite() {
+            Decimal::from_double(self.double).plus(Decimal::from_double(self.rest))
+        } else {
+            Decimal::from_double(self.plain)
+        };
+        self.decimal.map_or(others, |decimal| decimal.plus(others))
+    }
+
+    /// The nearest integer, where it fits 64 bits; of decimals the least one where it does not.
+    pub(super) fn to_long(self) -> Option<i64> {
+        if self.decimal.is_some() {
+            let whole = self.to_decimal().round_to(0, Rounding::HalfEven).to_i128();
+            return Some(whole.and_then(|whole| i64::try_from(whole).ok()).unwrap_or(i64::MIN));
+        }
+        if !self.floating {
+            return i64::try_from(self.integers).ok();
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "a sum out of range saturates far outside of 64 bits")]
+        let whole = |value: f64| value.round() as i128;
+        #[expect(clippy::cast_precision_loss, reason = "it is a rounded double")]
+        let rest = |whole: i128| (self.double - whole as f64) + self.rest;
+        let high = whole(self.double);
+        i64::try_from(high + whole(rest(high)).clamp(-1 << 64, 1 << 64)).ok().filter(|_| self.double.is_finite())
     }
 
     pub(super) fn total(self) -> Number {
-        if let Some(decimal) = self.decimal {
-            let decimal = decimal.plus(Decimal::from_integer(self.integers));
-            let floating = if self.floating { Self { integers: 0, ..self }.to_double() } else { 0.0 };
-            return Number::Decimal(if self.floating { decimal.plus(Decimal::from_double(floating)) } else { decimal });
+        if self.decimal.is_some() {
+            return Number::Decimal(self.to_decimal());
         }
         if self.floating {
             return Number::Double(self.to_double());

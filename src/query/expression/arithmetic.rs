@@ -4,12 +4,12 @@ use bson::{Bson, DateTime};
 
 use super::Value;
 use super::operator::{ANY, Operator, at, is_null, is_nullish, type_of, wrong_type};
-use crate::query::arithmetic::{Overflow, add, multiply, subtract};
+use crate::query::arithmetic::{Overflow, multiply, subtract};
 use crate::query::compare::compare_values;
 use crate::query::decimal::{Decimal, Rounding};
 use crate::query::error::{QueryError, Result};
 use crate::query::number::{Number, double_to_long};
-use crate::query::statistics::{deviation, mean, total};
+use crate::query::statistics::{Sum, deviation, mean, total};
 
 pub(super) const OPERATORS: [Operator; 24] = [
     Operator { name: "$add", arity: (0, ANY), call: sum_all },
@@ -78,43 +78,29 @@ fn numeric(operator: &str, value: &Bson) -> Result<Number> {
 }
 
 fn sum_all(values: &[Value]) -> Result<Value> {
-    let (mut numbers, mut date, mut null) = (Vec::new(), None, false);
+    let (mut sum, mut dated) = (Sum::default(), false);
     for value in values {
         match value {
-            None => null = true,
-            Some(value) if is_null(value) => null = true,
+            None => return Ok(Some(Bson::Null)),
+            Some(value) if is_null(value) => return Ok(Some(Bson::Null)),
             Some(Bson::DateTime(moment)) => {
-                if date.replace(*moment).is_some() {
+                if std::mem::replace(&mut dated, true) {
                     return Err(QueryError::invalid(16_612, "only one date allowed in an $add expression"));
                 }
+                sum.add(Number::Long(moment.timestamp_millis()));
             }
-            Some(value) => numbers.push(numeric("$add", value)?),
-        }
-        if null {
-            return Ok(Some(Bson::Null));
+            Some(value) => sum.add(numeric("$add", value)?),
         }
     }
-    let Some(date) = date else {
-        // Decimals take doubles by their first 15 digits here, and exactly in `$sum`.
-        if numbers.iter().any(|number| matches!(number, Number::Decimal(_))) {
-            let sum = numbers.into_iter().try_fold(Number::Int(0), |sum, number| add(sum, number, Overflow::Double))?;
-            return Ok(Some(sum.into()));
-        }
-        return Ok(Some(total(numbers.into_iter()).into()));
-    };
-    let mut millis = date.timestamp_millis();
-    // A decimal that is no number becomes the least integer.
-    if numbers.iter().any(|number| matches!(number, Number::Decimal(decimal) if decimal.is_nan())) {
-        return Ok(Some(Bson::DateTime(DateTime::from_millis(i64::MIN))));
+    if dated {
+        let millis = sum.to_long().ok_or_else(|| QueryError::bad_value("date overflow"))?;
+        return Ok(Some(Bson::DateTime(DateTime::from_millis(millis))));
     }
-    for number in numbers {
-        millis = shift(millis, number, 1)?;
-    }
-    Ok(Some(Bson::DateTime(DateTime::from_millis(millis))))
+    Ok(Some(sum.total().into()))
 }
 
-/// Moves a moment by milliseconds, forward or back.
-fn shift(millis: i64, by: Number, sign: i64) -> Result<i64> {
+/// A moment some milliseconds earlier.
+fn earlier(millis: i64, by: Number) -> Result<i64> {
     let overflow = || QueryError::bad_value("date overflow");
     let by = match by {
         Number::Double(value) => double_to_long(value.round()).ok_or_else(overflow)?,
@@ -125,7 +111,7 @@ fn shift(millis: i64, by: Number, sign: i64) -> Result<i64> {
             .ok_or_else(overflow)?,
         other => other.to_long(),
     };
-    by.checked_mul(sign).and_then(|by| millis.checked_add(by)).ok_or_else(overflow)
+    millis.checked_sub(by).ok_or_else(overflow)
 }
 
 fn difference(values: &[Value]) -> Result<Value> {
@@ -140,7 +126,7 @@ fn difference(values: &[Value]) -> Result<Value> {
         }
         (Bson::DateTime(a), b) => {
             let by = Number::of(b).ok_or_else(|| wrong_type(16_556, "$subtract", "a number or a date", b))?;
-            Ok(Some(Bson::DateTime(DateTime::from_millis(shift(a.timestamp_millis(), by, -1)?))))
+            Ok(Some(Bson::DateTime(DateTime::from_millis(earlier(a.timestamp_millis(), by)?))))
         }
         (a, b) => match (Number::of(a), Number::of(b)) {
             (Some(a), Some(b)) => Ok(Some(subtract(a, b, Overflow::Double)?.into())),
@@ -150,12 +136,20 @@ fn difference(values: &[Value]) -> Result<Value> {
 }
 
 fn product(values: &[Value]) -> Result<Value> {
-    let mut result = Number::Int(1);
+    // What overflows is the product of all of them as doubles.
+    let (mut result, mut double) = (Number::Int(1), 1.0);
     for value in values {
         match value {
             None => return Ok(Some(Bson::Null)),
             Some(value) if is_null(value) => return Ok(Some(Bson::Null)),
-            Some(value) => result = multiply(result, numeric("$multiply", value)?, Overflow::Double)?,
+            Some(value) => {
+                let factor = numeric("$multiply", value)?;
+                double *= factor.to_double();
+                result = match multiply(result, factor, Overflow::Double)? {
+                    Number::Double(_) => Number::Double(double),
+                    product => product,
+                };
+            }
         }
     }
     Ok(Some(result.into()))
@@ -308,7 +302,7 @@ fn power(values: &[Value]) -> Result<Value> {
     let (base, exponent) = (at(values, 0), at(values, 1));
     let base = Number::of(base).ok_or_else(|| wrong_type(28_762, "$pow", "a numeric base", base))?;
     let exponent = Number::of(exponent).ok_or_else(|| wrong_type(28_763, "$pow", "a numeric exponent", exponent))?;
-    let negative_exponent = Number::compare(exponent, Number::Int(0)).is_lt();
+    let negative_exponent = !exponent.is_nan() && Number::compare(exponent, Number::Int(0)).is_lt();
     if base.is_zero() && negative_exponent {
         return Err(QueryError::invalid(28_764, "$pow cannot take a base of 0 and a negative exponent"));
     }
@@ -352,7 +346,16 @@ fn decimal_power(base: Decimal, exponent: Decimal) -> Bson {
             }
             if exponent < 0 { Decimal::ONE.over(result) } else { result }
         }
+        None if base.compare(Decimal::ONE).is_eq() => Decimal::ONE,
         None if base.is_zero() && !exponent.is_nan() => Decimal::ZERO,
+        None if base.is_infinite() && !exponent.is_nan() && !exponent.is_integral() => {
+            if exponent.is_negative() {
+                Decimal::ZERO
+            } else {
+                Decimal::Infinite { negative: false }
+            }
+        }
+        None if base.is_negative() && !exponent.is_infinite() && !exponent.is_integral() => Decimal::NaN,
         None if base.is_negative() || base.is_infinite() => {
             Decimal::from_double_15(base.to_double().powf(exponent.to_double()))
         }
@@ -421,6 +424,16 @@ mod tests {
             call(|v| to_place("$round", v, Rounding::HalfEven), &[Bson::Int32(1250), Bson::Int32(-2)]),
             Bson::Int32(1200)
         );
-        assert_eq!(add(Number::Int(1), Number::Double(0.5), Overflow::Double).map(Bson::from), Ok(Bson::Double(1.5)));
+        let decimal = |text: &str| Bson::Decimal128(text.parse().unwrap());
+        assert_eq!(call(power, &[1.into(), decimal("-Infinity")]), decimal("1.000000000000000000000000000000000"));
+        assert_eq!(call(power, &[0.into(), decimal("NaN")]), decimal("NaN"));
+        assert_eq!(call(power, &[decimal("-Infinity"), 2.5.into()]), decimal("Infinity"));
+        let truncated = call(|v| to_place("$trunc", v, Rounding::Truncate), &[decimal("1E+30"), 5.into()]);
+        assert_eq!(truncated, decimal("1000000000000000000000000000000.000"));
+        // The rest is taken along, and rounded with the next number.
+        assert_eq!(call(sum_all, &[2.into(), (1.0 / 3.0).into(), 1.into()]), Bson::Double(3.333_333_333_333_333));
+        assert_eq!(call(sum_all, &[2.into(), 1.into(), (1.0 / 3.0).into()]), Bson::Double(3.333_333_333_333_333_5));
+        assert_eq!(call(sum_all, &[1e16.into(), 3.into(), (-1e16).into()]), Bson::Double(4.0));
+        assert_eq!(call(sum_all, &[f64::INFINITY.into(), 1.0.into(), 1.into()]), Bson::Double(f64::INFINITY));
     }
 }
