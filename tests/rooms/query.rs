@@ -65,6 +65,34 @@ fn an_update_keeps_the_id_to_the_byte() {
 }
 
 #[test]
+fn array_updates_want_an_array_to_be_there() {
+    let filter = Filter::parse(&doc! {}).unwrap();
+    let code = |update: Document, document: Document| {
+        let after = Update::parse(&update, &[])
+            .and_then(|update| update.apply(&raw(&document), &filter, DateTime::from_millis(0)));
+        after.map(|_| 0).map_err(|error| error.code)
+    };
+    for document in [doc! {"_id": 1, "a": [[]]}, doc! {"_id": 1, "a": [{}]}, doc! {"_id": 1, "a": [1]}, doc! {"_id": 1}]
+    {
+        assert_eq!(code(doc! {"$unset": {"a.$[].b.$[]": 1}}, document.clone()), Err(2), "{document}");
+        assert_eq!(code(doc! {"$set": {"a.$[].b.$[]": 1}}, document.clone()), Err(2), "{document}");
+    }
+    assert_eq!(code(doc! {"$unset": {"a.$[].b.$[]": 1}}, doc! {"_id": 1, "a": []}), Ok(0));
+}
+
+#[test]
+fn what_is_wrong_with_constants_is_said_before_there_is_a_document() {
+    let code = |computed: Document| Projection::parse(&doc! {"r": computed}).map(|_| 0).map_err(|error| error.code);
+    assert_eq!(code(doc! {"$setEquals": ["$k", {}]}), Err(5_887_502));
+    assert_eq!(code(doc! {"$zip": {"inputs": []}}), Err(34_465));
+    assert_eq!(code(doc! {"$zip": {"inputs": ["$k"], "defaults": [1]}}), Err(34_466));
+    assert_eq!(code(doc! {"$sortArray": {"input": "$k", "sortBy": 3}}), Err(2_942_506));
+    // These look at their input only when there is one.
+    assert_eq!(code(doc! {"$regexMatch": {"input": {}, "regex": "a"}}), Ok(0));
+    assert_eq!(code(doc! {"$setField": {"field": "a", "input": 1, "value": 1}}), Ok(0));
+}
+
+#[test]
 fn an_upsert_refuses_what_names_no_one_document() {
     let now = DateTime::from_millis(0);
     let set = Update::parse(&doc! {"$set": {"z": 1}}, &[]).unwrap();

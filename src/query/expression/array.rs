@@ -57,12 +57,6 @@ fn integer(code: i32, operator: &str, value: &Bson) -> Result<i32> {
 
 fn element(values: &[Value]) -> Result<Value> {
     if values.iter().any(is_nullish) {
-        if let Some(value) = values.first().and_then(Option::as_ref)
-            && !is_null(value)
-            && !matches!(value, Bson::Array(_))
-        {
-            return Err(wrong_type(28_689, "$arrayElemAt", "an array", value));
-        }
         return Ok(Some(Bson::Null));
     }
     let Some(items) = array(28_689, "$arrayElemAt", at(values, 0))? else { return Ok(Some(Bson::Null)) };

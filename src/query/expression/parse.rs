@@ -4,7 +4,7 @@ use bson::{Bson, Document};
 
 use super::constants::gathered;
 use super::form;
-use super::operator::{self, Named, Operator};
+use super::operator::{self, Arguments, Named, Operator};
 use super::scope::Scope;
 use super::tree::{Expression, Source};
 use super::{Value, constant};
@@ -17,7 +17,53 @@ const MAX_DEPTH: usize = 200;
 const VOLATILE: [&str; 2] = ["$rand", "$sampleRate"];
 
 /// Operators that mongod does not compute before there is a document, even where all their arguments are constants.
-const UNFOLDED: [&str; 8] = ["$firstN", "$lastN", "$maxN", "$minN", "$replaceAll", "$replaceOne", "$sortArray", "$zip"];
+const UNFOLDED: [&str; 13] = [
+    "$firstN",
+    "$lastN",
+    "$maxN",
+    "$minN",
+    "$regexFind",
+    "$regexFindAll",
+    "$regexMatch",
+    "$replaceAll",
+    "$replaceOne",
+    "$setField",
+    "$sortArray",
+    "$unsetField",
+    "$zip",
+];
+
+/// Whether it is a constant, and that no array.
+fn is_no_array(operand: &Expression) -> bool {
+    matches!(operand, Expression::Constant(value) if !matches!(value, Some(Bson::Array(_))))
+}
+
+/// Refuses what is wrong with some arguments before there is a document to look at.
+fn check_constants(operator: &Named, arguments: &[Option<Expression>]) -> Result<()> {
+    match (operator.name, arguments) {
+        ("$zip", [Some(Expression::Constant(Some(Bson::Array(inputs)))), ..]) if inputs.is_empty() => {
+            Err(QueryError::invalid(34_465, "$zip requires at least one input array"))
+        }
+        ("$zip", [_, longest, Some(_)])
+            if !matches!(longest, Some(Expression::Constant(Some(Bson::Boolean(true))))) =>
+        {
+            Err(QueryError::invalid(34_466, "cannot specify defaults unless useLongestLength is true"))
+        }
+        // How they look at their input is known, where the rest is constant; without input, they do nothing else.
+        ("$sortArray" | "$regexFind" | "$regexFindAll" | "$regexMatch", [_, rest @ ..])
+            if rest.iter().flatten().all(Expression::is_constant) =>
+        {
+            let value = |argument: &Expression| match argument {
+                Expression::Constant(value) => value.clone(),
+                _ => None,
+            };
+            let rest = rest.iter().map(|argument| argument.as_ref().map(value));
+            let values = std::iter::once(Some(Some(Bson::Null))).chain(rest).collect();
+            operator.run(&Arguments { operator: operator.name, values }).map(drop)
+        }
+        _ => Ok(()),
+    }
+}
 
 /// Reads expressions in a scope.
 #[derive(Debug, Clone, Copy)]
@@ -111,6 +157,9 @@ impl<'a> Reader<'a> {
         let fold = arguments.iter().all(Expression::is_constant) && !VOLATILE.contains(&name);
         // Some look at a constant array before there is a document.
         match (name, arguments.as_slice()) {
+            ("$setEquals", operands) if self.folds && operands.iter().any(is_no_array) => {
+                return Err(QueryError::invalid(5_887_502, "all operands of $setEquals must be arrays"));
+            }
             ("$setIsSubset", [_, Expression::Constant(set)]) if self.folds && !matches!(set, Some(Bson::Array(_))) => {
                 return Err(QueryError::invalid(17_311, "the second operand of $setIsSubset must be an array"));
             }
@@ -180,6 +229,9 @@ impl<'a> Reader<'a> {
             if *required && value.is_none() {
                 return Err(QueryError::failed_to_parse(format!("missing '{name}' parameter to {}", operator.name)));
             }
+        }
+        if self.folds {
+            check_constants(operator, &arguments)?;
         }
         let fold = arguments.iter().flatten().all(Expression::is_constant) && !UNFOLDED.contains(&operator.name);
         self.folded(Expression::Named(operator, arguments), fold)

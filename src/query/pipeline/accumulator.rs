@@ -165,7 +165,8 @@ impl Accumulator {
         // What would not be kept is not computed.
         match (&self.kind, &*state) {
             (Kind::First, State::One(Some(_))) => return Ok(()),
-            (Kind::Some { first: true, .. }, State::Counted(limit, values)) if values.len() >= *limit => return Ok(()),
+            // Only the value after the last that is kept says that there are enough.
+            (Kind::Some { first: true, .. }, State::Counted(limit, values)) if values.len() > *limit => return Ok(()),
             _ => {}
         }
         let value = self.input.evaluate(&run.environment(fields))?;
@@ -214,14 +215,9 @@ impl Accumulator {
                 Some(_) => return Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs")),
             },
             (Kind::Some { first, .. }, State::Counted(limit, values)) => {
-                let value = value.unwrap_or(Bson::Null);
-                if !*first {
-                    values.push(value);
-                    if values.len() > *limit {
-                        values.remove(0);
-                    }
-                } else if values.len() < *limit {
-                    values.push(value);
+                values.push(value.unwrap_or(Bson::Null));
+                if !*first && values.len() > *limit {
+                    values.remove(0);
                 }
             }
             (Kind::Extremes { greatest, .. }, State::Counted(limit, values)) => {
@@ -264,7 +260,11 @@ impl Accumulator {
             (_, State::Average(sum, count)) => sum.mean(count).map_or(Bson::Null, Bson::from),
             (Kind::Deviation { sample }, State::Deviation(deviation)) => deviation.value(*sample),
             (_, State::One(value)) => value.unwrap_or(Bson::Null),
-            (_, State::Many(values) | State::Counted(_, values)) => Bson::Array(values),
+            (_, State::Many(values)) => Bson::Array(values),
+            (_, State::Counted(limit, mut values)) => {
+                values.truncate(limit);
+                Bson::Array(values)
+            }
             (_, State::Distinct(values)) => {
                 let mut values: Vec<_> = values.into_values().collect();
                 values.sort_by_key(|(place, _)| *place);

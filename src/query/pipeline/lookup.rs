@@ -199,11 +199,8 @@ impl Lookup {
             let document = document?;
             let found = self.found(&document, &run, &index)?;
             let mut document = Document::try_from(document).map_err(QueryError::from)?;
-            if self.last
-                && let Some(top) = self.to.first()
-                && let Some(value) = document.remove(top)
-            {
-                document.insert(top, value);
+            if self.last {
+                move_last(&mut document, &self.to);
             }
             put(&mut document, &self.to, found);
             Ok(encode(&document)?)
@@ -237,6 +234,16 @@ impl Lookup {
         }
         array(pipeline.run_with(foreign, run.with(variables)))
     }
+}
+
+/// Moves what is at each part of a path behind the other fields there.
+fn move_last(document: &mut Document, path: &[String]) {
+    let Some((name, rest)) = path.split_first() else { return };
+    let Some(mut value) = document.remove(name) else { return };
+    if let Bson::Document(inner) = &mut value {
+        move_last(inner, rest);
+    }
+    document.insert(name, value);
 }
 
 /// A compiled `$unionWith`.

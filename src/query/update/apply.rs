@@ -92,7 +92,7 @@ impl Application<'_> {
             Bson::Document(document) => self.in_document(document, path, modifier),
             Bson::Array(items) => self.in_array(items, name, path, modifier),
             _ if matches!(path.first().map(|first| self.named(first)), Some(Segment::Name(_))) => {
-                if path.iter().any(|segment| matches!(segment, Segment::All | Segment::Filtered(_))) {
+                if has_all(path) {
                     return Err(must_exist(modifier));
                 }
                 if !modifier.action.ignores_dead_ends() {
@@ -110,6 +110,7 @@ impl Application<'_> {
         match segment {
             Segment::Name(part) => match padded_index(part) {
                 Some(index) => self.at_index(items, index, rest, modifier),
+                None if has_all(path) => Err(must_exist(modifier)),
                 None if !modifier.action.ignores_dead_ends() => {
                     let message = format!("cannot create field '{part}' in element {{{name}: [...]}}");
                     Err(QueryError::invalid(PATH_NOT_VIABLE, message))
@@ -203,6 +204,11 @@ fn check_name(modifier: &Modifier) -> Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Whether a path has `$[]` or `$[identifier]` in it, which want an array to be there.
+fn has_all(path: &[Segment]) -> bool {
+    path.iter().any(|segment| matches!(segment, Segment::All | Segment::Filtered(_)))
 }
 
 fn must_exist(modifier: &Modifier) -> QueryError {

@@ -19,6 +19,9 @@ const NO_UNIQUE_INDEX: i32 = 51_183;
 /// MongoDB's code where `$merge` finds no document and is to fail then.
 const NO_MATCH: i32 = 13_113;
 
+/// The code of a document without a value to merge on.
+const MISSING_ON: i32 = 51_132;
+
 impl Embedded {
     /// Writes the results of a pipeline over `ns`.
     pub(super) fn write_results(
@@ -88,6 +91,10 @@ impl Embedded {
         result: Document,
         now: DateTime,
     ) -> Result<(), StoreError> {
+        if let Some(Bson::Null | Bson::Undefined) = result.get("_id") {
+            let message = "the field '_id' that $merge is on cannot be null";
+            return Err(QueryError::invalid(MISSING_ON, message).into());
+        }
         let (id, body) = document::settle(result)?;
         let result = Document::try_from(&*body).map_err(QueryError::from)?;
         let Some(found) = self.with_id_of(collection, &result)? else {

@@ -69,7 +69,7 @@ pub(super) const KNOWN: &[Known] = &[
         what: "The last digits of a decimal that `$pow`, `$exp`, a logarithm or a trigonometric function computed: they \
                agree to 28 digits, and decimals of `$add` may have other trailing zeros",
         holds: |difference| {
-            let computing = ["$pow", "$exp", "$ln", "$log", "$log10", "$sqrt", "$sin", "$cos", "$tan", "$add"];
+            let computing = ["$pow", "$exp", "$ln", "$log", "$log10", "$sqrt", "$sin", "$cos", "$tan"];
             let more = ["$asin", "$acos", "$atan", "$atan2", "$sinh", "$cosh", "$tanh", "$asinh", "$acosh", "$atanh"];
             (uses(difference, &computing) || uses(difference, &more))
                 && same(difference, &|a, b| equal(a, b, false, &close_decimals))
@@ -141,8 +141,7 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
     Known {
-        what: "What is wrong beside a null in `$arrayElemAt` and the operators on dates, and in any arithmetic within a \
-               `$group`: it depends on the version and the engine of mongod which of the two counts",
+        what: "What is wrong beside a null in the operators on dates, and in any arithmetic within a `$group`: it depends on the version and the engine of mongod which of the two counts",
         holds: |difference| {
             let (their_error, our_error) = difference.kind();
             let answer = if their_error { difference.ours.as_ref().ok() } else { Some(&difference.theirs) };
@@ -150,7 +149,7 @@ pub(super) const KNOWN: &[Known] = &[
             let message = difference.ours.as_ref().err().map_or("", String::as_str);
             let grouping = uses(difference, &["$group", "$bucket", "$sortByCount"]);
             their_error != our_error
-                && (answer.is_some_and(is_null) && (uses(difference, &DATES) || uses(difference, &["$arrayElemAt"]))
+                && (answer.is_some_and(is_null) && uses(difference, &DATES)
                     || grouping
                         && ["only supports numeric types", "only one date"].iter().any(|it| message.contains(it)))
         },
@@ -159,11 +158,34 @@ pub(super) const KNOWN: &[Known] = &[
         what: "The positional projection of a path (`\"a.b.$\"`) in documents without its first part: mongod looks for the \
                rest of it beside that",
         holds: |difference| {
-            let fields = difference.command.get_document("projection");
-            let deep = fields
-                .is_ok_and(|fields| fields.keys().any(|name| name.ends_with(".$") && name.matches('.').count() > 1));
+            let fields = difference.command.get_document("projection").cloned().unwrap_or_default();
+            let deep = fields.keys().any(|name| name.ends_with(".$") && name.matches('.').count() > 1);
             let theirs = difference.theirs.get_str("errmsg").unwrap_or_default();
-            deep && difference.kind() == (true, false) && theirs.contains("positional operator")
+            let errs = difference.kind() == (true, false) && theirs.contains("positional operator");
+            let has =
+                |value: &Bson, name: &str| value.as_document().is_some_and(|document| document.contains_key(name));
+            // Theirs has the first part as well, at the end.
+            let finds = |name: &str| {
+                same(difference, &|a, b| a == b || has(a, name) && !has(b, name) && without(a, name) == *b)
+            };
+            let first = |name: &str| name.split_once('.').map_or_else(String::new, |(first, _)| first.to_owned());
+            deep && (errs || fields.keys().any(|name| finds(&first(name))))
+        },
+    },
+    Known {
+        what: "A sort by an element (`\"a.0\"`) of an array that a later stage wants another part of: mongod 6.0.5 looks for a field \
+               of that name",
+        holds: |difference| {
+            let stages = difference.command.get_array("pipeline").map(Vec::as_slice).unwrap_or_default();
+            let by_element = |stage: &Bson| {
+                let keys = stage.as_document().and_then(|stage| stage.get_document("$sort").ok());
+                let is_number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+                keys.is_some_and(|keys| keys.keys().any(|key| key.split('.').skip(1).any(is_number)))
+            };
+            let narrowing = ["$project", "$group", "$sortByCount", "$bucket", "$bucketAuto", "$count"];
+            let narrows = |stage: &Bson| count(stage, &narrowing) > 0;
+            let sorted = stages.iter().position(by_element);
+            difference.kind() == (false, false) && sorted.is_some_and(|place| stages.iter().skip(place).any(narrows))
         },
     },
     Known {
