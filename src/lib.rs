@@ -61,6 +61,7 @@ use clap::FromArgMatches as _;
 use commands::Context;
 use exit::Exit;
 use output::Output;
+use process::warden;
 use settings::{Environment, Settings};
 
 /// What a process gives to [`run`]: its streams and surroundings, as values.
@@ -85,12 +86,13 @@ pub struct Process<'a> {
 
 /// Runs a command line and says how it ended. Can be called any number of times.
 pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Exit {
-    let mut args = args.into_iter().peekable();
-    let program = args.next();
-    if args.peek().is_some_and(|word| word == process::warden::COMMAND) {
-        return Exit::Passed(u8::try_from(process::warden::run(args.skip(1))).unwrap_or(u8::MAX));
+    let mut args: Vec<OsString> = args.into_iter().collect();
+    if args.get(1).is_some_and(|word| word == warden::COMMAND) {
+        match warden::run(args.into_iter().skip(2), &process.executable) {
+            warden::Next::Rmem(words) => args = words,
+            warden::Next::Exit(code) => return Exit::Passed(u8::try_from(code).unwrap_or(u8::MAX)),
+        }
     }
-    let args = program.into_iter().chain(args);
     let mut output = Output::new(process.stdout, process.stderr);
     let parsed = cli::command().try_get_matches_from(args).and_then(|matches| cli::Cli::from_arg_matches(&matches));
     let cli = match parsed {

@@ -1,37 +1,44 @@
 //! The last step before a program runs: the process that becomes its program.
 //!
 //! It is started by the warden, is a process of its own, and looks for the program where
-//! its environment says.
+//! its environment says. Where the program is rmem, it is there already, and goes on as that.
 
-use std::convert::Infallible;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
-use std::os::fd::AsFd as _;
+use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_death_signal, setrlimit};
+use rustix::stdio::dup2_stdin;
+
+use super::warden::Next;
 
 /// What the warden says when the program may run.
 pub(super) const GO: &[u8] = b"g";
 
-/// Becomes the program; returns only where that fails, which it says on standard
-/// input. The arguments are `--parent PID [--memory BYTES] [--input FILE] -- PROGRAM ARGUMENT…`.
-pub(super) fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
-    let Ok(warden) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
+/// Becomes the program. Returns where that is rmem itself, at `own`, and where it fails, which it says on
+/// standard input. The arguments are `--parent PID [--memory BYTES] [--input FILE] -- PROGRAM ARGUMENT…`.
+pub(super) fn run(arguments: impl Iterator<Item = OsString>, own: &Path) -> Next {
+    let Ok(warden) = io::stdin().as_fd().try_clone_to_owned() else { return Next::Exit(2) };
     let mut warden = UnixStream::from(warden);
-    let Err(words) = become_program(arguments, &mut warden);
-    let _ = warden.write_all(words.as_bytes());
-    2
+    match become_program(arguments, &mut warden, own) {
+        Ok(words) => Next::Rmem(words),
+        Err(words) => {
+            let _ = warden.write_all(words.as_bytes());
+            Next::Exit(2)
+        }
+    }
 }
 
 fn become_program(
     mut arguments: impl Iterator<Item = OsString>,
     warden: &mut UnixStream,
-) -> Result<Infallible, String> {
+    own: &Path,
+) -> Result<Vec<OsString>, String> {
     let (mut parent, mut memory, mut input) = (None, None, None);
     let number = |arguments: &mut dyn Iterator<Item = OsString>| arguments.next()?.to_str()?.parse::<u64>().ok();
     loop {
@@ -50,17 +57,17 @@ fn become_program(
         return Err("failed because its warden is gone".to_owned());
     }
     let program = arguments.next().unwrap_or_default();
-    let mut command = Command::new(&program);
-    let stdin = match input {
-        Some(file) => File::open(file).map_err(|error| failed(&error))?.into(),
-        None => Stdio::null(),
-    };
-    command.args(arguments).stdin(stdin);
+    let stdin = input.unwrap_or_else(|| "/dev/null".into());
+    let stdin = OwnedFd::from(File::open(stdin).map_err(|error| failed(&error))?);
     if let Some(bytes) = memory {
         let limit = Rlimit { current: Some(bytes), maximum: Some(bytes) };
         setrlimit(Resource::As, limit).map_err(|error| failed(&error))?;
     }
-    let error = command.exec();
+    if Path::new(&program) == own {
+        dup2_stdin(&stdin).map_err(|error| failed(&error))?;
+        return Ok(std::iter::once(program).chain(arguments).collect());
+    }
+    let error = Command::new(&program).args(arguments).stdin(Stdio::from(stdin)).exec();
     Err(match error.kind() {
         io::ErrorKind::NotFound => match interpreter(&program) {
             Some(interpreter) => format!("interpreter {interpreter}"),

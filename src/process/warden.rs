@@ -24,7 +24,7 @@
 //!
 //! The program is started through rmem once more, as `rmem __warden --exec …`: that
 //! process binds its life to the warden's, takes the limits upon itself, and becomes the
-//! program. So the program never runs without its limits, and dies when the warden is
+//! program; where the program is rmem, by going on ([`Next::Rmem`]). So the program never runs without its limits, and dies when the warden is
 //! killed; rmem then ends what is left of its group. What has left the group as well (with
 //! `setsid`) survives a killed warden: nobody is there to know of it.
 //!
@@ -37,7 +37,7 @@ use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -68,14 +68,26 @@ const EXEC: &str = "--exec";
 /// The hidden command that makes a process of rmem a warden.
 pub const COMMAND: &str = "__warden";
 
-/// Runs the warden; the arguments are those after `__warden`. Returns the exit code of
-/// the process, which says nothing: what happened goes over the lifeline.
+/// How a process goes on that was started as a warden.
+#[derive(Debug)]
 #[must_use]
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
+pub enum Next {
+    /// It exits. The code says nothing: what happened went over the lifeline.
+    Exit(i32),
+    /// It is the program, which is rmem, with this command line; limits and streams are its own by now.
+    Rmem(Vec<OsString>),
+}
+
+/// Runs the warden; the arguments are those after `__warden`, and `own` is where rmem itself is.
+pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &Path) -> Next {
     let mut arguments = arguments.into_iter().peekable();
     if arguments.next_if(|word| word == EXEC).is_some() {
-        return launch::run(arguments);
+        return launch::run(arguments, own);
     }
+    Next::Exit(guard(arguments))
+}
+
+fn guard(arguments: impl Iterator<Item = OsString>) -> i32 {
     let Some(order) = Order::read(arguments) else { return 2 };
     let Ok(lifeline) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
     let mut lifeline = Lifeline { stream: UnixStream::from(lifeline), pending: String::new(), lost: false };
