@@ -330,8 +330,10 @@ fn what_is_wrong_with_constants_is_an_error_at_once_for_some_operators_only() {
 
 #[test]
 fn what_a_group_would_not_keep_is_not_computed() {
-    let documents = vec![doc! { "_id": 1, "n": 2 }, doc! { "_id": 2, "n": 0 }];
-    let half = doc! { "$divide": [1, "$n"] };
-    let first = doc! { "_id": 0, "p": { "$first": half.clone() }, "q": { "$firstN": { "n": 1, "input": half } } };
+    // `$firstN` learns of the value after its last that it has enough, `$first` at once.
+    let documents =
+        vec![doc! { "_id": 1, "n": 2, "m": 2 }, doc! { "_id": 2, "n": 0, "m": 1 }, doc! { "_id": 3, "m": 0 }];
+    let half = |field: &str| doc! { "$divide": [1, field] };
+    let first = doc! { "_id": 0, "p": { "$first": half("$n") }, "q": { "$firstN": { "n": 1, "input": half("$m") } } };
     assert_eq!(aggregated(documents, &[doc! { "$group": first }]), [doc! { "_id": 0, "p": 0.5, "q": [0.5] }]);
 }
