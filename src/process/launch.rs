@@ -12,10 +12,14 @@ use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_death_signal, setrlimit};
+use rustix::process::{Resource, Rlimit, Signal, getpid, getppid, set_parent_process_death_signal, setrlimit};
 use rustix::stdio::dup2_stdin;
 
+use super::usage;
 use super::warden::Next;
+
+/// What the stack of the first thread may come to need, in bytes.
+const STACK: u64 = 8 << 20;
 
 /// What the warden says when the program may run.
 pub(super) const GO: &[u8] = b"g";
@@ -59,11 +63,16 @@ fn become_program(
     let program = arguments.next().unwrap_or_default();
     let stdin = input.unwrap_or_else(|| "/dev/null".into());
     let stdin = OwnedFd::from(File::open(stdin).map_err(|error| failed(&error))?);
+    let is_rmem = Path::new(&program) == own;
+    // A process that has more than it may already cannot even grow its stack.
+    if is_rmem && memory.is_some_and(|limit| usage::peak(getpid()) * 1024 + STACK > limit) {
+        return Err("starved".to_owned());
+    }
     if let Some(bytes) = memory {
         let limit = Rlimit { current: Some(bytes), maximum: Some(bytes) };
         setrlimit(Resource::As, limit).map_err(|error| failed(&error))?;
     }
-    if Path::new(&program) == own {
+    if is_rmem {
         dup2_stdin(&stdin).map_err(|error| failed(&error))?;
         return Ok(std::iter::once(program).chain(arguments).collect());
     }
