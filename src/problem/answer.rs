@@ -78,9 +78,10 @@ pub(super) fn pair() -> (Asker, Answerer) {
 }
 
 impl Answerer {
-    /// Answers until it is told that there is no more to ask.
+    /// Answers until it is told that there is no more to ask. While a full part of an answer is used, the next one
+    /// is fetched.
     pub(super) fn serve(self, memory: &Memory) {
-        let mut cursors: HashMap<u64, Documents<'_>> = HashMap::new();
+        let mut cursors: HashMap<u64, Open<'_>> = HashMap::new();
         let mut opened = 0;
         for question in &self.questions {
             let answer = match question {
@@ -91,7 +92,18 @@ impl Answerer {
                 Question::Aggregate(ns, pipeline) => {
                     memory.aggregate(&ns, &pipeline).map(|cursor| keep(cursor, &mut cursors, &mut opened))
                 }
-                Question::Next(number) => Ok(more(number, &mut cursors)),
+                Question::Next(number) => {
+                    let answer = cursors.get_mut(&number).map(Open::next);
+                    let answer = answer.unwrap_or_else(|| Answer::Documents(Vec::new(), true));
+                    if !matches!(answer, Answer::Documents(_, false)) {
+                        cursors.remove(&number);
+                    }
+                    if self.answers.send(answer).is_err() {
+                        break;
+                    }
+                    cursors.get_mut(&number).into_iter().for_each(Open::fetch);
+                    continue;
+                }
                 Question::Close(number) => {
                     cursors.remove(&number);
                     Ok(Answer::Closed)
@@ -106,25 +118,39 @@ impl Answerer {
     }
 }
 
-fn keep<'a>(cursor: Documents<'a>, cursors: &mut HashMap<u64, Documents<'a>>, opened: &mut u64) -> Answer {
-    *opened += 1;
-    cursors.insert(*opened, cursor);
-    Answer::Cursor(*opened)
+/// An answer that is under way.
+struct Open<'a> {
+    documents: Documents<'a>,
+    /// The next part of it, if it was fetched already.
+    ready: Option<Answer>,
 }
 
-fn more(number: u64, cursors: &mut HashMap<u64, Documents<'_>>) -> Answer {
-    let Some(cursor) = cursors.get_mut(&number) else { return Answer::Documents(Vec::new(), true) };
-    match cursor.take(BATCH).collect::<Result<Vec<_>, _>>() {
-        Ok(documents) => {
-            let last = documents.len() < BATCH;
-            if last {
-                cursors.remove(&number);
-            }
-            Answer::Documents(documents, last)
-        }
-        Err(error) => {
-            cursors.remove(&number);
-            Answer::Failed(error)
+impl Open<'_> {
+    /// The next part.
+    fn next(&mut self) -> Answer {
+        self.ready.take().unwrap_or_else(|| self.part())
+    }
+
+    /// Fetches the next part before it is asked for.
+    fn fetch(&mut self) {
+        if self.ready.is_none() {
+            self.ready = Some(self.part());
         }
     }
+
+    fn part(&mut self) -> Answer {
+        match self.documents.by_ref().take(BATCH).collect::<Result<Vec<_>, _>>() {
+            Ok(documents) => {
+                let last = documents.len() < BATCH;
+                Answer::Documents(documents, last)
+            }
+            Err(error) => Answer::Failed(error),
+        }
+    }
+}
+
+fn keep<'a>(documents: Documents<'a>, cursors: &mut HashMap<u64, Open<'a>>, opened: &mut u64) -> Answer {
+    *opened += 1;
+    cursors.insert(*opened, Open { documents, ready: None });
+    Answer::Cursor(*opened)
 }

@@ -1,5 +1,6 @@
 //! Text and values become the problem; here every value is made a name or a number.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 use bson::Bson;
@@ -21,13 +22,22 @@ pub(super) struct Emitted {
     /// Whether it is the goal: PDDL text, and no name.
     pub(super) goal: bool,
     /// The value, where it is no text.
-    pub(super) value: Option<Bson>,
+    pub(super) value: Option<Box<Bson>>,
 }
 
-enum Part {
+enum Part<'a> {
     /// Text, and where it stands in the template if that is known.
-    Text(String, Option<Literal>),
-    Value(Emitted),
+    Text(&'a str, Option<Literal>),
+    Value(Cow<'a, Emitted>),
+}
+
+impl Part<'_> {
+    fn text(&self) -> &str {
+        match self {
+            Self::Text(text, _) => text,
+            Self::Value(value) => &value.text,
+        }
+    }
 }
 
 /// Where text of the template stands, and the document it is written for.
@@ -44,9 +54,9 @@ impl Literal {
     }
 }
 
-/// A name as it was first written, and from where.
+/// Where a name was first written, and from where.
 struct Spelling {
-    name: String,
+    output: Span,
     template: Span,
     document: Option<DocumentId>,
 }
@@ -57,7 +67,7 @@ pub(super) struct Assembler<'a> {
     out: String,
     placed: Vec<Placed>,
     /// The token under way; it holds a value, or is the text right before the end.
-    token: Vec<Part>,
+    token: Vec<Part<'a>>,
     /// Names by their folded case.
     spellings: HashMap<String, Spelling>,
     /// What names by their folded case stand for, where that is no text.
@@ -90,17 +100,17 @@ impl<'a> Assembler<'a> {
     }
 
     /// Adds text whose place in the template is not known.
-    pub(super) fn text(&mut self, text: &str) -> Result<(), Diagnostic> {
+    pub(super) fn text(&mut self, text: &'a str) -> Result<(), Diagnostic> {
         self.stretch(text, None)
     }
 
     /// Adds text of the template.
-    pub(super) fn literal(&mut self, text: &str, place: Literal) -> Result<(), Diagnostic> {
+    pub(super) fn literal(&mut self, text: &'a str, place: Literal) -> Result<(), Diagnostic> {
         self.stretch(text, Some(place))
     }
 
     /// Adds the goal, which the marker or the expression at `template` stands for.
-    pub(super) fn goal(&mut self, goal: &str, template: Span) -> Result<(), Diagnostic> {
+    pub(super) fn goal(&mut self, goal: &'a str, template: Span) -> Result<(), Diagnostic> {
         // A goal starts and ends with a parenthesis, so none of it is in a token.
         self.stretch(goal, None)?;
         let output = Span::new(self.out.len().saturating_sub(goal.len()), self.out.len());
@@ -108,14 +118,14 @@ impl<'a> Assembler<'a> {
         Ok(())
     }
 
-    fn stretch(&mut self, text: &str, place: Option<Literal>) -> Result<(), Diagnostic> {
+    fn stretch(&mut self, text: &'a str, place: Option<Literal>) -> Result<(), Diagnostic> {
         let after = |length: usize| place.as_ref().map(|place| place.after(length));
         let mut start = 0;
         if !self.token.is_empty() {
             start = text.find(is_delimiter).unwrap_or(text.len());
             let (head, tail) = text.split_at(start);
             if !head.is_empty() {
-                self.token.push(Part::Text(head.to_owned(), after(0)));
+                self.token.push(Part::Text(head, after(0)));
             }
             if tail.is_empty() {
                 return Ok(());
@@ -127,7 +137,7 @@ impl<'a> Assembler<'a> {
         let (whole, open) = rest.split_at(tail);
         self.write(whole, after(start));
         if !open.is_empty() {
-            self.token.push(Part::Text(open.to_owned(), after(start + tail)));
+            self.token.push(Part::Text(open, after(start + tail)));
         }
         Ok(())
     }
@@ -148,7 +158,7 @@ impl<'a> Assembler<'a> {
     }
 
     /// Adds a value.
-    pub(super) fn value(&mut self, value: Emitted) {
+    pub(super) fn value(&mut self, value: Cow<'a, Emitted>) {
         self.token.push(Part::Value(value));
     }
 
@@ -159,19 +169,20 @@ impl<'a> Assembler<'a> {
     }
 
     fn flush(&mut self) -> Result<(), Diagnostic> {
-        let parts = std::mem::take(&mut self.token);
+        let mut parts = std::mem::take(&mut self.token);
         let start = self.out.len();
-        let plain = is_number(&parts);
         let whole = joined(&parts);
+        let plain = is_number(&parts, &whole);
         let mangle_all = !plain && (names::looks_mangled(&whole) || names::is_operator(&whole));
         let mut first: Option<(Span, Option<DocumentId>)> = None;
         let only = match parts.as_slice() {
-            [Part::Value(value)] => value.value.clone(),
+            [Part::Value(value)] => value.value.as_deref().cloned(),
             _ => None,
         };
-        for part in parts {
+        drop(whole);
+        for part in parts.drain(..) {
             match part {
-                Part::Text(text, place) => self.write(&text, place),
+                Part::Text(text, place) => self.write(text, place),
                 Part::Value(value) => {
                     let at = self.out.len();
                     let token = self.out.get(start..).unwrap_or_default().trim_start_matches(['?', ':']);
@@ -187,15 +198,15 @@ impl<'a> Assembler<'a> {
                         first = Some((value.template, value.document.clone()));
                     }
                     let output = Span::new(at, self.out.len());
-                    self.placed.push(Placed {
-                        output,
-                        template: value.template,
-                        document: value.document,
-                        kind: Kind::Value,
-                    });
+                    let (template, document) = match value {
+                        Cow::Owned(value) => (value.template, value.document),
+                        Cow::Borrowed(value) => (value.template, value.document.clone()),
+                    };
+                    self.placed.push(Placed { output, template, document, kind: Kind::Value });
                 }
             }
         }
+        self.token = parts;
         if let Some(value) = only {
             let name = self.out.get(start..).unwrap_or_default().to_ascii_lowercase();
             self.values.entry(name).or_insert(value);
@@ -208,46 +219,47 @@ impl<'a> Assembler<'a> {
 
     /// Refuses a name that differs from an earlier one in case only.
     fn remember(&mut self, start: usize, template: Span, document: Option<DocumentId>) -> Result<(), Diagnostic> {
+        let output = Span::new(start, self.out.len());
         let name = self.out.get(start..).unwrap_or_default();
-        let folded = name.to_ascii_lowercase();
-        match self.spellings.get(&folded) {
-            None => {
-                self.spellings.insert(folded, Spelling { name: name.to_owned(), template, document });
-                Ok(())
-            }
-            Some(known) if known.name == name => Ok(()),
-            Some(known) => {
-                let message =
-                    format!("`{}` and `{name}` are one name to PDDL, which takes no notice of case", known.name);
+        let folded = match name.bytes().any(|byte| byte.is_ascii_uppercase()) {
+            true => Cow::Owned(name.to_ascii_lowercase()),
+            false => Cow::Borrowed(name),
+        };
+        let Some(known) = self.spellings.get(folded.as_ref()) else {
+            self.spellings.insert(folded.into_owned(), Spelling { output, template, document });
+            return Ok(());
+        };
+        match self.out.get(known.output.start..known.output.end).unwrap_or_default() {
+            known if known == name => Ok(()),
+            first => {
+                let message = format!("`{first}` and `{name}` are one name to PDDL, which takes no notice of case");
                 let (line, column) = self.template.position(known.template.start);
                 let from = |document: &Option<DocumentId>| {
                     document
-                        .as_ref()
+                        .as_deref()
                         .map_or(String::new(), |(namespace, id)| format!(" {}", from_document(namespace, id)))
                 };
                 Err(Diagnostic::new(self.template, template, message)
-                    .hint(format!("`{}` comes{} at {line}:{column}", known.name, from(&known.document)))
+                    .hint(format!("`{first}` comes{} at {line}:{column}", from(&known.document)))
                     .hint(format!("`{name}` comes{}", from(&document))))
             }
         }
     }
 }
 
-fn joined(parts: &[Part]) -> String {
-    let text = |part: &Part| match part {
-        Part::Text(text, _) => text.clone(),
-        Part::Value(value) => value.text.clone(),
-    };
-    parts.iter().map(text).collect()
+fn joined<'b>(parts: &'b [Part<'_>]) -> Cow<'b, str> {
+    match parts {
+        [only] => Cow::Borrowed(only.text()),
+        parts => parts.iter().map(Part::text).collect(),
+    }
 }
 
 /// Whether the token is a number: its values are numbers, and so is the whole.
-fn is_number(parts: &[Part]) -> bool {
-    if !parts.iter().all(|part| matches!(part, Part::Text(..) | Part::Value(Emitted { number: true, .. }))) {
+fn is_number(parts: &[Part<'_>], text: &str) -> bool {
+    if parts.iter().any(|part| matches!(part, Part::Value(value) if !value.number)) {
         return false;
     }
-    let text = joined(parts);
-    let digits = text.strip_prefix('-').unwrap_or(&text);
+    let digits = text.strip_prefix('-').unwrap_or(text);
     let (whole, fraction) = digits.split_once('.').unwrap_or((digits, "0"));
     let all_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     all_digits(whole) && all_digits(fraction)
@@ -267,14 +279,9 @@ mod tests {
             let (value, after) = after.split_once('}').expect("a closed brace");
             let (number, value) = value.strip_prefix('#').map_or((false, value), |value| (true, value));
             let template = Span::at(text.len() - after.len());
-            assembler.value(Emitted {
-                text: value.to_owned(),
-                number,
-                template,
-                document: None,
-                goal: false,
-                value: None,
-            });
+            let text = value.to_owned();
+            let emitted = Emitted { text, number, template, document: None, goal: false, value: None };
+            assembler.value(Cow::Owned(emitted));
             rest = after;
         }
         assembler.text(rest).map_err(|error| error.to_string())?;

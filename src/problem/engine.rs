@@ -1,5 +1,6 @@
 //! Renders minijinja templates.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread;
@@ -70,8 +71,7 @@ impl Drop for End<'_> {
 
 /// The parameters and the goal.
 fn variables(request: &Request, goal: Option<&str>) -> Vec<(String, Value)> {
-    let namespace = Arc::new(request.collection.clone());
-    let value = |(name, value): &(String, bson::Bson)| (name.clone(), from_bson(value, &namespace, &Arc::default()));
+    let value = |(name, value): &(String, bson::Bson)| (name.clone(), from_bson(value, &Arc::default()));
     let mut variables: Vec<(String, Value)> = request.parameters.iter().map(value).collect();
     if let Some(goal) = goal {
         variables.push(("goal".to_owned(), Value::from_safe_string(goal.to_owned())));
@@ -97,7 +97,7 @@ fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Co
     environment.set_formatter(move |out, _, value| {
         if let Some(text) = value.as_str().filter(|_| value.is_safe()) {
             if goal.as_ref().is_some_and(|goal| goal.is_safe() && goal.as_str() == Some(text)) {
-                return out.write_str(&shared.emit_goal(text)).map_err(Error::from);
+                return shared.emit_goal(text, out);
             }
             return out.write_str(text).map_err(Error::from);
         }
@@ -105,7 +105,7 @@ fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Co
         if value.is_undefined() {
             return Ok(());
         }
-        out.write_str(&shared.emit(value)?).map_err(Error::from)
+        shared.emit(value, out)
     });
     let given = variables.iter().filter(|(name, _)| name != "goal").cloned().collect();
     register(&mut environment, context, given);
@@ -122,7 +122,7 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
             Piece::Text(text) => assembler.text(text)?,
             Piece::Value(number) => match emitted.get(number) {
                 Some(value) if value.goal => assembler.goal(&value.text, value.template)?,
-                Some(value) => assembler.value(value.clone()),
+                Some(value) => assembler.value(Cow::Borrowed(value)),
                 None => {
                     let message = "a filter took rendered text apart; apply it to the values before they are rendered";
                     return Err(Diagnostic::new(template, Span::default(), message).into());

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 use minijinja::value::{Enumerator, Kwargs, Object, ObjectRepr, Rest, Value, ValueKind};
-use minijinja::{Environment, Error, ErrorKind};
+use minijinja::{Environment, Error, ErrorKind, Output};
 
 use super::answer::{Answer, Asker, Question};
 use super::assembly::Emitted;
@@ -91,29 +91,32 @@ impl Context {
     }
 
     /// Keeps a value for the problem; its number in brackets stands for it in the rendered text.
-    pub(super) fn emit(&self, value: &Value) -> Result<String, Error> {
+    pub(super) fn emit(&self, value: &Value, out: &mut Output<'_>) -> Result<(), Error> {
         let (text, number) = self.spell(value)?;
-        let value = self.typed(value).or_else(|| lock(&self.named).get(&text).cloned());
-        let template = self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default();
-        let mut emitted = lock(&self.emitted);
-        emitted.push(Emitted { text, number, template, document: self.looked.take(), goal: false, value });
-        Ok(format!("{OPEN}{}{CLOSE}", emitted.len() - 1))
+        let value = self.typed(value).or_else(|| lock(&self.named).get(&text).cloned()).map(Box::new);
+        self.keep(
+            Emitted { text, number, template: self.site(), document: self.looked.take(), goal: false, value },
+            out,
+        )
     }
 
     /// Keeps the goal for the problem, like a value.
-    pub(super) fn emit_goal(&self, goal: &str) -> String {
-        let template = self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default();
+    pub(super) fn emit_goal(&self, goal: &str, out: &mut Output<'_>) -> Result<(), Error> {
         self.looked.take();
+        let text = goal.to_owned();
+        let goal = Emitted { text, number: false, template: self.site(), document: None, goal: true, value: None };
+        self.keep(goal, out)
+    }
+
+    /// The place of the expression that is written.
+    fn site(&self) -> Span {
+        self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default()
+    }
+
+    fn keep(&self, value: Emitted, out: &mut Output<'_>) -> Result<(), Error> {
         let mut emitted = lock(&self.emitted);
-        emitted.push(Emitted {
-            text: goal.to_owned(),
-            number: false,
-            template,
-            document: None,
-            goal: true,
-            value: None,
-        });
-        format!("{OPEN}{}{CLOSE}", emitted.len() - 1)
+        emitted.push(value);
+        Ok(write!(out, "{OPEN}{}{CLOSE}", emitted.len() - 1)?)
     }
 
     /// The name of a value as text; what it was is remembered.
@@ -497,7 +500,7 @@ fn distinct(context: &Arc<Context>, mut call: Call) -> Result<Value, Error> {
     match context.ask(Question::Distinct(namespace.as_ref().clone(), field, filter))? {
         Answer::Values(values) => {
             matched.fetch_add(values.len() as u64, Ordering::Relaxed);
-            Ok(values.iter().map(|value| from_bson(value, &namespace, &context.looked)).collect())
+            Ok(values.iter().map(|value| from_bson(value, &context.looked)).collect())
         }
         _ => Err(invalid("the memory gave no values")),
     }

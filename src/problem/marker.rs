@@ -1,5 +1,6 @@
 //! Expands templates in the Fawkes spelling.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -8,7 +9,7 @@ use bson::raw::RawBsonRef;
 use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::assembly::{Assembled, Assembler, Emitted, Literal};
-use super::origin::DocumentId;
+use super::origin::{DocumentId, document_id};
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::marker::{self, Node, QueryKind, Section};
 use crate::formats::{Diagnostic, Span, shell};
@@ -65,6 +66,7 @@ fn find_kept(nodes: &[Node], nested: bool, kept: &mut HashSet<String>) {
 #[derive(Clone, Copy)]
 struct Scope<'a> {
     document: &'a RawDocument,
+    id: Option<&'a DocumentId>,
     last: bool,
 }
 
@@ -89,8 +91,7 @@ impl<'a> Expander<'a> {
         for node in nodes {
             match node {
                 Node::Text(span) => {
-                    let document = scope.and_then(|scope| document_id(&self.namespace, scope.document));
-                    let place = Literal { start: span.start, document };
+                    let place = Literal { start: span.start, document: scope.and_then(|scope| scope.id).cloned() };
                     self.assembler.literal(self.request.template.slice(*span), place)?;
                 }
                 Node::Value { key, span } => self.value(key, *span, scope)?,
@@ -109,7 +110,8 @@ impl<'a> Expander<'a> {
         let Some(documents) = self.documents(section)? else { return Ok(()) };
         for (index, document) in documents.iter().enumerate() {
             let last = index + 1 == documents.len();
-            self.nodes(&section.body, Some(Scope { document, last }))?;
+            let id = document_id(&self.namespace, document);
+            self.nodes(&section.body, Some(Scope { document, id: id.as_ref(), last }))?;
         }
         Ok(())
     }
@@ -123,7 +125,8 @@ impl<'a> Expander<'a> {
             let document = document.map_err(|error| self.failed(section, error))?;
             next = documents.next();
             matched += 1;
-            self.nodes(&section.body, Some(Scope { document: &document, last: next.is_none() }))?;
+            let id = document_id(&self.namespace, &document);
+            self.nodes(&section.body, Some(Scope { document: &document, id: id.as_ref(), last: next.is_none() }))?;
         }
         self.reports.get_mut(report).into_iter().for_each(|report| report.matched = matched);
         Ok(())
@@ -189,8 +192,7 @@ impl<'a> Expander<'a> {
     fn value(&mut self, key: &str, span: Span, scope: Option<Scope<'_>>) -> Result<(), ProblemError> {
         let wrong = |message: String| Diagnostic::new(&self.request.template, span, message);
         if let Some(value) = scope.and_then(|scope| resolve(scope.document, key)) {
-            let document = scope.and_then(|scope| document_id(&self.namespace, scope.document));
-            return self.emit(key, value, span, document);
+            return self.emit(key, value, span, scope.and_then(|scope| scope.id));
         }
         if let (true, Some(goal)) = (key == "GOAL", self.goal) {
             return Ok(self.assembler.goal(goal, span)?);
@@ -202,10 +204,10 @@ impl<'a> Expander<'a> {
         if self.request.lenient {
             return Ok(());
         }
-        let diagnostic = match (key, scope.and_then(|scope| document_id(&self.namespace, scope.document))) {
+        let diagnostic = match (key, scope.and_then(|scope| scope.id).map(AsRef::as_ref)) {
             ("GOAL", _) => wrong("there is no goal for `<<GOAL>>`".to_owned()).hint("give one with --goal"),
             (_, Some((namespace, id))) => wrong(format!("the document has no key `{key}`"))
-                .hint(super::origin::from_document(&namespace, &id))
+                .hint(super::origin::from_document(namespace, id))
                 .hint("--lenient leaves it empty, as Fawkes does"),
             _ => wrong(format!("there is no value for `<<{key}>>`"))
                 .hint("outside of sections there are GOAL and what -D gives"),
@@ -219,12 +221,12 @@ impl<'a> Expander<'a> {
         key: &str,
         value: RawBsonRef<'_>,
         template: Span,
-        document: Option<DocumentId>,
+        document: Option<&DocumentId>,
     ) -> Result<(), ProblemError> {
         if let RawBsonRef::Array(array) = value {
             for element in array.into_iter().filter_map(Result::ok) {
                 self.assembler.text(" ")?;
-                self.scalar(key, element, template, document.clone())?;
+                self.scalar(key, element, template, document)?;
             }
             return Ok(());
         }
@@ -236,11 +238,12 @@ impl<'a> Expander<'a> {
         key: &str,
         value: RawBsonRef<'_>,
         template: Span,
-        document: Option<DocumentId>,
+        document: Option<&DocumentId>,
     ) -> Result<(), ProblemError> {
         if let Some((text, number)) = spell(value) {
             let value = Bson::try_from(value).ok().filter(|value| !matches!(value, Bson::String(_) | Bson::Symbol(_)));
-            self.assembler.value(Emitted { text, number, template, document, goal: false, value });
+            let (document, value) = (document.cloned(), value.map(Box::new));
+            self.assembler.value(Cow::Owned(Emitted { text, number, template, document, goal: false, value }));
             return Ok(());
         }
         if self.request.lenient {
@@ -248,8 +251,8 @@ impl<'a> Expander<'a> {
         }
         let message = format!("the value of `{key}` is {}, which PDDL has no name for", kind(value));
         let diagnostic = Diagnostic::new(&self.request.template, template, message);
-        let diagnostic = match document {
-            Some((namespace, id)) => diagnostic.hint(super::origin::from_document(&namespace, &id)),
+        let diagnostic = match document.map(AsRef::as_ref) {
+            Some((namespace, id)) => diagnostic.hint(super::origin::from_document(namespace, id)),
             None => diagnostic,
         };
         Err(diagnostic.hint(format!("--lenient writes {INVALID}, as Fawkes does")).into())
@@ -262,12 +265,6 @@ fn cut_short(error: Diagnostic) -> Diagnostic {
         return error.hint("a query ends at the first `>>`; write `\\u003e` for `>` in its strings");
     }
     error
-}
-
-/// The `_id` of a document, for messages.
-fn document_id(namespace: &Arc<Namespace>, document: &RawDocument) -> Option<DocumentId> {
-    let id = document.get("_id").ok().flatten()?;
-    Some((Arc::clone(namespace), Bson::try_from(id).ok()?))
 }
 
 /// The value of a flattened key: `position_translation_0` is `position.translation[0]`.

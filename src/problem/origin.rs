@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use bson::Bson;
+use bson::{Bson, RawDocument};
 
 use super::{SectionReport, names};
 use crate::formats::pddl::Dialect;
@@ -11,8 +11,14 @@ use crate::formats::{Diagnostic, Source, Span};
 use crate::pddl::{Domain, Problem};
 use crate::store::Namespace;
 
-/// A document that a value was read from: its namespace and `_id`.
-pub(super) type DocumentId = (Arc<Namespace>, Bson);
+/// A document that a value was read from: its namespace and `_id`, shared by all its values.
+pub(super) type DocumentId = Arc<(Arc<Namespace>, Bson)>;
+
+/// What names a document; nothing where it has no `_id`.
+pub(super) fn document_id(namespace: &Arc<Namespace>, document: &RawDocument) -> Option<DocumentId> {
+    let id = document.get("_id").ok().flatten()?;
+    Some(Arc::new((Arc::clone(namespace), Bson::try_from(id).ok()?)))
+}
 
 /// Where a place of the problem came from.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,7 +98,7 @@ impl Generated {
         let next = self.placed.partition_point(|placed| placed.output.end <= place.start);
         let within = self.placed.iter().skip(next).take_while(|placed| placed.output.start < place.end);
         let mut values = within.filter(|placed| placed.kind == Kind::Value && placed.output.start >= place.start);
-        let (namespace, id) = values.find_map(|placed| placed.document.as_ref())?;
+        let (namespace, id) = values.find_map(|placed| placed.document.as_deref())?;
         Some((namespace.as_ref().clone(), id.clone()))
     }
 
@@ -147,7 +153,7 @@ impl Generated {
 
     fn origin(&self, span: Span, document: Option<&DocumentId>) -> Origin {
         let (line, column) = self.template.position(span.start);
-        let document = document.map(|(namespace, id)| (namespace.as_ref().clone(), id.clone()));
+        let document = document.map(|document| (document.0.as_ref().clone(), document.1.clone()));
         Origin { span, line, column, document }
     }
 

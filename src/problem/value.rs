@@ -3,14 +3,14 @@
 use std::cmp::Ordering;
 use std::collections::HashSet;
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use bson::raw::RawBsonRef;
 use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use minijinja::value::{DynObject, Enumerator, Object, ObjectRepr, Value, ValueKind};
 use minijinja::{Error, ErrorKind};
 
-use super::origin::DocumentId;
+use super::origin::{DocumentId, document_id};
 use crate::formats::shell;
 use crate::store::Namespace;
 
@@ -23,21 +23,20 @@ pub(super) const CLOSE: char = '\u{FDD1}';
 /// How deep a value may nest that goes into a query.
 const MAX_DEPTH: usize = 100;
 
-/// The document that the template looked into last.
-type Last = Option<(Arc<Namespace>, Arc<RawDocumentBuf>)>;
-
 /// What the template looked at: the last document, and which numbers were of 64 bits, which the engine
 /// does not tell from those of 32.
 #[derive(Debug, Default)]
 pub(super) struct Looked {
-    last: Mutex<Last>,
+    last: Mutex<Option<Arc<Root>>>,
     longs: Mutex<HashSet<i64>>,
 }
 
 impl Looked {
-    fn at(&self, namespace: &Arc<Namespace>, document: &Arc<RawDocumentBuf>) {
+    fn at(&self, document: &Arc<Root>) {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        *last = Some((Arc::clone(namespace), Arc::clone(document)));
+        if !last.as_ref().is_some_and(|last| Arc::ptr_eq(last, document)) {
+            *last = Some(Arc::clone(document));
+        }
     }
 
     fn long(&self, number: i64) {
@@ -51,18 +50,36 @@ impl Looked {
 
     /// The last document's `_id`; nothing the next time.
     pub(super) fn take(&self) -> Option<DocumentId> {
-        let (namespace, document) = self.last.lock().unwrap_or_else(PoisonError::into_inner).take()?;
-        let id = document.get("_id").ok().flatten()?;
-        Some((namespace, Bson::try_from(id).ok()?))
+        self.last.lock().unwrap_or_else(PoisonError::into_inner).take()?.id()
+    }
+}
+
+/// A document as the memory gives it.
+#[derive(Debug)]
+struct Root {
+    raw: RawDocumentBuf,
+    /// Where it is stored; nothing where it is not.
+    namespace: Option<Arc<Namespace>>,
+    /// What names it, once that was asked for.
+    id: OnceLock<Option<DocumentId>>,
+}
+
+impl Root {
+    fn new(raw: RawDocumentBuf, namespace: Option<&Arc<Namespace>>) -> Arc<Self> {
+        Arc::new(Self { raw, namespace: namespace.map(Arc::clone), id: OnceLock::new() })
+    }
+
+    fn id(&self) -> Option<DocumentId> {
+        let id = || document_id(self.namespace.as_ref()?, &self.raw);
+        self.id.get_or_init(id).clone()
     }
 }
 
 /// A document, or one inside of it.
 pub(super) struct Doc {
-    raw: Arc<RawDocumentBuf>,
-    /// The document that is stored; `None` if there is none.
-    root: Option<Arc<RawDocumentBuf>>,
-    namespace: Arc<Namespace>,
+    root: Arc<Root>,
+    /// The one inside.
+    inner: Option<RawDocumentBuf>,
     looked: Arc<Looked>,
 }
 
@@ -76,17 +93,11 @@ impl fmt::Debug for Doc {
 impl Doc {
     /// A document as the memory gives it.
     pub(super) fn value(raw: RawDocumentBuf, namespace: &Arc<Namespace>, looked: &Arc<Looked>) -> Value {
-        let raw = Arc::new(raw);
-        Value::from_object(Self {
-            root: Some(Arc::clone(&raw)),
-            raw,
-            namespace: Arc::clone(namespace),
-            looked: Arc::clone(looked),
-        })
+        Value::from_object(Self { root: Root::new(raw, Some(namespace)), inner: None, looked: Arc::clone(looked) })
     }
 
     fn raw(&self) -> &RawDocument {
-        &self.raw
+        self.inner.as_ref().unwrap_or(&self.root.raw)
     }
 
     fn document(&self) -> Result<Document, Error> {
@@ -95,12 +106,10 @@ impl Doc {
 
     fn convert(&self, value: RawBsonRef<'_>) -> Value {
         match value {
-            RawBsonRef::Document(inner) => Value::from_object(Self {
-                raw: Arc::new(inner.to_owned()),
-                root: self.root.clone(),
-                namespace: Arc::clone(&self.namespace),
-                looked: Arc::clone(&self.looked),
-            }),
+            RawBsonRef::Document(inner) => {
+                let (root, looked) = (Arc::clone(&self.root), Arc::clone(&self.looked));
+                Value::from_object(Self { root, inner: Some(inner.to_owned()), looked })
+            }
             RawBsonRef::Array(array) => {
                 array.into_iter().filter_map(Result::ok).map(|element| self.convert(element)).collect()
             }
@@ -124,20 +133,20 @@ impl Object for Doc {
     }
 
     fn get_value_by_str(self: &Arc<Self>, key: &str) -> Option<Value> {
-        if let Some(root) = &self.root {
-            self.looked.at(&self.namespace, root);
+        if self.root.namespace.is_some() {
+            self.looked.at(&self.root);
         }
-        self.raw.get(key).ok().flatten().map(|value| self.convert(value))
+        self.raw().get(key).ok().flatten().map(|value| self.convert(value))
     }
 
     fn enumerate(self: &Arc<Self>) -> Enumerator {
-        let keys = self.raw.iter().filter_map(Result::ok).map(|(key, _)| Value::from(key.as_str()));
+        let keys = self.raw().iter().filter_map(Result::ok).map(|(key, _)| Value::from(key.as_str()));
         Enumerator::Values(keys.collect())
     }
 
     fn custom_cmp(self: &Arc<Self>, other: &DynObject) -> Option<Ordering> {
         let other = other.downcast_ref::<Self>()?;
-        Some(self.raw.as_bytes().cmp(other.raw.as_bytes()))
+        Some(self.raw().as_bytes().cmp(other.raw().as_bytes()))
     }
 }
 
@@ -174,7 +183,8 @@ impl Object for Other {
 
 /// A text from outside.
 pub(super) fn text(text: &str) -> Value {
-    if text.contains([OPEN, CLOSE]) {
+    // Both begin with this byte, which texts seldom have.
+    if memchr::memchr(0xEF, text.as_bytes()).is_some() && text.contains([OPEN, CLOSE]) {
         let message = "a value holds U+FDD0 or U+FDD1, which are no characters";
         return Value::from(Error::new(ErrorKind::InvalidOperation, message));
     }
@@ -182,10 +192,10 @@ pub(super) fn text(text: &str) -> Value {
 }
 
 /// A parameter, or a distinct value.
-pub(super) fn from_bson(value: &Bson, namespace: &Arc<Namespace>, looked: &Arc<Looked>) -> Value {
+pub(super) fn from_bson(value: &Bson, looked: &Arc<Looked>) -> Value {
     let Ok(raw) = RawDocumentBuf::try_from(&bson::doc! { "value": value.clone() }) else { return Value::UNDEFINED };
-    let doc = Doc { raw: Arc::new(raw), root: None, namespace: Arc::clone(namespace), looked: Arc::clone(looked) };
-    doc.raw.get("value").ok().flatten().map_or(Value::UNDEFINED, |value| doc.convert(value))
+    let doc = Doc { root: Root::new(raw, None), inner: None, looked: Arc::clone(looked) };
+    doc.raw().get("value").ok().flatten().map_or(Value::UNDEFINED, |value| doc.convert(value))
 }
 
 /// A value of the template as BSON, for queries. `plain` takes the numbers of values out of rendered text.
