@@ -101,8 +101,19 @@ fn main() {
     file("domain.pddl", DOMAIN);
     file("problem.pddl", &text);
     file("plan", &plan);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
-    command.args(["validate", "domain.pddl", "problem.pddl", "plan"]).current_dir(folder.path()).stdout(Stdio::null());
-    let status = measured("rmem validate, from start to end", || command.status().expect("a run"));
-    println!("  {status}");
+    let rmem = |what: &str, arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        command.args(["--memory", "file:world.rmem"]).args(arguments).current_dir(folder.path());
+        let output = measured(what, || command.stdin(Stdio::null()).output().expect("a run"));
+        println!("  {}", output.status);
+        String::from_utf8_lossy(&output.stdout).trim().to_owned()
+    };
+    rmem("rmem validate, from start to end", &["validate", "domain.pddl", "problem.pddl", "plan"]);
+    // The same from a memory: the problem as documents, and the plan stored.
+    let import = ["import-problem", "problem.pddl", "--into", "world.facts", "--template", "problem.pddl.j2"];
+    rmem("rmem import-problem", &import);
+    let posed = ["-t", "problem.pddl.j2", "-d", "domain.pddl"];
+    rmem("rmem gen-problem --domain", &["gen-problem", posed[0], posed[1], posed[2], posed[3], "-o", "again.pddl"]);
+    rmem("rmem plan import", &[&["plan", "import", "plan"], &posed[..]].concat());
+    println!("{}", rmem("rmem plan check", &["plan", "check"]));
 }
