@@ -103,7 +103,7 @@ fn search(wish: &Wish<'_>, task: &Task<'_>, state: &State<'_>) -> anyhow::Result
     let left = state.stop().deadline().map(|deadline| deadline.saturating_duration_since(Instant::now()));
     let limit = wish.seconds.map_or(PATIENCE, Duration::from_secs).min(left.unwrap_or(Duration::MAX));
     let limits = Limits { time: Some(limit), memory: None, output: MOST_OUTPUT };
-    let race = planner::race(&[planner], task, &limits, &state.job.host);
+    let race = planner::race(&[planner], task, &limits, &state.job.host, || ());
     let mut run = race.as_ref().and_then(planner::Race::winner).context("the planner did not run")?.clone();
     run.explain(task);
     Ok((run, limit))

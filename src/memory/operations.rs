@@ -82,6 +82,14 @@ impl Memory {
         )
     }
 
+    /// Opens the file that a collection is in before something is done there. Where that fails, it fails again when
+    /// something is. A server is not asked: it may take long to say nothing.
+    pub fn get_ready(&self, ns: &Namespace) {
+        if self.routes.is_in_file(ns) {
+            let _ = self.routes.reading(ns).and_then(|store| store.indexes(ns));
+        }
+    }
+
     /// Stores documents in place of those with their `_id`s; see [`Store::put`].
     pub fn put(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Put, StoreError> {
         let count = length(&documents);

@@ -118,6 +118,11 @@ impl Routes {
         lazy.get().or_else(|_| lazy.reading())
     }
 
+    /// Whether the store of a database is a file.
+    pub(super) fn is_in_file(&self, ns: &Namespace) -> bool {
+        self.lazy(ns).uri.as_ref().is_some_and(|uri| uri.path().is_some())
+    }
+
     /// Refuses a pipeline over `ns` that reads or writes a collection of the other store.
     pub(super) fn check_reach(&self, ns: &Namespace, other: &Namespace) -> Result<(), StoreError> {
         if std::ptr::eq(self.lazy(ns), self.lazy(other)) {

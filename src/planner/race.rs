@@ -49,9 +49,15 @@ impl Race {
 }
 
 /// Lets planners run against each other; each plan is simulated as soon as it is there. Without
-/// planners there is no race.
+/// planners there is no race. `meanwhile` is done once they run; it should be short, as nobody looks at them then.
 #[must_use]
-pub fn race(planners: &[Box<dyn Planner>], task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Option<Race> {
+pub fn race(
+    planners: &[Box<dyn Planner>],
+    task: &Task<'_>,
+    limits: &Limits,
+    host: &Host<'_>,
+    meanwhile: impl FnOnce(),
+) -> Option<Race> {
     let pool = limits.memory.filter(|_| planners.len() > 1).map(|bytes| Pool::new(bytes, planners.len()));
     let stopped = AtomicBool::new(host.is_interrupted());
     let (sender, ended) = mpsc::channel();
@@ -69,6 +75,7 @@ pub fn race(planners: &[Box<dyn Planner>], task: &Task<'_>, limits: &Limits, hos
             });
         }
         drop(sender);
+        meanwhile();
         loop {
             match ended.recv_timeout(LOOK) {
                 Ok((place, run)) => {

@@ -58,7 +58,7 @@ pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>
     let planners = choose(order.effort, context)?;
     let posed = pose(&order.recipe, &order.domain, order.sections, memory, context)?;
     let task = Task { domain: &order.domain, problem: &posed.problem };
-    let race = search(&planners, &task, order.effort, context)?;
+    let race = search(&planners, &task, order.effort, memory, context)?;
     let mut run = race.winner().ok_or_else(|| UsageError::new("expected --planner"))?.clone();
     run.explain(&task);
     let document = document(&run, order, &posed);
@@ -98,13 +98,20 @@ fn search(
     planners: &[Box<dyn Planner>],
     task: &Task<'_>,
     args: &cli::PlanEffort,
+    memory: &Memory,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Race> {
     let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, output: MOST_OUTPUT };
     let patience = crate::Patience::new();
     let host = Host { interrupted: patience.interrupted(), ..context.host() };
     let start = Instant::now();
-    let race = planner::race(planners, task, &limits, &host).ok_or_else(|| UsageError::new("expected --planner"))?;
+    let meanwhile = || {
+        if !args.no_store {
+            memory.get_ready(&args.into);
+        }
+    };
+    let race = planner::race(planners, task, &limits, &host, meanwhile)
+        .ok_or_else(|| UsageError::new("expected --planner"))?;
     if race.runs.len() > 1 {
         context.output.note(&race.to_string());
     }
