@@ -27,8 +27,8 @@ pub(super) fn check_keys(memory: &Memory, dumped: &Dumped, drop: bool, temporary
             (false, dumped) => (present, dumped.unwrap_or_default()),
         };
         if !before.is_empty() || !after.is_empty() {
-            let present = if drop { None } else { Some(memory) };
-            Rehearsal::new(&part.namespace, temporary)?.run(part, present, &before, &after)?;
+            let script = Script { part, present: (!drop).then_some(memory), before, after };
+            Rehearsal::new(&part.namespace, temporary)?.run(&script)?;
         }
     }
     Ok(())
@@ -36,6 +36,18 @@ pub(super) fn check_keys(memory: &Memory, dumped: &Dumped, drop: bool, temporary
 
 fn unique(indexes: Vec<Index>) -> Vec<Index> {
     indexes.into_iter().filter(|index| index.unique && index.name != index::ID).collect()
+}
+
+/// What is tried out.
+struct Script<'a> {
+    /// What would be restored.
+    part: &'a Part,
+    /// Where the documents are that it joins, if any.
+    present: Option<&'a Memory>,
+    /// The unique indexes that are there already.
+    before: Vec<Index>,
+    /// Those that come with it.
+    after: Vec<Index>,
 }
 
 /// A store for one collection, in a folder that is removed with it.
@@ -58,46 +70,29 @@ impl<'a> Rehearsal<'a> {
     }
 
     /// All in one transaction, which nobody needs on the disk.
-    fn run(
-        &self,
-        part: &Part,
-        present: Option<&Memory>,
-        before: &[Index],
-        after: &[Index],
-    ) -> Result<(), RestoreError> {
-        let mut outcome = Ok(());
+    fn run(&self, script: &Script<'_>) -> Result<(), RestoreError> {
+        let mut outcome = None;
         let kept = self.store.atomically(&mut || {
-            outcome = self.fill(part, present, before, after);
+            outcome = Some(self.fill(script));
             Err(StoreError::Failed { address: self.store.describe(), reason: "nothing is kept".to_owned() })
         });
-        // Where it never began, it says why.
-        match (outcome, kept) {
-            (Ok(()), Err(error)) if !matches!(&error, StoreError::Failed { reason, .. } if reason == "nothing is kept") => {
-                Err(unchanged(self.namespace, error))
-            }
-            (outcome, _) => outcome,
-        }
+        // Where it never began, the store says why.
+        outcome.unwrap_or_else(|| kept.map_err(|error| unchanged(self.namespace, error)))
     }
 
-    fn fill(
-        &self,
-        part: &Part,
-        present: Option<&Memory>,
-        before: &[Index],
-        after: &[Index],
-    ) -> Result<(), RestoreError> {
+    fn fill(&self, script: &Script<'_>) -> Result<(), RestoreError> {
         let failed = |source| unchanged(self.namespace, source);
-        self.index(before)?;
-        if let Some(memory) = present {
+        self.index(&script.before)?;
+        if let Some(memory) = script.present {
             let mut stored = memory.stored(self.namespace, &Find::default()).map_err(failed)?;
             while let Some(batch) = some(&mut stored).map_err(failed)? {
                 self.store.put(self.namespace, batch, None).map_err(failed)?;
             }
         }
-        for batch in batches(part.documents()?) {
+        for batch in batches(script.part.documents()?) {
             self.store.put(self.namespace, undated(batch?), None).map_err(failed)?;
         }
-        self.index(after)
+        self.index(&script.after)
     }
 
     fn index(&self, indexes: &[Index]) -> Result<(), RestoreError> {
