@@ -115,5 +115,5 @@ fn main() {
     let posed = ["-t", "problem.pddl.j2", "-d", "domain.pddl"];
     rmem("rmem gen-problem --domain", &["gen-problem", posed[0], posed[1], posed[2], posed[3], "-o", "again.pddl"]);
     rmem("rmem plan import", &[&["plan", "import", "plan"], &posed[..]].concat());
-    println!("{}", rmem("rmem plan check", &["plan", "check"]));
+    println!("{}", rmem("rmem plan check", &["plan", "check", "last"]));
 }
