@@ -266,18 +266,21 @@ impl<'a> Scan<'a> {
         mut positions: VecDeque<i64>,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
     ) -> Result<Rest, Trouble> {
+        // To begin and end a reading for each document takes longer than to read it.
+        let _moment = (positions.len() > 1).then(|| Moment::begin(&self.store.connection)).transpose()?;
         let sql = format!("SELECT body FROM {} WHERE position = ?", self.collection.table());
         let mut statement = self.store.connection.prepare_cached(&sql)?;
-        while let Some(position) = positions.pop_front() {
+        for _ in 0..PAGE_ROWS {
+            let Some(position) = positions.pop_front() else { return Ok(Rest::Nothing) };
             let mut rows = statement.query([position])?;
             let Some(row) = rows.next()? else { continue };
             let body = document(row.get_ref(0)?)?;
             Examined::add(&self.examined.documents, 1);
             if self.filter.matches(body)? && !take(position, body) {
-                return Ok(Rest::At(positions));
+                break;
             }
         }
-        Ok(Rest::Nothing)
+        Ok(Rest::At(positions))
     }
 
     /// Reads a page, and where the rest is, at one moment.
