@@ -4,12 +4,15 @@ use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let _ = ctrlc::set_handler(|| {
-        if let Some(exit) = rmem::interrupt() {
-            // Nothing is half-written at any moment: files appear by renaming, stores commit.
-            std::process::exit(exit.code().into());
-        }
-    });
+    // A warden, and what it becomes, has no thread beside it: it would take of the memory that is allowed.
+    if std::env::args_os().nth(1).is_none_or(|word| word != rmem::process::warden::COMMAND) {
+        let _ = ctrlc::set_handler(|| {
+            if let Some(exit) = rmem::interrupt() {
+                // Nothing is half-written at any moment: files appear by renaming, stores commit.
+                std::process::exit(exit.code().into());
+            }
+        });
+    }
     let exit = rmem::run(
         std::env::args_os(),
         rmem::Process {

@@ -121,6 +121,8 @@ impl Answerer {
 /// An answer that is under way.
 struct Open<'a> {
     documents: Documents<'a>,
+    /// How many parts of it were given.
+    given: usize,
     /// The next part of it, if it was fetched already.
     ready: Option<Answer>,
 }
@@ -128,12 +130,13 @@ struct Open<'a> {
 impl Open<'_> {
     /// The next part.
     fn next(&mut self) -> Answer {
+        self.given += 1;
         self.ready.take().unwrap_or_else(|| self.part())
     }
 
-    /// Fetches the next part before it is asked for.
+    /// Fetches the next part before it is asked for, unless the first may be all that is wanted.
     fn fetch(&mut self) {
-        if self.ready.is_none() {
+        if self.given > 1 && self.ready.is_none() {
             self.ready = Some(self.part());
         }
     }
@@ -151,6 +154,6 @@ impl Open<'_> {
 
 fn keep<'a>(documents: Documents<'a>, cursors: &mut HashMap<u64, Open<'a>>, opened: &mut u64) -> Answer {
     *opened += 1;
-    cursors.insert(*opened, Open { documents, ready: None });
+    cursors.insert(*opened, Open { documents, given: 0, ready: None });
     Answer::Cursor(*opened)
 }

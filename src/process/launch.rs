@@ -65,7 +65,7 @@ fn become_program(
     let stdin = OwnedFd::from(File::open(stdin).map_err(|error| failed(&error))?);
     let is_rmem = Path::new(&program) == own;
     // A process that has more than it may already cannot even grow its stack.
-    if is_rmem && memory.is_some_and(|limit| usage::peak(getpid()) * 1024 + STACK > limit) {
+    if is_rmem && memory.is_some_and(|limit| usage::size(getpid()) * 1024 + STACK > limit) {
         return Err("starved".to_owned());
     }
     if let Some(bytes) = memory {

@@ -20,6 +20,11 @@ pub(super) fn resident(keeper: Pid, program: Option<Pid>, limit: u64) -> u64 {
     }
 }
 
+/// How many KiB of address space a process has.
+pub(super) fn size(process: Pid) -> u64 {
+    figure(process, "status", "VmSize:")
+}
+
 /// How many KiB of address space a process has had at most.
 pub(super) fn peak(process: Pid) -> u64 {
     figure(process, "status", "VmPeak:")

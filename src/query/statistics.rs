@@ -90,7 +90,8 @@ impl Sum {
         #[expect(clippy::cast_precision_loss, reason = "it is a rounded double")]
         let rest = |whole: i128| (self.double - whole as f64) + self.rest;
         let high = whole(self.double);
-        i64::try_from(high + whole(rest(high)).clamp(-1 << 64, 1 << 64)).ok().filter(|_| self.double.is_finite())
+        let sum = high.saturating_add(whole(rest(high)));
+        i64::try_from(sum).ok().filter(|_| self.double.is_finite())
     }
 
     pub(super) fn total(self) -> Number {

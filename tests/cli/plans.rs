@@ -244,6 +244,19 @@ fn a_limit_of_memory_is_22() {
     assert!(run.stderr.contains("memory"), "{run}");
 }
 
+#[test]
+fn a_limit_of_memory_is_the_same_one_each_time() {
+    let lab = Lab::new();
+    let folder = "fixtures/tasks/durative-numeric";
+    let (domain, problem) = (format!("{folder}/domain.pddl"), format!("{folder}/problem.pddl"));
+    for limit in ["120M", "160M", "200M", "240M"] {
+        let args = ["plan", "-d", &domain, "-p", &problem, "--memory-limit", limit, "--timeout", "60s", "--no-store"];
+        let codes: Vec<i32> = (0..6).map(|_| lab.rmem(&args).code).collect();
+        assert!(codes.iter().all(|code| code == &codes[0]), "{limit}: {codes:?}");
+    }
+    lab.rmem(&["plan", "-d", &domain, "-p", &problem, "--memory-limit", "400M", "--no-store"]).success();
+}
+
 /// A plan whose planner has started and sleeps; its temporary files go to `tmp` in the lab.
 fn planning() -> (Lab, std::process::Child) {
     let lab = Lab::new();

@@ -434,6 +434,10 @@ mod tests {
         assert_eq!(call(sum_all, &[2.into(), (1.0 / 3.0).into(), 1.into()]), Bson::Double(3.333_333_333_333_333));
         assert_eq!(call(sum_all, &[2.into(), 1.into(), (1.0 / 3.0).into()]), Bson::Double(3.333_333_333_333_333_5));
         assert_eq!(call(sum_all, &[1e16.into(), 3.into(), (-1e16).into()]), Bson::Double(4.0));
+        for much in [1e300, -1e300, f64::INFINITY, f64::NAN] {
+            let moved = [Some(DateTime::from_millis(1).into()), Some(Bson::Double(much))];
+            assert!(sum_all(&moved).is_err(), "{much}");
+        }
         assert_eq!(call(sum_all, &[f64::INFINITY.into(), 1.0.into(), 1.into()]), Bson::Double(f64::INFINITY));
     }
 }
