@@ -301,3 +301,12 @@ fn what_no_document_can_be_is_not_looked_for() {
     let decayed = explained(&store, doc! { "_robmem_info.decay_time": { "$lte": DateTime::now() } }, doc! {}, 0);
     assert_eq!(numbers(&decayed), [0, 0, 0]);
 }
+
+#[test]
+fn a_wildcard_index_is_refused_by_name() {
+    let store = Embedded::in_memory().unwrap();
+    for key in ["$**", "a.$**"] {
+        let error = store.create_index(&ns(), &Index::on(doc! { key: 1 })).unwrap_err().to_string();
+        assert!(error.contains("$**") && error.contains("not supported"), "{error}");
+    }
+}

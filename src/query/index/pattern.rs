@@ -156,6 +156,10 @@ fn check_name(name: &str) -> Result<()> {
     if name.is_empty() || name.split('.').any(str::is_empty) {
         return Err(QueryError::invalid(CANNOT_CREATE, "the keys of an index cannot have an empty part").about(name));
     }
+    // A wildcard index.
+    if name.split('.').next_back() == Some("$**") {
+        return Err(QueryError::unsupported("$**").about(name));
+    }
     if name.split('.').any(|part| part.starts_with('$') && !crate::query::filter::is_reference_key(part)) {
         let message = format!("the key `{name}` of an index has a part that starts with '$'");
         return Err(QueryError::invalid(CANNOT_CREATE, message).about(name));
