@@ -2,7 +2,7 @@
 
 use bson::Bson;
 
-use super::decimal::{Decimal, Rounding};
+use super::decimal::Decimal;
 use super::number::Number;
 
 /// A running sum: pure integers exactly, everything with a rest beside the sum of doubles, decimals apart.
@@ -74,24 +74,6 @@ impl Sum {
             Decimal::from_double(self.plain)
         };
         self.decimal.map_or(others, |decimal| decimal.plus(others))
-    }
-
-    /// The nearest integer, where it fits 64 bits; of decimals the least one where it does not.
-    pub(super) fn to_long(self) -> Option<i64> {
-        if self.decimal.is_some() {
-            let whole = self.to_decimal().round_to(0, Rounding::HalfEven).to_i128();
-            return Some(whole.and_then(|whole| i64::try_from(whole).ok()).unwrap_or(i64::MIN));
-        }
-        if !self.floating {
-            return i64::try_from(self.integers).ok();
-        }
-        #[expect(clippy::cast_possible_truncation, reason = "a sum out of range saturates far outside of 64 bits")]
-        let whole = |value: f64| value.round() as i128;
-        #[expect(clippy::cast_precision_loss, reason = "it is a rounded double")]
-        let rest = |whole: i128| (self.double - whole as f64) + self.rest;
-        let high = whole(self.double);
-        let sum = high.saturating_add(whole(rest(high)));
-        i64::try_from(sum).ok().filter(|_| self.double.is_finite())
     }
 
     pub(super) fn total(self) -> Number {

@@ -301,10 +301,14 @@ fn the_field_of_a_plain_lookup_goes_last() {
 }
 
 #[test]
-fn a_date_moved_by_a_decimal_that_is_no_number_is_the_least() {
-    let moved = doc! { "$add": [bson::DateTime::from_millis(5), "$n"] };
-    let least = Bson::DateTime(bson::DateTime::from_millis(i64::MIN));
-    assert_eq!(computed(doc! { "_id": 1, "n": decimal("NaN") }, moved), least);
+fn a_date_is_not_moved_by_what_is_no_number() {
+    let moved = doc! { "$project": { "v": { "$add": [bson::DateTime::from_millis(5), "$n"] } } };
+    for number in [decimal("NaN"), decimal("Infinity"), Bson::Double(f64::NAN), Bson::Double(1e300)] {
+        let (store, ns) = store(vec![doc! { "_id": 1, "n": number.clone() }]);
+        let error =
+            store.aggregate(&ns, std::slice::from_ref(&moved)).and_then(|found| found.collect::<Result<Vec<_>, _>>());
+        assert!(error.unwrap_err().to_string().contains("date overflow"), "{number}");
+    }
 }
 
 #[test]

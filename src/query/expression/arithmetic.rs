@@ -4,12 +4,12 @@ use bson::{Bson, DateTime};
 
 use super::Value;
 use super::operator::{ANY, Operator, at, is_null, is_nullish, type_of, wrong_type};
-use crate::query::arithmetic::{Overflow, multiply, subtract};
+use crate::query::arithmetic::{Overflow, add, multiply, subtract};
 use crate::query::compare::compare_values;
 use crate::query::decimal::{Decimal, Rounding};
 use crate::query::error::{QueryError, Result};
 use crate::query::number::{Number, double_to_long};
-use crate::query::statistics::{Sum, deviation, mean, total};
+use crate::query::statistics::{deviation, mean, total};
 
 pub(super) const OPERATORS: [Operator; 24] = [
     Operator { name: "$add", arity: (0, ANY), call: sum_all },
@@ -78,29 +78,39 @@ fn numeric(operator: &str, value: &Bson) -> Result<Number> {
 }
 
 fn sum_all(values: &[Value]) -> Result<Value> {
-    let (mut sum, mut dated) = (Sum::default(), false);
+    let (mut numbers, mut date, mut null) = (Vec::new(), None, false);
     for value in values {
         match value {
-            None => return Ok(Some(Bson::Null)),
-            Some(value) if is_null(value) => return Ok(Some(Bson::Null)),
+            None => null = true,
+            Some(value) if is_null(value) => null = true,
             Some(Bson::DateTime(moment)) => {
-                if std::mem::replace(&mut dated, true) {
+                if date.replace(*moment).is_some() {
                     return Err(QueryError::invalid(16_612, "only one date allowed in an $add expression"));
                 }
-                sum.add(Number::Long(moment.timestamp_millis()));
             }
-            Some(value) => sum.add(numeric("$add", value)?),
+            Some(value) => numbers.push(numeric("$add", value)?),
+        }
+        if null {
+            return Ok(Some(Bson::Null));
         }
     }
-    if dated {
-        let millis = sum.to_long().ok_or_else(|| QueryError::bad_value("date overflow"))?;
-        return Ok(Some(Bson::DateTime(DateTime::from_millis(millis))));
+    let Some(date) = date else {
+        // As in mongod 6.0.27, decimals take doubles by their first 15 digits here, and exactly in `$sum`.
+        if numbers.iter().any(|number| matches!(number, Number::Decimal(_))) {
+            let sum = numbers.into_iter().try_fold(Number::Int(0), |sum, number| add(sum, number, Overflow::Double))?;
+            return Ok(Some(sum.into()));
+        }
+        return Ok(Some(total(numbers.into_iter()).into()));
+    };
+    let mut millis = date.timestamp_millis();
+    for number in numbers {
+        millis = shift(millis, number, 1)?;
     }
-    Ok(Some(sum.total().into()))
+    Ok(Some(Bson::DateTime(DateTime::from_millis(millis))))
 }
 
-/// A moment some milliseconds earlier.
-fn earlier(millis: i64, by: Number) -> Result<i64> {
+/// Moves a moment by milliseconds, forward or back.
+fn shift(millis: i64, by: Number, sign: i64) -> Result<i64> {
     let overflow = || QueryError::bad_value("date overflow");
     let by = match by {
         Number::Double(value) => double_to_long(value.round()).ok_or_else(overflow)?,
@@ -111,7 +121,7 @@ fn earlier(millis: i64, by: Number) -> Result<i64> {
             .ok_or_else(overflow)?,
         other => other.to_long(),
     };
-    millis.checked_sub(by).ok_or_else(overflow)
+    by.checked_mul(sign).and_then(|by| millis.checked_add(by)).ok_or_else(overflow)
 }
 
 fn difference(values: &[Value]) -> Result<Value> {
@@ -126,7 +136,7 @@ fn difference(values: &[Value]) -> Result<Value> {
         }
         (Bson::DateTime(a), b) => {
             let by = Number::of(b).ok_or_else(|| wrong_type(16_556, "$subtract", "a number or a date", b))?;
-            Ok(Some(Bson::DateTime(DateTime::from_millis(earlier(a.timestamp_millis(), by)?))))
+            Ok(Some(Bson::DateTime(DateTime::from_millis(shift(a.timestamp_millis(), by, -1)?))))
         }
         (a, b) => match (Number::of(a), Number::of(b)) {
             (Some(a), Some(b)) => Ok(Some(subtract(a, b, Overflow::Double)?.into())),

@@ -76,6 +76,24 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
     Known {
+        what: "Decimals beside doubles, and dates beside what is no number, in `$add`: mongod 6.0.5 takes doubles exactly and \
+               gives the first of all dates, later versions take 15 digits and refuse",
+        holds: |difference| {
+            let near = |a: &Bson, b: &Bson| match (a, b) {
+                (Bson::Decimal128(_), Bson::Decimal128(_)) => {
+                    let (a, b) = (number(a), number(b));
+                    a == b || a.zip(b).is_some_and(|(a, b)| (a - b).abs() <= 1e-14 * a.abs().max(b.abs()))
+                }
+                _ => false,
+            };
+            let refused = difference.ours.as_ref().err().is_some_and(|message| message.contains("date overflow"));
+            let least = |value: &Bson| matches!(value, Bson::DateTime(date) if date.timestamp_millis() == i64::MIN);
+            uses(difference, &["$add"])
+                && (same(difference, &|a, b| equal(a, b, false, &near))
+                    || refused && any(&Bson::Document(difference.theirs.clone()), &least))
+        },
+    },
+    Known {
         what: "What `$mod` leaves of a decimal power, which is all of its last digit",
         holds: |difference| {
             let decimal = |value: &Bson| matches!(value, Bson::Decimal128(_));
