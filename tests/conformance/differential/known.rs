@@ -90,7 +90,8 @@ pub(super) const KNOWN: &[Known] = &[
             let least = |value: &Bson| matches!(value, Bson::DateTime(date) if date.timestamp_millis() == i64::MIN);
             uses(difference, &["$add"])
                 && (same(difference, &|a, b| equal(a, b, false, &near))
-                    || refused && any(&Bson::Document(difference.theirs.clone()), &least))
+                    // A group may make something else of such a date.
+                    || refused && (any(&Bson::Document(difference.theirs.clone()), &least) || uses(difference, &["$group"])))
         },
     },
     Known {
