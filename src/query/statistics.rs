@@ -64,21 +64,20 @@ impl Sum {
         if self.double.is_nan() { self.plain } else { self.double }
     }
 
-    /// The decimals and everything else, doubles with 34 digits.
-    fn to_decimal(self) -> Decimal {
-        let others = if !self.floating {
+    /// What is no decimal, as one: doubles with 34 digits.
+    fn others(self) -> Decimal {
+        if !self.floating {
             Decimal::from_integer(self.integers)
         } else if self.double.is_finite() {
             Decimal::from_double(self.double).plus(Decimal::from_double(self.rest))
         } else {
             Decimal::from_double(self.plain)
-        };
-        self.decimal.map_or(others, |decimal| decimal.plus(others))
+        }
     }
 
     pub(super) fn total(self) -> Number {
-        if self.decimal.is_some() {
-            return Number::Decimal(self.to_decimal());
+        if let Some(decimal) = self.decimal {
+            return Number::Decimal(decimal.plus(self.others()));
         }
         if self.floating {
             return Number::Double(self.to_double());

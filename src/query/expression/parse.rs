@@ -53,12 +53,8 @@ fn check_constants(operator: &Named, arguments: &[Option<Expression>]) -> Result
         ("$sortArray" | "$regexFind" | "$regexFindAll" | "$regexMatch", [_, rest @ ..])
             if rest.iter().flatten().all(Expression::is_constant) =>
         {
-            let value = |argument: &Expression| match argument {
-                Expression::Constant(value) => value.clone(),
-                _ => None,
-            };
-            let rest = rest.iter().map(|argument| argument.as_ref().map(value));
-            let values = std::iter::once(Some(Some(Bson::Null))).chain(rest).collect();
+            let rest = rest.iter().map(|argument| argument.as_ref().map(constant).transpose());
+            let values = std::iter::once(Ok(Some(Some(Bson::Null)))).chain(rest).collect::<Result<_>>()?;
             operator.run(&Arguments { operator: operator.name, values }).map(drop)
         }
         _ => Ok(()),
