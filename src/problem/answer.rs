@@ -136,7 +136,7 @@ impl Open<'_> {
 
     /// Fetches the next part before it is asked for, unless the first may be all that is wanted.
     fn fetch(&mut self) {
-        if self.given > 1 && self.ready.is_none() {
+        if self.given > 1 {
             self.ready = Some(self.part());
         }
     }

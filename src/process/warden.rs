@@ -24,8 +24,8 @@
 //!
 //! The program is started through rmem once more, as `rmem __warden --exec …`: that
 //! process binds its life to the warden's, takes the limits upon itself, and becomes the
-//! program; where the program is rmem, by going on ([`Next::Rmem`]). So the program never runs without its limits, and dies when the warden is
-//! killed; rmem then ends what is left of its group. What has left the group as well (with
+//! program; where the program is rmem, by going on ([`Next::Rmem`]). So the program never
+//! runs without its limits, and dies when the warden is killed; rmem then ends what is left of its group. What has left the group as well (with
 //! `setsid`) survives a killed warden: nobody is there to know of it.
 //!
 //! The limit of memory is kept twice: no process gets more address space, and the warden
