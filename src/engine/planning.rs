@@ -16,7 +16,7 @@ use crate::input::WrongInput;
 use crate::memory::Memory;
 use crate::pddl::{Domain, Problem};
 use crate::plan::{self, Given, Layout, Lineage, Page, Recipe};
-use crate::planner::{self, Limits, Outcome, Planner, Run, Task};
+use crate::planner::{self, Limits, LineUp, Outcome, Planner, Run, Task};
 use crate::problem::{self, Generated, ProblemError, Request, names};
 use crate::store::{Namespace, stamp};
 
@@ -103,7 +103,8 @@ fn search(wish: &Wish<'_>, task: &Task<'_>, state: &State<'_>) -> anyhow::Result
     let left = state.stop().deadline().map(|deadline| deadline.saturating_duration_since(Instant::now()));
     let limit = wish.seconds.map_or(PATIENCE, Duration::from_secs).min(left.unwrap_or(Duration::MAX));
     let limits = Limits { time: Some(limit), memory: None, output: MOST_OUTPUT };
-    let race = planner::race(&[planner], task, &limits, &state.job.host, || ());
+    let host = &state.job.host;
+    let race = LineUp::new(&[planner], &limits, host).race(task, host, || ());
     let mut run = race.as_ref().and_then(planner::Race::winner).context("the planner did not run")?.clone();
     run.explain(task);
     Ok((run, limit))

@@ -7,6 +7,11 @@ pub(super) const PROBLEM: &str = "{problem}";
 /// What stands in a command for the file that a planner may write its plan to.
 pub(super) const PLAN: &str = "{plan}";
 
+/// The domain's file in the run's directory.
+pub(super) const DOMAIN_FILE: &str = "domain.pddl";
+/// The problem's file in the run's directory.
+pub(super) const PROBLEM_FILE: &str = "problem.pddl";
+
 /// Where a plan file stands among the others: by its number, the one without before them.
 /// Plan files are `plan`, `plan.1`, … as asked for, and what planners write unasked:
 /// `sas_plan`, `sas_plan.1`, `plan_1.SOL`.

@@ -5,7 +5,7 @@
 //! do, writes the task in names every planner understands ([`names`]), runs the program
 //! under [`Limits`] with nothing left behind ([`crate::process`]), and turns what comes
 //! back into a [`Run`] whose [`Outcome`] has an exit code and whose plan is in the
-//! domain's and the problem's own spelling. [`race`] lets several planners run at once.
+//! domain's and the problem's own spelling. A [`LineUp`] lets several planners run at once.
 
 pub mod builtin;
 pub mod names;
@@ -25,6 +25,6 @@ pub use configured::{Configured, Dialect};
 pub use downward::FastDownward;
 pub use ff::Ff;
 pub use outcome::Outcome;
-pub use race::{Race, race};
+pub use race::{LineUp, Race};
 pub use run::{Output, Planner, Run, Task, by_name, run};
 pub use sizes::Sizes;

@@ -14,7 +14,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::outcome::Outcome;
-use super::run::{self, Planner, Run, Task};
+use super::run::{Planner, Ready, Run, Task};
 use crate::process::{Host, Limits, Pool};
 
 /// How often an interruption is looked for.
@@ -48,55 +48,66 @@ impl Race {
     }
 }
 
-/// Lets planners run against each other; each plan is simulated as soon as it is there. Without
-/// planners there is no race. `meanwhile` is done once they run; it should be short, as nobody looks at them then.
-#[must_use]
-pub fn race(
-    planners: &[Box<dyn Planner>],
-    task: &Task<'_>,
-    limits: &Limits,
-    host: &Host<'_>,
-    meanwhile: impl FnOnce(),
-) -> Option<Race> {
-    let pool = limits.memory.filter(|_| planners.len() > 1).map(|bytes| Pool::new(bytes, planners.len()));
-    let stopped = AtomicBool::new(host.is_interrupted());
-    let (sender, ended) = mpsc::channel();
-    let mut runs: Vec<Option<Run>> = planners.iter().map(|_| None).collect();
-    let mut first = None;
-    thread::scope(|scope| {
-        for (place, planner) in planners.iter().enumerate() {
-            let sender = sender.clone();
-            let host = Host { exe: host.exe.clone(), temporary: host.temporary.clone(), interrupted: &stopped };
-            let share = pool.as_ref().map(|pool| pool.share(place));
-            scope.spawn(move || {
-                let mut run = run::attempt(planner.as_ref(), task, limits, &host, share);
-                run.simulate(task);
-                let _ = sender.send((place, run));
-            });
-        }
-        drop(sender);
-        meanwhile();
-        loop {
-            match ended.recv_timeout(LOOK) {
-                Ok((place, run)) => {
-                    if first.is_none() && is_decided(&run.outcome) {
-                        first = Some(place);
-                        stopped.store(true, Ordering::SeqCst);
-                    }
-                    if let Some(slot) = runs.get_mut(place) {
-                        *slot = Some(run);
-                    }
-                }
-                Err(RecvTimeoutError::Timeout) if host.is_interrupted() => stopped.store(true, Ordering::SeqCst),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
+/// Planners at the start: their programs are there and wait for their task.
+pub struct LineUp<'a> {
+    planners: Vec<Ready<'a>>,
+    limits: Limits,
+}
+
+impl<'a> LineUp<'a> {
+    /// Lines planners up. It takes some milliseconds, in which the task may still be made.
+    #[must_use]
+    pub fn new(planners: &'a [Box<dyn Planner>], limits: &Limits, host: &Host<'_>) -> Self {
+        let planners = planners.iter().map(|planner| Ready::new(planner.as_ref(), limits, host));
+        Self { planners: planners.collect(), limits: *limits }
+    }
+
+    /// Lets the planners run against each other; each plan is simulated as soon as it is there. Without
+    /// planners there is no race. `meanwhile` is done once they run; it should be short, as nobody looks at
+    /// them then.
+    #[must_use]
+    pub fn race(self, task: &Task<'_>, host: &Host<'_>, meanwhile: impl FnOnce()) -> Option<Race> {
+        let Self { planners, limits } = self;
+        let pool = limits.memory.filter(|_| planners.len() > 1).map(|bytes| Pool::new(bytes, planners.len()));
+        let stopped = AtomicBool::new(host.is_interrupted());
+        let (sender, ended) = mpsc::channel();
+        let mut runs: Vec<Option<Run>> = planners.iter().map(|_| None).collect();
+        let mut first = None;
+        thread::scope(|scope| {
+            for (place, planner) in planners.into_iter().enumerate() {
+                let sender = sender.clone();
+                let host = Host { exe: host.exe.clone(), temporary: host.temporary.clone(), interrupted: &stopped };
+                let share = pool.as_ref().map(|pool| pool.share(place));
+                scope.spawn(move || {
+                    let mut run = planner.attempt(task, &host, share);
+                    run.simulate(task);
+                    let _ = sender.send((place, run));
+                });
             }
-        }
-    });
-    // A racer that said nothing has panicked, which the scope has passed on.
-    let runs: Vec<Run> = runs.into_iter().flatten().collect();
-    let winner = first.filter(|place| *place < runs.len()).or_else(|| most_telling(&runs))?;
-    Some(Race { runs, winner })
+            drop(sender);
+            meanwhile();
+            loop {
+                match ended.recv_timeout(LOOK) {
+                    Ok((place, run)) => {
+                        if first.is_none() && is_decided(&run.outcome) {
+                            first = Some(place);
+                            stopped.store(true, Ordering::SeqCst);
+                        }
+                        if let Some(slot) = runs.get_mut(place) {
+                            *slot = Some(run);
+                        }
+                    }
+                    Err(RecvTimeoutError::Timeout) if host.is_interrupted() => stopped.store(true, Ordering::SeqCst),
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => break,
+                }
+            }
+        });
+        // A racer that said nothing has panicked, which the scope has passed on.
+        let runs: Vec<Run> = runs.into_iter().flatten().collect();
+        let winner = first.filter(|place| *place < runs.len()).or_else(|| most_telling(&runs))?;
+        Some(Race { runs, winner })
+    }
 }
 
 /// Whether nobody has to go on.

@@ -4,7 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::files::{self, DOMAIN, PLAN, PROBLEM};
+use super::files::{self, DOMAIN, DOMAIN_FILE, PLAN, PROBLEM, PROBLEM_FILE};
 use super::names::{self, Sent};
 use super::outcome::Outcome;
 use super::sizes::Sizes;
@@ -13,7 +13,7 @@ use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
 use crate::pddl::{Domain, Feature, Problem, Validation, Why, validate, why};
 use crate::plan::Plan;
-use crate::process::{self, End, Ended, Host, Job, Limits, Manner, Share};
+use crate::process::{End, Ended, Host, Job, Limits, Manner, Poised, Share};
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
@@ -185,39 +185,48 @@ pub fn by_name(name: &str, anytime: bool) -> Option<Box<dyn Planner>> {
 /// Runs a planner on a task. What it cannot do is refused before the run.
 #[must_use]
 pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Run {
-    attempt(planner, task, limits, host, None)
+    Ready::new(planner, limits, host).attempt(task, host, None)
 }
 
-/// As [`run`], for one of several runs that may share their limit of memory.
-pub(super) fn attempt(
-    planner: &dyn Planner,
-    task: &Task<'_>,
-    limits: &Limits,
-    host: &Host<'_>,
-    share: Option<Share<'_>>,
-) -> Run {
-    if let Some(refusal) = refuse(planner, task) {
-        return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
+/// A planner whose program is there and waits for its task.
+pub(super) struct Ready<'a> {
+    planner: &'a dyn Planner,
+    command: Vec<OsString>,
+    program: Poised,
+    limits: Limits,
+}
+
+impl<'a> Ready<'a> {
+    pub(super) fn new(planner: &'a dyn Planner, limits: &Limits, host: &Host<'_>) -> Self {
+        let command = planner.command(host);
+        Self { program: poise(planner, &command, limits, host), planner, command, limits: *limits }
     }
-    let (domain, problem) = (task.domain.tree(), task.problem.tree());
-    let Some(sent) = names::try_send(domain, problem, planner.requirements(), host.interrupted) else {
-        return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
-    };
-    let mut command = planner.command(host);
-    let (mut ended, mut answer) = ask(planner, &command, &sent, limits, host, share);
-    if let Some(other) = planner.again(&answer, &command) {
-        let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..*limits };
-        let (first, cpu) = (ended.wall, ended.cpu);
-        command = other;
-        (ended, answer) = ask(planner, &command, &sent, &rest, host, share);
-        ended.wall += first;
-        ended.cpu = ended.cpu.zip(cpu).map(|(one, other)| one + other);
+
+    /// Runs it on a task. Of several runs that share their limit of memory, each has a `share`.
+    pub(super) fn attempt(mut self, task: &Task<'_>, host: &Host<'_>, share: Option<Share<'_>>) -> Run {
+        let (planner, limits) = (self.planner, self.limits);
+        if let Some(refusal) = refuse(planner, task) {
+            return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
+        }
+        let (domain, problem) = (task.domain.tree(), task.problem.tree());
+        let Some(sent) = names::try_send(domain, problem, planner.requirements(), host.interrupted) else {
+            return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
+        };
+        let (mut ended, mut answer) = ask(planner, self.program, &sent, host, share);
+        if let Some(other) = planner.again(&answer, &self.command) {
+            let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..limits };
+            let (first, cpu) = (ended.wall, ended.cpu);
+            (ended, answer) = ask(planner, poise(planner, &other, &rest, host), &sent, host, share);
+            self.command = other;
+            ended.wall += first;
+            ended.cpu = ended.cpu.zip(cpu).map(|(one, other)| one + other);
+        }
+        let (outcome, mut message) = conclude(planner, &ended, answer, &sent, task, &limits);
+        if outcome == Outcome::OutOfMemory && share.is_some() {
+            message.push_str(", for all planners together");
+        }
+        report(planner, outcome, message, &self.command, ended)
     }
-    let (outcome, mut message) = conclude(planner, &ended, answer, &sent, task, limits);
-    if outcome == Outcome::OutOfMemory && share.is_some() {
-        message.push_str(", for all planners together");
-    }
-    report(planner, outcome, message, &command, ended)
 }
 
 /// What the planner cannot do of the task, at its place.
@@ -241,31 +250,31 @@ impl Task<'_> {
     }
 }
 
-fn ask(
-    planner: &dyn Planner,
-    command: &[OsString],
-    sent: &Sent,
-    limits: &Limits,
-    host: &Host<'_>,
-    share: Option<Share<'_>>,
-) -> (Ended, Transcript) {
+/// Starts a planner's program, which then waits for its task.
+fn poise(planner: &dyn Planner, command: &[OsString], limits: &Limits, host: &Host<'_>) -> Poised {
     let program = command.first().map_or(OsStr::new(""), OsString::as_os_str);
     let job = Job {
         program,
         arguments: command.get(1..).unwrap_or_default(),
-        files: &[
-            (DOMAIN, "domain.pddl", Some(&sent.domain)),
-            (PROBLEM, "problem.pddl", Some(&sent.problem)),
-            (PLAN, "plan", None),
-        ],
-        input: None,
+        files: &[(DOMAIN, DOMAIN_FILE), (PROBLEM, PROBLEM_FILE), (PLAN, "plan")],
+        is_fed: false,
         folder: None,
         environment: planner.environment(),
-        share,
         manner: Manner::Captured,
         wanted: files::order,
     };
-    let mut ended = process::run(&job, limits, host);
+    Poised::new(&job, limits, host)
+}
+
+/// Gives the program its task, and reads its answer.
+fn ask(
+    planner: &dyn Planner,
+    program: Poised,
+    sent: &Sent,
+    host: &Host<'_>,
+    share: Option<Share<'_>>,
+) -> (Ended, Transcript) {
+    let mut ended = program.run(&[(DOMAIN_FILE, &sent.domain), (PROBLEM_FILE, &sent.problem)], share, host);
     let output = Output {
         code: ended.code(),
         stdout: std::mem::take(&mut ended.stdout),

@@ -1,8 +1,9 @@
 //! Programs that rmem runs: under limits, with nothing left behind.
 //!
 //! Planners, computables and the commands of triggers are such programs. A [`Job`] says what is run, with
-//! which files and which input; [`run()`] starts it through a [`warden`], waits for
-//! its end or brings that about at a limit, and gives what it left.
+//! which files; [`run()`] starts it through a [`warden`], waits for
+//! its end or brings that about at a limit, and gives what it left. Where what the program reads takes a while to
+//! make, the program gets ready meanwhile ([`Poised`]).
 
 mod host;
 mod launch;
@@ -13,4 +14,4 @@ pub mod warden;
 
 pub use host::{Host, Limits};
 pub(crate) use pool::{Pool, Share};
-pub(crate) use run::{End, Ended, Job, Manner, run};
+pub(crate) use run::{End, Ended, INPUT, Job, Manner, Poised, run};

@@ -22,7 +22,7 @@ use super::warden::GRACE;
 use crate::formats::Source;
 
 /// The file in the run's directory that the program reads as standard input.
-const INPUT: &str = "stdin";
+pub(crate) const INPUT: &str = "stdin";
 
 /// How often interruption, time and output are looked at.
 const LOOK: Duration = Duration::from_millis(20);
@@ -47,17 +47,14 @@ const LARGEST_FILE: u64 = 16 << 20;
 pub(crate) struct Job<'a> {
     pub(crate) program: &'a OsStr,
     pub(crate) arguments: &'a [OsString],
-    /// Files in the run's directory: what stands for one in the arguments, its name there,
-    /// and its text; without text it is the program's to write.
-    pub(crate) files: &'a [(&'a str, &'a str, Option<&'a str>)],
-    /// What the program reads as standard input; nothing where it is left out.
-    pub(crate) input: Option<&'a str>,
+    /// Files in the run's directory: what stands for one in the arguments, and its name there.
+    pub(crate) files: &'a [(&'a str, &'a str)],
+    /// Whether the program reads [`INPUT`]; else it has nothing on standard input.
+    pub(crate) is_fed: bool,
     /// Where the program runs, where that is not the run's directory.
     pub(crate) folder: Option<&'a Path>,
     /// The whole environment, where it is not rmem's.
     pub(crate) environment: Option<&'a [(&'a str, &'a str)]>,
-    /// Its part in a limit of memory that several runs share.
-    pub(crate) share: Option<Share<'a>>,
     /// On whose behalf it runs.
     pub(crate) manner: Manner<'a>,
     /// Which of the files it leaves are wanted: where one stands among them, by its name.
@@ -105,6 +102,8 @@ pub(crate) struct Ended {
     pub(crate) cpu: Option<Duration>,
     /// It ran into the limit of memory.
     pub(crate) out_of_memory: bool,
+    /// On its way out already; it is waited for in the end.
+    warden: Option<Warden>,
 }
 
 impl Ended {
@@ -127,44 +126,68 @@ impl Default for Ended {
             wall: Duration::ZERO,
             cpu: None,
             out_of_memory: false,
+            warden: None,
         }
     }
 }
 
-/// Runs a program to its end or its limits. When this returns, neither its processes
-/// nor its directory are left.
-pub(crate) fn run(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Ended {
-    attempt(job, limits, host).unwrap_or_else(|error| Ended { end: End::Failed(error.to_string()), ..Ended::default() })
+/// Runs a program to its end or its limits. The texts are those of files in its directory, by their names.
+pub(crate) fn run(job: &Job<'_>, texts: &[(&str, &str)], limits: &Limits, host: &Host<'_>) -> Ended {
+    Poised::new(job, limits, host).run(texts, None, host)
 }
 
-fn attempt(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Ended> {
-    let directory = tempfile::Builder::new().prefix("rmem-run-").tempdir_in(&host.temporary)?;
-    let texts = job.files.iter().filter_map(|(_, name, text)| Some((*name, (*text)?)));
-    for (name, text) in texts.chain(job.input.map(|text| (INPUT, text))) {
-        write(&directory.path().join(name), text, host)?;
+/// A program about to run: it waits for its texts, with its processes and its directory there. They go where
+/// this does.
+#[derive(Debug)]
+pub(crate) struct Poised {
+    /// What keeps it from running is said when it is to run.
+    warden: io::Result<Warden>,
+    limits: Limits,
+    wanted: fn(&str) -> Option<u64>,
+}
+
+impl Poised {
+    pub(crate) fn new(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Self {
+        Self { warden: Warden::start(job, limits, host), limits: *limits, wanted: job.wanted }
     }
-    if host.is_interrupted() {
-        return Ok(Ended { end: End::Interrupted, ..Ended::default() });
+
+    /// Runs it to its end or its limits; the time counts from here. `share` is its part in a limit of memory
+    /// that several runs share. When this returns, neither its processes nor its directory are left; only the
+    /// warden may still be on its way out, until what has [`Ended`] is dropped.
+    pub(crate) fn run(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> Ended {
+        let failed = |error: io::Error| Ended { end: End::Failed(error.to_string()), ..Ended::default() };
+        self.attempt(texts, share, host).unwrap_or_else(failed)
     }
-    let started = Instant::now();
-    let mut warden = Warden::start(job, limits, host, directory)?;
-    let (end, usage) = warden.wait(limits, host, started, job.share);
-    if let Some(share) = job.share {
-        share.release();
+
+    fn attempt(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> io::Result<Ended> {
+        let (mut warden, limits) = (self.warden?, self.limits);
+        for (name, text) in texts {
+            write(&warden.place().join(name), text, host)?;
+        }
+        if host.is_interrupted() {
+            return Ok(Ended { end: End::Interrupted, ..Ended::default() });
+        }
+        let started = Instant::now();
+        warden.release();
+        let (end, usage) = warden.wait(&limits, host, started, share);
+        if let Some(share) = share {
+            share.release();
+        }
+        let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
+        let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
+        let mut ended = warden.collect(&limits, &reading, self.wanted)?;
+        ended.wall = started.elapsed();
+        ended.cpu = usage.as_ref().map(|usage| usage.cpu);
+        let peak = usage.map_or(0, |usage| usage.peak);
+        ended.out_of_memory =
+            end == End::Starved || limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
+        // What was asked to stop has an end of its own; what was cut off in reading has not.
+        ended.end = match ended.end {
+            End::Failed(_) => end,
+            cut => cut,
+        };
+        Ok(ended)
     }
-    let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
-    let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
-    let mut ended = warden.collect(limits, &reading, job.wanted)?;
-    ended.wall = started.elapsed();
-    ended.cpu = usage.as_ref().map(|usage| usage.cpu);
-    let peak = usage.map_or(0, |usage| usage.peak);
-    ended.out_of_memory = end == End::Starved || limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
-    // What was asked to stop has an end of its own; what was cut off in reading has not.
-    ended.end = match ended.end {
-        End::Failed(_) => end,
-        cut => cut,
-    };
-    Ok(ended)
 }
 
 /// Writes a file, unless rmem is interrupted.
@@ -180,12 +203,14 @@ fn write(path: &Path, text: &str, host: &Host<'_>) -> io::Result<()> {
 }
 
 /// rmem's end of the warden.
+#[derive(Debug)]
 struct Warden {
     process: Child,
     lifeline: UnixStream,
     pending: String,
     /// The program's group.
     group: Option<Pid>,
+    /// The run's directory, until it is removed.
     directory: Option<TempDir>,
 }
 
@@ -205,7 +230,8 @@ struct Usage {
 }
 
 impl Warden {
-    fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>, directory: TempDir) -> io::Result<Self> {
+    fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Self> {
+        let directory = tempfile::Builder::new().prefix("rmem-run-").tempdir_in(&host.temporary)?;
         let (ours, theirs) = UnixStream::pair()?;
         let mut command = Command::new(&host.exe);
         command.arg("__warden").arg("--directory").arg(directory.path());
@@ -215,7 +241,7 @@ impl Warden {
         if let Manner::Attached(variables) = job.manner {
             command.arg("--attached").envs(variables.iter().copied());
         }
-        if job.input.is_some() {
+        if job.is_fed {
             command.arg("--input").arg(directory.path().join(INPUT));
         }
         if let Some(folder) = job.folder {
@@ -233,6 +259,16 @@ impl Warden {
         }
         let process = command.spawn()?;
         Ok(Self { process, lifeline: ours, pending: String::new(), group: None, directory: Some(directory) })
+    }
+
+    fn place(&self) -> &Path {
+        self.directory.as_ref().map_or(Path::new(""), TempDir::path)
+    }
+
+    /// Lets the program run.
+    fn release(&mut self) {
+        // A warden that is gone is noticed in waiting for it.
+        let _ = self.lifeline.write_all(b"go\n");
     }
 
     /// Waits for the end, and brings it about at a limit.
@@ -292,8 +328,7 @@ impl Warden {
         if share.is_some_and(|share| share.gives_way(has(&share))) {
             return Some(End::Starved);
         }
-        let directory = self.directory.as_ref()?.path();
-        let length = |name: &str| fs::metadata(directory.join(name)).map_or(0, |file| file.len());
+        let length = |name: &str| fs::metadata(self.place().join(name)).map_or(0, |file| file.len());
         (length("stdout").max(length("stderr")) > limits.output).then_some(End::TooMuchOutput)
     }
 
@@ -355,23 +390,28 @@ impl Warden {
     /// Reads what the program left, removes it, and lets the warden go.
     fn collect(mut self, limits: &Limits, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> io::Result<Ended> {
         let mut ended = Ended::default();
-        if let Some(directory) = self.directory.take() {
-            let stream = |name: &str| reading.text(directory.path(), name, limits.output).unwrap_or_default();
-            (ended.stdout, ended.stderr) = (stream("stdout"), stream("stderr"));
-            ended.files = files(directory.path(), reading, wanted);
-            directory.close()?;
-        }
+        let stream = |name: &str| reading.text(self.place(), name, limits.output).unwrap_or_default();
+        (ended.stdout, ended.stderr) = (stream("stdout"), stream("stderr"));
+        ended.files = files(self.place(), reading, wanted);
+        self.dismiss()?;
         if let Some(cut) = reading.over() {
             ended.end = cut;
         }
+        ended.warden = Some(self);
         Ok(ended)
+    }
+
+    /// Removes the directory, and tells the warden that nothing more is needed.
+    fn dismiss(&mut self) -> io::Result<()> {
+        let removed = self.directory.take().map_or(Ok(()), TempDir::close);
+        let _ = self.lifeline.write_all(b"done\n");
+        removed
     }
 }
 
 impl Drop for Warden {
     fn drop(&mut self) {
-        drop(self.directory.take());
-        let _ = self.lifeline.write_all(b"done\n");
+        let _ = self.dismiss();
         let _ = self.process.wait();
     }
 }
@@ -387,11 +427,11 @@ fn located(program: &OsStr) -> OsString {
 
 /// A word of a command with the paths of the run's files in it. They are absolute, for the
 /// sake of wrappers that change the folder.
-fn filled(word: &OsStr, directory: &Path, files: &[(&str, &str, Option<&str>)]) -> OsString {
+fn filled(word: &OsStr, directory: &Path, files: &[(&str, &str)]) -> OsString {
     match word.to_str() {
         Some(text) if text.contains('{') => {
             let path = |file: &str| directory.join(file).to_string_lossy().into_owned();
-            files.iter().fold(text.to_owned(), |text, (mark, file, _)| text.replace(mark, &path(file))).into()
+            files.iter().fold(text.to_owned(), |text, (mark, file)| text.replace(mark, &path(file))).into()
         }
         _ => word.to_owned(),
     }

@@ -8,7 +8,7 @@
 //!
 //! | warden says | |
 //! |---|---|
-//! | `started PID` | the program is about to run; `PID` is its group |
+//! | `started PID` | the program is there, and waits for rmem's `go`; `PID` is its group |
 //! | `exited CODE PEAK CPU` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` ms of processors |
 //! | `killed SIGNAL PEAK CPU` | it ended by a signal |
 //! | `starved PEAK CPU` | its processes together were over the limit of memory, and were ended |
@@ -16,7 +16,8 @@
 //! | `interpreter PATH` | the program is a script, and its interpreter is not there |
 //! | `failed WORDS` | it could not be started |
 //!
-//! rmem says `stop`, and the group gets TERM, a grace, then KILL; `starve`, and it gets KILL at once,
+//! rmem says `go`, and the program runs; it may have written what the program reads until then. rmem says
+//! `stop`, and the group gets TERM, a grace, then KILL; `starve`, and it gets KILL at once,
 //! because several runs together are over a limit of memory; or `done`, when it has read what it wants. An end of the lifeline without `done` means that rmem died:
 //! the warden stops the program and removes the directory. When the warden reports
 //! the end, nothing that the program started is alive; but an *attached* program, one that
@@ -97,6 +98,10 @@ fn guard(arguments: impl Iterator<Item = OsString>) -> i32 {
             ward.watch(&mut lifeline)
         }
         Ok(Started::Refused(words)) => words,
+        Ok(Started::Forgone) => {
+            let _ = fs::remove_dir_all(&order.directory);
+            return 0;
+        }
         Err(error) => format!("failed {error}"),
     };
     lifeline.say(&said);
@@ -161,6 +166,11 @@ impl Order {
         drop(command);
         // The program does not run before rmem can know its group, whatever becomes of the warden.
         lifeline.say(&format!("started {}", Pid::from_child(&child).as_raw_nonzero()));
+        if lifeline.hear().as_deref() != Some("go") {
+            child.kill()?;
+            child.wait()?;
+            return Ok(Started::Forgone);
+        }
         let _ = ours.write_all(launch::GO);
         // Silence is the sound of a program that has started.
         let mut words = String::new();
@@ -178,6 +188,8 @@ impl Order {
 /// What became of an order.
 enum Started {
     Running(Child),
+    /// The program is not wanted any more, or rmem is gone.
+    Forgone,
     /// It could not be carried out; what is to be said about it.
     Refused(String),
 }

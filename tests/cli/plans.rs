@@ -295,6 +295,20 @@ fn a_killed_rmem_takes_its_planner_along() {
     }
 }
 
+#[test]
+fn a_task_that_is_wrong_leaves_nothing_of_the_planner_that_waited_for_it() {
+    let lab = Lab::new();
+    let tmp = lab.path().join("tmp");
+    std::fs::create_dir(&tmp).unwrap();
+    let lab = lab.env("TMPDIR", &tmp.display().to_string());
+    lab.write("d.pddl", "(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))");
+    for problem in ["(define (problem n) (:domain d) (:init) (:goal (q)))", "(define"] {
+        lab.write("p.pddl", problem);
+        lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(3);
+        assert_eq!(std::fs::read_dir(&tmp).unwrap().count(), 0, "{problem}");
+    }
+}
+
 /// How many planners of this lab are running: their environment has the lab's folder in it.
 fn sleepers(lab: &Lab) -> usize {
     let folder = lab.path().display().to_string();

@@ -2,9 +2,12 @@
 //! cannot be made to do on demand; the built-in planner is real.
 
 use std::fs;
+use std::io::{Read as _, Write as _};
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -13,7 +16,7 @@ use rmem::exit::Exit;
 use rmem::formats::Source;
 use rmem::formats::pddl::Dialect as Spelling;
 use rmem::pddl::{Domain, Problem};
-use rmem::planner::{Builtin, Configured, Dialect, Ff, Host, Limits, Outcome, Planner, Run, Task, run};
+use rmem::planner::{Builtin, Configured, Dialect, Ff, Host, Limits, LineUp, Outcome, Planner, Run, Task, run};
 use tempfile::TempDir;
 
 const DOMAIN: &str = "(define (domain d) (:requirements :strips :typing) (:types t)
@@ -321,6 +324,42 @@ fn exit_codes_of_fast_downward_are_outcomes() {
     }
 }
 
+/// A warden as rmem starts it, and its lifeline, which ends as it does when rmem is killed.
+fn warden(directory: &Path, program: &Path) -> (UnixStream, Child) {
+    let (ours, theirs) = UnixStream::pair().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
+    command.args(["__warden", "--directory"]).arg(directory).arg("--").arg(program);
+    (ours, command.stdin(Stdio::from(OwnedFd::from(theirs))).spawn().unwrap())
+}
+
+#[test]
+fn a_program_whose_task_never_comes_does_not_run() {
+    let place = Place::new();
+    let ran = place.path("ran");
+    let program = place.script("ff", &format!("touch {}", ran.display()));
+    let directory = place.path("run");
+    for goodbye in ["", "done\n", "stop\n"] {
+        fs::create_dir(&directory).unwrap();
+        let (mut lifeline, mut warden) = warden(&directory, &program);
+        let mut said = [0; 64];
+        let length = lifeline.read(&mut said).unwrap();
+        let said = String::from_utf8_lossy(&said[..length]).into_owned();
+        let pid = said.strip_prefix("started ").unwrap_or_else(|| panic!("{said}")).trim();
+        assert!(lives(pid), "the program is there, and waits");
+        lifeline.write_all(goodbye.as_bytes()).unwrap();
+        if goodbye.is_empty() {
+            drop(lifeline);
+        }
+        warden.wait().unwrap();
+        assert!(!lives(pid) && !ran.exists() && !directory.exists(), "after {goodbye:?}");
+    }
+
+    let planners: [Box<dyn Planner>; 2] = [Box::new(Ff { program: program.into() }), Box::new(Builtin::default())];
+    drop(LineUp::new(&planners, &within(10.0), &place.host()));
+    assert_eq!(fs::read_dir(place.path("tmp")).unwrap().count(), 0);
+    assert!(!ran.exists());
+}
+
 #[test]
 fn nothing_is_left_when_rmem_itself_is_killed() {
     let place = Place::new();
@@ -331,20 +370,12 @@ fn nothing_is_left_when_rmem_itself_is_killed() {
     );
     let directory = place.path("run");
     fs::create_dir(&directory).unwrap();
-    // The warden as rmem starts it; its lifeline ends as it does when rmem is killed.
-    let (ours, theirs) = std::os::unix::net::UnixStream::pair().unwrap();
-    let mut warden = Command::new(env!("CARGO_BIN_EXE_rmem"))
-        .args(["__warden", "--directory"])
-        .arg(&directory)
-        .arg("--")
-        .arg(program)
-        .stdin(std::process::Stdio::from(std::os::fd::OwnedFd::from(theirs)))
-        .spawn()
-        .unwrap();
+    let (mut lifeline, mut warden) = warden(&directory, &program);
+    lifeline.write_all(b"go\n").unwrap();
     while fs::read_to_string(&pid).unwrap_or_default().trim().is_empty() {
         thread::sleep(Duration::from_millis(10));
     }
-    drop(ours);
+    drop(lifeline);
     warden.wait().unwrap();
     let pids = fs::read_to_string(&pid).unwrap();
     for pid in pids.split_whitespace() {

@@ -1,5 +1,7 @@
 //! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
 
+use std::panic::resume_unwind;
+use std::thread;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -14,7 +16,7 @@ use crate::formats::shell;
 use crate::memory::Memory;
 use crate::pddl::Domain;
 use crate::plan::{self, Recipe};
-use crate::planner::{self, Ff, Host, Limits, Outcome, Planner, Race, Run, Task};
+use crate::planner::{self, Ff, Host, Limits, LineUp, Outcome, Planner, Race, Run, Task};
 use crate::problem::names;
 use crate::store::{Namespace, stamp};
 
@@ -56,9 +58,20 @@ pub(super) struct Order<'a> {
 /// Poses the problem, finds a plan, checks it, stores it, prints it.
 pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Found> {
     let planners = choose(order.effort, context)?;
-    let posed = pose(&order.recipe, &order.domain, order.sections, memory, context)?;
+    let limits = Limits { time: Some(order.effort.timeout), memory: order.effort.memory_limit, output: MOST_OUTPUT };
+    let host = context.host();
+    let (line_up, posed) = thread::scope(|scope| {
+        let lining_up = scope.spawn(|| {
+            // An interruption waits until there is somebody to clear up after rmem.
+            let _patience = crate::Patience::new();
+            LineUp::new(&planners, &limits, &host)
+        });
+        let posed = pose(&order.recipe, &order.domain, order.sections, memory, context);
+        (lining_up.join().unwrap_or_else(|panic| resume_unwind(panic)), posed)
+    });
+    let posed = posed?;
     let task = Task { domain: &order.domain, problem: &posed.problem };
-    let race = search(&planners, &task, order.effort, memory, context)?;
+    let race = search(line_up, &task, order.effort, memory, context)?;
     let mut run = race.winner().ok_or_else(|| UsageError::new("expected --planner"))?.clone();
     run.explain(&task);
     let document = document(&run, order, &posed);
@@ -95,13 +108,12 @@ fn by_name(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn P
 
 /// Runs the planners, and says what several of them did.
 fn search(
-    planners: &[Box<dyn Planner>],
+    line_up: LineUp<'_>,
     task: &Task<'_>,
     args: &cli::PlanEffort,
     memory: &Memory,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Race> {
-    let limits = Limits { time: Some(args.timeout), memory: args.memory_limit, output: MOST_OUTPUT };
     let patience = crate::Patience::new();
     let host = Host { interrupted: patience.interrupted(), ..context.host() };
     let start = Instant::now();
@@ -110,8 +122,7 @@ fn search(
             memory.get_ready(&args.into);
         }
     };
-    let race = planner::race(planners, task, &limits, &host, meanwhile)
-        .ok_or_else(|| UsageError::new("expected --planner"))?;
+    let race = line_up.race(task, &host, meanwhile).ok_or_else(|| UsageError::new("expected --planner"))?;
     if race.runs.len() > 1 {
         context.output.note(&race.to_string());
     }

@@ -15,7 +15,7 @@ use crate::formats::clips::{write_fact, write_value};
 use crate::formats::shell;
 use crate::memory::watch::{Watch, event};
 use crate::output::Format;
-use crate::process::{self, End, Host, Job, Limits, Manner};
+use crate::process::{self, End, Host, INPUT, Job, Limits, Manner};
 use crate::store::{Change, Namespace, StoreError};
 
 /// How often a running command is looked after.
@@ -120,21 +120,21 @@ impl<'a> Delivery<'a> {
             program: OsStr::new("sh"),
             arguments: &["-c".into(), line.into()],
             files: &[],
-            input: Some(text),
+            is_fed: true,
             folder: Some(Path::new(".")),
             environment: None,
-            share: None,
             manner: Manner::Attached(&variables),
             wanted: |_| None,
         };
         let time = self.deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
-        verdict(attend(&job, &Limits { time, ..Limits::default() }, host, watch, stop)?)
+        verdict(attend(&job, text, &Limits { time, ..Limits::default() }, host, watch, stop)?)
     }
 }
 
 /// Runs a program to its end, or until somebody interrupts, and shows meanwhile that the watch lives.
 fn attend(
     job: &Job<'_>,
+    text: &str,
     limits: &Limits,
     host: &Host<'_>,
     watch: &mut Watch<'_>,
@@ -145,7 +145,7 @@ fn attend(
     std::thread::scope(|scope| {
         let (sender, ended) = channel();
         let host = &host;
-        let running = scope.spawn(move || drop(sender.send(process::run(job, limits, host).end)));
+        let running = scope.spawn(move || drop(sender.send(process::run(job, &[(INPUT, text)], limits, host).end)));
         loop {
             match ended.recv_timeout(SLICE) {
                 Ok(end) => return Ok(end),

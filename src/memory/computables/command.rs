@@ -14,7 +14,7 @@ use bson::Document;
 
 use super::body::{Asked, Body, ComputeError};
 use crate::formats::{Source, shell};
-use crate::process::{self, End, Ended, Host, Job, Limits, Manner};
+use crate::process::{self, End, Ended, Host, INPUT, Job, Limits, Manner};
 use crate::store::Namespace;
 
 /// What a program may print, in bytes.
@@ -58,15 +58,14 @@ impl Command {
             program: &program,
             arguments: &arguments,
             files: &[],
-            input: Some(question),
+            is_fed: true,
             folder: Some(&self.folder),
             environment: None,
-            share: None,
             manner: Manner::Captured,
             wanted: |_| None,
         };
         let limits = Limits { time: Some(self.timeout), memory: None, output: MOST_OUTPUT };
-        process::run(&job, &limits, &self.host)
+        process::run(&job, &[(INPUT, question)], &limits, &self.host)
     }
 
     /// A program given as a path is one of the folder.
