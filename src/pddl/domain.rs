@@ -25,7 +25,7 @@ pub struct Domain {
     pub(super) derived: Vec<u32>,
     /// Whether `:constraints` demands something of every plan.
     pub(super) is_constrained: bool,
-    /// Preferences with a name in `:constraints`.
+    /// Preferences with a name, in `:constraints` and in preconditions.
     pub(super) preferences: Vec<Name>,
     features: Vec<Use>,
     warnings: Vec<Diagnostic>,
@@ -124,7 +124,6 @@ impl Domain {
         };
         let actions = read_actions(&tree, &mut resolver);
         let rules = tree.derived.iter().filter_map(|rule| read_rule(rule, &mut resolver)).collect();
-        resolver.preferences.clear();
         let mut is_constrained = false;
         if let Some(constraints) = &tree.constraints {
             resolver.uses.note(Feature::Constraints, constraints.place.0);

@@ -255,6 +255,10 @@ fn preferences_never_make_a_plan_invalid() {
     let goal = "(define (problem t) (:domain d) (:goal (and (p) (preference x (q))))
         (:constraints (preference y (always (q)))) (:metric minimize (is-violated x)))";
     assert_eq!(verdict(plain, goal, "(a)"), Validation::Valid { value: None });
+    // A precondition may have one as well, and the metric counts how often the plan goes against it.
+    let inner = "(define (domain d) (:predicates (p) (q)) (:action a :precondition (preference z (q)) :effect (p)))";
+    let goal = "(define (problem t) (:domain d) (:goal (p)) (:metric minimize (is-violated z)))";
+    assert_eq!(verdict(inner, goal, "(a)"), Validation::Valid { value: None });
 }
 
 const TEMPORAL: &str = "(define (domain d) (:requirements :durative-actions)
