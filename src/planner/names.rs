@@ -2,16 +2,19 @@
 //!
 //! FF drops characters it does not know, so that objects `1a` and `2a` both become
 //! `A`; other planners stop at a dot. What is sent has only names `[a-z][a-z0-9_-]*`.
-//! Names that are that already, but for case, stay; others get a name of their own.
+//! Names that are that already, but for case, stay; others get a name of their own. What some planners do not
+//! read is written as all do: a function without arguments has its brackets, and what is false at the
+//! beginning is left out.
 //! The plan comes back in the spelling of the domain and the problem; where they
 //! differ, the problem's wins.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fmt::{self, Display, Write as _};
 use std::mem;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::formats::pddl::ast::{Domain, Problem};
+use crate::formats::pddl::ast::{Domain, Init, Problem};
 use crate::formats::plan::Action;
 use crate::pddl::Step;
 
@@ -21,8 +24,31 @@ const LONGEST: usize = 100;
 /// How much text is rewritten at once, in bytes.
 const PIECE: usize = 1 << 16;
 
+/// The type of what functions give. A type of that name, which tasks of the competition of 2004 have, is none
+/// that Fast Downward reads.
+const NUMBER: &str = "number";
+
 /// Names that planners add to a task themselves: a task that has them means something else.
-const ADDED: [&str; 2] = ["reach-goal", "traj-end"];
+const ADDED: [&str; 3] = ["reach-goal", "traj-end", NUMBER];
+
+/// What is followed by numbers.
+const COUNTING: [&str; 15] = [
+    "=",
+    "<",
+    ">",
+    "<=",
+    ">=",
+    "+",
+    "-",
+    "*",
+    "/",
+    "increase",
+    "decrease",
+    "assign",
+    "scale-up",
+    "scale-down",
+    ":metric",
+];
 
 /// A task as it is sent, and the way back.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -52,7 +78,7 @@ pub(super) fn try_send(
 ) -> Option<Sent> {
     let mut writer = Writer::new(domain, problem, known);
     let domain_text = writer.write(domain, interrupted)?;
-    let problem_text = writer.write(problem, interrupted)?;
+    let problem_text = writer.write(without_denials(problem).as_ref(), interrupted)?;
     let actions = domain.actions.iter().map(|action| &action.name);
     let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
     let constants = domain.constants.iter().map(|constant| &constant.name);
@@ -83,6 +109,17 @@ impl Sent {
     }
 }
 
+/// The problem without the facts of which it says that they are not there, as if others were.
+fn without_denials(problem: &Problem) -> Cow<'_, Problem> {
+    let is_denial = |fact: &Init| matches!(fact, Init::Not(_));
+    if !problem.init.iter().any(is_denial) {
+        return Cow::Borrowed(problem);
+    }
+    let init = problem.init.iter().filter(|fact| !is_denial(fact)).cloned().collect();
+    let rest = Problem { init: Vec::new(), ..problem.clone() };
+    Cow::Owned(Problem { init, ..rest })
+}
+
 /// Rewrites PDDL, word by word.
 struct Writer<'a> {
     known: Option<&'a [&'a str]>,
@@ -91,6 +128,8 @@ struct Writer<'a> {
     numbers: HashSet<String>,
     /// What applies to arguments.
     applied: HashSet<String>,
+    /// Functions without arguments.
+    constants: HashSet<String>,
     /// Lower-case names to what is sent for them, where that is something else.
     renamed: HashMap<String, String>,
     taken: HashSet<String>,
@@ -102,14 +141,21 @@ impl<'a> Writer<'a> {
         let functions = domain.functions.iter().map(|function| &function.signature);
         let applied: HashSet<String> =
             predicates.chain(functions).map(|signature| signature.name.as_str().to_lowercase()).collect();
+        let constants = domain.functions.iter().map(|function| &function.signature);
+        let constants = constants.filter(|signature| signature.parameters.is_empty());
+        let mut constants: HashSet<String> =
+            constants.map(|signature| signature.name.as_str().to_lowercase()).collect();
         let names = domain.types.iter().chain(&domain.constants).chain(&problem.objects).map(|typed| &typed.name);
+        for name in names.clone() {
+            constants.remove(&name.as_str().to_lowercase());
+        }
         let numbers = names.clone().map(|name| name.as_str().to_lowercase()).filter(|name| is_number(name)).collect();
         let actions = domain.actions.iter().map(|action| &action.name);
         let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
         let names = names.chain(actions).map(|name| name.as_str().to_lowercase()).chain(applied.iter().cloned());
         let taken =
             names.filter(|name| is_plain(name)).chain(ADDED.map(str::to_owned)).chain(["object".to_owned()]).collect();
-        Self { known, numbers, applied, renamed: HashMap::new(), taken }
+        Self { known, numbers, applied, constants, renamed: HashMap::new(), taken }
     }
 
     /// What is sent for a name that has been written.
@@ -139,6 +185,8 @@ impl<'a> Writer<'a> {
         match word {
             ":requirements" => Head::Requirements,
             ":objects" | ":constants" | ":types" | "either" => Head::Names,
+            ":functions" => Head::Functions,
+            _ if !self.constants.is_empty() && COUNTING.contains(&word.to_lowercase().as_str()) => Head::Counting,
             // It matters only where a number is a name.
             _ if !self.numbers.is_empty() && self.applied.contains(&word.to_lowercase()) => Head::Applied,
             _ => Head::Other,
@@ -159,7 +207,7 @@ impl<'a> Writer<'a> {
         }
         let named = || head == Head::Names || head == Head::Applied && self.numbers.contains(&lower);
         let number = is_number(word) && !named();
-        if number || is_plain(&lower) && !ADDED.contains(&lower.as_str()) {
+        if number || is_plain(&lower) && !is_added(&lower, head) {
             return lower;
         }
         self.rename(&lower)
@@ -192,8 +240,12 @@ enum Head {
     Requirements,
     /// They are names, even if they read as numbers.
     Names,
+    /// They are functions and their types.
+    Functions,
     /// They are arguments, where names may read as numbers.
     Applied,
+    /// They are numbers, and functions whose values are.
+    Counting,
     Other,
 }
 
@@ -270,8 +322,12 @@ impl Rewrite<'_, '_> {
         {
             *slot = self.writer.head(word);
         }
+        if head == Head::Counting && self.writer.constants.contains(&word.to_lowercase()) {
+            let _ = write!(self.written, "({})", self.writer.word(word, Head::Other));
+            return;
+        }
         let start = self.written.len();
-        if is_plain_but_for_case(word) && !ADDED.iter().any(|added| added.eq_ignore_ascii_case(word)) {
+        if is_plain_but_for_case(word) && !is_added(word, head) {
             self.written.push_str(word);
             if let Some(written) = self.written.get_mut(start..) {
                 written.make_ascii_lowercase();
@@ -284,6 +340,12 @@ impl Rewrite<'_, '_> {
 
 fn is_delimiter(c: char) -> bool {
     c == '(' || c == ')' || c.is_whitespace()
+}
+
+/// Whether planners have another meaning for the name, in a list that starts with `head`.
+fn is_added(name: &str, head: Head) -> bool {
+    let is_meant = head == Head::Functions && name.eq_ignore_ascii_case(NUMBER);
+    !is_meant && ADDED.iter().any(|added| added.eq_ignore_ascii_case(name))
 }
 
 /// Whether every planner reads the name as it is, once it is in lower case.
@@ -373,6 +435,40 @@ mod tests {
         assert!(!sent.problem.contains("1a 7up"), "{}", sent.problem);
         assert!(sent.problem.contains("(at 5 (open))") && sent.problem.contains("(= (f n1a) 5)"), "{}", sent.problem);
         assert!(sent.domain.contains("(:action reach-goal-2") && sent.domain.contains("(increase (f ?a) 2)"));
+    }
+
+    #[test]
+    fn a_type_that_is_called_number_is_not_the_one_of_functions() {
+        let (domain, problem) = task(
+            "(define (domain d) (:requirements :typing :fluents) (:types number place) (:predicates (near ?n - number))
+               (:functions (f ?n - number) - number) (:action a :parameters (?n - number) :effect (near ?n)))",
+            "(define (problem n) (:domain d) (:objects one - number) (:init (= (f one) 5)) (:goal (near one)))",
+        );
+        let sent = send(&domain, &problem, None);
+        assert!(
+            sent.domain.contains("number-2 place") && sent.domain.contains("(f ?n - number-2) - number"),
+            "{}",
+            sent.domain
+        );
+        assert!(sent.problem.contains("one - number-2"), "{}", sent.problem);
+    }
+
+    #[test]
+    fn what_some_planners_do_not_read_is_written_as_all_do() {
+        let (domain, problem) = task(
+            "(define (domain d) (:requirements :fluents) (:predicates (p) (q)) (:functions (used) (unused))
+               (:action a :parameters () :precondition (< used 5) :effect (and (p) (increase Used (+ used 1)))))",
+            "(define (problem n) (:domain d) (:objects unused) (:init (not (p)) (q) (= used 0)) (:goal (p)) (:metric minimize used))",
+        );
+        let sent = send(&domain, &problem, None);
+        assert!(
+            sent.domain.contains("(< (used) 5)") && sent.domain.contains("(increase (used) (+ (used) 1))"),
+            "{}",
+            sent.domain
+        );
+        assert!(sent.problem.contains("(= (used) 0)") && sent.problem.contains("minimize (used)"), "{}", sent.problem);
+        assert!(!sent.problem.contains("not"), "{}", sent.problem);
+        assert!(sent.problem.contains("(q)") && sent.problem.contains(":objects unused"), "{}", sent.problem);
     }
 
     #[test]
