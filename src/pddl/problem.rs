@@ -101,6 +101,11 @@ impl Problem {
         Ok(Self { source, tree, objects, constants, kinds, start, goal, metric, is_constrained, features, warnings })
     }
 
+    /// The times of its timed initial literals, in no order.
+    pub fn timed(&self) -> impl Iterator<Item = f64> {
+        self.start.timed.iter().map(|(time, _, _)| *time)
+    }
+
     /// The name in its original spelling.
     #[must_use]
     pub fn name(&self) -> &str {

@@ -93,6 +93,8 @@ pub struct Lineage {
     pub cost: Option<f64>,
     /// How many steps the plan has; none without a plan.
     pub length: Option<usize>,
+    /// Whether the planner let actions touch, and the plan has them apart.
+    pub is_spaced: bool,
     /// When planning began.
     pub started: Option<DateTime>,
     /// What the plan was made from.
@@ -145,6 +147,7 @@ impl Lineage {
         run.outcome.word().clone_into(&mut self.outcome);
         self.cost = run.outcome.plan().and_then(|plan| plan.cost);
         self.length = run.outcome.plan().map(|plan| plan.steps.len());
+        self.is_spaced = run.is_spaced;
         self.why.clone_from(&run.why);
         self.times.push(("plan".to_owned(), run.time));
         self
@@ -185,6 +188,9 @@ impl Lineage {
         document.insert("outcome", &self.outcome);
         insert(&mut document, "cost", self.cost);
         insert(&mut document, "length", self.length.and_then(|length| i64::try_from(length).ok()));
+        if self.is_spaced {
+            document.insert("spaced", true);
+        }
         if !self.race.is_empty() {
             document.insert("race", self.race.iter().map(racer).collect::<Array>());
         }

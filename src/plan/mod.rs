@@ -10,6 +10,7 @@ mod lineage;
 mod print;
 mod progress;
 mod recipe;
+mod spacing;
 mod spelling;
 mod svg;
 

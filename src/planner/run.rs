@@ -121,6 +121,8 @@ pub struct Run {
     pub cpu: Option<Duration>,
     /// Why the plan could not be simulated, where that is so.
     pub unjudged: Option<String>,
+    /// The planner let actions touch, and the plan has them apart ([`Plan::spaced`]).
+    pub is_spaced: bool,
     /// Why there is no plan, where that was asked for.
     pub why: Option<Why>,
     /// What is to be said about the outcome: the planner's own words, or what it lacks
@@ -134,13 +136,24 @@ pub struct Run {
 
 impl Run {
     /// Simulates the plan, if there is one. A plan that does not reach the goal is none, whatever its
-    /// planner says.
+    /// planner says; but where only its actions touch, it is the plan with these apart.
     pub fn simulate(&mut self, task: &Task<'_>) {
         let Outcome::Plan(plan) = &mut self.outcome else { return };
-        match validate(task.domain, task.problem, &plan.steps) {
+        let verdict = match validate(task.domain, task.problem, &plan.steps) {
+            verdict @ Validation::Invalid(_) => match spaced(plan, task) {
+                Some((spaced, verdict)) => {
+                    *plan = spaced;
+                    self.is_spaced = true;
+                    verdict
+                }
+                None => verdict,
+            },
+            verdict => verdict,
+        };
+        match verdict {
             Validation::Valid { value } => plan.cost = value.or(plan.cost),
             Validation::Unjudged(reason) => self.unjudged = Some(reason),
-            verdict @ Validation::Invalid(_) => {
+            Validation::Invalid(_) => {
                 self.message = format!("it returned a plan that is not valid: {verdict}");
                 self.outcome = Outcome::Failed;
             }
@@ -165,6 +178,13 @@ impl Run {
         let tail = lines.split_off(start);
         tail.iter().map(|line| line.chars().take(200).collect::<String>()).collect::<Vec<_>>().join("\n")
     }
+}
+
+/// The plan with its actions apart, where that is valid.
+fn spaced(plan: &Plan, task: &Task<'_>) -> Option<(Plan, Validation)> {
+    let spaced = plan.spaced(&task.problem.timed().collect::<Vec<f64>>())?;
+    let verdict = validate(task.domain, task.problem, &spaced.steps);
+    matches!(verdict, Validation::Valid { .. }).then_some((spaced, verdict))
 }
 
 /// One of the planners that need no configuration: `builtin`, `ff`, `fast-downward`. With
@@ -399,6 +419,7 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
         time: ended.wall,
         cpu: ended.cpu,
         unjudged: None,
+        is_spaced: false,
         why: None,
         message,
         stdout: ended.stdout,

@@ -306,6 +306,30 @@ fn the_last_of_a_temporal_planners_plans_is_taken_at_the_limit() {
 }
 
 #[test]
+fn actions_that_touch_are_set_apart() {
+    let domain =
+        "(define (domain d) (:requirements :durative-actions :timed-initial-literals) (:predicates (p) (q) (r) (open))
+      (:durative-action heat :parameters () :duration (= ?duration 5) :condition () :effect (at end (p)))
+      (:durative-action rest :parameters () :duration (= ?duration 0) :condition (at start (p)) :effect (at end (q)))
+      (:durative-action pour :parameters () :duration (= ?duration 2)
+        :condition (and (at start (q)) (over all (open))) :effect (at end (r))))";
+    let problem = "(define (problem n) (:domain d) (:init (at 5 (open))) (:goal (r)))";
+    let place = Place::with(domain, problem);
+    let run = |plan: &str| {
+        let mut run = place.configured(&format!("printf '{plan}'"), Dialect::Temporal, &within(10.0));
+        run.simulate(&place.task());
+        let starts = run.outcome.plan().map(|plan| plan.steps.iter().filter_map(|step| step.start).collect::<Vec<_>>());
+        (starts, run.is_spaced, Exit::from(&run.outcome).code())
+    };
+    let touching = run(r"0.000: (heat) [5.000]\n5.000: (rest) [0.000]\n5.000: (pour) [2.000]\n");
+    assert_eq!(touching, (Some(vec![0.0, 5.001, 5.002]), true, 0));
+    let apart = run(r"0.000: (heat) [5.000]\n5.500: (rest) [0.000]\n5.600: (pour) [2.000]\n");
+    assert_eq!(apart, (Some(vec![0.0, 5.5, 5.6]), false, 0), "a valid plan stays as it is");
+    let wrong = run(r"0.000: (heat) [5.000]\n5.000: (pour) [2.000]\n");
+    assert_eq!(wrong, (None, false, 32), "what lacks an action stays invalid");
+}
+
+#[test]
 fn half_a_plan_file_is_not_a_plan() {
     let run =
         Place::new().configured("echo '(go a)' > \"$3\"; echo '(go b' >> \"$3\"", Dialect::Downward, &within(10.0));

@@ -131,6 +131,9 @@ fn search(
         if let Some(reason) = &run.unjudged {
             context.output.warn(&format!("the plan was not simulated: {reason}"));
         }
+        if run.is_spaced {
+            context.output.note(&format!("{} lets actions touch; the plan has them apart", run.planner));
+        }
     }
     Ok(race)
 }
