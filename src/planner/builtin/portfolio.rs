@@ -6,13 +6,17 @@
 //! most a part of what the winner needs. One search works at a time, and what it remembers is
 //! forgotten with its slice: the memory of all is that of the largest.
 //!
-//! In a slice, in this order:
+//! In the first slice, in this order:
 //!
 //! 1. search by novelty, partitioned by the facts that matter to the goal: it makes no estimates,
 //!    and is quick where they mislead;
-//! 2. enforced hill-climbing, greedy search by landmarks, and best-first search, the engine's
-//!    ladder, which makes the shortest plans; its last rung is complete, and proves;
+//! 2. enforced hill-climbing, greedy search by landmarks, and best-first search, the engine's ladder; its last
+//!    rung is complete, and proves;
 //! 3. search by novelty and the number of goals.
+//!
+//! In later slices greedy search by landmarks comes first, and best-first search stands for the ladder: what
+//! hill-climbing does not find soon it finds late, and the landmarks lead to shorter plans. Searches by novelty, which
+//! find soon or hardly, are not asked again before the slices of the others are as large as their last one.
 //!
 //! Search by novelty makes detours, so that a plan of its is worth a look for a shorter one, as long as another
 //! search would have had in the slice in which it was found.
@@ -24,7 +28,7 @@ use ferroplan::novelty::{self, DriverCfg};
 use ferroplan::packed::PackedTask;
 use ferroplan::search::{self, PlanResult, SearchCfg};
 use ferroplan::types::{Domain, Problem};
-use ferroplan::{Plan, SolveError, Step, costs, derived, par};
+use ferroplan::{Plan, SolveError, Step, costs, derived, lama, par};
 
 use super::Options;
 use super::proof;
@@ -42,6 +46,9 @@ const GROWTH: usize = 4;
 
 /// How many states a search that makes no estimates may look at where others look at one.
 const CHEAP: usize = 4;
+
+/// How many first slices such a search gets for itself.
+const SOON: usize = 64;
 
 /// The most states that are looked at to straighten a plan.
 const POLISH: usize = 30_000;
@@ -131,10 +138,20 @@ struct Portfolio<'t> {
 
 impl Portfolio<'_> {
     fn first(&self) -> First {
-        let mut states = self.affordable(FIRST_WORK).clamp(FIRST.start, FIRST.end);
+        let first = self.affordable(FIRST_WORK).clamp(FIRST.start, FIRST.end);
+        let (mut states, mut looked) = (first, 0);
         loop {
-            let searches: [(&dyn Fn() -> Slice, bool); 3] =
-                [(&|| self.driver(states), true), (&|| self.ladder(states), false), (&|| self.light(states), true)];
+            // Of searches without estimates: those that were asked to look at as much find nothing new.
+            let cheap = states.saturating_mul(CHEAP).min(first.saturating_mul(SOON)).max(states);
+            let driver = || if cheap > looked { self.driver(cheap) } else { Slice::Spent(states) };
+            let light = || if cheap > looked { self.light(cheap) } else { Slice::Spent(states) };
+            let landmarks = || self.landmarks(states);
+            let estimates = || self.estimates(states, states == first);
+            let mut searches: Vec<(&dyn Fn() -> Slice, bool)> =
+                vec![(&driver, true), (&estimates, false), (&light, true)];
+            if states > first {
+                searches.insert(0, (&landmarks, false));
+            }
             let mut is_full = false;
             for (search, makes_detours) in searches {
                 match search() {
@@ -149,6 +166,7 @@ impl Portfolio<'_> {
             if is_full {
                 return First::Full;
             }
+            looked = cheap;
             states = states.saturating_mul(GROWTH);
         }
     }
@@ -158,8 +176,10 @@ impl Portfolio<'_> {
         work / self.task.n_ops.max(1)
     }
 
-    fn ladder(&self, states: usize) -> Slice {
-        let found = search::plan(self.task, self.threads, SearchCfg::from_weights(1.0, 5.0, Some(states)), true, None);
+    /// Best-first search, at the end of the engine's whole ladder where that is wanted.
+    fn estimates(&self, states: usize, ladder: bool) -> Slice {
+        let settings = SearchCfg::from_weights(1.0, 5.0, Some(states));
+        let found = search::plan(self.task, self.threads, settings, ladder, None);
         match found.ops {
             Some(ops) => Slice::Plan(ops, found.evaluated),
             None if !found.capped => Slice::Exhausted,
@@ -167,13 +187,15 @@ impl Portfolio<'_> {
         }
     }
 
+    fn landmarks(&self, states: usize) -> Slice {
+        sliced(lama::search(self.task, self.threads, states, &[], None), states)
+    }
+
     fn driver(&self, states: usize) -> Slice {
-        let states = states.saturating_mul(CHEAP);
         sliced(novelty::search_driver(self.task, states, &[], None, &DriverCfg::default()), states)
     }
 
     fn light(&self, states: usize) -> Slice {
-        let states = states.saturating_mul(CHEAP);
         sliced(novelty::search_light(self.task, states, &[]), states)
     }
 
