@@ -112,7 +112,7 @@ pub(super) fn plan(
 enum First {
     Plan {
         ops: Vec<usize>,
-        /// How many states were looked at by the search that found it.
+        /// How many states were looked at by the search that found it, in states with estimates.
         spent: usize,
         /// The states of the slice, where it was found by a search that makes detours.
         detours: Option<usize>,
@@ -155,9 +155,10 @@ impl Portfolio<'_> {
             let mut is_full = false;
             for (search, makes_detours) in searches {
                 match search() {
-                    Slice::Plan(ops, spent) => {
-                        return First::Plan { ops, spent, detours: makes_detours.then_some(states) };
+                    Slice::Plan(ops, spent) if makes_detours => {
+                        return First::Plan { ops, spent: spent / CHEAP, detours: Some(states) };
                     }
+                    Slice::Plan(ops, spent) => return First::Plan { ops, spent, detours: None },
                     Slice::Exhausted => return First::Exhausted,
                     // Who stops before its time has no room for more.
                     Slice::Spent(spent) => is_full |= spent < states,
