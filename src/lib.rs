@@ -54,7 +54,7 @@ pub mod exit;
 use std::ffi::OsString;
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use clap::FromArgMatches as _;
 
@@ -167,14 +167,14 @@ fn report(error: &anyhow::Error, output: &mut Output<'_>) -> Exit {
 /// Whether the user interrupted the process.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Whether a command is at work that ends by itself when interrupted, because it has to clean up.
-static PATIENT: AtomicBool = AtomicBool::new(false);
+/// How many are at work that end by themselves when interrupted, because they have to clean up.
+static PATIENT: AtomicUsize = AtomicUsize::new(0);
 
 /// Notes an interruption. Gives the code to exit with at once, unless a command is
 /// cleaning up and will end by itself.
 pub fn interrupt() -> Option<Exit> {
     let again = INTERRUPTED.swap(true, Ordering::SeqCst);
-    (again || !PATIENT.load(Ordering::SeqCst)).then_some(Exit::Interrupted)
+    (again || PATIENT.load(Ordering::SeqCst) == 0).then_some(Exit::Interrupted)
 }
 
 /// While it lives, an interruption only sets a flag, and who holds it cleans up and ends.
@@ -182,8 +182,17 @@ pub(crate) struct Patience(());
 
 impl Patience {
     pub(crate) fn new() -> Self {
-        PATIENT.store(true, Ordering::SeqCst);
+        PATIENT.fetch_add(1, Ordering::SeqCst);
         Self(())
+    }
+
+    /// Ends it where nobody looks at the flag from now on: an interruption that came meanwhile comes again.
+    pub(crate) fn end(self) {
+        drop(self);
+        if INTERRUPTED.load(Ordering::SeqCst) {
+            // Where it cannot be sent, the user will interrupt once more.
+            let _ = rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::INT);
+        }
     }
 
     /// The flag that [`interrupt`] sets.
@@ -194,6 +203,6 @@ impl Patience {
 
 impl Drop for Patience {
     fn drop(&mut self) {
-        PATIENT.store(false, Ordering::SeqCst);
+        PATIENT.fetch_sub(1, Ordering::SeqCst);
     }
 }

@@ -14,10 +14,10 @@ const APART: f64 = 0.001;
 /// Times that are closer were meant to be one, but for what rounding left.
 const TOUCHING: f64 = 0.9 * APART;
 
-/// How often the actions are gone through before it is given up that they have room for each other.
-const PASSES: usize = 100;
+/// How many moments are gone through at most before it is given up that the actions have room for each other.
+const WORK: usize = 100_000_000;
 
-/// A moment of a plan. At one time they come in this order.
+/// A moment of a plan. At one time they come in this order, those of a kind in the order of the plan.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Moment {
     /// A step ends.
@@ -38,7 +38,8 @@ impl Plan {
         let mut starts = self.steps.iter().map(|step| step.start).collect::<Option<Vec<f64>>>()?;
         let lengths: Vec<f64> = self.steps.iter().map(|step| step.duration.unwrap_or_default()).collect();
         let order = order(&starts, &lengths, given);
-        for _ in 0..PASSES {
+        // Each time settles one action more, or there is no room.
+        for _ in 0..=order.len().min(WORK / order.len().max(1)) {
             let mut earliest = f64::NEG_INFINITY;
             let mut is_settled = true;
             for (time, moment) in &order {
@@ -130,6 +131,13 @@ mod tests {
         assert_eq!(spaced(&[(0.0, 5.0), (0.0, 5.0), (5.0, 1.0)]).unwrap(), [0.0, 0.001, 5.002]);
         // The second ends with the first, which is longer.
         assert_eq!(spaced(&[(0.0, 5.0), (2.0, 3.0)]).unwrap(), [0.0, 2.001]);
+    }
+
+    #[test]
+    fn what_touches_all_along_a_plan_is_set_apart() {
+        let actions = (0..1000).map(f64::from).flat_map(|start| [(start, 5.0), (start + 5.0, 3.0)]);
+        let starts = spaced(&actions.collect::<Vec<_>>()).unwrap();
+        assert!(starts.windows(2).all(|pair| pair[1] - pair[0] > 0.9 * APART), "{starts:?}");
     }
 
     #[test]

@@ -31,24 +31,12 @@ const NUMBER: &str = "number";
 /// Names that planners add to a task themselves: a task that has them means something else.
 const ADDED: [&str; 3] = ["reach-goal", "traj-end", NUMBER];
 
-/// What is followed by numbers.
-const COUNTING: [&str; 15] = [
-    "=",
-    "<",
-    ">",
-    "<=",
-    ">=",
-    "+",
-    "-",
-    "*",
-    "/",
-    "increase",
-    "decrease",
-    "assign",
-    "scale-up",
-    "scale-down",
-    ":metric",
-];
+/// What is followed by numbers. Objects may follow `=` as well.
+const COUNTING: [&str; 13] =
+    ["<", ">", "<=", ">=", "+", "-", "*", "/", "increase", "decrease", "assign", "scale-up", "scale-down"];
+
+/// How long a plan takes: a function that no domain declares.
+const TOTAL_TIME: &str = "total-time";
 
 /// A task as it is sent, and the way back.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -115,9 +103,18 @@ fn without_denials(problem: &Problem) -> Cow<'_, Problem> {
     if !problem.init.iter().any(is_denial) {
         return Cow::Borrowed(problem);
     }
-    let init = problem.init.iter().filter(|fact| !is_denial(fact)).cloned().collect();
-    let rest = Problem { init: Vec::new(), ..problem.clone() };
-    Cow::Owned(Problem { init, ..rest })
+    Cow::Owned(Problem {
+        name: problem.name.clone(),
+        domain: problem.domain.clone(),
+        requirements: problem.requirements.clone(),
+        objects: problem.objects.clone(),
+        init: problem.init.iter().filter(|fact| !is_denial(fact)).cloned().collect(),
+        goal: problem.goal.clone(),
+        constraints: problem.constraints.clone(),
+        metric: problem.metric.clone(),
+        length: problem.length.clone(),
+        place: problem.place,
+    })
 }
 
 /// Rewrites PDDL, word by word.
@@ -130,6 +127,8 @@ struct Writer<'a> {
     applied: HashSet<String>,
     /// Functions without arguments.
     constants: HashSet<String>,
+    /// Those of them that are objects, too.
+    ambiguous: HashSet<String>,
     /// Lower-case names to what is sent for them, where that is something else.
     renamed: HashMap<String, String>,
     taken: HashSet<String>,
@@ -146,16 +145,16 @@ impl<'a> Writer<'a> {
         let mut constants: HashSet<String> =
             constants.map(|signature| signature.name.as_str().to_lowercase()).collect();
         let names = domain.types.iter().chain(&domain.constants).chain(&problem.objects).map(|typed| &typed.name);
-        for name in names.clone() {
-            constants.remove(&name.as_str().to_lowercase());
-        }
+        constants.insert(TOTAL_TIME.to_owned());
+        let objects = domain.constants.iter().chain(&problem.objects).map(|typed| typed.name.as_str().to_lowercase());
+        let ambiguous = objects.filter(|name| constants.contains(name)).collect();
         let numbers = names.clone().map(|name| name.as_str().to_lowercase()).filter(|name| is_number(name)).collect();
         let actions = domain.actions.iter().map(|action| &action.name);
         let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
         let names = names.chain(actions).map(|name| name.as_str().to_lowercase()).chain(applied.iter().cloned());
         let taken =
             names.filter(|name| is_plain(name)).chain(ADDED.map(str::to_owned)).chain(["object".to_owned()]).collect();
-        Self { known, numbers, applied, constants, renamed: HashMap::new(), taken }
+        Self { known, numbers, applied, constants, ambiguous, renamed: HashMap::new(), taken }
     }
 
     /// What is sent for a name that has been written.
@@ -176,6 +175,15 @@ impl<'a> Writer<'a> {
         Some(rewrite.finish())
     }
 
+    /// Whether a word in a list that starts with `head` is a function without its brackets.
+    fn is_bare(&self, word: &str, head: Head) -> bool {
+        if !matches!(head, Head::Counting | Head::Equal) {
+            return false;
+        }
+        let name = word.to_lowercase();
+        self.constants.contains(&name) && !(head == Head::Equal && self.ambiguous.contains(&name))
+    }
+
     fn is_known(&self, requirement: &str) -> bool {
         self.known.is_none_or(|known| known.iter().any(|known| known.eq_ignore_ascii_case(requirement)))
     }
@@ -186,7 +194,9 @@ impl<'a> Writer<'a> {
             ":requirements" => Head::Requirements,
             ":objects" | ":constants" | ":types" | "either" => Head::Names,
             ":functions" => Head::Functions,
-            _ if !self.constants.is_empty() && COUNTING.contains(&word.to_lowercase().as_str()) => Head::Counting,
+            ":metric" => Head::Metric,
+            "=" => Head::Equal,
+            _ if COUNTING.iter().any(|counting| counting.eq_ignore_ascii_case(word)) => Head::Counting,
             // It matters only where a number is a name.
             _ if !self.numbers.is_empty() && self.applied.contains(&word.to_lowercase()) => Head::Applied,
             _ => Head::Other,
@@ -246,6 +256,10 @@ enum Head {
     Applied,
     /// They are numbers, and functions whose values are.
     Counting,
+    /// They are that, or objects.
+    Equal,
+    /// The first one is `minimize` or `maximize`.
+    Metric,
     Other,
 }
 
@@ -322,7 +336,12 @@ impl Rewrite<'_, '_> {
         {
             *slot = self.writer.head(word);
         }
-        if head == Head::Counting && self.writer.constants.contains(&word.to_lowercase()) {
+        if head == Head::Metric
+            && word != ":metric"
+            && let Some(slot) = self.heads.last_mut()
+        {
+            *slot = Head::Counting;
+        } else if self.writer.is_bare(word, head) {
             let _ = write!(self.written, "({})", self.writer.word(word, Head::Other));
             return;
         }
@@ -469,6 +488,21 @@ mod tests {
         assert!(sent.problem.contains("(= (used) 0)") && sent.problem.contains("minimize (used)"), "{}", sent.problem);
         assert!(!sent.problem.contains("not"), "{}", sent.problem);
         assert!(sent.problem.contains("(q)") && sent.problem.contains(":objects unused"), "{}", sent.problem);
+    }
+
+    #[test]
+    fn a_function_may_be_called_as_anything_else_is() {
+        let (domain, problem) = task(
+            "(define (domain d) (:requirements :typing :fluents) (:types fuel place) (:predicates (p))
+               (:functions (fuel) (used) (minimize))
+               (:action a :parameters (?x - place) :precondition (and (>= fuel 1) (< USED 3)) :effect (decrease fuel 1)))",
+            "(define (problem n) (:domain d) (:objects used - place) (:init (= (used) 0)) (:goal (p))
+               (:metric minimize (+ minimize total-time)))",
+        );
+        let sent = send(&domain, &problem, None);
+        assert!(sent.domain.contains("(>= (fuel) 1)") && sent.domain.contains("(< (used) 3)"), "{}", sent.domain);
+        assert!(sent.domain.contains("(decrease (fuel) 1)") && sent.domain.contains("fuel place"), "{}", sent.domain);
+        assert!(sent.problem.contains("(:metric minimize (+ (minimize) (total-time)))"), "{}", sent.problem);
     }
 
     #[test]

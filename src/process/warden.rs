@@ -16,9 +16,11 @@
 //! | `interpreter PATH` | the program is a script, and its interpreter is not there |
 //! | `failed WORDS` | it could not be started |
 //!
-//! rmem says `go`, and the program runs; it may have written what the program reads until then. rmem says
-//! `stop`, and the group gets TERM, a grace, then KILL; `starve`, and it gets KILL at once,
-//! because several runs together are over a limit of memory; or `done`, when it has read what it wants. An end of the lifeline without `done` means that rmem died:
+//! rmem says `go`, and the program runs; what the program reads may be written until then. Where rmem says anything
+//! else first, or is gone, the program never runs, and the warden removes the directory and ends without a word. A
+//! program that runs ends when rmem says `stop` (its group gets TERM, a grace, then KILL) or `starve` (KILL at once,
+//! because several runs together are over a limit of memory); `done` says that rmem has read what it wants. An end of
+//! the lifeline without `done` means that rmem died:
 //! the warden stops the program and removes the directory. When the warden reports
 //! the end, nothing that the program started is alive; but an *attached* program, one that
 //! the user gave, may leave something in the background when it ends by itself.
@@ -167,8 +169,7 @@ impl Order {
         // The program does not run before rmem can know its group, whatever becomes of the warden.
         lifeline.say(&format!("started {}", Pid::from_child(&child).as_raw_nonzero()));
         if lifeline.hear().as_deref() != Some("go") {
-            child.kill()?;
-            child.wait()?;
+            let _ = child.kill().and_then(|()| child.wait());
             return Ok(Started::Forgone);
         }
         let _ = ours.write_all(launch::GO);

@@ -63,8 +63,10 @@ pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>
     let (line_up, posed) = thread::scope(|scope| {
         let lining_up = scope.spawn(|| {
             // An interruption waits until there is somebody to clear up after rmem.
-            let _patience = crate::Patience::new();
-            LineUp::new(&planners, &limits, &host)
+            let patience = crate::Patience::new();
+            let line_up = LineUp::new(&planners, &limits, &host);
+            patience.end();
+            line_up
         });
         let posed = pose(&order.recipe, &order.domain, order.sections, memory, context);
         (lining_up.join().unwrap_or_else(|panic| resume_unwind(panic)), posed)

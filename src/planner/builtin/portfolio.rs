@@ -141,16 +141,22 @@ impl Portfolio<'_> {
         let first = self.affordable(FIRST_WORK).clamp(FIRST.start, FIRST.end);
         let (mut states, mut looked) = (first, 0);
         loop {
-            // Of searches without estimates: those that were asked to look at as much find nothing new.
             let cheap = states.saturating_mul(CHEAP).min(first.saturating_mul(SOON)).max(states);
-            let driver = || if cheap > looked { self.driver(cheap) } else { Slice::Spent(states) };
-            let light = || if cheap > looked { self.light(cheap) } else { Slice::Spent(states) };
+            let (driver, light) = (|| self.driver(cheap), || self.light(cheap));
             let landmarks = || self.landmarks(states);
             let estimates = || self.estimates(states, states == first);
-            let mut searches: Vec<(&dyn Fn() -> Slice, bool)> =
-                vec![(&driver, true), (&estimates, false), (&light, true)];
+            let mut searches: Vec<(&dyn Fn() -> Slice, bool)> = Vec::new();
             if states > first {
-                searches.insert(0, (&landmarks, false));
+                searches.push((&landmarks, false));
+            }
+            // Asked to look at as much as before, they find nothing new.
+            let is_novel = cheap > looked;
+            if is_novel {
+                searches.push((&driver, true));
+            }
+            searches.push((&estimates, false));
+            if is_novel {
+                searches.push((&light, true));
             }
             let mut is_full = false;
             for (search, makes_detours) in searches {
