@@ -1,9 +1,8 @@
 //! Temporal plans whose actions touch.
 //!
 //! Planners let an action start at the moment at which another ends, or at which the world changes by itself, and
-//! print fewer digits of their times than they planned with. What happens at one moment cannot build on each other
-//! (PDDL 2.1: what happens at one moment must not interfere), so that such a plan is not valid, though its order is
-//! right.
+//! print fewer digits of their times than they planned with. What happens at one moment must not interfere (PDDL 2.1),
+//! and nothing can build on what happens with it, so that such a plan is not valid, though its order is right.
 
 use super::Plan;
 use crate::pddl::Step;

@@ -337,7 +337,6 @@ impl Rewrite<'_, '_> {
             *slot = self.writer.head(word);
         }
         if head == Head::Metric
-            && word != ":metric"
             && let Some(slot) = self.heads.last_mut()
         {
             *slot = Head::Counting;
