@@ -1,7 +1,7 @@
 //! What each fuzz target does with bytes: it reads them, and where that is an
 //! error, the error must have a place in the input. Nothing may panic.
 //!
-//! `tests/rooms/fuzzed.rs` runs the same on damaged fixtures in every test run.
+//! `tests/unit/fuzzed.rs` runs the same on damaged fixtures in every test run.
 
 use bson::{Document, RawDocument, doc};
 use rmem::formats::diagnostic::{Diagnostic, Source};

@@ -5,9 +5,9 @@
 
 use crate::formats::{Diagnostic, Diagnostics};
 use crate::input::{UsageError, WrongInput};
-use crate::memory::dump::DumpError;
-use crate::memory::dumped::DumpedError;
-use crate::memory::restore::RestoreError;
+use crate::memory::dump::read::ReadError;
+use crate::memory::dump::restore::RestoreError;
+use crate::memory::dump::write::DumpError;
 use crate::output::WriteError;
 use crate::planner::Outcome;
 use crate::query::QueryError;
@@ -117,7 +117,7 @@ impl Exit {
         if cause.is::<UsageError>() || cause.is::<NamespaceError>() {
             return Some(Self::Usage);
         }
-        if cause.is::<DumpedError>() || matches!(cause.downcast_ref(), Some(RestoreError::Dump(_))) {
+        if cause.is::<ReadError>() || matches!(cause.downcast_ref(), Some(RestoreError::Dump(_))) {
             return Some(Self::BadInput);
         }
         match cause.downcast_ref() {

@@ -39,10 +39,7 @@ pub mod plan;
 
 pub mod process;
 
-pub mod facts;
-
-#[cfg(feature = "clips-engine")]
-pub mod engine;
+pub mod clips;
 
 pub mod formats;
 
@@ -61,7 +58,7 @@ use clap::FromArgMatches as _;
 use commands::Context;
 use exit::Exit;
 use output::Output;
-use process::warden;
+use process::supervisor;
 use settings::{Environment, Settings};
 
 /// What a process gives to [`run`]: its streams and surroundings, as values.
@@ -87,10 +84,10 @@ pub struct Process<'a> {
 /// Runs a command line and says how it ended. Can be called any number of times.
 pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Exit {
     let mut args: Vec<OsString> = args.into_iter().collect();
-    if args.get(1).is_some_and(|word| word == warden::COMMAND) {
-        match warden::run(args.into_iter().skip(2), &process.executable) {
-            warden::Next::Rmem(words) => args = words,
-            warden::Next::Exit(code) => return Exit::Passed(u8::try_from(code).unwrap_or(u8::MAX)),
+    if args.get(1).is_some_and(|word| word == supervisor::COMMAND) {
+        match supervisor::run(args.into_iter().skip(2), &process.executable) {
+            supervisor::Next::Rmem(words) => args = words,
+            supervisor::Next::Exit(code) => return Exit::Passed(u8::try_from(code).unwrap_or(u8::MAX)),
         }
     }
     let mut output = Output::new(process.stdout, process.stderr);
@@ -168,21 +165,21 @@ fn report(error: &anyhow::Error, output: &mut Output<'_>) -> Exit {
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// How many are at work that end by themselves when interrupted, because they have to clean up.
-static PATIENT: AtomicUsize = AtomicUsize::new(0);
+static GUARDS: AtomicUsize = AtomicUsize::new(0);
 
 /// Notes an interruption. Gives the code to exit with at once, unless a command is
 /// cleaning up and will end by itself.
 pub fn interrupt() -> Option<Exit> {
     let again = INTERRUPTED.swap(true, Ordering::SeqCst);
-    (again || PATIENT.load(Ordering::SeqCst) == 0).then_some(Exit::Interrupted)
+    (again || GUARDS.load(Ordering::SeqCst) == 0).then_some(Exit::Interrupted)
 }
 
 /// While it lives, an interruption only sets a flag, and who holds it cleans up and ends.
-pub(crate) struct Patience(());
+pub(crate) struct InterruptGuard(());
 
-impl Patience {
+impl InterruptGuard {
     pub(crate) fn new() -> Self {
-        PATIENT.fetch_add(1, Ordering::SeqCst);
+        GUARDS.fetch_add(1, Ordering::SeqCst);
         Self(())
     }
 
@@ -201,8 +198,8 @@ impl Patience {
     }
 }
 
-impl Drop for Patience {
+impl Drop for InterruptGuard {
     fn drop(&mut self) {
-        PATIENT.fetch_sub(1, Ordering::SeqCst);
+        GUARDS.fetch_sub(1, Ordering::SeqCst);
     }
 }

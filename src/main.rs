@@ -4,8 +4,8 @@ use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    // A warden, and what it becomes, has no thread beside it: it would take of the memory that is allowed.
-    if std::env::args_os().nth(1).is_none_or(|word| word != rmem::process::warden::COMMAND) {
+    // A supervisor, and what it becomes, has no thread beside it: it would take of the memory that is allowed.
+    if std::env::args_os().nth(1).is_none_or(|word| word != rmem::process::supervisor::COMMAND) {
         let _ = ctrlc::set_handler(|| {
             if let Some(exit) = rmem::interrupt() {
                 // Nothing is half-written at any moment: files appear by renaming, stores commit.

@@ -27,7 +27,7 @@ use crate::store::StoreError;
 /// How many documents are stored at once where that is not measured.
 const BATCH: usize = 10_000;
 /// A kind of work is not repeated any more after so long, but at least [`LEAST`] times.
-const PATIENCE: Duration = Duration::from_secs(4);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(4);
 /// The fewest repetitions.
 const LEAST: usize = 5;
 /// How many repetitions make a turn.
@@ -120,9 +120,9 @@ fn repeat(
         subject.time(&task)?;
     }
     let one = start.elapsed().max(Duration::from_micros(1));
-    let turn = usize::try_from(PATIENCE.as_micros() / one.as_micros()).unwrap_or(SERIES).clamp(1, SERIES);
+    let turn = usize::try_from(CONNECT_TIMEOUT.as_micros() / one.as_micros()).unwrap_or(SERIES).clamp(1, SERIES);
     let (mut done, start) = (0, Instant::now());
-    while done < rounds && (done < LEAST || start.elapsed() < PATIENCE) {
+    while done < rounds && (done < LEAST || start.elapsed() < CONNECT_TIMEOUT) {
         let series: Vec<_> = (0..turn.min(rounds - done)).map(|_| work.task(objects)).collect();
         for (subject, times) in subjects.iter().zip(&mut times) {
             for task in &series {

@@ -93,6 +93,6 @@ pub struct Watch {
 mod tests {
     #[test]
     fn the_help_shows_the_template_of_the_facts() {
-        assert!(super::HELP.contains(crate::facts::TRIGGER));
+        assert!(super::HELP.contains(crate::clips::facts::TRIGGER));
     }
 }

@@ -64,7 +64,7 @@ mod served {
 
     fn up(args: &BackendUp, context: &mut Context<'_>) -> anyhow::Result<Exit> {
         let since = Instant::now();
-        let patience = args.wait.unwrap_or_default();
+        let guard = args.wait.unwrap_or_default();
         let mut exit = Exit::Done;
         let mut rows = Vec::new();
         for backend in meant(&args.backends, context)? {
@@ -74,7 +74,7 @@ mod served {
                 context.output.warn(&text);
             }
             let mut settled = backend::settle(&backend)?;
-            while matches!(settled, Settled::Waiting { .. }) && since.elapsed() < patience {
+            while matches!(settled, Settled::Waiting { .. }) && since.elapsed() < guard {
                 std::thread::sleep(LOOK);
                 settled = backend::settle(&backend)?;
             }

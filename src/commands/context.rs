@@ -11,7 +11,7 @@ use bson::Document;
 use crate::formats::{Source, shell};
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Registry;
-use crate::memory::world::{World, WorldError};
+use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::memory::{Memory, Observer};
 use crate::output::{Format, Output};
 use crate::process::Host;
@@ -75,14 +75,14 @@ impl<'a> Context<'a> {
 
     /// A world file, and what messages call it. It may be larger than memory where it can be read
     /// twice, as stdin and pipes cannot.
-    fn world(&mut self, path: &Path) -> anyhow::Result<(String, Result<World, WorldError>)> {
+    fn world(&mut self, path: &Path) -> anyhow::Result<(String, Result<WorldFile, WorldError>)> {
         if !path.is_file() {
             let source = self.read(path)?;
             let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error };
-            return Ok((source.name().to_owned(), World::parse(&source).map_err(wrong)));
+            return Ok((source.name().to_owned(), WorldFile::parse(&source).map_err(wrong)));
         }
         let name = path.display().to_string();
-        Ok((name, World::open(path).map_err(WorldError::from)))
+        Ok((name, WorldFile::open(path).map_err(WorldError::from)))
     }
 
     /// What a memory is opened with, in whichever thread; the world files of `--load` are not in it.

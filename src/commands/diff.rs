@@ -9,8 +9,8 @@ use super::{Context, WrongInput};
 use crate::cli::Diff;
 use crate::exit::Exit;
 use crate::formats::shell;
-use crate::memory::difference::{Difference, Side, compare};
-use crate::memory::dumped::Dumped;
+use crate::memory::dump::diff::{Difference, Side, compare};
+use crate::memory::dump::read::Dump;
 
 pub(super) fn run(args: &Diff, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let (first, second) = (side(&args.first, context)?, side(&args.second, context)?);
@@ -30,8 +30,8 @@ fn side(text: &str, context: &mut Context<'_>) -> anyhow::Result<Side> {
             }
             Side::Memory(memory_at(uri)?)
         }
-        "-" => Side::Dump(Dumped::world(&context.read(Path::new(text))?)?),
-        path => Side::Dump(Dumped::open(Path::new(path))?),
+        "-" => Side::Dump(Dump::world(&context.read(Path::new(text))?)?),
+        path => Side::Dump(Dump::open(Path::new(path))?),
     })
 }
 

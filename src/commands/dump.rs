@@ -5,8 +5,8 @@ use std::path::Path;
 use super::{Context, UsageError};
 use crate::cli::Dump;
 use crate::exit::Exit;
-use crate::memory::world::WorldDumpError;
-use crate::memory::{dump, world};
+use crate::memory::dump::world_file::WorldDumpError;
+use crate::memory::dump::{world_file, write};
 
 pub(super) fn run(args: &Dump, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let is_world = args.output == Path::new("-") || args.output.extension().is_some_and(|end| end == "json");
@@ -20,14 +20,14 @@ pub(super) fn run(args: &Dump, context: &mut Context<'_>) -> anyhow::Result<Exit
     let memory = context.memory()?;
     let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
     if is_world {
-        context.output.write_with(&args.output, |out| match world::write(&memory, &namespaces, out) {
+        context.output.write_with(&args.output, |out| match world_file::write(&memory, &namespaces, out) {
             Err(WorldDumpError::Write(error)) => Err(error.into()),
             written => Ok(written?),
         })?;
         return Ok(Exit::Done);
     }
-    let write = if args.archive { dump::write_archive } else { dump::write };
-    for (namespace, count) in write(&memory, &namespaces, &args.output, args.gzip)? {
+    let dump = if args.archive { write::write_archive } else { write::write_folder };
+    for (namespace, count) in dump(&memory, &namespaces, &args.output, args.gzip)? {
         context.output.note(&format!("{namespace}: {count} documents"));
     }
     Ok(Exit::Done)

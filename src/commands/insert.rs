@@ -25,7 +25,7 @@ use crate::store::StoreError;
 const LARGEST_BATCH: usize = 1_000;
 
 /// How old a document may get before it is stored with those that came by then.
-const PATIENCE: Duration = Duration::from_millis(50);
+const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 
 pub(super) fn run(args: &Insert, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory_to_fill()?;
@@ -98,7 +98,7 @@ impl<'a> Batch<'a> {
             self.began = Instant::now();
         }
         self.documents.push(document);
-        if self.documents.len() >= self.size || self.began.elapsed() > PATIENCE {
+        if self.documents.len() >= self.size || self.began.elapsed() > FLUSH_INTERVAL {
             self.size = (self.size * 2).min(LARGEST_BATCH);
             self.store(memory, context)?;
         }

@@ -7,16 +7,16 @@ use bson::{Document, doc};
 use super::{Context, UsageError};
 use crate::cli::Restore;
 use crate::exit::Exit;
-use crate::memory::dumped::Dumped;
-use crate::memory::restore::{Manner, RestoreError, Restored, restore};
+use crate::memory::dump::read::Dump;
+use crate::memory::dump::restore::{RestoreError, RestoreOptions, Restored, restore};
 
 pub(super) fn run(args: &Restore, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let mut dumped = match args.path == Path::new("-") {
-        true => Dumped::world(&context.read(&args.path)?)?,
-        false => Dumped::open(&args.path)?,
+    let mut dump = match args.path == Path::new("-") {
+        true => Dump::world(&context.read(&args.path)?)?,
+        false => Dump::open(&args.path)?,
     };
     if let Some(namespace) = &args.into {
-        dumped = dumped.into(namespace).map_err(|found| {
+        dump = dump.into(namespace).map_err(|found| {
             let found: Vec<String> = found.iter().map(ToString::to_string).collect();
             UsageError::new(format!(
                 "--into takes a dump of one namespace, and {} has {}",
@@ -27,18 +27,18 @@ pub(super) fn run(args: &Restore, context: &mut Context<'_>) -> anyhow::Result<E
     }
     let memory = context.memory_to_fill()?;
     // What is staged has to be removed again; what is merged stays as far as it got.
-    let patience = (args.drop && !args.dry_run).then(crate::Patience::new);
-    let stop = patience.as_ref().map(crate::Patience::interrupted);
+    let guard = (args.drop && !args.dry_run).then(crate::InterruptGuard::new);
+    let stop = guard.as_ref().map(crate::InterruptGuard::interrupted);
     let temporary = context.temporary();
-    let manner = Manner { drop: args.drop, dry_run: args.dry_run, temporary: Some(&temporary), stop };
-    let restored = match restore(&memory, &dumped, manner) {
+    let options = RestoreOptions { drop: args.drop, dry_run: args.dry_run, temporary: Some(&temporary), stop };
+    let restored = match restore(&memory, &dump, options) {
         Err(interrupted @ RestoreError::Interrupted) => {
             context.output.error(&interrupted.to_string());
             return Ok(Exit::Interrupted);
         }
         restored => restored?,
     };
-    for note in &dumped.notes {
+    for note in &dump.notes {
         context.output.warn(note);
     }
     for restored in &restored {

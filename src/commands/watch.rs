@@ -34,7 +34,7 @@ pub(super) fn run(args: &cli::Watch, context: &mut Context<'_>) -> anyhow::Resul
     if let (true, Some(name)) = (args.forget, &args.resume) {
         return Ok(if memory.forget_watch(namespace, name)? { Exit::Done } else { Exit::No });
     }
-    let patience = crate::Patience::new();
+    let timeout = crate::InterruptGuard::new();
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.tell_operations();
     context.output.note(&format!("watching {namespace}"));
@@ -43,7 +43,7 @@ pub(super) fn run(args: &cli::Watch, context: &mut Context<'_>) -> anyhow::Resul
         namespace,
         delivery,
         watch,
-        stop: patience.interrupted(),
+        stop: timeout.interrupted(),
         delivered: 0,
         behind: false,
         kept: None,

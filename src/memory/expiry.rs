@@ -7,7 +7,7 @@
 use bson::{DateTime, Document, doc};
 
 use super::Memory;
-use crate::store::{Index, Namespace, StoreError, index, stamp};
+use crate::store::{Index, Namespace, StoreError, index, metadata};
 
 /// How many documents of a collection were removed, and why.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -48,11 +48,11 @@ impl Memory {
             // Computed documents decay too: they are counted as what they are.
             computed: remove(doc! {
                 // By the date of its decay, which has an index.
-                stamp::DECAY_PATH: { "$lte": now },
+                metadata::DECAY_PATH: { "$lte": now },
                 "_robmem_info.computed": true,
                 "_robmem_info.cached_until": { "$lte": now },
             })?,
-            decayed: remove(doc! { stamp::DECAY_PATH: { "$lte": now } })?,
+            decayed: remove(doc! { metadata::DECAY_PATH: { "$lte": now } })?,
             ..Expired::default()
         };
         for filter in store.indexes(ns)?.iter().filter_map(|index| due(index, now)) {

@@ -76,15 +76,15 @@ impl Mutex {
         }
     }
 
-    /// Tries to lock until it is done or `patience` is over.
+    /// Tries to lock until it is done or `timeout` is over.
     ///
     /// # Errors
     /// Where the store fails.
-    pub fn lock(&self, memory: &Memory, ttl: Option<Duration>, patience: Duration) -> Result<Tried, StoreError> {
+    pub fn lock(&self, memory: &Memory, ttl: Option<Duration>, timeout: Duration) -> Result<Tried, StoreError> {
         let (start, mut pause) = (Instant::now(), SHORTEST);
         loop {
             let tried = self.try_lock(memory, ttl)?;
-            let left = patience.saturating_sub(start.elapsed());
+            let left = timeout.saturating_sub(start.elapsed());
             if left.is_zero() || !matches!(tried, Tried::Held(_)) {
                 return Ok(tried);
             }

@@ -8,20 +8,14 @@
 mod atomic;
 mod clock;
 pub mod computables;
-pub mod difference;
 pub mod dump;
-pub mod dumped;
 pub mod expiry;
 mod index;
 mod journal;
 pub mod lock;
 mod operations;
-mod rehearsal;
-pub mod restore;
 mod route;
-mod staging;
 pub mod watch;
-pub mod world;
 
 pub use clock::Clock;
 pub use journal::{Observer, Operation};

@@ -9,7 +9,7 @@ use super::computables::{self, Computables, Computed, Registry, View};
 use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
 use crate::store::{
-    Documents, Find, Inserted, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated, stamp,
+    Documents, Find, Inserted, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated, metadata,
 };
 
 /// A local store and, perhaps, another one for shared databases.
@@ -72,7 +72,7 @@ impl Memory {
     pub fn insert(&self, ns: &Namespace, mut documents: Vec<Document>) -> Result<Inserted, StoreError> {
         let now = self.clock.now();
         for document in &mut documents {
-            stamp::insert(document, now)?;
+            metadata::insert(document, now)?;
         }
         self.journal.note(
             "insert",
@@ -84,7 +84,7 @@ impl Memory {
 
     /// Opens the file that a collection is in before something is done there. Where that fails, it fails again when
     /// something is. A server is not asked: it may take long to say nothing.
-    pub fn get_ready(&self, ns: &Namespace) {
+    pub fn prepare(&self, ns: &Namespace) {
         if self.routes.is_in_file(ns) {
             let _ = self.routes.reading(ns).and_then(|store| store.indexes(ns));
         }
@@ -93,7 +93,7 @@ impl Memory {
     /// Stores documents in place of those with their `_id`s; see [`Store::put`].
     pub fn put(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Put, StoreError> {
         let count = length(&documents);
-        documents.iter().try_for_each(stamp::check)?;
+        documents.iter().try_for_each(metadata::check)?;
         self.journal.note("put", Some(ns), |_| count, || self.routes.of(ns)?.put(ns, documents, Some(self.clock.now())))
     }
 
@@ -120,7 +120,7 @@ impl Memory {
     /// computed is left out.
     pub fn stored(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let start = Instant::now();
-        let stored = doc! { stamp::info_path("computed"): { "$ne": true } };
+        let stored = doc! { metadata::info_path("computed"): { "$ne": true } };
         let filter = if find.filter.is_empty() {
             stored
         } else {
@@ -264,7 +264,7 @@ fn length<T>(items: &[T]) -> u64 {
 
 /// Whether a dotted path leads into the metadata.
 fn is_metadata(path: &str) -> bool {
-    path.split('.').next() == Some(stamp::INFO)
+    path.split('.').next() == Some(metadata::INFO)
 }
 
 /// Documents that may be computed anew meanwhile are read at once.
@@ -277,5 +277,5 @@ fn settled<'a>(view: &View, documents: Documents<'a>) -> Result<Documents<'a>, S
 }
 
 fn without_metadata(documents: Documents<'_>) -> Documents<'_> {
-    Box::new(documents.map(|document| Ok(stamp::hide(document?)?)))
+    Box::new(documents.map(|document| Ok(metadata::hide(document?)?)))
 }

@@ -14,7 +14,7 @@ use bson::{Document, RawDocument, RawDocumentBuf};
 
 use super::Memory;
 use crate::query::{Filter, QueryError};
-use crate::store::{Change, ChangeKind, Changes, Name, Namespace, Next, StoreError, stamp};
+use crate::store::{Change, ChangeKind, Changes, Name, Namespace, Next, StoreError, metadata};
 
 /// Which changes are wanted.
 #[derive(Debug, Clone)]
@@ -78,21 +78,21 @@ impl Memory {
 }
 
 impl Watch<'_> {
-    /// The next change that is wanted, or nothing if none comes within `patience`.
+    /// The next change that is wanted, or nothing if none comes within `timeout`.
     ///
     /// # Errors
     /// Where nothing more will come; see [`Changes::next`].
-    pub fn next(&mut self, patience: Duration) -> Result<Next, StoreError> {
+    pub fn next(&mut self, timeout: Duration) -> Result<Next, StoreError> {
         let start = Instant::now();
         loop {
-            let change = match self.changes.next(patience.saturating_sub(start.elapsed()))? {
+            let change = match self.changes.next(timeout.saturating_sub(start.elapsed()))? {
                 Next::Change(change) => change,
                 other => return Ok(other),
             };
             if self.wants(&change)? {
                 return Ok(Next::Change(Box::new(self.shown(*change)?)));
             }
-            if start.elapsed() >= patience {
+            if start.elapsed() >= timeout {
                 return Ok(Next::Nothing);
             }
         }
@@ -129,14 +129,14 @@ impl Watch<'_> {
         if self.trigger.metadata {
             return Ok(change);
         }
-        let hide = |document: Option<RawDocumentBuf>| document.map(stamp::hide).transpose();
+        let hide = |document: Option<RawDocumentBuf>| document.map(metadata::hide).transpose();
         Ok(Change { before: hide(change.before)?, after: hide(change.after)?, ..change })
     }
 }
 
 /// Whether a computable made the document.
 fn is_computed(document: &RawDocument) -> Result<bool, QueryError> {
-    let info = document.get(stamp::INFO)?.and_then(|info| info.as_document());
+    let info = document.get(metadata::INFO)?.and_then(|info| info.as_document());
     let computed = info.map(|info| info.get("computed")).transpose()?.flatten();
     Ok(computed == Some(RawBsonRef::Boolean(true)))
 }

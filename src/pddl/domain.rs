@@ -6,7 +6,7 @@ use super::model::{Body, Change, Formula, Rule, Variable};
 use super::report::Report;
 use super::resolve::Resolver;
 use super::table::{Named, Table, nearest, suggestion};
-use super::types::{Kind, OBJECT};
+use super::types::{OBJECT, TypeSet};
 use super::vocabulary::{ObjectEntry, Vocabulary, add_objects, check_doubles, twice, variables};
 use crate::formats::pddl::ast::{self, Name};
 use crate::formats::pddl::{Dialect, read_domain};
@@ -330,7 +330,7 @@ fn read_durative_action(action: &ast::DurativeAction, resolver: &mut Resolver<'_
 
 /// A parameter of a type other than `object` uses types.
 fn note_typing(variables: &[Variable], resolver: &mut Resolver<'_, '_, '_>) {
-    let is_typed = |kind: &Kind| kind.as_ref() != [OBJECT];
+    let is_typed = |kind: &TypeSet| kind.as_ref() != [OBJECT];
     if let Some(typed) = variables.iter().find(|variable| is_typed(&variable.kind)) {
         resolver.uses.note(Feature::Typing, typed.name.span());
     }

@@ -197,7 +197,7 @@ pub(super) const REQUIREMENTS: [&str; 38] = [
     ":subgoals-through-axioms",
     ":safety-constraints",
     ":expression-evaluation",
-    ":open-world",
+    ":open-state",
     ":true-negation",
     ":action-expansions",
     ":foreach-expansions",

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::types::Kind;
+use super::types::TypeSet;
 use crate::formats::pddl::ast::{Assigner, Comparator, Moment, Name, Operator};
 
 /// A variable of an action, a rule or a quantifier.
@@ -14,7 +14,7 @@ use crate::formats::pddl::ast::{Assigner, Comparator, Moment, Name, Operator};
 pub(super) struct Variable {
     /// With its `?`.
     pub(super) name: Name,
-    pub(super) kind: Kind,
+    pub(super) kind: TypeSet,
 }
 
 /// An argument.

@@ -8,7 +8,7 @@ use super::table::{Named, Table, suggestion};
 use crate::formats::pddl::ast::{self, Name};
 
 /// The types a thing may have: one, or the alternatives of an `either`.
-pub(super) type Kind = Arc<[u32]>;
+pub(super) type TypeSet = Arc<[u32]>;
 
 /// `object`, which every type belongs to.
 pub(super) const OBJECT: u32 = 0;
@@ -90,7 +90,7 @@ impl Types {
     }
 
     /// `t`, or `(either t u)`.
-    pub(super) fn kind_text(&self, kind: &Kind) -> String {
+    pub(super) fn kind_text(&self, kind: &TypeSet) -> String {
         match kind.as_ref() {
             [only] => self.name(*only).to_owned(),
             all => {
@@ -101,7 +101,7 @@ impl Types {
     }
 
     /// What is written after a dash; `object` where nothing is.
-    pub(super) fn resolve(&self, kind: Option<&ast::Type>, report: &mut Report<'_>) -> Kind {
+    pub(super) fn resolve(&self, kind: Option<&ast::Type>, report: &mut Report<'_>) -> TypeSet {
         let Some(names) = kind else { return [OBJECT].into() };
         names
             .iter()
@@ -138,17 +138,17 @@ impl Types {
     }
 
     /// Whether everything of kind `given` is of kind `wanted`.
-    pub(super) fn fits(&self, given: &Kind, wanted: &Kind) -> bool {
+    pub(super) fn fits(&self, given: &TypeSet, wanted: &TypeSet) -> bool {
         given.iter().all(|given| wanted.iter().any(|wanted| self.is_subtype(*given, *wanted)))
     }
 
     /// Whether one thing could be of both kinds.
-    pub(super) fn overlap(&self, one: &Kind, other: &Kind) -> bool {
+    pub(super) fn overlap(&self, one: &TypeSet, other: &TypeSet) -> bool {
         let count = u32::try_from(self.parents.len()).unwrap_or(u32::MAX);
         self.fits(one, other)
             || self.fits(other, one)
             || (0..count).any(|number| {
-                let below = |kind: &Kind| kind.iter().any(|above| self.is_subtype(number, *above));
+                let below = |kind: &TypeSet| kind.iter().any(|above| self.is_subtype(number, *above));
                 below(one) && below(other)
             })
     }

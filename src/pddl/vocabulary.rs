@@ -3,14 +3,14 @@
 use super::model::Variable;
 use super::report::Report;
 use super::table::{Named, Table};
-use super::types::{Kind, OBJECT, Types};
+use super::types::{OBJECT, TypeSet, Types};
 use crate::formats::pddl::ast::{self, Name};
 
 /// A constant or an object, in its original spelling.
 #[derive(Debug, Clone)]
 pub(super) struct ObjectEntry {
     pub(super) name: Name,
-    pub(super) kind: Kind,
+    pub(super) kind: TypeSet,
 }
 
 impl Named for ObjectEntry {
@@ -37,7 +37,7 @@ impl Named for PredicateEntry {
 pub(super) struct FunctionEntry {
     pub(super) name: Name,
     pub(super) parameters: Vec<Variable>,
-    pub(super) values: Option<Kind>,
+    pub(super) values: Option<TypeSet>,
 }
 
 impl Named for FunctionEntry {
@@ -119,8 +119,8 @@ pub(super) fn add_objects(
     report: &mut Report<'_>,
 ) {
     let constants = objects.items().len();
-    let mut last: Option<(&ast::Type, Kind)> = None;
-    let untyped: Kind = [OBJECT].into();
+    let mut last: Option<(&ast::Type, TypeSet)> = None;
+    let untyped: TypeSet = [OBJECT].into();
     for typed in list {
         let kind = match (&typed.kind, &last) {
             (None, _) => untyped.clone(),

@@ -6,7 +6,7 @@ use std::time::Duration;
 use bson::{Array, Bson, DateTime, Document, doc};
 use sha2::{Digest as _, Sha256};
 
-use super::{Given, Recipe};
+use super::{Input, TaskSource};
 use crate::formats::shell;
 use crate::pddl::{Problem, Why};
 use crate::planner::{Race, Run};
@@ -98,7 +98,7 @@ pub struct Lineage {
     /// When planning began.
     pub started: Option<DateTime>,
     /// What the plan was made from.
-    pub sources: Option<Recipe>,
+    pub sources: Option<TaskSource>,
     /// The planners that were asked.
     pub planners: Vec<String>,
     /// Whether they were to use all of their time.
@@ -121,19 +121,19 @@ impl Lineage {
     /// That of a plan before it is looked for: what it is made from, the problem that this gave, and the
     /// queries that its template asked.
     #[must_use]
-    pub fn of(recipe: Recipe, problem: &Problem, sections: &[SectionReport]) -> Self {
-        let request = match &recipe.task {
-            Given::Template(request) => Some(request),
-            Given::Problem(_) => None,
+    pub fn of(source: TaskSource, problem: &Problem, sections: &[SectionReport]) -> Self {
+        let request = match &source.task {
+            Input::Template(request) => Some(request),
+            Input::Problem(_) => None,
         };
         let goal = || problem.tree().goal.as_ref().map(ToString::to_string).unwrap_or_default();
         Self {
-            domain: hash(recipe.domain.text()),
+            domain: hash(source.domain.text()),
             problem: hash(problem.source().text()),
             template: request.map(|request| hash(request.template.text())),
             goal: request.and_then(|request| request.goal.clone()).unwrap_or_else(goal),
             queries: sections.iter().map(Answered::from).collect(),
-            sources: Some(recipe),
+            sources: Some(source),
             ..Self::default()
         }
     }
@@ -203,7 +203,7 @@ impl Lineage {
         insert(&mut document, "timeout", self.timeout.map(|timeout| timeout.as_secs_f64() * 1000.0));
         insert(&mut document, "memory_limit", self.memory_limit.and_then(|limit| i64::try_from(limit).ok()));
         insert(&mut document, "rerun_of", self.rerun_of.clone());
-        insert(&mut document, "sources", self.sources.as_ref().map(Recipe::to_document));
+        insert(&mut document, "sources", self.sources.as_ref().map(TaskSource::to_document));
         document
     }
 }

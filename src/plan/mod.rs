@@ -4,12 +4,12 @@
 //! memory's values again: how a name turns into a value is the caller's function, the
 //! inverse of how values became names when the problem was generated.
 
-mod archive;
 mod document;
 mod lineage;
 mod print;
 mod progress;
-mod recipe;
+mod repository;
+mod source;
 mod spacing;
 mod spelling;
 mod svg;
@@ -17,12 +17,12 @@ mod svg;
 use crate::formats::plan::{Action, PlanFile};
 use crate::pddl::Step;
 
-pub use archive::{Archive, ArchiveError, LAST, Record, spelled};
 pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document};
 pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};
-pub use print::{Format, Page, PrintError};
+pub use print::{Format, PrintError, PrintedPlan};
 pub use progress::{Progress, Status};
-pub use recipe::{Given, Recipe, RecipeError};
+pub use repository::{Archive, ArchiveError, LAST, Record, spelled};
+pub use source::{Input, RecipeError, TaskSource};
 
 /// A sequence of ground actions that reaches a goal.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -35,7 +35,7 @@ pub enum PrintError {
 
 /// A plan with what is printed along with it.
 #[derive(Clone, Copy)]
-pub struct Page<'a> {
+pub struct PrintedPlan<'a> {
     /// The plan, with the names of the problem.
     pub plan: &'a Plan,
     /// Its document, which is what [`Format::Json`] prints.
@@ -48,7 +48,7 @@ pub struct Page<'a> {
     pub value: &'a dyn Fn(&str) -> Bson,
 }
 
-impl Page<'_> {
+impl PrintedPlan<'_> {
     /// Prints the plan; the text ends with a line break.
     ///
     /// # Errors

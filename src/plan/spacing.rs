@@ -22,7 +22,7 @@ enum Moment {
     /// A step ends.
     End(usize),
     /// The world changes by itself, whatever the plan does.
-    Given,
+    Input,
     /// A step starts.
     Start(usize),
 }
@@ -43,7 +43,7 @@ impl Plan {
             let mut is_settled = true;
             for (time, moment) in &order {
                 let (step, offset) = match moment {
-                    Moment::Given => {
+                    Moment::Input => {
                         earliest = earliest.max(time + APART);
                         continue;
                     }
@@ -74,7 +74,7 @@ impl Plan {
 
 /// The moments of a plan, one after the other.
 fn order(starts: &[f64], lengths: &[f64], given: &[f64]) -> Vec<(f64, Moment)> {
-    let mut moments: Vec<(f64, Moment)> = given.iter().map(|time| (*time, Moment::Given)).collect();
+    let mut moments: Vec<(f64, Moment)> = given.iter().map(|time| (*time, Moment::Input)).collect();
     for (step, (start, length)) in starts.iter().zip(lengths).enumerate() {
         moments.push((*start, Moment::Start(step)));
         // What takes no time is one moment.

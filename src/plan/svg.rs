@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::print::time;
-use super::{Page, Status};
+use super::{PrintedPlan, Status};
 
 /// Of a line of text, in pixels.
 const LINE: f64 = 24.0;
@@ -18,7 +18,7 @@ const SPAN: f64 = 640.0;
 /// The least that is seen of a bar.
 const THIN: f64 = 2.0;
 
-pub(super) fn draw(page: &Page<'_>) -> String {
+pub(super) fn draw(page: &PrintedPlan<'_>) -> String {
     let body = if page.plan.is_temporal() { bars(page) } else { boxes(page) };
     let (width, height) = (body.width + 2.0 * MARGIN, body.height + 2.0 * MARGIN);
     format!(
@@ -38,7 +38,7 @@ struct Drawing {
 }
 
 /// A box a step, an arrow from each to the next.
-fn boxes(page: &Page<'_>) -> Drawing {
+fn boxes(page: &PrintedPlan<'_>) -> Drawing {
     let labels = labels(page);
     let width = widest(&labels) + 2.0 * MARGIN;
     let (middle, step) = (MARGIN + width / 2.0, LINE * 1.75);
@@ -62,7 +62,7 @@ fn boxes(page: &Page<'_>) -> Drawing {
 }
 
 /// A bar a step, as long as it takes, its name in front.
-fn bars(page: &Page<'_>) -> Drawing {
+fn bars(page: &PrintedPlan<'_>) -> Drawing {
     let labels = labels(page);
     let names = widest(&labels) + MARGIN;
     let end = |step: &crate::pddl::Step| step.start.unwrap_or_default() + step.duration.unwrap_or_default();
@@ -86,7 +86,7 @@ fn bars(page: &Page<'_>) -> Drawing {
     Drawing { text, width: names + SPAN, height: LINE * (labels.len() as f64 + 1.0) }
 }
 
-fn labels(page: &Page<'_>) -> Vec<String> {
+fn labels(page: &PrintedPlan<'_>) -> Vec<String> {
     page.plan.steps.iter().enumerate().map(|(index, step)| format!("{}: {}", index + 1, page.readable(step))).collect()
 }
 

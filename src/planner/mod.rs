@@ -5,10 +5,9 @@
 //! do, writes the task in names every planner understands ([`names`]), runs the program
 //! under [`Limits`] with nothing left behind ([`crate::process`]), and turns what comes
 //! back into a [`Run`] whose [`Outcome`] has an exit code and whose plan is in the
-//! domain's and the problem's own spelling. A [`LineUp`] lets several planners run at once.
+//! domain's and the problem's own spelling. A [`Portfolio`] lets several planners run at once.
 
 pub mod builtin;
-pub mod names;
 
 mod configured;
 mod downward;
@@ -25,6 +24,6 @@ pub use configured::{Configured, Dialect};
 pub use downward::FastDownward;
 pub use ff::Ff;
 pub use outcome::Outcome;
-pub use race::{LineUp, Race};
+pub use race::{Portfolio, Race};
 pub use run::{Output, Planner, Run, Task, by_name, run};
 pub use sizes::Sizes;

@@ -14,7 +14,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::outcome::Outcome;
-use super::run::{Planner, Ready, Run, Task};
+use super::run::{Planner, PreparedPlanner, Run, Task};
 use crate::process::{Host, Limits, Pool};
 
 /// How often an interruption is looked for.
@@ -49,16 +49,16 @@ impl Race {
 }
 
 /// Planners at the start: their programs are there and wait for their task.
-pub struct LineUp<'a> {
-    planners: Vec<Ready<'a>>,
+pub struct Portfolio<'a> {
+    planners: Vec<PreparedPlanner<'a>>,
     limits: Limits,
 }
 
-impl<'a> LineUp<'a> {
+impl<'a> Portfolio<'a> {
     /// Lines planners up. It takes some milliseconds, in which the task may still be made.
     #[must_use]
     pub fn new(planners: &'a [Box<dyn Planner>], limits: &Limits, host: &Host<'_>) -> Self {
-        let planners = planners.iter().map(|planner| Ready::new(planner.as_ref(), limits, host));
+        let planners = planners.iter().map(|planner| PreparedPlanner::new(planner.as_ref(), limits, host));
         Self { planners: planners.collect(), limits: *limits }
     }
 

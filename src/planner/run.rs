@@ -5,15 +5,15 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::files::{self, DOMAIN, DOMAIN_FILE, PLAN, PROBLEM, PROBLEM_FILE};
-use super::names::{self, Sent};
 use super::outcome::Outcome;
 use super::sizes::Sizes;
 use super::{Builtin, FastDownward, Ff};
+use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
 use crate::pddl::{Domain, Feature, Problem, Validation, Why, validate, why};
 use crate::plan::Plan;
-use crate::process::{End, Ended, Host, Job, Limits, Manner, Poised, Share};
+use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, Share};
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
@@ -205,21 +205,21 @@ pub fn by_name(name: &str, anytime: bool) -> Option<Box<dyn Planner>> {
 /// Runs a planner on a task. What it cannot do is refused before the run.
 #[must_use]
 pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Run {
-    Ready::new(planner, limits, host).attempt(task, host, None)
+    PreparedPlanner::new(planner, limits, host).attempt(task, host, None)
 }
 
 /// A planner whose program is there and waits for its task.
-pub(super) struct Ready<'a> {
+pub(super) struct PreparedPlanner<'a> {
     planner: &'a dyn Planner,
     command: Vec<OsString>,
-    program: Poised,
+    program: Prepared,
     limits: Limits,
 }
 
-impl<'a> Ready<'a> {
+impl<'a> PreparedPlanner<'a> {
     pub(super) fn new(planner: &'a dyn Planner, limits: &Limits, host: &Host<'_>) -> Self {
         let command = planner.command(host);
-        Self { program: poise(planner, &command, limits, host), planner, command, limits: *limits }
+        Self { program: prepare(planner, &command, limits, host), planner, command, limits: *limits }
     }
 
     /// Runs it on a task. Of several runs that share their limit of memory, each has a `share`.
@@ -229,14 +229,14 @@ impl<'a> Ready<'a> {
             return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
         }
         let (domain, problem) = (task.domain.tree(), task.problem.tree());
-        let Some(sent) = names::try_send(domain, problem, planner.requirements(), host.interrupted) else {
+        let Some(sent) = portable::try_send(domain, problem, planner.requirements(), host.interrupted) else {
             return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
         };
         let (mut ended, mut answer) = ask(planner, self.program, &sent, host, share);
         if let Some(other) = planner.again(&answer, &self.command) {
             let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..limits };
             let (first, cpu) = (ended.wall, ended.cpu);
-            (ended, answer) = ask(planner, poise(planner, &other, &rest, host), &sent, host, share);
+            (ended, answer) = ask(planner, prepare(planner, &other, &rest, host), &sent, host, share);
             self.command = other;
             ended.wall += first;
             ended.cpu = ended.cpu.zip(cpu).map(|(one, other)| one + other);
@@ -271,7 +271,7 @@ impl Task<'_> {
 }
 
 /// Starts a planner's program, which then waits for its task.
-fn poise(planner: &dyn Planner, command: &[OsString], limits: &Limits, host: &Host<'_>) -> Poised {
+fn prepare(planner: &dyn Planner, command: &[OsString], limits: &Limits, host: &Host<'_>) -> Prepared {
     let program = command.first().map_or(OsStr::new(""), OsString::as_os_str);
     let job = Job {
         program,
@@ -280,16 +280,16 @@ fn poise(planner: &dyn Planner, command: &[OsString], limits: &Limits, host: &Ho
         is_fed: false,
         folder: None,
         environment: planner.environment(),
-        manner: Manner::Captured,
+        mode: Mode::Captured,
         wanted: files::order,
     };
-    Poised::new(&job, limits, host)
+    Prepared::new(&job, limits, host)
 }
 
 /// Gives the program its task, and reads its answer.
 fn ask(
     planner: &dyn Planner,
-    program: Poised,
+    program: Prepared,
     sent: &Sent,
     host: &Host<'_>,
     share: Option<Share<'_>>,

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use bson::Bson;
 
 use super::names;
-use super::origin::{DocumentId, Kind, Placed, from_document};
+use super::origin::{DocumentId, Placed, StretchKind, from_document};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// A value on its way into the problem.
@@ -114,7 +114,7 @@ impl<'a> Assembler<'a> {
         // A goal starts and ends with a parenthesis, so none of it is in a token.
         self.stretch(goal, None)?;
         let output = Span::new(self.out.len().saturating_sub(goal.len()), self.out.len());
-        self.placed.push(Placed { output, template, document: None, kind: Kind::Goal });
+        self.placed.push(Placed { output, template, document: None, kind: StretchKind::Goal });
         Ok(())
     }
 
@@ -152,7 +152,7 @@ impl<'a> Assembler<'a> {
                 output,
                 template: Span::new(start, start + text.len()),
                 document,
-                kind: Kind::Text,
+                kind: StretchKind::Text,
             });
         }
     }
@@ -202,7 +202,7 @@ impl<'a> Assembler<'a> {
                         Cow::Owned(value) => (value.template, value.document),
                         Cow::Borrowed(value) => (value.template, value.document.clone()),
                     };
-                    self.placed.push(Placed { output, template, document, kind: Kind::Value });
+                    self.placed.push(Placed { output, template, document, kind: StretchKind::Value });
                 }
             }
         }

@@ -9,18 +9,14 @@
 
 mod answer;
 mod assembly;
-mod bound;
-mod engine;
 mod explain;
-mod function;
 mod goal;
 pub mod import;
-mod instrument;
 mod marker;
+mod minijinja;
 pub mod names;
 mod origin;
 mod request;
-mod value;
 
 pub use explain::{Explanation, Part};
 pub use origin::{Generated, Origin};

@@ -35,7 +35,7 @@ pub struct Origin {
 
 /// What made a stretch of the problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum StretchKind {
     Value,
     /// Text of the template, as it is there.
     Text,
@@ -50,7 +50,7 @@ pub(super) struct Placed {
     /// In the template.
     pub(super) template: Span,
     pub(super) document: Option<DocumentId>,
-    pub(super) kind: Kind,
+    pub(super) kind: StretchKind,
 }
 
 /// A problem, and how it came about.
@@ -97,7 +97,8 @@ impl Generated {
     pub(super) fn value_at(&self, place: Span) -> Option<(Namespace, Bson)> {
         let next = self.placed.partition_point(|placed| placed.output.end <= place.start);
         let within = self.placed.iter().skip(next).take_while(|placed| placed.output.start < place.end);
-        let mut values = within.filter(|placed| placed.kind == Kind::Value && placed.output.start >= place.start);
+        let mut values =
+            within.filter(|placed| placed.kind == StretchKind::Value && placed.output.start >= place.start);
         let (namespace, id) = values.find_map(|placed| placed.document.as_deref())?;
         Some((namespace.as_ref().clone(), id.clone()))
     }
@@ -107,7 +108,7 @@ impl Generated {
     pub fn locate(&self, offset: usize) -> Origin {
         let next = self.placed.partition_point(|placed| placed.output.end <= offset);
         if let Some(inside) = self.placed.get(next).filter(|placed| placed.output.start <= offset) {
-            if inside.kind != Kind::Text {
+            if inside.kind != StretchKind::Text {
                 return self.origin(inside.template, inside.document.as_ref());
             }
             let span = Span::at(inside.template.start + offset - inside.output.start);
@@ -184,7 +185,7 @@ impl Generated {
     /// The goal, if the byte at `offset` is in it.
     fn goal_around(&self, offset: usize) -> Option<&str> {
         let placed = self.placed.get(self.placed.partition_point(|placed| placed.output.end <= offset))?;
-        let goal = placed.kind == Kind::Goal && placed.output.start <= offset;
+        let goal = placed.kind == StretchKind::Goal && placed.output.start <= offset;
         self.text.get(placed.output.start..placed.output.end).filter(|_| goal)
     }
 

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::{Generated, engine, goal, instrument, marker};
+use super::{Generated, goal, marker, minijinja};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
@@ -94,7 +94,7 @@ pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, Problem
     for (name, _) in &request.parameters {
         let taken = match syntax {
             Syntax::Marker => name == "GOAL",
-            _ => name == "goal" || name == "param" || instrument::PLACED.contains(&name.as_str()),
+            _ => name == "goal" || name == "param" || minijinja::PLACED.contains(&name.as_str()),
         };
         if taken {
             let source = Source::new("<parameter>", name.as_str());
@@ -106,7 +106,7 @@ pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, Problem
     }
     match syntax {
         Syntax::Marker => marker::expand(request, goal.as_deref(), memory),
-        _ => engine::render(request, goal.as_deref(), memory),
+        _ => minijinja::render(request, goal.as_deref(), memory),
     }
 }
 

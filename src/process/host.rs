@@ -7,7 +7,7 @@ use std::time::Duration;
 /// What the process that runs programs lends them. The library reads no environment.
 #[derive(Debug, Clone)]
 pub struct Host<'a> {
-    /// The rmem executable: it starts itself again as `__warden` and as `ff`.
+    /// The rmem executable: it starts itself again as `__supervisor` and as `ff`.
     pub exe: PathBuf,
     /// Where temporary directories are made.
     pub temporary: PathBuf,

@@ -1,6 +1,6 @@
 //! The last step before a program runs: the process that becomes its program.
 //!
-//! It is started by the warden, is a process of its own, and looks for the program where
+//! It is started by the supervisor, is a process of its own, and looks for the program where
 //! its environment says. Where the program is rmem, it is there already, and goes on as that.
 
 use std::ffi::{OsStr, OsString};
@@ -15,24 +15,24 @@ use std::process::{Command, Stdio};
 use rustix::process::{Resource, Rlimit, Signal, getpid, getppid, set_parent_process_death_signal, setrlimit};
 use rustix::stdio::dup2_stdin;
 
+use super::supervisor::Next;
 use super::usage;
-use super::warden::Next;
 
 /// What the stack of the first thread may come to need, in bytes.
 const STACK: u64 = 8 << 20;
 
-/// What the warden says when the program may run.
+/// What the supervisor says when the program may run.
 pub(super) const GO: &[u8] = b"g";
 
 /// Becomes the program. Returns where that is rmem itself, at `own`, and where it fails, which it says on
 /// standard input. The arguments are `--parent PID [--memory BYTES] [--input FILE] -- PROGRAM ARGUMENT…`.
 pub(super) fn run(arguments: impl Iterator<Item = OsString>, own: &Path) -> Next {
-    let Ok(warden) = io::stdin().as_fd().try_clone_to_owned() else { return Next::Exit(2) };
-    let mut warden = UnixStream::from(warden);
-    match become_program(arguments, &mut warden, own) {
+    let Ok(supervisor) = io::stdin().as_fd().try_clone_to_owned() else { return Next::Exit(2) };
+    let mut supervisor = UnixStream::from(supervisor);
+    match become_program(arguments, &mut supervisor, own) {
         Ok(words) => Next::Rmem(words),
         Err(words) => {
-            let _ = warden.write_all(words.as_bytes());
+            let _ = supervisor.write_all(words.as_bytes());
             Next::Exit(2)
         }
     }
@@ -40,7 +40,7 @@ pub(super) fn run(arguments: impl Iterator<Item = OsString>, own: &Path) -> Next
 
 fn become_program(
     mut arguments: impl Iterator<Item = OsString>,
-    warden: &mut UnixStream,
+    supervisor: &mut UnixStream,
     own: &Path,
 ) -> Result<Vec<OsString>, String> {
     let (mut parent, mut memory, mut input) = (None, None, None);
@@ -57,8 +57,8 @@ fn become_program(
     let failed = |error: &dyn std::fmt::Display| format!("failed {error}");
     set_parent_process_death_signal(Some(Signal::KILL)).map_err(|error| failed(&error))?;
     let is_parent = getppid().is_some_and(|own| u64::try_from(own.as_raw_nonzero().get()).ok() == parent);
-    if !is_parent || warden.read_exact(&mut [0; GO.len()]).is_err() {
-        return Err("failed because its warden is gone".to_owned());
+    if !is_parent || supervisor.read_exact(&mut [0; GO.len()]).is_err() {
+        return Err("failed because its supervisor is gone".to_owned());
     }
     let program = arguments.next().unwrap_or_default();
     let stdin = input.unwrap_or_else(|| "/dev/null".into());

@@ -1,4 +1,4 @@
-//! A run: a temporary directory, a warden, limits, what is left.
+//! A run: a temporary directory, a supervisor, limits, what is left.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
@@ -17,8 +17,8 @@ use tempfile::TempDir;
 
 use super::host::{Host, Limits};
 use super::pool::Share;
+use super::supervisor::GRACE;
 use super::usage;
-use super::warden::GRACE;
 use crate::formats::Source;
 
 /// The file in the run's directory that the program reads as standard input.
@@ -27,8 +27,8 @@ pub(crate) const INPUT: &str = "stdin";
 /// How often interruption, time and output are looked at.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// How long the warden may take beyond the grace before it is given up.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long the supervisor may take beyond the grace before it is given up.
+const READ_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How long reading what a program left may take when the time of the run is over.
 const READING: Duration = Duration::from_secs(2);
@@ -56,14 +56,14 @@ pub(crate) struct Job<'a> {
     /// The whole environment, where it is not rmem's.
     pub(crate) environment: Option<&'a [(&'a str, &'a str)]>,
     /// On whose behalf it runs.
-    pub(crate) manner: Manner<'a>,
+    pub(crate) mode: Mode<'a>,
     /// Which of the files it leaves are wanted: where one stands among them, by its name.
     pub(crate) wanted: fn(&str) -> Option<u64>,
 }
 
 /// On whose behalf a program runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Manner<'a> {
+pub(crate) enum Mode<'a> {
     /// On rmem's: what it prints is captured, and nothing that it started outlives it.
     Captured,
     /// On the user's: it prints where rmem does, has these variables as well, and may leave something in
@@ -98,12 +98,12 @@ pub(crate) struct Ended {
     /// The wanted files it left, in their order.
     pub(crate) files: Vec<Source>,
     pub(crate) wall: Duration,
-    /// The processor time of all its processes, where the warden lived to say it.
+    /// The processor time of all its processes, where the supervisor lived to say it.
     pub(crate) cpu: Option<Duration>,
     /// It ran into the limit of memory.
     pub(crate) out_of_memory: bool,
     /// On its way out already; it is waited for in the end.
-    warden: Option<Warden>,
+    supervisor: Option<Supervisor>,
 }
 
 impl Ended {
@@ -126,56 +126,56 @@ impl Default for Ended {
             wall: Duration::ZERO,
             cpu: None,
             out_of_memory: false,
-            warden: None,
+            supervisor: None,
         }
     }
 }
 
 /// Runs a program to its end or its limits. The texts are those of files in its directory, by their names.
 pub(crate) fn run(job: &Job<'_>, texts: &[(&str, &str)], limits: &Limits, host: &Host<'_>) -> Ended {
-    Poised::new(job, limits, host).run(texts, None, host)
+    Prepared::new(job, limits, host).run(texts, None, host)
 }
 
 /// A program about to run: it waits for its texts, with its processes and its directory there. They go where
 /// this does.
 #[derive(Debug)]
-pub(crate) struct Poised {
+pub(crate) struct Prepared {
     /// What keeps it from running is said when it is to run.
-    warden: io::Result<Warden>,
+    supervisor: io::Result<Supervisor>,
     limits: Limits,
     wanted: fn(&str) -> Option<u64>,
 }
 
-impl Poised {
+impl Prepared {
     pub(crate) fn new(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Self {
-        Self { warden: Warden::start(job, limits, host), limits: *limits, wanted: job.wanted }
+        Self { supervisor: Supervisor::start(job, limits, host), limits: *limits, wanted: job.wanted }
     }
 
     /// Runs it to its end or its limits; the time counts from here. `share` is its part in a limit of memory
     /// that several runs share. When this returns, neither its processes nor its directory are left; only the
-    /// warden may still be on its way out, until what has [`Ended`] is dropped.
+    /// supervisor may still be on its way out, until what has [`Ended`] is dropped.
     pub(crate) fn run(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> Ended {
         let failed = |error: io::Error| Ended { end: End::Failed(error.to_string()), ..Ended::default() };
         self.attempt(texts, share, host).unwrap_or_else(failed)
     }
 
     fn attempt(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> io::Result<Ended> {
-        let (mut warden, limits) = (self.warden?, self.limits);
+        let (mut supervisor, limits) = (self.supervisor?, self.limits);
         for (name, text) in texts {
-            write(&warden.place().join(name), text, host)?;
+            write(&supervisor.place().join(name), text, host)?;
         }
         if host.is_interrupted() {
             return Ok(Ended { end: End::Interrupted, ..Ended::default() });
         }
         let started = Instant::now();
-        warden.release();
-        let (end, usage) = warden.wait(&limits, host, started, share);
+        supervisor.release();
+        let (end, usage) = supervisor.wait(&limits, host, started, share);
         if let Some(share) = share {
             share.release();
         }
         let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
         let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
-        let mut ended = warden.collect(&limits, &reading, self.wanted)?;
+        let mut ended = supervisor.collect(&limits, &reading, self.wanted)?;
         ended.wall = started.elapsed();
         ended.cpu = usage.as_ref().map(|usage| usage.cpu);
         let peak = usage.map_or(0, |usage| usage.peak);
@@ -202,9 +202,9 @@ fn write(path: &Path, text: &str, host: &Host<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// rmem's end of the warden.
+/// rmem's end of the supervisor.
 #[derive(Debug)]
-struct Warden {
+struct Supervisor {
     process: Child,
     lifeline: UnixStream,
     pending: String,
@@ -214,7 +214,7 @@ struct Warden {
     directory: Option<TempDir>,
 }
 
-/// What the warden has said.
+/// What the supervisor has said.
 enum Word {
     Nothing,
     Ended(End, Usage),
@@ -229,16 +229,16 @@ struct Usage {
     cpu: Duration,
 }
 
-impl Warden {
+impl Supervisor {
     fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Self> {
         let directory = tempfile::Builder::new().prefix("rmem-run-").tempdir_in(&host.temporary)?;
         let (ours, theirs) = UnixStream::pair()?;
         let mut command = Command::new(&host.exe);
-        command.arg("__warden").arg("--directory").arg(directory.path());
+        command.arg("__supervisor").arg("--directory").arg(directory.path());
         if let Some(bytes) = limits.memory {
             command.arg("--memory").arg(bytes.to_string());
         }
-        if let Manner::Attached(variables) = job.manner {
+        if let Mode::Attached(variables) = job.mode {
             command.arg("--attached").envs(variables.iter().copied());
         }
         if job.is_fed {
@@ -254,7 +254,7 @@ impl Warden {
         }
         command.current_dir(directory.path()).process_group(0);
         command.stdin(Stdio::from(OwnedFd::from(theirs)));
-        if job.manner == Manner::Captured {
+        if job.mode == Mode::Captured {
             command.stdout(stream(directory.path(), "stdout")?).stderr(stream(directory.path(), "stderr")?);
         }
         let process = command.spawn()?;
@@ -267,7 +267,7 @@ impl Warden {
 
     /// Lets the program run.
     fn release(&mut self) {
-        // A warden that is gone is noticed in waiting for it.
+        // A supervisor that is gone is noticed in waiting for it.
         let _ = self.lifeline.write_all(b"go\n");
     }
 
@@ -288,7 +288,7 @@ impl Warden {
                 Ok(Word::Nothing) => {}
                 Err(error) => {
                     self.abandon();
-                    let gone = || End::Failed(format!("its warden is gone: {error}"));
+                    let gone = || End::Failed(format!("its supervisor is gone: {error}"));
                     return (stopped.map_or_else(gone, |(end, _)| end), None);
                 }
             }
@@ -300,7 +300,7 @@ impl Warden {
                         stopped = Some((reason, Instant::now()));
                     }
                 }
-                Some((reason, since)) if since.elapsed() > GRACE + PATIENCE => {
+                Some((reason, since)) if since.elapsed() > GRACE + READ_TIMEOUT => {
                     let reason = reason.clone();
                     self.abandon();
                     return (reason, None);
@@ -332,7 +332,7 @@ impl Warden {
         (length("stdout").max(length("stderr")) > limits.output).then_some(End::TooMuchOutput)
     }
 
-    /// What the warden says within `patience`.
+    /// What the supervisor says within `patience`.
     fn hear(&mut self, patience: Duration) -> io::Result<Word> {
         if !self.pending.contains('\n') {
             self.lifeline.set_read_timeout(Some(patience))?;
@@ -379,7 +379,7 @@ impl Warden {
         }
     }
 
-    /// The last resort, when the warden does not answer.
+    /// The last resort, when the supervisor does not answer.
     fn abandon(&mut self) {
         if let Some(group) = self.group {
             let _ = kill_process_group(group, Signal::KILL);
@@ -387,7 +387,7 @@ impl Warden {
         let _ = kill_process_group(Pid::from_child(&self.process), Signal::KILL);
     }
 
-    /// Reads what the program left, removes it, and lets the warden go.
+    /// Reads what the program left, removes it, and lets the supervisor go.
     fn collect(mut self, limits: &Limits, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> io::Result<Ended> {
         let mut ended = Ended::default();
         let stream = |name: &str| reading.text(self.place(), name, limits.output).unwrap_or_default();
@@ -397,11 +397,11 @@ impl Warden {
         if let Some(cut) = reading.over() {
             ended.end = cut;
         }
-        ended.warden = Some(self);
+        ended.supervisor = Some(self);
         Ok(ended)
     }
 
-    /// Removes the directory, and tells the warden that nothing more is needed.
+    /// Removes the directory, and tells the supervisor that nothing more is needed.
     fn dismiss(&mut self) -> io::Result<()> {
         let removed = self.directory.take().map_or(Ok(()), TempDir::close);
         let _ = self.lifeline.write_all(b"done\n");
@@ -409,7 +409,7 @@ impl Warden {
     }
 }
 
-impl Drop for Warden {
+impl Drop for Supervisor {
     fn drop(&mut self) {
         let _ = self.dismiss();
         let _ = self.process.wait();

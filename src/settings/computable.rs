@@ -10,7 +10,7 @@ use toml::Spanned;
 
 use crate::cli::quantity;
 use crate::formats::{Diagnostic, Source, shell};
-use crate::memory::computables::{BUILTINS, Definition, Kind, check_pipeline};
+use crate::memory::computables::{BUILTINS, BodyKind, Definition, check_pipeline};
 use crate::query::{Filter, QueryError};
 use crate::store::Namespace;
 
@@ -77,7 +77,7 @@ impl Table {
         Ok(spec)
     }
 
-    fn body(&self, namespace: &Namespace, folder: &Path, file: &str) -> Result<Kind, Complaint> {
+    fn body(&self, namespace: &Namespace, folder: &Path, file: &str) -> Result<BodyKind, Complaint> {
         match (&self.pipeline, &self.command, &self.builtin) {
             (Some(pipeline), None, None) => {
                 self.refuse("pipeline", &["timeout", "frames", "position"])?;
@@ -86,7 +86,7 @@ impl Table {
                 let stages = shell::parse_pipeline(&text.source()).map_err(|error| text.unread(wrong, &error))?;
                 check_pipeline(&stages).map_err(|error| text.refused(wrong, &error))?;
                 let from = self.from.as_ref().map(self::namespace).transpose()?;
-                Ok(Kind::Pipeline { from: from.unwrap_or_else(|| namespace.clone()), stages })
+                Ok(BodyKind::Pipeline { from: from.unwrap_or_else(|| namespace.clone()), stages })
             }
             (None, Some(command), None) => {
                 self.refuse("command", &["from", "frames", "position"])?;
@@ -95,7 +95,7 @@ impl Table {
                     return Err((command.span(), "expected a program and its arguments, found none".to_owned()));
                 }
                 let timeout = duration(self.timeout.as_ref(), "leave `timeout` out for 10s")?.unwrap_or(TIMEOUT);
-                Ok(Kind::Command { words, folder: folder.to_owned(), timeout })
+                Ok(BodyKind::Command { words, folder: folder.to_owned(), timeout })
             }
             (None, None, Some(builtin)) => self.builtin(builtin, namespace),
             _ => Err((
@@ -105,13 +105,13 @@ impl Table {
         }
     }
 
-    fn builtin(&self, name: &Spanned<String>, namespace: &Namespace) -> Result<Kind, Complaint> {
+    fn builtin(&self, name: &Spanned<String>, namespace: &Namespace) -> Result<BodyKind, Complaint> {
         match name.get_ref().as_str() {
             "transform" => {
                 self.refuse("transform", &["from", "timeout", "position"])?;
                 let frames = self.frames.as_ref().map(self::namespace).transpose()?;
                 let usual = || Namespace { database: namespace.database.clone(), collection: "frames".to_owned() };
-                Ok(Kind::Transform { frames: frames.unwrap_or_else(usual) })
+                Ok(BodyKind::Transform { frames: frames.unwrap_or_else(usual) })
             }
             "nearest" => {
                 self.refuse("nearest", &["from", "timeout", "frames"])?;
@@ -120,7 +120,7 @@ impl Table {
                     return Err((path.span(), words));
                 }
                 let position = self.position.as_ref().map_or("translation", |path| path.get_ref().as_str());
-                Ok(Kind::Nearest { position: position.to_owned() })
+                Ok(BodyKind::Nearest { position: position.to_owned() })
             }
             other => {
                 Err((name.span(), format!("there is no builtin `{other}`; expected one of {}", BUILTINS.join(", "))))

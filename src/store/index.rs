@@ -48,7 +48,7 @@ impl Index {
     /// has none, nothing in it decays.
     #[must_use]
     pub fn of_decay() -> Self {
-        Self { sparse: true, expire_after: Some(0), ..Self::on(doc! { super::stamp::DECAY_PATH: 1 }) }
+        Self { sparse: true, expire_after: Some(0), ..Self::on(doc! { super::metadata::DECAY_PATH: 1 }) }
     }
 
     /// Reads a definition as MongoDB lists and dumps them: `{v: 2, key: {…}, name: …, unique: true, …}`.

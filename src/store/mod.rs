@@ -3,7 +3,7 @@
 //! Two kinds: [`embedded`], a file of this machine that several processes use
 //! at once, and `mongodb`, a server or replica set reached through the official
 //! driver. Both answer MongoDB's query and update languages, and both pass one
-//! contract suite (`tests/real`).
+//! contract suite (`tests/integration`).
 
 pub mod embedded;
 #[cfg(feature = "mongodb")]
@@ -12,8 +12,8 @@ pub mod mongodb;
 pub(crate) mod document;
 pub(crate) mod holder;
 pub mod index;
+pub mod metadata;
 pub mod namespace;
-pub mod stamp;
 pub mod uri;
 pub mod watch;
 
@@ -60,13 +60,18 @@ pub trait Store: Send {
     fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError>;
 
     /// Changes the first match, or all with `many`. Atomic per document. With
-    /// a stamp, what is changed says so under [`stamp::INFO`].
-    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError>;
+    /// a timestamp, what is changed says so under [`metadata::INFO`].
+    fn update(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        timestamp: Option<DateTime>,
+    ) -> Result<Updated, StoreError>;
 
     /// Stores documents, each in place of the one with its `_id` where there is
     /// one, those without an `_id` under a new one; the stamp is as with
     /// [`Store::update`]. Durable on return.
-    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError>;
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError>;
 
     /// Removes all matches, or the first only; returns how many.
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError>;

@@ -7,10 +7,10 @@ use super::{Embedded, Store, StoreError};
 
 /// The address of a store. Its `Display` (and `Debug`) shows no credentials.
 #[derive(Clone, PartialEq, Eq, Hash)]
-pub struct StoreUri(Kind);
+pub struct StoreUri(Location);
 
 #[derive(Clone, PartialEq, Eq, Hash)]
-enum Kind {
+enum Location {
     File(PathBuf),
     Memory,
     Server(String),
@@ -83,7 +83,7 @@ impl StoreUri {
         match scheme {
             "file" => file(rest),
             "mem" if !rest.is_empty() => Err(UriError::MemoryPath),
-            "mem" => Ok(Self(Kind::Memory)),
+            "mem" => Ok(Self(Location::Memory)),
             "mongodb" | "mongodb+srv" => server(scheme, rest, text),
             _ => Err(UriError::Unknown { scheme: scheme.to_owned() }),
         }
@@ -92,14 +92,14 @@ impl StoreUri {
     /// The URI of an embedded store in a file.
     #[must_use]
     pub fn file(path: impl Into<PathBuf>) -> Self {
-        Self(Kind::File(path.into()))
+        Self(Location::File(path.into()))
     }
 
     /// The path of an embedded store in a file.
     #[must_use]
     pub fn path(&self) -> Option<&std::path::Path> {
         match &self.0 {
-            Kind::File(path) => Some(path),
+            Location::File(path) => Some(path),
             _ => None,
         }
     }
@@ -107,14 +107,14 @@ impl StoreUri {
     /// Whether the store is gone when it is closed.
     #[must_use]
     pub fn is_in_memory(&self) -> bool {
-        self.0 == Kind::Memory
+        self.0 == Location::Memory
     }
 
     /// The same URI with a relative path taken from `folder`, for paths in configuration files.
     #[must_use]
     pub fn relative_to(self, folder: &std::path::Path) -> Self {
         match self.0 {
-            Kind::File(path) => Self(Kind::File(folder.join(path))),
+            Location::File(path) => Self(Location::File(folder.join(path))),
             other => Self(other),
         }
     }
@@ -127,9 +127,9 @@ impl StoreUri {
 /// this rmem was built without MongoDB.
 pub fn open(uri: &StoreUri, role: Role) -> Result<Box<dyn Store>, StoreError> {
     match &uri.0 {
-        Kind::File(path) => Ok(Box::new(Embedded::open(path)?)),
-        Kind::Memory => Ok(Box::new(Embedded::in_memory()?)),
-        Kind::Server(text) => open_server(uri, text, role),
+        Location::File(path) => Ok(Box::new(Embedded::open(path)?)),
+        Location::Memory => Ok(Box::new(Embedded::in_memory()?)),
+        Location::Server(text) => open_server(uri, text, role),
     }
 }
 
@@ -194,7 +194,7 @@ fn file(path: &str) -> Result<StoreUri, UriError> {
     }
     match path.strip_prefix("//") {
         Some(rest) if !rest.starts_with('/') => Err(UriError::Elsewhere { text: masked(rest) }),
-        _ => Ok(StoreUri(Kind::File(PathBuf::from(path)))),
+        _ => Ok(StoreUri(Location::File(PathBuf::from(path)))),
     }
 }
 
@@ -213,7 +213,7 @@ fn server(scheme: &str, rest: &str, text: &str) -> Result<StoreUri, UriError> {
     if hosts.is_empty() {
         return Err(UriError::NoHost { scheme: scheme() });
     }
-    Ok(StoreUri(Kind::Server(text.to_owned())))
+    Ok(StoreUri(Location::Server(text.to_owned())))
 }
 
 /// What lies between credentials and path or options.
@@ -225,9 +225,9 @@ fn hosts(rest: &str) -> &str {
 impl fmt::Display for StoreUri {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.0 {
-            Kind::File(path) => write!(f, "file:{}", path.display()),
-            Kind::Memory => f.write_str("mem:"),
-            Kind::Server(text) => {
+            Location::File(path) => write!(f, "file:{}", path.display()),
+            Location::Memory => f.write_str("mem:"),
+            Location::Server(text) => {
                 let (scheme, rest) = text.split_once("://").unwrap_or(("mongodb", ""));
                 write!(f, "{scheme}://{}", hosts(rest))
             }

@@ -91,12 +91,12 @@ pub enum Next {
 
 /// The changes of one collection, in the order in which they were made, each at least once.
 pub trait Changes {
-    /// The next change, or nothing if none comes within `patience`.
+    /// The next change, or nothing if none comes within `timeout`.
     ///
     /// # Errors
     /// Where nothing more will come: the position is lost, or somebody else has
     /// taken its name.
-    fn next(&mut self, patience: Duration) -> Result<Next, StoreError>;
+    fn next(&mut self, timeout: Duration) -> Result<Next, StoreError>;
 
     /// Says that all changes given so far are dealt with: who follows them by the same
     /// name later goes on behind them.

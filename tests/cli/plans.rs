@@ -289,7 +289,7 @@ fn a_killed_rmem_takes_its_planner_along() {
     let (lab, mut child) = planning();
     child.kill().unwrap();
     child.wait().unwrap();
-    // The warden notices by itself; how soon is the machine's business.
+    // The supervisor notices by itself; how soon is the machine's business.
     while sleepers(&lab) > 0 || std::fs::read_dir(lab.path().join("tmp")).unwrap().count() > 0 {
         std::thread::sleep(std::time::Duration::from_millis(10));
     }

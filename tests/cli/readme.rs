@@ -71,7 +71,7 @@ fn agrees(actual: &str, expected: &str) -> bool {
 fn what_contributing_names_is_there() {
     let text = std::fs::read_to_string(root().join("CONTRIBUTING.md")).unwrap();
     let mut sources = String::new();
-    for folder in ["tests/rooms", "tests/real", "tests/conformance", "tests/conformance/differential"] {
+    for folder in ["tests/unit", "tests/integration", "tests/conformance", "tests/conformance/differential"] {
         let entries = std::fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().path());
         for file in entries.filter(|path| path.is_file()) {
             sources += &std::fs::read_to_string(file).unwrap();

@@ -9,7 +9,7 @@ mod differential;
 mod modify;
 #[cfg(feature = "mongodb")]
 #[allow(dead_code, reason = "the other tests of real programs do more with it")]
-#[path = "../real/mongod.rs"]
+#[path = "../integration/mongod.rs"]
 mod mongod;
 mod recorded;
 mod report;

@@ -3,38 +3,38 @@
 use anyhow::Context as _;
 
 use crate::cli::{ClipsRun, WORLD};
+use crate::clips::engine::{self, Ended, Job, Message, Sender};
 use crate::commands::{Context, lock};
-use crate::engine::{self, Ended, Job, Outlet, Said};
 use crate::exit::Exit;
 use crate::formats::Source;
-use crate::memory::world::{World, WorldError};
+use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::planner::Host;
 use crate::store::Namespace;
 
 pub(super) fn run(args: &ClipsRun, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let programs = args.programs.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
     let facts = args.facts.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
-    let patience = crate::Patience::new();
+    let guard = crate::InterruptGuard::new();
     let job = Job {
         programs,
         facts,
         cycles: args.cycles,
         timeout: args.timeout,
-        interrupted: patience.interrupted(),
+        interrupted: guard.interrupted(),
         world: args.sync.clone().map_or_else(|| Namespace::parse(WORLD), Ok)?,
         is_synced: args.sync.is_some(),
         collection: context.settings.collection.value.clone(),
         mutexes: lock::mutexes(context)?,
         planners: context.settings.planners.clone(),
-        host: Host { interrupted: patience.interrupted(), ..context.host() },
+        host: Host { interrupted: guard.interrupted(), ..context.host() },
     };
     let (opening, worlds) = (context.opening(), worlds(context)?);
     let is_observed = context.output.observer().is_some();
-    let open = move |outlet: &Outlet| {
-        let memory = opening.open(is_observed.then(|| outlet.observer()))?;
+    let open = move |sender: &Sender| {
+        let memory = opening.open(is_observed.then(|| sender.observer()))?;
         for world in &worlds {
             let loaded =
-                World::parse(world).map_err(|source| WorldError::Text { name: world.name().to_owned(), source });
+                WorldFile::parse(world).map_err(|source| WorldError::Text { name: world.name().to_owned(), source });
             let loaded = loaded.and_then(|world| world.load(&memory));
             loaded.with_context(|| format!("loading {}", world.name()))?;
         }
@@ -59,24 +59,24 @@ fn worlds(context: &mut Context<'_>) -> anyhow::Result<Vec<Source>> {
 }
 
 /// Prints what the program says, and reads what it wants to know.
-fn listen(said: Said, context: &mut Context<'_>) -> anyhow::Result<()> {
+fn listen(said: Message, context: &mut Context<'_>) -> anyhow::Result<()> {
     match said {
-        Said::Out(text) => context.output.stdout().write_all(&text)?,
-        Said::Err(text) => {
+        Message::Out(text) => context.output.stdout().write_all(&text)?,
+        Message::Err(text) => {
             context.output.flush()?;
             context.output.pass_on(&text);
         }
-        Said::Note(text) => context.output.note(&text),
-        Said::Operation(operation) => {
+        Message::Note(text) => context.output.note(&text),
+        Message::Operation(operation) => {
             if let Some(observer) = context.output.observer() {
                 observer(&operation);
             }
         }
-        Said::Pause => {
+        Message::Pause => {
             context.output.flush()?;
             context.output.tell_operations();
         }
-        Said::Read(answer) => {
+        Message::Read(answer) => {
             context.output.flush()?;
             // Who asked may be gone; then nobody wants the line.
             drop(answer.send(context.read_line()?));

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document, doc};
 
-use super::pose::{self, Posed, Sections, key, pose};
+use super::pose::{self, PlanningTask, Sections, key, pose};
 use super::stored;
 use crate::cli::PlanCheck;
 use crate::commands::{Context, WrongInput};
@@ -11,7 +11,7 @@ use crate::formats::{Diagnostics, Source, shell};
 use crate::memory::Memory;
 use crate::output::Format;
 use crate::pddl::{Cause, Failure, Repair, Step, Validation, repair, validate};
-use crate::plan::{Given, Recipe, Record, Status, Stored, spelled};
+use crate::plan::{Input, Record, Status, Stored, TaskSource, spelled};
 use crate::problem::{Part, names};
 use crate::store::Namespace;
 
@@ -67,7 +67,7 @@ pub(super) fn judge(
 ) -> anyhow::Result<Verdict> {
     let mut recipe = record.recipe().map_err(|error| WrongInput::new(format!("{}: {error}", record.id())))?;
     if let Some(problem) = now {
-        recipe.task = Given::Problem(problem);
+        recipe.task = Input::Problem(problem);
     } else if !recipe.is_template() {
         context.output.warn(
             "the plan's problem was a file, which says nothing of the memory: every step is simulated, from the \
@@ -80,7 +80,7 @@ pub(super) fn judge(
 
 fn simulate(
     record: &Record,
-    recipe: &Recipe,
+    recipe: &TaskSource,
     is_left: &dyn Fn(Status) -> bool,
     memory: &Memory,
     context: &mut Context<'_>,
@@ -142,7 +142,7 @@ fn recount(repair: &mut Repair, left: &[usize]) {
     }
 }
 
-fn fault(failure: &Failure, left: &[usize], steps: &[Step], posed: &Posed) -> Fault {
+fn fault(failure: &Failure, left: &[usize], steps: &[Step], posed: &PlanningTask) -> Fault {
     let step = failure.step();
     let said = failure.to_string();
     let message = match step.and_then(|step| said.strip_prefix(&format!("step {}: ", step + 1))) {
@@ -169,7 +169,7 @@ fn fault(failure: &Failure, left: &[usize], steps: &[Step], posed: &Posed) -> Fa
 }
 
 /// Where in the template a missing fact would be written, or which document says what should not be.
-fn sources(condition: &str, posed: &Posed) -> Vec<Origin> {
+fn sources(condition: &str, posed: &PlanningTask) -> Vec<Origin> {
     let Some(generated) = &posed.generated else { return Vec::new() };
     let template = generated.template().name();
     let negated = condition.strip_prefix("(not ").and_then(|rest| rest.strip_suffix(')'));

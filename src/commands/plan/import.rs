@@ -11,7 +11,7 @@ use crate::formats::plan::read_plan;
 use crate::pddl::{Validation, repair, validate};
 use crate::plan::{IMPORTED, Plan, to_document};
 use crate::problem::names;
-use crate::store::stamp;
+use crate::store::metadata;
 
 pub(super) fn run(args: &PlanImport, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let recipe = pose::recipe(&args.task, context)?;
@@ -39,7 +39,7 @@ pub(super) fn run(args: &PlanImport, context: &mut Context<'_>) -> anyhow::Resul
     lineage.cost = plan.cost;
     lineage.length = Some(plan.steps.len());
     let mut document = to_document(&plan, domain.tree(), layout(args.layout), &|name| posed.value(name));
-    document.insert(stamp::INFO, doc! { "lineage": lineage.to_document() });
+    document.insert(metadata::INFO, doc! { "lineage": lineage.to_document() });
     let id = store(document, &args.into, &memory, context)?;
     context.output.line(&id)?;
     Ok(Exit::Done)

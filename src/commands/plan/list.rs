@@ -6,7 +6,7 @@ use crate::cli::PlanList;
 use crate::commands::Context;
 use crate::exit::Exit;
 use crate::plan::{Archive, Record, Status};
-use crate::store::stamp;
+use crate::store::metadata;
 
 pub(super) fn run(args: &PlanList, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
@@ -17,7 +17,7 @@ pub(super) fn run(args: &PlanList, context: &mut Context<'_>) -> anyhow::Result<
 
 /// What a list says of a plan.
 fn line(plan: &Record) -> Document {
-    let info = plan.document.get_document(stamp::INFO).ok();
+    let info = plan.document.get_document(metadata::INFO).ok();
     let of = |document: Option<&Document>, key: &str| document.and_then(|document| document.get(key)).cloned();
     let mut line = Document::new();
     let mut say = |key: &str, value: Option<Bson>| {
@@ -29,7 +29,7 @@ fn line(plan: &Record) -> Document {
     let done = progress.iter().filter(|step| step.status == Status::Done).count();
     let number = |count: usize| i32::try_from(count).ok().map(Bson::Int32);
     say("_id", of(Some(&plan.document), "_id"));
-    say("stored", of(info, stamp::INSERTED));
+    say("stored", of(info, metadata::INSERTED));
     say("outcome", of(plan.lineage(), "outcome").or_else(|| of(Some(&plan.document), "plan")));
     say("steps", number(progress.len()));
     say("done", number(done));

@@ -12,31 +12,31 @@ use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostics, shell};
 use crate::memory::Memory;
 use crate::pddl::{Domain, Problem};
-use crate::plan::{Given, Lineage, Recipe};
+use crate::plan::{Input, Lineage, TaskSource};
 use crate::problem::{self, Generated, names};
 
 /// Reads what the command line names; the memory is not asked yet.
-pub(super) fn recipe(task: &cli::PlanTask, context: &mut Context<'_>) -> anyhow::Result<Recipe> {
+pub(super) fn recipe(task: &cli::PlanTask, context: &mut Context<'_>) -> anyhow::Result<TaskSource> {
     let lenient = task.options.lenient;
     let domain = context.read(&task.domain)?;
     let task = match (&task.problem, &task.template) {
-        (Some(path), _) => Given::Problem(context.read(path)?),
+        (Some(path), _) => Input::Problem(context.read(path)?),
         (None, Some(path)) => {
             let template = context.read(path)?;
-            Given::Template(Box::new(request(template, &task.options, context)?))
+            Input::Template(Box::new(request(template, &task.options, context)?))
         }
         (None, None) => return Err(UsageError::new("expected --problem or --template").into()),
     };
-    Ok(Recipe { domain, task, lenient })
+    Ok(TaskSource { domain, task, lenient })
 }
 
 /// The domain of a recipe, checked.
-pub(super) fn domain(recipe: &Recipe) -> Result<Domain, Diagnostics> {
+pub(super) fn domain(recipe: &TaskSource) -> Result<Domain, Diagnostics> {
     Domain::read(&recipe.domain, Dialect { lenient: recipe.lenient }).map_err(Diagnostics)
 }
 
 /// A problem, and what is known about where it came from.
-pub(super) struct Posed {
+pub(super) struct PlanningTask {
     pub(super) problem: Problem,
     pub(super) generated: Option<Generated>,
     started: DateTime,
@@ -62,17 +62,17 @@ impl From<&cli::TemplateOptions> for Sections {
 
 /// Reads the problem, or generates it from the template, and checks it against the domain.
 pub(super) fn pose(
-    recipe: &Recipe,
+    recipe: &TaskSource,
     domain: &Domain,
     sections: Sections,
     memory: &Memory,
     context: &mut Context<'_>,
-) -> anyhow::Result<Posed> {
+) -> anyhow::Result<PlanningTask> {
     let (started, clock) = (DateTime::now(), Instant::now());
     let dialect = Dialect { lenient: recipe.lenient };
     let (problem, generated) = match &recipe.task {
-        Given::Problem(source) => (Problem::read(source, domain, dialect).map_err(Diagnostics)?, None),
-        Given::Template(request) => {
+        Input::Problem(source) => (Problem::read(source, domain, dialect).map_err(Diagnostics)?, None),
+        Input::Template(request) => {
             let generated = match sections {
                 Sections::Unsaid => problem::generate(request, memory)?,
                 Sections::Told => generate(request, false, memory, context)?,
@@ -81,10 +81,10 @@ pub(super) fn pose(
             (generated.check(domain, dialect).map_err(Diagnostics)?, Some(generated))
         }
     };
-    Ok(Posed { problem, generated, started, took: clock.elapsed() })
+    Ok(PlanningTask { problem, generated, started, took: clock.elapsed() })
 }
 
-impl Posed {
+impl PlanningTask {
     /// The memory's value for a name of the problem.
     pub(super) fn value(&self, name: &str) -> Bson {
         match &self.generated {
@@ -101,7 +101,7 @@ impl Posed {
     }
 
     /// Where a plan for this problem comes from, before it is looked for.
-    pub(super) fn lineage(&self, recipe: Recipe) -> Lineage {
+    pub(super) fn lineage(&self, recipe: TaskSource) -> Lineage {
         let sections = self.generated.as_ref().map_or(&[][..], |generated| &generated.sections);
         Lineage {
             started: Some(self.started),

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::pose::{self, Sections};
-use super::run::{Order, find};
+use super::run::{PlanRequest, find};
 use super::stored;
 use crate::cli::{Layout, PlanEffort, PlanRerun};
 use crate::commands::{Context, WrongInput};
@@ -19,7 +19,7 @@ pub(super) fn run(args: &PlanRerun, context: &mut Context<'_>) -> anyhow::Result
     let recipe = record.recipe().map_err(|error| WrongInput::new(format!("{}: {error}", record.id())))?;
     let domain = pose::domain(&recipe)?;
     let effort = effort(args, &record);
-    let order = Order { recipe, domain, sections: Sections::Told, effort: &effort, rerun_of: Some(record.id()) };
+    let order = PlanRequest { recipe, domain, sections: Sections::Told, effort: &effort, rerun_of: Some(record.id()) };
     Ok(find(&order, &memory, context)?.exit)
 }
 

@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use bson::{Bson, Document, doc};
 
-use super::pose::{self, Posed, Sections, pose};
+use super::pose::{self, PlanningTask, Sections, pose};
 use super::{show, watch};
 use crate::cli;
 use crate::commands::{Context, UsageError};
@@ -15,10 +15,10 @@ use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::Memory;
 use crate::pddl::Domain;
-use crate::plan::{self, Recipe};
-use crate::planner::{self, Ff, Host, Limits, LineUp, Outcome, Planner, Race, Run, Task};
+use crate::plan::{self, TaskSource};
+use crate::planner::{self, Ff, Host, Limits, Outcome, Planner, Portfolio, Race, Run, Task};
 use crate::problem::names;
-use crate::store::{Namespace, stamp};
+use crate::store::{Namespace, metadata};
 
 /// What a planner may print on one stream, or write as its plan: more is no plan, and reading it takes long.
 const MOST_OUTPUT: u64 = 16 << 20;
@@ -30,7 +30,7 @@ pub(super) fn run(args: &cli::PlanSearch, context: &mut Context<'_>) -> anyhow::
     let domain = pose::domain(&recipe)?;
     let memory = context.memory()?;
     let sections = Sections::from(&args.task.options);
-    let order = Order { recipe, domain, sections, effort: &args.effort, rerun_of: None };
+    let order = PlanRequest { recipe, domain, sections, effort: &args.effort, rerun_of: None };
     match args.watch {
         true => watch::run(order, &memory, context),
         false => Ok(find(&order, &memory, context)?.exit),
@@ -47,8 +47,8 @@ pub(super) struct Found {
 }
 
 /// A plan wanted.
-pub(super) struct Order<'a> {
-    pub(super) recipe: Recipe,
+pub(super) struct PlanRequest<'a> {
+    pub(super) recipe: TaskSource,
     pub(super) domain: Domain,
     pub(super) sections: Sections,
     pub(super) effort: &'a cli::PlanEffort,
@@ -56,24 +56,24 @@ pub(super) struct Order<'a> {
 }
 
 /// Poses the problem, finds a plan, checks it, stores it, prints it.
-pub(super) fn find(order: &Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Found> {
+pub(super) fn find(order: &PlanRequest<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Found> {
     let planners = choose(order.effort, context)?;
     let limits = Limits { time: Some(order.effort.timeout), memory: order.effort.memory_limit, output: MOST_OUTPUT };
     let host = context.host();
-    let (line_up, posed) = thread::scope(|scope| {
+    let (portfolio, posed) = thread::scope(|scope| {
         let lining_up = scope.spawn(|| {
             // An interruption waits until there is somebody to clear up after rmem.
-            let patience = crate::Patience::new();
-            let line_up = LineUp::new(&planners, &limits, &host);
-            patience.end();
-            line_up
+            let guard = crate::InterruptGuard::new();
+            let portfolio = Portfolio::new(&planners, &limits, &host);
+            guard.end();
+            portfolio
         });
         let posed = pose(&order.recipe, &order.domain, order.sections, memory, context);
         (lining_up.join().unwrap_or_else(|panic| resume_unwind(panic)), posed)
     });
     let posed = posed?;
     let task = Task { domain: &order.domain, problem: &posed.problem };
-    let race = search(line_up, &task, order.effort, memory, context)?;
+    let race = search(portfolio, &task, order.effort, memory, context)?;
     let mut run = race.winner().ok_or_else(|| UsageError::new("expected --planner"))?.clone();
     run.explain(&task);
     let document = document(&run, order, &posed);
@@ -110,21 +110,21 @@ fn by_name(name: &str, anytime: bool, context: &Context<'_>) -> Result<Box<dyn P
 
 /// Runs the planners, and says what several of them did.
 fn search(
-    line_up: LineUp<'_>,
+    portfolio: Portfolio<'_>,
     task: &Task<'_>,
     args: &cli::PlanEffort,
     memory: &Memory,
     context: &mut Context<'_>,
 ) -> anyhow::Result<Race> {
-    let patience = crate::Patience::new();
-    let host = Host { interrupted: patience.interrupted(), ..context.host() };
+    let guard = crate::InterruptGuard::new();
+    let host = Host { interrupted: guard.interrupted(), ..context.host() };
     let start = Instant::now();
     let meanwhile = || {
         if !args.no_store {
-            memory.get_ready(&args.into);
+            memory.prepare(&args.into);
         }
     };
-    let race = line_up.race(task, &host, meanwhile).ok_or_else(|| UsageError::new("expected --planner"))?;
+    let race = portfolio.race(task, &host, meanwhile).ok_or_else(|| UsageError::new("expected --planner"))?;
     if race.runs.len() > 1 {
         context.output.note(&race.to_string());
     }
@@ -141,7 +141,7 @@ fn search(
 }
 
 /// The document of the plan, or of there being none.
-fn document(run: &Run, order: &Order<'_>, posed: &Posed) -> Document {
+fn document(run: &Run, order: &PlanRequest<'_>, posed: &PlanningTask) -> Document {
     let layout = layout(order.effort.layout);
     match &run.outcome {
         Outcome::Plan(plan) => plan::to_document(plan, order.domain.tree(), layout, &|name| posed.value(name)),
@@ -156,7 +156,13 @@ pub(super) fn layout(layout: cli::Layout) -> plan::Layout {
     }
 }
 
-fn with_lineage(document: &Document, run: &Run, race: &Race, order: &Order<'_>, posed: &Posed) -> Document {
+fn with_lineage(
+    document: &Document,
+    run: &Run,
+    race: &Race,
+    order: &PlanRequest<'_>,
+    posed: &PlanningTask,
+) -> Document {
     let mut lineage = posed.lineage(order.recipe.clone()).with_run(run).with_race(race);
     lineage.planners.clone_from(&order.effort.planner);
     lineage.anytime = order.effort.anytime;
@@ -164,7 +170,7 @@ fn with_lineage(document: &Document, run: &Run, race: &Race, order: &Order<'_>, 
     lineage.memory_limit = order.effort.memory_limit;
     lineage.rerun_of.clone_from(&order.rerun_of);
     let mut document = document.clone();
-    document.insert(stamp::INFO, doc! { "lineage": lineage.to_document() });
+    document.insert(metadata::INFO, doc! { "lineage": lineage.to_document() });
     document
 }
 
@@ -185,7 +191,13 @@ pub(super) fn store(
 }
 
 /// Prints the plan; says why there is none.
-fn print(run: &Run, document: &Document, posed: &Posed, id: &str, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+fn print(
+    run: &Run,
+    document: &Document,
+    posed: &PlanningTask,
+    id: &str,
+    context: &mut Context<'_>,
+) -> anyhow::Result<Exit> {
     let Outcome::Plan(found) = &run.outcome else {
         let mut text = match (&run.outcome, run.message.as_str()) {
             (Outcome::Failed, said) if !said.is_empty() => format!("{}: {said}", run.planner),
@@ -202,7 +214,10 @@ fn print(run: &Run, document: &Document, posed: &Posed, id: &str, context: &mut 
         }
         return Ok(Exit::from(&run.outcome));
     };
-    show::print(&plan::Page { plan: found, document, statuses: &[], id, value: &|name| posed.value(name) }, context)?;
+    show::print(
+        &plan::PrintedPlan { plan: found, document, statuses: &[], id, value: &|name| posed.value(name) },
+        context,
+    )?;
     Ok(Exit::Done)
 }
 

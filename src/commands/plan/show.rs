@@ -12,9 +12,9 @@ use crate::commands::{Context, WrongInput};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::plan::{self, Page, Status, Stored};
+use crate::plan::{self, PrintedPlan, Status, Stored};
 use crate::problem::names;
-use crate::store::stamp;
+use crate::store::metadata;
 
 /// The formats a plan is printed in; the first is the usual one.
 pub(super) const FORMATS: [Format; 6] =
@@ -26,7 +26,7 @@ pub(super) fn run(args: &PlanShow, context: &mut Context<'_>) -> anyhow::Result<
     let record = stored::get(&args.id, &args.namespace, &memory)?;
     let id = record.id();
     let mut document = record.document.clone();
-    document.remove(stamp::INFO);
+    document.remove(metadata::INFO);
     if format == Format::Json {
         writeln!(context.output.stdout(), "{}", shell::relaxed(&document))?;
         return Ok(Exit::Done);
@@ -48,12 +48,12 @@ pub(super) fn run(args: &PlanShow, context: &mut Context<'_>) -> anyhow::Result<
     let statuses: Vec<Status> = record.progress().iter().map(|progress| progress.status).collect();
     let values = values.into_inner();
     let value = |name: &str| values.get(name).cloned().unwrap_or_else(|| Bson::String(names::restore(name)));
-    print(&Page { plan: &found, document: &document, statuses: &statuses, id: &id, value: &value }, context)?;
+    print(&PrintedPlan { plan: &found, document: &document, statuses: &statuses, id: &id, value: &value }, context)?;
     Ok(Exit::Done)
 }
 
 /// Prints a plan in the format in force.
-pub(super) fn print(page: &Page<'_>, context: &mut Context<'_>) -> anyhow::Result<()> {
+pub(super) fn print(page: &PrintedPlan<'_>, context: &mut Context<'_>) -> anyhow::Result<()> {
     let format = match context.format(&FORMATS)? {
         Format::Text => plan::Format::Text,
         Format::Json => plan::Format::Json,

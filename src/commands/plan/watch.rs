@@ -7,7 +7,7 @@ use bson::{Document, doc};
 
 use super::check::judge;
 use super::pose::Sections;
-use super::run::{Found, Order, find};
+use super::run::{Found, PlanRequest, find};
 use crate::commands::Context;
 use crate::exit::Exit;
 use crate::memory::Memory;
@@ -24,7 +24,7 @@ const RESTLESS: Duration = Duration::from_secs(2);
 /// How long one waits before a store is looked for again.
 const RETREAT: Duration = Duration::from_millis(500);
 
-pub(super) fn run(mut order: Order<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(mut order: PlanRequest<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let found = find(&order, memory, context)?;
     let steps = steps(&order.effort.into, memory)?;
     let mut watches = Watches { memory, steps, asked: Vec::new(), delay: Duration::ZERO, looks: Vec::new() };
@@ -135,7 +135,7 @@ fn plan_of(found: Found) -> Result<Option<String>, Exit> {
 /// Whether the plan still reaches its goal, or an action of it is under way; says why not.
 fn still_holds(
     current: Option<&str>,
-    order: &Order<'_>,
+    order: &PlanRequest<'_>,
     memory: &Memory,
     context: &mut Context<'_>,
 ) -> anyhow::Result<bool> {
@@ -162,8 +162,8 @@ fn still_holds(
 
 /// Waits until something has changed and all is quiet again; false where somebody interrupts.
 fn changed(watches: &mut Watches<'_>, context: &mut Context<'_>) -> anyhow::Result<bool> {
-    let patience = crate::Patience::new();
-    let is_over = || patience.interrupted().load(Ordering::Relaxed);
+    let guard = crate::InterruptGuard::new();
+    let is_over = || guard.interrupted().load(Ordering::Relaxed);
     while !any_change(watches, SLICE, context)? {
         if is_over() {
             return Ok(false);

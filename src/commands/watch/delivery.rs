@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 use bson::Document;
 
 use crate::cli;
+use crate::clips::facts;
 use crate::commands::{Context, WrongInput};
-use crate::facts;
 use crate::formats::clips::{write_fact, write_value};
 use crate::formats::shell;
 use crate::memory::watch::{Watch, event};
 use crate::output::Format;
-use crate::process::{self, End, Host, INPUT, Job, Limits, Manner};
+use crate::process::{self, End, Host, INPUT, Job, Limits, Mode};
 use crate::store::{Change, Namespace, StoreError};
 
 /// How often a running command is looked after.
@@ -123,7 +123,7 @@ impl<'a> Delivery<'a> {
             is_fed: true,
             folder: Some(Path::new(".")),
             environment: None,
-            manner: Manner::Attached(&variables),
+            mode: Mode::Attached(&variables),
             wanted: |_| None,
         };
         let time = self.deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));

@@ -1,7 +1,7 @@
 //! Function calls where a fact's values stand: `(create$ …)`, arithmetic.
 
 use super::Value;
-use super::lexer::{Kind, Lexer, Token};
+use super::lexer::{Lexer, Token, TokenKind};
 use super::writer::printed;
 use crate::formats::{Diagnostic, Span};
 
@@ -33,18 +33,18 @@ pub(super) fn evaluate(lexer: &mut Lexer<'_>) -> Result<Result<Vec<Value>, Diagn
     loop {
         let token = lexer.next()?;
         match token.kind {
-            Kind::Open => {
+            TokenKind::Open => {
                 if calls.len() == MAX_DEPTH {
                     let message = format!("calls nested more than {MAX_DEPTH} deep");
                     return Err(Diagnostic::new(lexer.source, token.span, message));
                 }
                 let head = lexer.next()?;
-                if head.kind != Kind::Symbol {
+                if head.kind != TokenKind::Symbol {
                     return Err(lexer.wrong(head, "the name of a function"));
                 }
                 calls.push(Call { name: lexer.text(head), span: token.span.to(head.span), operands: Vec::new() });
             }
-            Kind::Close => {
+            TokenKind::Close => {
                 let Some(call) = calls.pop() else { return Err(lexer.wrong(token, "a call")) };
                 let values = apply(call.name, &call.operands).unwrap_or_else(|message| {
                     wrong.get_or_insert_with(|| Diagnostic::new(lexer.source, call.span, message));
@@ -55,7 +55,7 @@ pub(super) fn evaluate(lexer: &mut Lexer<'_>) -> Result<Result<Vec<Value>, Diagn
                     None => return Ok(wrong.map_or(Ok(values), Err)),
                 }
             }
-            Kind::End => return Err(unclosed(lexer, token, &calls)),
+            TokenKind::End => return Err(unclosed(lexer, token, &calls)),
             _ => match (lexer.value(token), calls.last_mut()) {
                 (Ok(value), Some(call)) => call.operands.push(value),
                 (Err(error), _) => drop(wrong.get_or_insert(error)),

@@ -18,7 +18,7 @@ struct Grammar;
 
 /// The kind of a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum TokenKind {
     Open,
     Close,
     Text,
@@ -34,7 +34,7 @@ pub(super) enum Kind {
 /// A word and where it stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Token {
-    pub(super) kind: Kind,
+    pub(super) kind: TokenKind,
     pub(super) span: Span,
 }
 
@@ -58,7 +58,7 @@ impl<'a> Lexer<'a> {
         while self.ready.len() <= ahead && self.offset < self.source.text().len() {
             self.advance()?;
         }
-        let end = Token { kind: Kind::End, span: Span::at(self.source.text().len()) };
+        let end = Token { kind: TokenKind::End, span: Span::at(self.source.text().len()) };
         Ok(self.ready.get(ahead).copied().unwrap_or(end))
     }
 
@@ -77,9 +77,9 @@ impl<'a> Lexer<'a> {
     /// Complains about a word.
     pub(super) fn wrong(&self, token: Token, expected: &str) -> Diagnostic {
         let found = match token.kind {
-            Kind::End => "the end of the text".to_owned(),
-            Kind::Text => "a string".to_owned(),
-            Kind::Variable => format!("the variable `{}`", self.text(token)),
+            TokenKind::End => "the end of the text".to_owned(),
+            TokenKind::Text => "a string".to_owned(),
+            TokenKind::Variable => format!("the variable `{}`", self.text(token)),
             _ => format!("`{}`", self.text(token)),
         };
         Diagnostic::new(self.source, token.span, format!("expected {expected}, found {found}"))
@@ -90,18 +90,18 @@ impl<'a> Lexer<'a> {
         let text = self.text(token);
         let large = |what| Diagnostic::new(self.source, token.span, what);
         Ok(match token.kind {
-            Kind::Symbol => Value::Symbol(text.to_owned()),
-            Kind::Text => Value::Text(unescape(text)),
-            Kind::Instance => Value::Instance(text[1..text.len() - 1].to_owned()),
-            Kind::Integer => {
+            TokenKind::Symbol => Value::Symbol(text.to_owned()),
+            TokenKind::Text => Value::Text(unescape(text)),
+            TokenKind::Instance => Value::Instance(text[1..text.len() - 1].to_owned()),
+            TokenKind::Integer => {
                 let number = text.parse().map_err(|_| large("expected an integer of at most 64 bits"))?;
                 Value::Integer(number)
             }
-            Kind::Float => match text.parse::<f64>() {
+            TokenKind::Float => match text.parse::<f64>() {
                 Ok(number) if number.is_finite() => Value::Float(number),
                 _ => return Err(large("expected a float of at most 64 bits")),
             },
-            Kind::Variable => return Err(self.wrong(token, "a value").hint("a fact holds constants only")),
+            TokenKind::Variable => return Err(self.wrong(token, "a value").hint("a fact holds constants only")),
             _ => return Err(self.wrong(token, "a value")),
         })
     }
@@ -166,32 +166,32 @@ impl<'a> Lexer<'a> {
     }
 }
 
-fn kind(rule: Rule, text: &str) -> Option<Kind> {
+fn kind(rule: Rule, text: &str) -> Option<TokenKind> {
     Some(match rule {
-        Rule::open => Kind::Open,
-        Rule::close => Kind::Close,
-        Rule::text => Kind::Text,
-        Rule::float => Kind::Float,
-        Rule::integer => Kind::Integer,
-        Rule::variable => Kind::Variable,
-        Rule::connective => Kind::Connective,
-        Rule::symbol if text.len() > 2 && text.starts_with('[') && text.ends_with(']') => Kind::Instance,
-        Rule::symbol => Kind::Symbol,
+        Rule::open => TokenKind::Open,
+        Rule::close => TokenKind::Close,
+        Rule::text => TokenKind::Text,
+        Rule::float => TokenKind::Float,
+        Rule::integer => TokenKind::Integer,
+        Rule::variable => TokenKind::Variable,
+        Rule::connective => TokenKind::Connective,
+        Rule::symbol if text.len() > 2 && text.starts_with('[') && text.ends_with(']') => TokenKind::Instance,
+        Rule::symbol => TokenKind::Symbol,
         _ => return None,
     })
 }
 
 /// The word that a text begins with, and its length, where it is one that needs no grammar; blanks are of
 /// no kind. These are nearly all of what facts consist of.
-fn plain(text: &[u8]) -> Option<(Option<Kind>, usize)> {
+fn plain(text: &[u8]) -> Option<(Option<TokenKind>, usize)> {
     let blank = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\n' | b'\r' | 0x0C);
     let first = text.first()?;
     match first {
-        b'(' => return Some((Some(Kind::Open), 1)),
-        b')' => return Some((Some(Kind::Close), 1)),
+        b'(' => return Some((Some(TokenKind::Open), 1)),
+        b')' => return Some((Some(TokenKind::Close), 1)),
         b'"' => {
             let end = 1 + memchr::memchr2(b'"', b'\\', text.get(1..)?)?;
-            return (text.get(end) == Some(&b'"')).then_some((Some(Kind::Text), end + 1));
+            return (text.get(end) == Some(&b'"')).then_some((Some(TokenKind::Text), end + 1));
         }
         byte if blank(byte) => return Some((None, text.iter().take_while(|byte| blank(byte)).count())),
         _ => {}
@@ -205,11 +205,11 @@ fn plain(text: &[u8]) -> Option<(Option<Kind>, usize)> {
     let digits = |part: &[u8]| !part.is_empty() && part.iter().all(u8::is_ascii_digit);
     let number = word.strip_prefix(b"-").unwrap_or(word);
     let kind = match number.iter().position(|byte| *byte == b'.') {
-        _ if first.is_ascii_alphabetic() => Kind::Symbol,
-        None if digits(number) => Kind::Integer,
+        _ if first.is_ascii_alphabetic() => TokenKind::Symbol,
+        None if digits(number) => TokenKind::Integer,
         Some(point) => {
             let (whole, rest) = number.split_at_checked(point)?;
-            (digits(whole) && digits(rest.get(1..)?)).then_some(Kind::Float)?
+            (digits(whole) && digits(rest.get(1..)?)).then_some(TokenKind::Float)?
         }
         None => return None,
     };
@@ -217,11 +217,11 @@ fn plain(text: &[u8]) -> Option<(Option<Kind>, usize)> {
 }
 
 /// The kind of the one word that `text` is, all of it.
-pub(super) fn lone(text: &str) -> Option<Kind> {
+pub(super) fn lone(text: &str) -> Option<TokenKind> {
     // Most texts are plain words, which need no grammar.
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';
     if text.starts_with(|first: char| first.is_ascii_alphabetic()) && text.bytes().all(plain) {
-        return Some(Kind::Symbol);
+        return Some(TokenKind::Symbol);
     }
     let mut pairs = Grammar::parse(Rule::word, text).ok()?;
     let pair = pairs.next().filter(|pair| pair.as_str().len() == text.len())?;
@@ -274,23 +274,23 @@ mod tests {
     fn numbers_symbols_and_names_are_told_apart_as_clips_does() {
         for text in ["+", "-", ".", "..", "-.", "+e5", ".e5", "1e", "1e+", "1.5.2", "--1", "+-1", "1e5.0", ".5e", "1a"]
         {
-            assert_eq!(lone(text), Some(Kind::Symbol), "{text}");
+            assert_eq!(lone(text), Some(TokenKind::Symbol), "{text}");
         }
         for text in ["e5", "<a", "<=", "=>", "<-", "=", ":", "$", "$a", "a?", "@", "{", "[]", "[a", "[a]b", "<>", "ä"]
         {
-            assert_eq!(lone(text), Some(Kind::Symbol), "{text}");
+            assert_eq!(lone(text), Some(TokenKind::Symbol), "{text}");
         }
         for text in ["1e5", "1.e5", ".5", "5.", "-.5e-3", "1E5", "-0.0"] {
-            assert_eq!(lone(text), Some(Kind::Float), "{text}");
+            assert_eq!(lone(text), Some(TokenKind::Float), "{text}");
         }
         for text in ["0", "+5", "-0", "007"] {
-            assert_eq!(lone(text), Some(Kind::Integer), "{text}");
+            assert_eq!(lone(text), Some(TokenKind::Integer), "{text}");
         }
         for text in ["", "a b", "a<b", "a;", "a(", "a\u{1}", " a", "a\n"] {
             assert_eq!(lone(text), None, "{text}");
         }
-        assert_eq!(lone("[ä]"), Some(Kind::Instance));
-        assert_eq!(lone("$?x"), Some(Kind::Variable));
+        assert_eq!(lone("[ä]"), Some(TokenKind::Instance));
+        assert_eq!(lone("$?x"), Some(TokenKind::Variable));
     }
 
     #[test]
@@ -333,7 +333,7 @@ mod tests {
                 let source = Source::new("t", text.as_str());
                 let mut lexer = Lexer::new(&source);
                 let mut found = Vec::new();
-                while lexer.peek(0).unwrap().kind != Kind::End {
+                while lexer.peek(0).unwrap().kind != TokenKind::End {
                     found.push(lexer.next().unwrap());
                 }
                 let pairs = Grammar::parse(Rule::words, &text).unwrap();
@@ -351,7 +351,7 @@ mod tests {
         for (text, count) in [("(", 1), ("\"a\"", 1), ("||", 2), ("<", 1), ("(a)", 3), ("a<b\"c\"", 3), ("1;\n", 1)] {
             let source = Source::new("t", text.repeat(3_000));
             let mut lexer = Lexer::new(&source);
-            let kinds = std::iter::from_fn(|| lexer.next().ok().filter(|token| token.kind != Kind::End));
+            let kinds = std::iter::from_fn(|| lexer.next().ok().filter(|token| token.kind != TokenKind::End));
             assert_eq!(kinds.count(), count * 3_000, "{text}");
             assert!(stretch(source.text(), 0) <= STRETCH + 4, "{text}");
         }
@@ -359,10 +359,17 @@ mod tests {
         let source = Source::new("t", text);
         let mut lexer = Lexer::new(&source);
         let mut kinds = Vec::new();
-        while lexer.peek(0).unwrap().kind != Kind::End {
+        while lexer.peek(0).unwrap().kind != TokenKind::End {
             kinds.push(lexer.next().unwrap().kind);
         }
-        let once = [Kind::Open, Kind::Symbol, Kind::Text, Kind::Close, Kind::Float, Kind::Instance];
+        let once = [
+            TokenKind::Open,
+            TokenKind::Symbol,
+            TokenKind::Text,
+            TokenKind::Close,
+            TokenKind::Float,
+            TokenKind::Instance,
+        ];
         assert_eq!(kinds, once.repeat(2_000));
     }
 }

@@ -71,13 +71,13 @@ pub struct Filled {
 /// Whether `text` is read as a symbol when it stands alone, so that it can be written without quotes.
 #[must_use]
 pub fn is_symbol(text: &str) -> bool {
-    lexer::lone(text) == Some(lexer::Kind::Symbol)
+    lexer::lone(text) == Some(lexer::TokenKind::Symbol)
 }
 
 /// Whether `text` in brackets is read as the name of an instance.
 #[must_use]
 pub fn is_instance(text: &str) -> bool {
-    lexer::lone(&format!("[{text}]")) == Some(lexer::Kind::Instance)
+    lexer::lone(&format!("[{text}]")) == Some(lexer::TokenKind::Instance)
 }
 
 /// Whether a list with this head is a construct and not a fact.

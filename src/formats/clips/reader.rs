@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use super::expression::{self, evaluate};
-use super::lexer::{Kind, Lexer, Token};
+use super::lexer::{Lexer, Token, TokenKind};
 use super::template::{self, Template, local};
 use super::{Body, Fact, Filled, Value};
 use crate::formats::{Diagnostic, Source, Span};
@@ -99,16 +99,16 @@ impl<'a> Reader<'a> {
         loop {
             let token = self.lexer.next()?;
             match (token.kind, self.group) {
-                (Kind::End, None) => return Ok(None),
-                (Kind::Close, Some(_)) => self.group = None,
-                (Kind::Open, Some(_)) => return self.fact(token.span).map(|fact| Some(Item::Fact(fact))),
-                (Kind::Open, None) => {
+                (TokenKind::End, None) => return Ok(None),
+                (TokenKind::Close, Some(_)) => self.group = None,
+                (TokenKind::Open, Some(_)) => return self.fact(token.span).map(|fact| Some(Item::Fact(fact))),
+                (TokenKind::Open, None) => {
                     if let Some(item) = self.list(token.span)? {
                         return Ok(Some(item));
                     }
                 }
                 (_, Some(open)) => return Err(self.unclosed(token, open, "a fact `(…)` or `)`")),
-                (Kind::Close, None) => {
+                (TokenKind::Close, None) => {
                     return Err(self.lexer.wrong(token, "a fact or a construct `(…)`").hint("no list is open here"));
                 }
                 _ => return Err(self.lexer.wrong(token, "a fact or a construct `(…)`")),
@@ -119,7 +119,7 @@ impl<'a> Reader<'a> {
     /// A list at the top; nothing comes of the beginning of a group.
     fn list(&mut self, open: Span) -> Result<Option<Item>, Diagnostic> {
         let head = self.lexer.peek(0)?;
-        let name = if head.kind == Kind::Symbol { self.lexer.text(head) } else { "" };
+        let name = if head.kind == TokenKind::Symbol { self.lexer.text(head) } else { "" };
         match name {
             _ if self.templates_only && name != "deftemplate" => self.skip(open, name).map(Some),
             "deftemplate" => {
@@ -132,10 +132,10 @@ impl<'a> Reader<'a> {
             "deffacts" => {
                 self.lexer.next()?;
                 let name = self.lexer.next()?;
-                if name.kind != Kind::Symbol {
+                if name.kind != TokenKind::Symbol {
                     return Err(self.lexer.wrong(name, "the name of these facts"));
                 }
-                if self.lexer.peek(0)?.kind == Kind::Text {
+                if self.lexer.peek(0)?.kind == TokenKind::Text {
                     self.lexer.next()?;
                 }
                 self.begin(open)
@@ -163,16 +163,16 @@ impl<'a> Reader<'a> {
         self.program |= SKIPPED.contains(&kind);
         let first = self.lexer.peek(1)?;
         let name = match first.kind {
-            Kind::Open | Kind::Close => String::new(),
+            TokenKind::Open | TokenKind::Close => String::new(),
             _ => self.lexer.text(first).to_owned(),
         };
         let mut depth = 1_usize;
         while depth > 0 {
             let token = self.lexer.next()?;
             match token.kind {
-                Kind::Open => depth += 1,
-                Kind::Close => depth -= 1,
-                Kind::End => return Err(self.unclosed(token, open, "`)`")),
+                TokenKind::Open => depth += 1,
+                TokenKind::Close => depth -= 1,
+                TokenKind::End => return Err(self.unclosed(token, open, "`)`")),
                 _ => {}
             }
         }
@@ -182,7 +182,7 @@ impl<'a> Reader<'a> {
     /// A fact behind its `(`.
     fn fact(&mut self, open: Span) -> Result<Fact, Diagnostic> {
         let head = self.lexer.next()?;
-        if head.kind != Kind::Symbol {
+        if head.kind != TokenKind::Symbol {
             return Err(self.unclosed(head, open, "the name of a template"));
         }
         let name = self.lexer.text(head);
@@ -203,8 +203,8 @@ impl<'a> Reader<'a> {
     fn has_slots(&mut self, name: &str) -> Result<bool, Diagnostic> {
         let known = self.templates.contains(local(name));
         let next = self.lexer.peek(0)?;
-        if next.kind != Kind::Open {
-            return Ok(known && next.kind == Kind::Close);
+        if next.kind != TokenKind::Open {
+            return Ok(known && next.kind == TokenKind::Close);
         }
         if known || self.group.is_none() {
             return Ok(true);
@@ -219,12 +219,12 @@ impl<'a> Reader<'a> {
         loop {
             let token = self.lexer.next()?;
             match token.kind {
-                Kind::Close => return Ok((slots, token.span)),
-                Kind::Open => {}
+                TokenKind::Close => return Ok((slots, token.span)),
+                TokenKind::Open => {}
                 _ => return Err(self.unclosed(token, fact, "a slot `(name value)` or `)`")),
             }
             let head = self.lexer.next()?;
-            if head.kind != Kind::Symbol {
+            if head.kind != TokenKind::Symbol {
                 return Err(self.unclosed(head, token.span, "the name of a slot"));
             }
             let name = self.lexer.text(head);
@@ -243,14 +243,14 @@ impl<'a> Reader<'a> {
         loop {
             let token = self.lexer.peek(0)?;
             match token.kind {
-                Kind::Close => {
+                TokenKind::Close => {
                     self.lexer.next()?;
                     return Ok((values, token.span));
                 }
-                Kind::End => return Err(self.unclosed(token, open, "a value or `)`")),
-                Kind::Open => values.extend(evaluate(&mut self.lexer)??),
+                TokenKind::End => return Err(self.unclosed(token, open, "a value or `)`")),
+                TokenKind::Open => values.extend(evaluate(&mut self.lexer)??),
                 // `=(+ 1 2)` is another spelling of the call.
-                Kind::Symbol if self.lexer.text(token) == "=" && self.lexer.peek(1)?.kind == Kind::Open => {
+                TokenKind::Symbol if self.lexer.text(token) == "=" && self.lexer.peek(1)?.kind == TokenKind::Open => {
                     self.lexer.next()?;
                 }
                 _ => {
@@ -264,7 +264,7 @@ impl<'a> Reader<'a> {
     /// Complains about a word in a list; at the end of the text, says which list is not closed.
     fn unclosed(&self, token: Token, open: Span, expected: &str) -> Diagnostic {
         let error = self.lexer.wrong(token, expected);
-        if token.kind == Kind::End { self.opened(error, open) } else { error }
+        if token.kind == TokenKind::End { self.opened(error, open) } else { error }
     }
 
     fn opened(&self, error: Diagnostic, open: Span) -> Diagnostic {

@@ -2,7 +2,7 @@
 
 use super::Value;
 use super::expression::evaluate;
-use super::lexer::{Kind, Lexer, Token};
+use super::lexer::{Lexer, Token, TokenKind};
 use super::writer::write_value;
 use crate::formats::{Diagnostic, Span};
 
@@ -267,7 +267,7 @@ pub(super) fn read(lexer: &mut Lexer<'_>) -> Result<Template, Diagnostic> {
     let name = symbol(lexer, "the name of a template")?;
     let name = lexer.text(name);
     let mut template = Template { name: local(name).to_owned(), documentation: None, slots: Vec::new() };
-    if lexer.peek(0)?.kind == Kind::Text {
+    if lexer.peek(0)?.kind == TokenKind::Text {
         let token = lexer.next()?;
         if let Value::Text(text) = lexer.value(token)? {
             template.documentation = Some(text);
@@ -276,8 +276,8 @@ pub(super) fn read(lexer: &mut Lexer<'_>) -> Result<Template, Diagnostic> {
     loop {
         let token = lexer.next()?;
         match token.kind {
-            Kind::Close => return Ok(template),
-            Kind::Open => {
+            TokenKind::Close => return Ok(template),
+            TokenKind::Open => {
                 let start = token.span;
                 let (slot, end) = slot(lexer)?;
                 if template.slot(&slot.name).is_some() {
@@ -298,14 +298,14 @@ pub(super) fn local(name: &str) -> &str {
 
 fn symbol(lexer: &mut Lexer<'_>, expected: &str) -> Result<Token, Diagnostic> {
     let token = lexer.next()?;
-    if token.kind == Kind::Symbol { Ok(token) } else { Err(lexer.wrong(token, expected)) }
+    if token.kind == TokenKind::Symbol { Ok(token) } else { Err(lexer.wrong(token, expected)) }
 }
 
 fn slot(lexer: &mut Lexer<'_>) -> Result<(Slot, Span), Diagnostic> {
     let keyword = lexer.next()?;
     let multiple = match (keyword.kind, lexer.text(keyword)) {
-        (Kind::Symbol, "slot" | "field") => false,
-        (Kind::Symbol, "multislot" | "multifield") => true,
+        (TokenKind::Symbol, "slot" | "field") => false,
+        (TokenKind::Symbol, "multislot" | "multifield") => true,
         _ => return Err(lexer.wrong(keyword, "`slot` or `multislot`")),
     };
     let name = symbol(lexer, "the name of a slot")?;
@@ -313,11 +313,11 @@ fn slot(lexer: &mut Lexer<'_>) -> Result<(Slot, Span), Diagnostic> {
     loop {
         let token = lexer.next()?;
         match token.kind {
-            Kind::Close => {
+            TokenKind::Close => {
                 consistent(&slot).map_err(|message| Diagnostic::new(lexer.source, name.span, message))?;
                 return Ok((slot, token.span));
             }
-            Kind::Open => facet(lexer, &mut slot)?,
+            TokenKind::Open => facet(lexer, &mut slot)?,
             _ => return Err(lexer.wrong(token, "an attribute like `(type SYMBOL)`, or `)`")),
         }
     }
@@ -347,9 +347,9 @@ fn facet(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
                 return close(lexer);
             }
             let mut types: Option<Types> = None;
-            while lexer.peek(0)?.kind != Kind::Close {
+            while lexer.peek(0)?.kind != TokenKind::Close {
                 let token = lexer.next()?;
-                let one = Types::parse(lexer.text(token)).filter(|_| token.kind == Kind::Symbol);
+                let one = Types::parse(lexer.text(token)).filter(|_| token.kind == TokenKind::Symbol);
                 let one = one.ok_or_else(|| lexer.wrong(token, "a type like SYMBOL, STRING, INTEGER or FLOAT"))?;
                 types = Some(types.map_or(one, |types| types.and(one)));
             }
@@ -379,7 +379,7 @@ fn facet(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
 /// Takes `?VARIABLE`.
 fn anything(lexer: &mut Lexer<'_>) -> Result<bool, Diagnostic> {
     let token = lexer.peek(0)?;
-    let found = token.kind == Kind::Variable && lexer.text(token) == "?VARIABLE";
+    let found = token.kind == TokenKind::Variable && lexer.text(token) == "?VARIABLE";
     if found {
         lexer.next()?;
     }
@@ -388,14 +388,14 @@ fn anything(lexer: &mut Lexer<'_>) -> Result<bool, Diagnostic> {
 
 fn close(lexer: &mut Lexer<'_>) -> Result<(), Diagnostic> {
     let token = lexer.next()?;
-    if token.kind == Kind::Close { Ok(()) } else { Err(lexer.wrong(token, "`)`")) }
+    if token.kind == TokenKind::Close { Ok(()) } else { Err(lexer.wrong(token, "`)`")) }
 }
 
 fn constants(lexer: &mut Lexer<'_>) -> Result<Vec<Value>, Diagnostic> {
     let mut values = Vec::new();
     loop {
         let token = lexer.next()?;
-        if token.kind == Kind::Close {
+        if token.kind == TokenKind::Close {
             return Ok(values);
         }
         values.push(lexer.value(token)?);
@@ -408,7 +408,7 @@ fn bound(lexer: &mut Lexer<'_>) -> Result<Option<Value>, Diagnostic> {
     }
     let token = lexer.next()?;
     match token.kind {
-        Kind::Integer | Kind::Float => lexer.value(token).map(Some),
+        TokenKind::Integer | TokenKind::Float => lexer.value(token).map(Some),
         _ => Err(lexer.wrong(token, "a number or ?VARIABLE")),
     }
 }
@@ -424,7 +424,7 @@ fn count(lexer: &mut Lexer<'_>) -> Result<Option<usize>, Diagnostic> {
 
 fn default(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
     let token = lexer.peek(0)?;
-    if token.kind == Kind::Variable {
+    if token.kind == TokenKind::Variable {
         slot.default = match lexer.text(token) {
             "?DERIVE" => Default::Derive,
             "?NONE" => Default::None,
@@ -438,9 +438,9 @@ fn default(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
     loop {
         let token = lexer.peek(0)?;
         let more = match token.kind {
-            Kind::Close => break,
-            Kind::Open => evaluate(lexer)?.ok(),
-            Kind::Variable => lexer.next().map(|_| None)?,
+            TokenKind::Close => break,
+            TokenKind::Open => evaluate(lexer)?.ok(),
+            TokenKind::Variable => lexer.next().map(|_| None)?,
             _ => {
                 let token = lexer.next()?;
                 Some(vec![lexer.value(token)?])

@@ -10,14 +10,14 @@ pub struct Metadata {
     /// Its name, where it is told.
     pub collection: Option<String>,
     /// What it is.
-    pub kind: Kind,
+    pub kind: CollectionKind,
     /// The definitions of its indexes, but the one on `_id`.
     pub indexes: Vec<Document>,
 }
 
 /// What a collection is.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Kind {
+pub enum CollectionKind {
     /// Documents.
     Collection,
     /// Something that has no documents of its own, like `view`.
@@ -28,7 +28,7 @@ impl Metadata {
     /// The metadata of a plain collection.
     #[must_use]
     pub fn plain(collection: &str) -> Self {
-        Self { collection: Some(collection.to_owned()), kind: Kind::Collection, indexes: Vec::new() }
+        Self { collection: Some(collection.to_owned()), kind: CollectionKind::Collection, indexes: Vec::new() }
     }
 
     /// Reads metadata; older ones lack name and type.
@@ -40,9 +40,9 @@ impl Metadata {
         let text = |key: &str| document.get_str(key).ok().map(str::to_owned);
         let is_view = document.get_document("options").is_ok_and(|options| options.contains_key("viewOn"));
         let kind = match text("type").unwrap_or_else(|| "collection".to_owned()) {
-            _ if is_view => Kind::Other("view".to_owned()),
-            kind if kind == "collection" => Kind::Collection,
-            kind => Kind::Other(kind),
+            _ if is_view => CollectionKind::Other("view".to_owned()),
+            kind if kind == "collection" => CollectionKind::Collection,
+            kind => CollectionKind::Other(kind),
         };
         let indexes = document.get_array("indexes").map(Vec::as_slice).unwrap_or_default();
         let definitions = indexes.iter().filter_map(Bson::as_document);
@@ -92,11 +92,11 @@ mod tests {
             old,
             Metadata {
                 collection: None,
-                kind: Kind::Collection,
+                kind: CollectionKind::Collection,
                 indexes: vec![doc! { "key": { "n": 1 }, "name": "n_1" }]
             }
         );
-        assert_eq!(parse(r#"{"options":{"viewOn":"x"},"indexes":[]}"#).kind, Kind::Other("view".to_owned()));
-        assert_eq!(parse(r#"{"type":"timeseries"}"#).kind, Kind::Other("timeseries".to_owned()));
+        assert_eq!(parse(r#"{"options":{"viewOn":"x"},"indexes":[]}"#).kind, CollectionKind::Other("view".to_owned()));
+        assert_eq!(parse(r#"{"type":"timeseries"}"#).kind, CollectionKind::Other("timeseries".to_owned()));
     }
 }

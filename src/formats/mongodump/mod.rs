@@ -15,7 +15,7 @@ mod packing;
 mod stream;
 
 pub use archive::{Archive, ArchiveWriter, Archived, MAGIC};
-pub use metadata::{Kind, Metadata};
+pub use metadata::{CollectionKind, Metadata};
 pub use name::{decode, encode};
 pub use packing::{Packer, unpack};
 pub use stream::{Damage, Documents, decode_document};

@@ -13,6 +13,7 @@ pub mod ast;
 mod grammar;
 mod init;
 mod outline;
+pub mod portable;
 mod section;
 mod syntax;
 mod walk;

@@ -16,7 +16,7 @@ use super::view::View;
 use crate::memory::Memory;
 use crate::memory::journal::Operation;
 use crate::query::QueryError;
-use crate::store::{Namespace, Store, StoreError, stamp};
+use crate::store::{Namespace, Store, StoreError, metadata};
 
 /// How often an answer is made again because its documents were replaced meanwhile.
 const ATTEMPTS: usize = 5;
@@ -28,7 +28,7 @@ const MOST_DOCUMENTS: usize = 100_000;
 const BATCH: usize = 1_000;
 /// How long a body without a limit is waited for by other processes, and how
 /// long storing may take.
-const PATIENCE: Duration = Duration::from_secs(30);
+const COMPUTE_TIMEOUT: Duration = Duration::from_secs(30);
 /// How long those who wait sleep at first …
 const SHORTEST: Duration = Duration::from_millis(2);
 /// … and at most.
@@ -223,13 +223,13 @@ impl Memory {
         let store = self.routes.keeping(ns)?;
         let entry = Entry::new(store, ns, wanted.key.clone());
         let held = |token, until| Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: None };
-        let patience = wanted.computable.body.timeout().map_or(PATIENCE, |timeout| timeout + PATIENCE);
+        let timeout = wanted.computable.body.timeout().map_or(COMPUTE_TIMEOUT, |timeout| timeout + COMPUTE_TIMEOUT);
         let (started, mut pause) = (Instant::now(), SHORTEST);
         loop {
             let now = self.clock.now();
             match entry.state(now)? {
                 State::Good { token, until, documents } => return Ok((held(token, until), true, documents)),
-                State::Busy { .. } if started.elapsed() < patience * 2 => {
+                State::Busy { .. } if started.elapsed() < timeout * 2 => {
                     self.check_cycle(wanted)?;
                     std::thread::sleep(pause);
                     pause = (pause * 2).min(LONGEST);
@@ -242,7 +242,7 @@ impl Memory {
                 }
                 State::Stale(former) => {
                     let token = ObjectId::new();
-                    let until = after(now, patience);
+                    let until = after(now, timeout);
                     if !entry
                         .claim(former.as_ref(), definition, wanted.query, token, until)
                         .map_err(|error| unstorable(wanted, error))?
@@ -266,7 +266,7 @@ impl Memory {
                         entry.sweep(now)?;
                         return Ok((held(token, until), false, ids.len() as u64));
                     }
-                    // Somebody lost patience with this process, and computes anew.
+                    // Somebody lost timeout with this process, and computes anew.
                     remove(store, ns, &ids, token)?;
                 }
             }
@@ -278,7 +278,7 @@ impl Memory {
         let ns = &wanted.computable.definition.namespace;
         let documents = self.compute(wanted, rest)?;
         let token = ObjectId::new();
-        let until = after(self.clock.now(), PATIENCE);
+        let until = after(self.clock.now(), COMPUTE_TIMEOUT);
         let ids = self.publish(self.routes.reading(ns)?, wanted, documents, token, until)?;
         let count = ids.len() as u64;
         Ok((Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: Some(ids) }, false, count))
@@ -342,15 +342,15 @@ impl Memory {
         let definition = &wanted.computable.definition;
         let now = self.clock.now();
         let info = doc! {
-            stamp::INSERTED: now,
+            metadata::INSERTED: now,
             "computed": true,
             "cached_until": until,
-            stamp::DECAY: until,
-            stamp::COMPUTATION: { "by": &definition.name, "token": token },
+            metadata::DECAY: until,
+            metadata::COMPUTATION: { "by": &definition.name, "token": token },
         };
         let mut ids = Vec::with_capacity(documents.len());
         let mut rest = documents.into_iter().map(|mut document| {
-            document.insert(stamp::INFO, info.clone());
+            document.insert(metadata::INFO, info.clone());
             document
         });
         loop {
@@ -381,7 +381,7 @@ impl Memory {
 /// Removes documents of one computation.
 fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> Result<(), StoreError> {
     for ids in ids.chunks(BATCH) {
-        store.delete(ns, &doc! { "_id": { "$in": ids }, stamp::computation("token"): token }, false)?;
+        store.delete(ns, &doc! { "_id": { "$in": ids }, metadata::computation("token"): token }, false)?;
     }
     Ok(())
 }

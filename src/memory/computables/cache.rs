@@ -14,7 +14,7 @@ use std::time::Duration;
 use super::definition::Definition;
 use crate::query::QueryError;
 use crate::store::holder::{Holder, Life};
-use crate::store::{Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, stamp};
+use crate::store::{Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// The collection of the entries.
 const COLLECTION: &str = "rmem.computed";
@@ -95,11 +95,11 @@ impl<'a> Entry<'a> {
         if made.documents == 0 {
             return Ok(true);
         }
-        let mut unchanged = doc! { stamp::computation("token"): made.token };
+        let mut unchanged = doc! { metadata::computation("token"): made.token };
         if !made.ids.is_empty() {
             unchanged.insert("_id", doc! { "$in": &made.ids });
         }
-        unchanged.insert(stamp::info_path(stamp::UPDATED), Bson::Null);
+        unchanged.insert(metadata::info_path(metadata::UPDATED), Bson::Null);
         Ok(self.store.count(self.asked, &unchanged)? == made.documents)
     }
 
@@ -121,7 +121,7 @@ impl<'a> Entry<'a> {
                 "token": token,
                 "busy_until": until,
                 "holder": Holder::myself().to_string(),
-                stamp::INFO: { "computed": true, "cached_until": DateTime::from_millis(0), stamp::DECAY: until },
+                metadata::INFO: { "computed": true, "cached_until": DateTime::from_millis(0), metadata::DECAY: until },
             };
             return match self.store.insert(&self.records, vec![entry]) {
                 Ok(_) => Ok(true),
@@ -130,7 +130,8 @@ impl<'a> Entry<'a> {
             };
         };
         let holder = Holder::myself().to_string();
-        let set = doc! { "token": token, "busy_until": until, "holder": holder, stamp::info_path(stamp::DECAY): until };
+        let set =
+            doc! { "token": token, "busy_until": until, "holder": holder, metadata::info_path(metadata::DECAY): until };
         self.change(former.token, doc! { "$set": set })
     }
 
@@ -146,8 +147,8 @@ impl<'a> Entry<'a> {
             "made": token,
             "documents": i64::try_from(ids.len()).unwrap_or(i64::MAX),
             "ids": listed,
-            stamp::info_path("cached_until"): until,
-            stamp::info_path(stamp::DECAY): until,
+            metadata::info_path("cached_until"): until,
+            metadata::info_path(metadata::DECAY): until,
         };
         self.change(token, doc! { "$set": set, "$unset": { "busy_until": "", "holder": "" } })
     }
@@ -156,14 +157,14 @@ impl<'a> Entry<'a> {
     pub(super) fn release(&self, token: ObjectId, now: DateTime) -> Result<bool, StoreError> {
         self.change(
             token,
-            doc! { "$set": { stamp::info_path(stamp::DECAY): now }, "$unset": { "busy_until": "", "holder": "" } },
+            doc! { "$set": { metadata::info_path(metadata::DECAY): now }, "$unset": { "busy_until": "", "holder": "" } },
         )
     }
 
     /// Removes some entries that are not good any more, and what they are about.
     pub(super) fn sweep(&self, now: DateTime) -> Result<(), StoreError> {
         let over = doc! { "$lte": now };
-        let filter = doc! { "_id": { "$ne": &self.key }, stamp::info_path(stamp::DECAY): over };
+        let filter = doc! { "_id": { "$ne": &self.key }, metadata::info_path(metadata::DECAY): over };
         let find = Find { filter, limit: SWEEP, ..Find::default() };
         let entries = self.store.find(&self.records, &find)?.collect::<Result<Vec<_>, _>>()?;
         for entry in entries {
@@ -213,10 +214,10 @@ pub(super) fn current(
 /// Removes what a computation made.
 fn remove(store: &dyn Store, ns: &Namespace, former: &Former) -> Result<(), StoreError> {
     if former.is_abandoned {
-        store.delete(ns, &doc! { stamp::computation("token"): former.token }, false)?;
+        store.delete(ns, &doc! { metadata::computation("token"): former.token }, false)?;
     }
     let Some(made) = former.made else { return Ok(()) };
-    let own = doc! { stamp::computation("token"): made };
+    let own = doc! { metadata::computation("token"): made };
     if former.ids.is_empty() {
         return store.delete(ns, &own, false).map(|_| ());
     }
@@ -238,7 +239,7 @@ fn state(entry: &Document, now: DateTime) -> State {
         return State::Busy { until: *until };
     }
     let former = former(entry);
-    let until = entry.get_document(stamp::INFO).and_then(|info| info.get_datetime("cached_until"));
+    let until = entry.get_document(metadata::INFO).and_then(|info| info.get_datetime("cached_until"));
     match until {
         Ok(until) if *until > now && entry.get_object_id("made").ok() == Some(token) => {
             State::Good { token, until: *until, documents: former.documents }

@@ -14,7 +14,7 @@ use bson::Document;
 
 use super::body::{Asked, Body, ComputeError};
 use crate::formats::{Source, shell};
-use crate::process::{self, End, Ended, Host, INPUT, Job, Limits, Manner};
+use crate::process::{self, End, Ended, Host, INPUT, Job, Limits, Mode};
 use crate::store::Namespace;
 
 /// What a program may print, in bytes.
@@ -61,7 +61,7 @@ impl Command {
             is_fed: true,
             folder: Some(&self.folder),
             environment: None,
-            manner: Manner::Captured,
+            mode: Mode::Captured,
             wanted: |_| None,
         };
         let limits = Limits { time: Some(self.timeout), memory: None, output: MOST_OUTPUT };

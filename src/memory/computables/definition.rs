@@ -30,12 +30,12 @@ pub struct Definition {
     /// How long its documents are good for equal queries; without, for one query.
     pub cache: Option<Duration>,
     /// What computes.
-    pub body: Kind,
+    pub body: BodyKind,
 }
 
 /// The kinds of bodies.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Kind {
+pub enum BodyKind {
     /// An aggregation.
     Pipeline {
         /// Over this collection.
@@ -64,7 +64,7 @@ pub enum Kind {
     },
 }
 
-impl Kind {
+impl BodyKind {
     /// The body, at work on this host.
     pub(super) fn body(&self, host: &Host<'static>) -> Box<dyn Body> {
         match self.clone() {

@@ -35,7 +35,7 @@ fn sorted_value(value: &Bson) -> Bson {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::memory::computables::Kind;
+    use crate::memory::computables::BodyKind;
     use crate::store::Namespace;
     use bson::doc;
 
@@ -46,7 +46,7 @@ mod tests {
             spec: doc! {},
             priority: 0,
             cache: None,
-            body: Kind::Nearest { position: "translation".into() },
+            body: BodyKind::Nearest { position: "translation".into() },
         }
     }
 

@@ -41,7 +41,7 @@ mod transform;
 mod view;
 
 pub use check::{Check, Verdict};
-pub use definition::{BUILTINS, Definition, Kind};
+pub use definition::{BUILTINS, BodyKind, Definition};
 pub use pipeline::check as check_pipeline;
 pub use registry::{Computable, Registry};
 pub use report::Computed;

@@ -2,7 +2,7 @@
 
 use bson::{Bson, DateTime, Document, doc};
 
-use crate::store::{Namespace, stamp};
+use crate::store::{Namespace, metadata};
 
 /// What an operation sees: documents that have not decayed, and of those that
 /// computables made, the ones that are for it.
@@ -47,9 +47,9 @@ impl View {
 
     /// What is true of the documents that are seen.
     pub(in crate::memory) fn visible(&self, ns: &Namespace) -> Document {
-        let mut visible = stamp::visible(self.at);
+        let mut visible = metadata::visible(self.at);
         if let Some((_, names)) = self.limited.iter().find(|(other, _)| other == ns) {
-            let others = doc! { stamp::computation("by"): { "$in": names }, stamp::computation("token"): { "$nin": &self.tokens } };
+            let others = doc! { metadata::computation("by"): { "$in": names }, metadata::computation("token"): { "$nin": &self.tokens } };
             visible.insert("$nor", vec![others]);
         }
         visible

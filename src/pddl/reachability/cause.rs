@@ -6,7 +6,7 @@ use super::relaxed::Relaxed;
 use super::rule::{Makes, Rule};
 use super::{Achiever, Obstacle, Why};
 use crate::pddl::model::{Arg, Change, Fact, Formula, Variable};
-use crate::pddl::validation::{Bindings, Trouble, UNBOUND, free_slots, predicates};
+use crate::pddl::validation::{Bindings, EvaluationError, UNBOUND, free_slots, predicates};
 
 /// How many conditions of the goal are listed.
 const GOALS: usize = 6;
@@ -28,9 +28,9 @@ struct Target {
 }
 
 /// Says what stands between what can be reached and the goal.
-pub(super) fn explain(relaxed: &Relaxed<'_>) -> Result<Why, Trouble> {
+pub(super) fn explain(relaxed: &Relaxed<'_>) -> Result<Why, EvaluationError> {
     let mut search = Search { relaxed, why: Why::default(), seen: Vec::new(), todo: VecDeque::new() };
-    for part in conjuncts(&relaxed.world.problem.goal) {
+    for part in conjuncts(&relaxed.state.problem.goal) {
         if search.why.goals >= GOALS {
             break;
         }
@@ -68,7 +68,7 @@ fn unfilled(relaxed: &Relaxed<'_>) -> Vec<String> {
             found.push(predicate);
         }
     };
-    let domain = relaxed.world.domain;
+    let domain = relaxed.state.domain;
     domain.actions().iter().for_each(|action| predicates(&action.body.condition, &mut note));
     domain.rules.iter().for_each(|rule| predicates(&rule.condition, &mut note));
     let names = found.into_iter().filter_map(|number| domain.vocabulary.predicates.get(number));
@@ -102,11 +102,11 @@ struct Effect<'e> {
 
 impl Search<'_, '_> {
     /// Notes a condition of the goal that can never hold.
-    fn goal(&mut self, formula: &Formula) -> Result<(), Trouble> {
+    fn goal(&mut self, formula: &Formula) -> Result<(), EvaluationError> {
         if self.relaxed.can_hold(formula, &mut Bindings::new())? {
             return Ok(());
         }
-        let condition = self.relaxed.world.open_text(formula, &Bindings::new(), &[]);
+        let condition = self.relaxed.state.open_text(formula, &Bindings::new(), &[]);
         let achievers = match target(formula, &Bindings::new()) {
             Some(target) => {
                 self.seen.push(target.clone());
@@ -120,7 +120,7 @@ impl Search<'_, '_> {
     }
 
     /// What would meet a condition, and what it lacks; that is looked into later.
-    fn achievers(&mut self, target: &Target) -> Result<Vec<Achiever>, Trouble> {
+    fn achievers(&mut self, target: &Target) -> Result<Vec<Achiever>, EvaluationError> {
         let mut found: Vec<(String, Vec<Lack>)> = Vec::new();
         for rule in &self.relaxed.rules {
             for effect in effects(rule) {
@@ -162,7 +162,7 @@ impl Search<'_, '_> {
                     let variable =
                         bound.map(|(_, variable)| *variable).or_else(|| rule.variables.get(*slot as usize))?;
                     let value = objects.get_mut(*slot as usize)?;
-                    if !self.relaxed.world.is_member(*wanted, &variable.kind)
+                    if !self.relaxed.state.is_member(*wanted, &variable.kind)
                         || (*value != UNBOUND && *value != *wanted)
                     {
                         return None;
@@ -176,12 +176,12 @@ impl Search<'_, '_> {
     }
 
     /// What keeps a rule from ever being applied to these objects.
-    fn missing(&self, rule: &Rule<'_>, effect: &Effect<'_>, objects: &Bindings) -> Result<Vec<Lack>, Trouble> {
-        let world = &self.relaxed.world;
+    fn missing(&self, rule: &Rule<'_>, effect: &Effect<'_>, objects: &Bindings) -> Result<Vec<Lack>, EvaluationError> {
+        let state = &self.relaxed.state;
         let mut lacks = Vec::new();
         for (variable, object) in rule.variables.iter().zip(objects) {
-            if *object == UNBOUND && world.members(&variable.kind).is_empty() {
-                let text = format!("an object of type {}", world.domain.vocabulary.types.kind_text(&variable.kind));
+            if *object == UNBOUND && state.members(&variable.kind).is_empty() {
+                let text = format!("an object of type {}", state.domain.vocabulary.types.kind_text(&variable.kind));
                 lacks.push(Lack { text, target: None });
             }
         }
@@ -189,7 +189,7 @@ impl Search<'_, '_> {
         let further = effect.conditions.iter().flat_map(|condition| conjuncts(condition));
         for part in facts.iter().chain(rule.rest.iter().copied()).chain(further) {
             if lacks.len() < MISSING && !self.may_hold(part, objects)? {
-                let text = world.open_text(part, objects, rule.variables);
+                let text = state.open_text(part, objects, rule.variables);
                 lacks.push(Lack { text, target: target(part, objects) });
             }
         }
@@ -197,7 +197,7 @@ impl Search<'_, '_> {
     }
 
     /// Whether a condition can hold for some choice of the objects that are not known.
-    fn may_hold(&self, formula: &Formula, objects: &Bindings) -> Result<bool, Trouble> {
+    fn may_hold(&self, formula: &Formula, objects: &Bindings) -> Result<bool, EvaluationError> {
         if let Formula::Fact(fact) = formula {
             return Ok(self.relaxed.matches(fact, objects).any(|candidate| agrees(fact, candidate, objects)));
         }
@@ -213,13 +213,13 @@ impl Search<'_, '_> {
         let name = match (rule.action, &rule.makes) {
             (Some(name), _) => name,
             (None, Makes::Derived(head)) => {
-                let predicate = self.relaxed.world.domain.vocabulary.predicates.get(head.predicate);
+                let predicate = self.relaxed.state.domain.vocabulary.predicates.get(head.predicate);
                 predicate.map_or("?", |predicate| predicate.name.as_str())
             }
             (None, Makes::Effect(_)) => "?",
         };
         let words = rule.variables.iter().zip(objects).map(|(variable, object)| {
-            let object = self.relaxed.world.problem.objects.get(*object);
+            let object = self.relaxed.state.problem.objects.get(*object);
             object.map_or_else(|| variable.name.as_str().to_owned(), |object| object.name.as_str().to_owned())
         });
         let call = std::iter::once(name.to_owned()).chain(words).collect::<Vec<_>>().join(" ");

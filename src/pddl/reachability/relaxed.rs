@@ -8,11 +8,11 @@ use super::rule::{Makes, Rule, changing, is_constant};
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Change, Fact, Formula, Number};
 use crate::pddl::problem::Problem;
-use crate::pddl::validation::{Bindings, Ground, Trouble, UNBOUND, World};
+use crate::pddl::validation::{Bindings, EvaluationError, Ground, State, UNBOUND};
 
 /// What can be reached, in the order in which it was.
 pub(super) struct Relaxed<'a> {
-    pub(super) world: World<'a>,
+    pub(super) state: State<'a>,
     pub(super) rules: Vec<Rule<'a>>,
     /// The facts that can become true; their places are their numbers.
     facts: Vec<Ground>,
@@ -36,9 +36,9 @@ struct Instance {
 
 impl<'a> Relaxed<'a> {
     /// Collects what can be reached, until there is nothing new or more than `limit` facts were tried.
-    pub(super) fn collect(domain: &'a Domain, problem: &'a Problem, limit: u64) -> Result<Self, Trouble> {
+    pub(super) fn collect(domain: &'a Domain, problem: &'a Problem, limit: u64) -> Result<Self, EvaluationError> {
         let mut relaxed = Self {
-            world: World::new(domain, problem),
+            state: State::new(domain, problem),
             rules: Rule::all(domain),
             facts: Vec::new(),
             numbers: HashMap::new(),
@@ -50,7 +50,7 @@ impl<'a> Relaxed<'a> {
             limit,
         };
         if domain.actions().iter().any(|action| action.has_locals) {
-            return Err(Trouble::Unjudged("`:vars` are not simulated".to_owned()));
+            return Err(EvaluationError::Unjudged("`:vars` are not simulated".to_owned()));
         }
         for fact in &problem.start.facts {
             relaxed.add(fact.clone());
@@ -70,7 +70,7 @@ impl<'a> Relaxed<'a> {
         self.steps.get() > self.limit
     }
 
-    fn saturate(&mut self) -> Result<(), Trouble> {
+    fn saturate(&mut self) -> Result<(), EvaluationError> {
         let mut waiting: Vec<Instance> = Vec::new();
         let mut known = 0;
         for round in 0_usize.. {
@@ -104,7 +104,7 @@ impl<'a> Relaxed<'a> {
         news: &Range<usize>,
         is_first: bool,
         found: &mut Vec<Instance>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         let Some(Rule { facts, variables, .. }) = self.rules.get(rule) else { return Ok(()) };
         let mut emit = |objects: &Bindings| found.push(Instance { rule, objects: objects.clone() });
         if facts.is_empty() {
@@ -132,7 +132,7 @@ impl<'a> Relaxed<'a> {
         mut facts: Vec<(&Fact, Range<usize>)>,
         objects: &mut Bindings,
         emit: &mut dyn FnMut(&Bindings),
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         // The fact with the fewest candidates next.
         let fewest = |(_, (fact, range)): &(usize, &(&Fact, Range<usize>))| self.candidates(fact, range, objects).len();
         let Some((place, _)) = facts.iter().enumerate().min_by_key(fewest) else {
@@ -160,7 +160,7 @@ impl<'a> Relaxed<'a> {
         slot: usize,
         objects: &mut Bindings,
         emit: &mut dyn FnMut(&Bindings),
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         if self.step() {
             return Ok(());
         }
@@ -172,7 +172,7 @@ impl<'a> Relaxed<'a> {
         if value != UNBOUND {
             return self.fill(rule, slot + 1, objects, emit);
         }
-        for object in self.world.members(&variable.kind).iter() {
+        for object in self.state.members(&variable.kind).iter() {
             objects[slot] = *object;
             self.fill(rule, slot + 1, objects, emit)?;
         }
@@ -211,7 +211,7 @@ impl<'a> Relaxed<'a> {
             Arg::Slot(slot) => match (objects.get_mut(*slot as usize), rule.variables.get(*slot as usize)) {
                 (Some(value), Some(variable)) if *value == UNBOUND => {
                     *value = *object;
-                    self.world.is_member(*object, &variable.kind)
+                    self.state.is_member(*object, &variable.kind)
                 }
                 (Some(value), _) => value == object,
                 (None, _) => false,
@@ -220,7 +220,7 @@ impl<'a> Relaxed<'a> {
     }
 
     /// Lets a rule do what it does; false where some of that has to wait.
-    fn apply(&mut self, instance: &Instance) -> Result<bool, Trouble> {
+    fn apply(&mut self, instance: &Instance) -> Result<bool, EvaluationError> {
         self.step();
         let (mut adds, mut deletes) = (Vec::new(), Vec::new());
         let is_done = {
@@ -233,7 +233,7 @@ impl<'a> Relaxed<'a> {
             }
             match &rule.makes {
                 Makes::Derived(head) => {
-                    adds.push(self.world.ground(head.predicate, &head.arguments, &objects)?);
+                    adds.push(self.state.ground(head.predicate, &head.arguments, &objects)?);
                     true
                 }
                 Makes::Effect(change) => self.happen(change, &mut objects, &mut adds, &mut deletes)?,
@@ -250,10 +250,10 @@ impl<'a> Relaxed<'a> {
         objects: &mut Bindings,
         adds: &mut Vec<Ground>,
         deletes: &mut Vec<Ground>,
-    ) -> Result<bool, Trouble> {
+    ) -> Result<bool, EvaluationError> {
         match change {
-            Change::Add(fact) => adds.push(self.world.ground(fact.predicate, &fact.arguments, objects)?),
-            Change::Delete(fact) => deletes.push(self.world.ground(fact.predicate, &fact.arguments, objects)?),
+            Change::Add(fact) => adds.push(self.state.ground(fact.predicate, &fact.arguments, objects)?),
+            Change::Delete(fact) => deletes.push(self.state.ground(fact.predicate, &fact.arguments, objects)?),
             Change::And(parts) => {
                 let mut is_done = true;
                 for part in parts {
@@ -268,7 +268,7 @@ impl<'a> Relaxed<'a> {
             }
             Change::Forall(quantifier, inner) => {
                 let mut is_done = true;
-                self.world.each(quantifier, objects, |objects| {
+                self.state.each(quantifier, objects, |objects| {
                     self.step();
                     is_done &= self.happen(inner, objects, adds, deletes)?;
                     Ok(self.is_cut())
@@ -305,24 +305,24 @@ impl<'a> Relaxed<'a> {
     }
 
     /// Whether a condition can come true.
-    pub(super) fn can_hold(&self, formula: &Formula, objects: &mut Bindings) -> Result<bool, Trouble> {
+    pub(super) fn can_hold(&self, formula: &Formula, objects: &mut Bindings) -> Result<bool, EvaluationError> {
         match formula {
             Formula::Fact(fact) if fact.arguments.contains(&Arg::Fluent) => Ok(true),
             Formula::Fact(fact) => {
-                Ok(self.numbers.contains_key(&self.world.ground(fact.predicate, &fact.arguments, objects)?))
+                Ok(self.numbers.contains_key(&self.state.ground(fact.predicate, &fact.arguments, objects)?))
             }
             Formula::Same(Arg::Fluent, _) | Formula::Same(_, Arg::Fluent) => Ok(true),
-            Formula::Same(..) => self.world.is_true(formula, objects),
+            Formula::Same(..) => self.state.is_true(formula, objects),
             Formula::Compare(_, left, right) => self.compares(formula, [left, right], objects, true),
             Formula::Not(inner) => self.can_fail(inner, objects),
             Formula::And(parts) => all(parts, |part| self.can_hold(part, objects)),
             Formula::Or(parts) => any(parts, |part| self.can_hold(part, objects)),
             Formula::Imply(left, right) => Ok(self.can_fail(left, objects)? || self.can_hold(right, objects)?),
             Formula::Forall(quantifier, inner) => Ok(!self
-                .world
+                .state
                 .each(quantifier, objects, |objects| Ok(self.step() || !self.can_hold(inner, objects)?))?),
             Formula::Exists(quantifier, inner) => {
-                self.world.each(quantifier, objects, |objects| Ok(self.step() || self.can_hold(inner, objects)?))
+                self.state.each(quantifier, objects, |objects| Ok(self.step() || self.can_hold(inner, objects)?))
             }
             Formula::Timed(_, inner) => self.can_hold(inner, objects),
             Formula::Preference(_) | Formula::Modal => Ok(true),
@@ -330,26 +330,26 @@ impl<'a> Relaxed<'a> {
     }
 
     /// Whether a condition can come not to hold.
-    fn can_fail(&self, formula: &Formula, objects: &mut Bindings) -> Result<bool, Trouble> {
+    fn can_fail(&self, formula: &Formula, objects: &mut Bindings) -> Result<bool, EvaluationError> {
         match formula {
             Formula::Fact(fact) if fact.arguments.contains(&Arg::Fluent) => Ok(true),
             Formula::Fact(fact) => {
-                let ground = self.world.ground(fact.predicate, &fact.arguments, objects)?;
-                let is_derived = self.world.domain.derived.contains(&fact.predicate);
-                Ok(is_derived || !self.world.facts.contains(&ground) || self.gone.contains(&ground))
+                let ground = self.state.ground(fact.predicate, &fact.arguments, objects)?;
+                let is_derived = self.state.domain.derived.contains(&fact.predicate);
+                Ok(is_derived || !self.state.facts.contains(&ground) || self.gone.contains(&ground))
             }
             Formula::Same(Arg::Fluent, _) | Formula::Same(_, Arg::Fluent) => Ok(true),
-            Formula::Same(..) => Ok(!self.world.is_true(formula, objects)?),
+            Formula::Same(..) => Ok(!self.state.is_true(formula, objects)?),
             Formula::Compare(_, left, right) => self.compares(formula, [left, right], objects, false),
             Formula::Not(inner) => self.can_hold(inner, objects),
             Formula::And(parts) => any(parts, |part| self.can_fail(part, objects)),
             Formula::Or(parts) => all(parts, |part| self.can_fail(part, objects)),
             Formula::Imply(left, right) => Ok(self.can_hold(left, objects)? && self.can_fail(right, objects)?),
             Formula::Forall(quantifier, inner) => {
-                self.world.each(quantifier, objects, |objects| Ok(self.step() || self.can_fail(inner, objects)?))
+                self.state.each(quantifier, objects, |objects| Ok(self.step() || self.can_fail(inner, objects)?))
             }
             Formula::Exists(quantifier, inner) => Ok(!self
-                .world
+                .state
                 .each(quantifier, objects, |objects| Ok(self.step() || !self.can_fail(inner, objects)?))?),
             Formula::Timed(_, inner) => self.can_fail(inner, objects),
             Formula::Preference(_) | Formula::Modal => Ok(true),
@@ -364,19 +364,22 @@ impl<'a> Relaxed<'a> {
         numbers: [&Number; 2],
         objects: &mut Bindings,
         result: bool,
-    ) -> Result<bool, Trouble> {
+    ) -> Result<bool, EvaluationError> {
         if !numbers.into_iter().all(|number| is_constant(number, &self.changing)) {
             return Ok(true);
         }
-        match self.world.is_true(formula, objects) {
+        match self.state.is_true(formula, objects) {
             Ok(holds) => Ok(holds == result),
-            Err(Trouble::Wrong(_)) => Ok(!result),
+            Err(EvaluationError::Wrong(_)) => Ok(!result),
             Err(trouble) => Err(trouble),
         }
     }
 }
 
-fn all(parts: &[Formula], mut test: impl FnMut(&Formula) -> Result<bool, Trouble>) -> Result<bool, Trouble> {
+fn all(
+    parts: &[Formula],
+    mut test: impl FnMut(&Formula) -> Result<bool, EvaluationError>,
+) -> Result<bool, EvaluationError> {
     for part in parts {
         if !test(part)? {
             return Ok(false);
@@ -385,7 +388,10 @@ fn all(parts: &[Formula], mut test: impl FnMut(&Formula) -> Result<bool, Trouble
     Ok(true)
 }
 
-fn any(parts: &[Formula], mut test: impl FnMut(&Formula) -> Result<bool, Trouble>) -> Result<bool, Trouble> {
+fn any(
+    parts: &[Formula],
+    mut test: impl FnMut(&Formula) -> Result<bool, EvaluationError>,
+) -> Result<bool, EvaluationError> {
     for part in parts {
         if test(part)? {
             return Ok(true);

@@ -7,7 +7,7 @@ use crate::formats::pddl::ast::{self, Atom, Name, Term};
 use crate::pddl::feature::Feature;
 use crate::pddl::model::{Arg, Fact, Variable};
 use crate::pddl::table::{nearest, suggestion};
-use crate::pddl::types::Kind;
+use crate::pddl::types::TypeSet;
 use crate::pddl::vocabulary::FunctionEntry;
 
 impl Resolver<'_, '_, '_> {
@@ -65,7 +65,7 @@ impl Resolver<'_, '_, '_> {
         format!("{} - {}", variable.name, self.vocabulary.types.kind_text(&variable.kind))
     }
 
-    pub(super) fn check_kind(&mut self, term: &Term, given: &Kind, wanted: &Variable, what: &str, name: &Name) {
+    pub(super) fn check_kind(&mut self, term: &Term, given: &TypeSet, wanted: &Variable, what: &str, name: &Name) {
         let types = &self.vocabulary.types;
         if Arc::ptr_eq(given, &wanted.kind) || types.fits(given, &wanted.kind) {
             return;
@@ -81,7 +81,7 @@ impl Resolver<'_, '_, '_> {
     }
 
     /// An argument and its kind; no kind where the complaint has been made.
-    pub(super) fn argument(&mut self, term: &Term) -> (Arg, Option<Kind>) {
+    pub(super) fn argument(&mut self, term: &Term) -> (Arg, Option<TypeSet>) {
         match term {
             Term::Variable(name) => match self.scope.iter().rposition(|variable| variable.name.is(name.as_str())) {
                 Some(slot) => {
@@ -124,7 +124,7 @@ impl Resolver<'_, '_, '_> {
         self.report.error_with(name.span(), format!("object `{name}` is not declared"), hint);
     }
 
-    pub(super) fn object_fluent(&mut self, atom: &Atom) -> (Arg, Option<Kind>) {
+    pub(super) fn object_fluent(&mut self, atom: &Atom) -> (Arg, Option<TypeSet>) {
         self.uses.note(Feature::ObjectFluents, atom.place.0);
         let vocabulary = self.vocabulary;
         let Some(number) = vocabulary.functions.find(atom.name.as_str()) else {

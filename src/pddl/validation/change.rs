@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::state::{Bindings, Ground, Trouble, World};
+use super::state::{Bindings, EvaluationError, Ground, State};
 use crate::formats::pddl::ast::{Assigner, Moment};
 use crate::pddl::model::{Change, Formula, Number};
 
@@ -25,21 +25,21 @@ pub(super) enum Update {
 
 impl Changes {
     /// Adds the changes of another action to these.
-    pub(super) fn join(&mut self, other: Self, world: &World<'_>) -> Result<(), Trouble> {
+    pub(super) fn join(&mut self, other: Self, state: &State<'_>) -> Result<(), EvaluationError> {
         self.adds.extend(other.adds);
         self.deletes.extend(other.deletes);
-        other.values.into_iter().try_for_each(|(fluent, update)| self.update(fluent, update, world))
+        other.values.into_iter().try_for_each(|(fluent, update)| self.update(fluent, update, state))
     }
 
-    fn update(&mut self, fluent: Ground, update: Update, world: &World<'_>) -> Result<(), Trouble> {
+    fn update(&mut self, fluent: Ground, update: Update, state: &State<'_>) -> Result<(), EvaluationError> {
         let joined = match (self.values.get(&fluent), update) {
             (None, update) => update,
             (Some(Update::Shift(one)), Update::Shift(other)) => Update::Shift(one + other),
             (Some(Update::Scale(one)), Update::Scale(other)) => Update::Scale(one * other),
             (Some(Update::Assign(one)), Update::Assign(other)) if *one == other => update,
             _ => {
-                let text = world.ground_function_text(&fluent);
-                return Err(Trouble::Wrong(format!("{text} is changed in two ways at once")));
+                let text = state.ground_function_text(&fluent);
+                return Err(EvaluationError::Wrong(format!("{text} is changed in two ways at once")));
             }
         };
         self.values.insert(fluent, joined);
@@ -47,14 +47,14 @@ impl Changes {
     }
 }
 
-impl World<'_> {
+impl State<'_> {
     /// What `change` does in this state. With a moment, only what happens then.
     pub(super) fn changes(
         &self,
         change: &Change,
         moment: Option<Moment>,
         bindings: &mut Bindings,
-    ) -> Result<Changes, Trouble> {
+    ) -> Result<Changes, EvaluationError> {
         let mut changes = Changes::default();
         // What names no moment happens at once: always in an action, at the end in a durative one.
         let now = moment.is_none_or(|moment| moment == Moment::End);
@@ -69,7 +69,7 @@ impl World<'_> {
         now: bool,
         bindings: &mut Bindings,
         changes: &mut Changes,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         match change {
             Change::And(parts) => parts.iter().try_for_each(|part| self.collect(part, moment, now, bindings, changes)),
             Change::Timed(when, inner) => self.collect(inner, moment, moment == Some(*when), bindings, changes),
@@ -82,7 +82,7 @@ impl World<'_> {
             Change::When(condition, inner) => {
                 if moment.is_some_and(|moment| looks_elsewhere(condition, moment)) {
                     let reason = "conditional effects that look at another moment are not simulated";
-                    return Err(Trouble::Unjudged(reason.to_owned()));
+                    return Err(EvaluationError::Unjudged(reason.to_owned()));
                 }
                 if self.is_true(condition, bindings)? {
                     self.collect(inner, moment, now, bindings, changes)?;
@@ -103,12 +103,12 @@ impl World<'_> {
                 let value = self.number(value, bindings)?;
                 changes.update(fluent, update(*assigner, value)?, self)
             }
-            Change::AssignObject => Err(Trouble::Unjudged("object fluents are not simulated".to_owned())),
+            Change::AssignObject => Err(EvaluationError::Unjudged("object fluents are not simulated".to_owned())),
         }
     }
 
     /// Lets changes happen; what is both added and deleted is there afterwards.
-    pub(super) fn apply(&mut self, changes: Changes) -> Result<(), Trouble> {
+    pub(super) fn apply(&mut self, changes: Changes) -> Result<(), EvaluationError> {
         let is_looked_at = |fact: &Ground| fact.first().is_some_and(|predicate| self.looked_at.contains(predicate));
         let touches = changes.adds.iter().chain(&changes.deletes).any(is_looked_at);
         if touches || (self.rules_compute && !changes.values.is_empty()) {
@@ -130,22 +130,22 @@ impl World<'_> {
         Ok(())
     }
 
-    fn value_before(&self, fluent: &Ground, update: Update) -> Result<f64, Trouble> {
+    fn value_before(&self, fluent: &Ground, update: Update) -> Result<f64, EvaluationError> {
         match (self.values.get(fluent), update) {
             (Some(value), _) => Ok(*value),
             (None, Update::Assign(_)) => Ok(0.0),
-            (None, _) => Err(Trouble::Wrong(format!("{} has no value", self.ground_function_text(fluent)))),
+            (None, _) => Err(EvaluationError::Wrong(format!("{} has no value", self.ground_function_text(fluent)))),
         }
     }
 }
 
-fn update(assigner: Assigner, value: f64) -> Result<Update, Trouble> {
+fn update(assigner: Assigner, value: f64) -> Result<Update, EvaluationError> {
     Ok(match assigner {
         Assigner::Assign => Update::Assign(value),
         Assigner::Increase => Update::Shift(value),
         Assigner::Decrease => Update::Shift(-value),
         Assigner::ScaleUp => Update::Scale(value),
-        Assigner::ScaleDown if value == 0.0 => return Err(Trouble::Wrong("a division by zero".to_owned())),
+        Assigner::ScaleDown if value == 0.0 => return Err(EvaluationError::Wrong("a division by zero".to_owned())),
         Assigner::ScaleDown => Update::Scale(1.0 / value),
     })
 }

@@ -8,10 +8,10 @@
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
 
-use super::state::{Bindings, Ground, Trouble, UNBOUND, World};
+use super::state::{Bindings, EvaluationError, Ground, State, UNBOUND};
 use super::stratum::{free_slots, predicates, size, strata};
 use crate::pddl::model::{Arg, Fact, Formula, Rule, Variable};
-use crate::pddl::types::Kind;
+use crate::pddl::types::TypeSet;
 
 /// How many nodes a rule's body may have to be solved as a join, whose recursion is as deep.
 const JOIN_LIMIT: usize = 200;
@@ -20,11 +20,11 @@ const JOIN_LIMIT: usize = 200;
 pub(super) type Index = HashMap<u32, Vec<Ground>>;
 
 /// What to do with each solution.
-type Visit<'v> = dyn FnMut(&mut Bindings) -> Result<(), Trouble> + 'v;
+type Visit<'v> = dyn FnMut(&mut Bindings) -> Result<(), EvaluationError> + 'v;
 
-impl World<'_> {
+impl State<'_> {
     /// Makes sure that what the rules derive is there.
-    pub(super) fn derive(&self) -> Result<(), Trouble> {
+    pub(super) fn derive(&self) -> Result<(), EvaluationError> {
         if self.deriving.get() || self.derived.borrow().is_some() {
             return Ok(());
         }
@@ -38,7 +38,7 @@ impl World<'_> {
         result
     }
 
-    fn apply_rules(&self) -> Result<(), Trouble> {
+    fn apply_rules(&self) -> Result<(), EvaluationError> {
         let mut index = self.index();
         for stratum in strata(&self.domain.rules, &self.domain.derived)? {
             loop {
@@ -77,7 +77,7 @@ impl World<'_> {
     }
 
     /// The facts of the predicates that a condition looks at, the derived ones among them.
-    pub(super) fn index_of(&self, condition: &Formula) -> Result<Index, Trouble> {
+    pub(super) fn index_of(&self, condition: &Formula) -> Result<Index, EvaluationError> {
         let mut index = Index::new();
         predicates(condition, &mut |predicate, _| {
             index.entry(predicate).or_default();
@@ -96,10 +96,10 @@ impl World<'_> {
         Ok(index)
     }
 
-    fn apply_rule(&self, rule: &Rule, index: &Index, news: &mut HashSet<Ground>) -> Result<(), Trouble> {
+    fn apply_rule(&self, rule: &Rule, index: &Index, news: &mut HashSet<Ground>) -> Result<(), EvaluationError> {
         let mut bindings: Bindings = vec![UNBOUND; rule.variables.len()];
-        let join = Join { world: self, index, budget: None };
-        let mut kinds: Vec<Kind> = rule.variables.iter().map(|variable| variable.kind.clone()).collect();
+        let join = Join { state: self, index, budget: None };
+        let mut kinds: Vec<TypeSet> = rule.variables.iter().map(|variable| variable.kind.clone()).collect();
         let head: Vec<u32> = (0_u32..).take(rule.variables.len()).collect();
         let mut emit = |bindings: &mut Bindings| {
             let mut fact = vec![rule.predicate];
@@ -124,7 +124,7 @@ impl World<'_> {
 
 /// Solves conditions over indexed facts.
 pub(super) struct Join<'j> {
-    world: &'j World<'j>,
+    state: &'j State<'j>,
     index: &'j Index,
     /// How many facts and objects may still be tried.
     budget: Option<Cell<u64>>,
@@ -132,8 +132,8 @@ pub(super) struct Join<'j> {
 
 impl<'j> Join<'j> {
     /// A join that gives up after so many facts and objects were tried.
-    pub(super) fn bounded(world: &'j World<'j>, index: &'j Index, budget: u64) -> Self {
-        Self { world, index, budget: Some(Cell::new(budget)) }
+    pub(super) fn bounded(state: &'j State<'j>, index: &'j Index, budget: u64) -> Self {
+        Self { state, index, budget: Some(Cell::new(budget)) }
     }
 
     /// Values of the variables under which `formula` holds, those of `slots` among them.
@@ -141,14 +141,14 @@ impl<'j> Join<'j> {
         &self,
         formula: &Formula,
         slots: &[u32],
-        mut kinds: Vec<Kind>,
+        mut kinds: Vec<TypeSet>,
         mut bindings: Bindings,
-    ) -> Result<Option<Bindings>, Trouble> {
+    ) -> Result<Option<Bindings>, EvaluationError> {
         let (mut found, all) = (None, kinds.clone());
         let ended = self.solve(formula, &mut kinds, &mut bindings, &mut |bindings| {
             self.enumerate(slots, &all, bindings, &mut |bindings| {
                 found = Some(bindings.clone());
-                Err(Trouble::Unjudged("one is enough".to_owned()))
+                Err(EvaluationError::Unjudged("one is enough".to_owned()))
             })
         });
         match found {
@@ -157,14 +157,14 @@ impl<'j> Join<'j> {
         }
     }
 
-    fn spend(&self) -> Result<(), Trouble> {
+    fn spend(&self) -> Result<(), EvaluationError> {
         let Some(budget) = &self.budget else { return Ok(()) };
         match budget.get().checked_sub(1) {
             Some(rest) => {
                 budget.set(rest);
                 Ok(())
             }
-            None => Err(Trouble::Unjudged("too much was tried".to_owned())),
+            None => Err(EvaluationError::Unjudged("too much was tried".to_owned())),
         }
     }
 
@@ -172,10 +172,10 @@ impl<'j> Join<'j> {
     fn solve(
         &self,
         formula: &Formula,
-        kinds: &mut Vec<Kind>,
+        kinds: &mut Vec<TypeSet>,
         bindings: &mut Bindings,
         visit: &mut Visit<'_>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         match formula {
             Formula::And(parts) => self.solve_all(&parts.iter().collect::<Vec<_>>(), kinds, bindings, visit),
             Formula::Or(parts) => parts.iter().try_for_each(|part| self.solve(part, kinds, bindings, visit)),
@@ -199,7 +199,7 @@ impl<'j> Join<'j> {
                 slots.retain(|slot| bindings.get(*slot as usize).is_none_or(|value| *value == UNBOUND));
                 let kinds = kinds.clone();
                 self.enumerate(&slots, &kinds, bindings, &mut |bindings| {
-                    if self.world.is_true(other, bindings)? { visit(bindings) } else { Ok(()) }
+                    if self.state.is_true(other, bindings)? { visit(bindings) } else { Ok(()) }
                 })
             }
         }
@@ -208,10 +208,10 @@ impl<'j> Join<'j> {
     fn solve_all(
         &self,
         parts: &[&Formula],
-        kinds: &mut Vec<Kind>,
+        kinds: &mut Vec<TypeSet>,
         bindings: &mut Bindings,
         visit: &mut Visit<'_>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         let next = parts.iter().enumerate().min_by_key(|(_, part)| (rank(part), open(part, bindings)));
         let Some((place, first)) = next else { return visit(bindings) };
         let rest: Vec<&Formula> =
@@ -223,13 +223,13 @@ impl<'j> Join<'j> {
     fn solve_fact(
         &self,
         fact: &Fact,
-        kinds: &[Kind],
+        kinds: &[TypeSet],
         bindings: &mut Bindings,
         visit: &mut Visit<'_>,
-    ) -> Result<(), Trouble> {
-        let ground = self.world.ground(fact.predicate, &fact.arguments, bindings)?;
+    ) -> Result<(), EvaluationError> {
+        let ground = self.state.ground(fact.predicate, &fact.arguments, bindings)?;
         if !ground.contains(&UNBOUND) {
-            return if self.world.holds(&ground)? { visit(bindings) } else { Ok(()) };
+            return if self.state.holds(&ground)? { visit(bindings) } else { Ok(()) };
         }
         let Some(known) = self.index.get(&fact.predicate) else { return Ok(()) };
         for candidate in known {
@@ -243,14 +243,14 @@ impl<'j> Join<'j> {
         Ok(())
     }
 
-    fn unify(&self, fact: &Fact, candidate: &Ground, kinds: &[Kind], bindings: &mut Bindings) -> bool {
+    fn unify(&self, fact: &Fact, candidate: &Ground, kinds: &[TypeSet], bindings: &mut Bindings) -> bool {
         fact.arguments.iter().zip(candidate.iter().skip(1)).all(|(argument, object)| match argument {
             Arg::Object(number) => number == object,
             Arg::Fluent => false,
             Arg::Slot(slot) => match (bindings.get_mut(*slot as usize), kinds.get(*slot as usize)) {
                 (Some(value), Some(kind)) if *value == UNBOUND => {
                     *value = *object;
-                    self.world.is_member(*object, kind)
+                    self.state.is_member(*object, kind)
                 }
                 (Some(value), _) => value == object,
                 (None, _) => false,
@@ -262,17 +262,17 @@ impl<'j> Join<'j> {
     fn enumerate(
         &self,
         slots: &[u32],
-        kinds: &[Kind],
+        kinds: &[TypeSet],
         bindings: &mut Bindings,
         visit: &mut Visit<'_>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         let open: Vec<usize> = slots
             .iter()
             .map(|slot| *slot as usize)
             .filter(|slot| bindings.get(*slot).is_some_and(|value| *value == UNBOUND))
             .collect();
         let members: Vec<_> =
-            open.iter().filter_map(|slot| kinds.get(*slot)).map(|kind| self.world.members(kind)).collect();
+            open.iter().filter_map(|slot| kinds.get(*slot)).map(|kind| self.state.members(kind)).collect();
         if members.len() != open.len() || members.iter().any(|members| members.is_empty()) {
             return Ok(());
         }

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::change::{Changes, is_continuous};
-use super::state::{Bindings, Ground, TOLERANCE, Trouble, World};
+use super::state::{Bindings, EvaluationError, Ground, State, TOLERANCE};
 use super::truth::at_moment;
 use super::verdict::Failure;
 use crate::formats::pddl::ast::Moment;
@@ -57,26 +57,26 @@ struct Effects {
     changes: Changes,
 }
 
-/// Lets a plan happen in `world`.
-pub(super) fn simulate(world: &mut World<'_>, instances: &[Instance<'_>]) -> Result<(), Stop> {
-    let points = points(world, instances);
+/// Lets a plan happen in `state`.
+pub(super) fn simulate(state: &mut State<'_>, instances: &[Instance<'_>]) -> Result<(), Stop> {
+    let points = points(state, instances);
     let mut running: Vec<usize> = Vec::new();
     let mut rest = points.as_slice();
     while let Some((time, _)) = rest.first() {
         let count = rest.iter().take_while(|(other, _)| other - time <= SAME_TIME).count();
         let (now, later) = rest.split_at(count);
-        world.time = *time;
-        happen(world, instances, now, &mut running)?;
+        state.time = *time;
+        happen(state, instances, now, &mut running)?;
         rest = later;
     }
-    world.duration = None;
+    state.duration = None;
     Ok(())
 }
 
 /// All points in order of time; at one time, in the order of the plan.
-fn points(world: &World<'_>, instances: &[Instance<'_>]) -> Vec<(f64, Point)> {
+fn points(state: &State<'_>, instances: &[Instance<'_>]) -> Vec<(f64, Point)> {
     let mut points = Vec::with_capacity(instances.len());
-    for (place, (time, _, _)) in world.problem.start.timed.iter().enumerate() {
+    for (place, (time, _, _)) in state.problem.start.timed.iter().enumerate() {
         points.push((*time, Point::Literal(place)));
     }
     for (step, instance) in instances.iter().enumerate() {
@@ -93,7 +93,7 @@ fn points(world: &World<'_>, instances: &[Instance<'_>]) -> Vec<(f64, Point)> {
 }
 
 fn happen(
-    world: &mut World<'_>,
+    state: &mut State<'_>,
     instances: &[Instance<'_>],
     now: &[(f64, Point)],
     running: &mut Vec<usize>,
@@ -101,7 +101,7 @@ fn happen(
     let alone = now.len() == 1;
     let mut effects = Vec::with_capacity(now.len());
     for (_, point) in now {
-        effects.push(world.point(instances, *point, alone)?);
+        effects.push(state.point(instances, *point, alone)?);
     }
     if !alone {
         check_interference(&effects, instances)?;
@@ -110,13 +110,13 @@ fn happen(
     let mut last = None;
     for Effects { step, changes, .. } in effects {
         last = step.or(last);
-        if let Some(history) = &mut world.history {
+        if let Some(history) = &mut state.history {
             history.extend(changes.deletes.iter().map(|fact| (fact.clone(), (step, false))));
             history.extend(changes.adds.iter().map(|fact| (fact.clone(), (step, true))));
         }
-        all.join(changes, world).map_err(|trouble| stop(trouble, step, instances))?;
+        all.join(changes, state).map_err(|trouble| stop(trouble, step, instances))?;
     }
-    world.apply(all).map_err(|trouble| stop(trouble, last, instances))?;
+    state.apply(all).map_err(|trouble| stop(trouble, last, instances))?;
     for (_, point) in now {
         match point {
             Point::Start(step) => running.push(*step),
@@ -124,10 +124,10 @@ fn happen(
             Point::Whole(_) | Point::Literal(_) => {}
         }
     }
-    running.iter().try_for_each(|step| world.invariant(instances, *step))
+    running.iter().try_for_each(|step| state.invariant(instances, *step))
 }
 
-impl World<'_> {
+impl State<'_> {
     /// Checks what a point needs, and says what it changes.
     fn point(&mut self, instances: &[Instance<'_>], point: Point, alone: bool) -> Result<Effects, Stop> {
         let (step, moment) = match point {
@@ -217,7 +217,12 @@ impl World<'_> {
     }
 
     /// The facts and values that a condition looks at. Under a derived predicate, that is the predicate itself.
-    fn reads(&self, formula: &Formula, bindings: &mut Bindings, reads: &mut HashSet<Ground>) -> Result<(), Trouble> {
+    fn reads(
+        &self,
+        formula: &Formula,
+        bindings: &mut Bindings,
+        reads: &mut HashSet<Ground>,
+    ) -> Result<(), EvaluationError> {
         match formula {
             Formula::Fact(fact) => {
                 reads.insert(self.ground(fact.predicate, &fact.arguments, bindings)?);
@@ -252,7 +257,7 @@ impl World<'_> {
         moment: Option<Moment>,
         bindings: &mut Bindings,
         reads: &mut HashSet<Ground>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), EvaluationError> {
         match change {
             Change::And(parts) => parts.iter().try_for_each(|part| self.effect_reads(part, moment, bindings, reads)),
             Change::Timed(when, inner) if moment.is_none_or(|moment| moment == *when) => {
@@ -273,7 +278,12 @@ impl World<'_> {
         }
     }
 
-    fn number_reads(&self, number: &Number, bindings: &Bindings, reads: &mut HashSet<Ground>) -> Result<(), Trouble> {
+    fn number_reads(
+        &self,
+        number: &Number,
+        bindings: &Bindings,
+        reads: &mut HashSet<Ground>,
+    ) -> Result<(), EvaluationError> {
         match number {
             Number::Fluent(fluent) => {
                 let ground = self.ground(fluent.function, &fluent.arguments, bindings)?;
@@ -366,10 +376,10 @@ fn text(instances: &[Instance<'_>], step: usize) -> String {
 }
 
 /// A trouble at a step as an end of the simulation.
-fn stop(trouble: Trouble, step: Option<usize>, instances: &[Instance<'_>]) -> Stop {
+fn stop(trouble: EvaluationError, step: Option<usize>, instances: &[Instance<'_>]) -> Stop {
     match trouble {
-        Trouble::Unjudged(reason) => Stop::Unjudged(reason),
-        Trouble::Wrong(reason) => {
+        EvaluationError::Unjudged(reason) => Stop::Unjudged(reason),
+        EvaluationError::Wrong(reason) => {
             let action = step.map_or_else(String::new, |step| text(instances, step));
             Stop::failure(Failure::Number { step, action, reason })
         }

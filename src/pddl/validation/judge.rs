@@ -1,7 +1,7 @@
 //! From a plan to its verdict: look up, simulate, check the goal.
 
 use super::happening::{Instance, Stop, simulate};
-use super::state::{Bindings, Trouble, World};
+use super::state::{Bindings, EvaluationError, State};
 use super::verdict::{Failure, Validation};
 use crate::pddl::Step;
 use crate::pddl::domain::{Action, Domain};
@@ -16,16 +16,16 @@ const GOAL_LIMIT: usize = 20;
 /// Names compare without regard to case. Preferences never make a plan invalid.
 #[must_use]
 pub fn validate(domain: &Domain, problem: &Problem, steps: &[Step]) -> Validation {
-    match judge(&mut World::new(domain, problem), steps) {
+    match judge(&mut State::new(domain, problem), steps) {
         Ok(value) => Validation::Valid { value },
         Err(Stop::Failure(failure)) => Validation::Invalid(*failure),
         Err(Stop::Unjudged(reason)) => Validation::Unjudged(reason),
     }
 }
 
-/// Lets a plan happen in a world, which is left as it was when the plan broke.
-pub(super) fn judge(world: &mut World<'_>, steps: &[Step]) -> Result<Option<f64>, Stop> {
-    let (domain, problem) = (world.domain, world.problem);
+/// Lets a plan happen in a state, which is left as it was when the plan broke.
+pub(super) fn judge(state: &mut State<'_>, steps: &[Step]) -> Result<Option<f64>, Stop> {
+    let (domain, problem) = (state.domain, state.problem);
     let instances = instances(domain, problem, steps)?;
     if domain.is_constrained || problem.is_constrained {
         return Err(Stop::Unjudged("constraints are not simulated".to_owned()));
@@ -34,26 +34,26 @@ pub(super) fn judge(world: &mut World<'_>, steps: &[Step]) -> Result<Option<f64>
     if fluents.into_iter().any(|used| used.feature == Feature::ObjectFluents) {
         return Err(Stop::Unjudged("object fluents are not simulated".to_owned()));
     }
-    simulate(world, &instances)?;
-    check_goal(world)?;
-    Ok(value(world, steps.len()))
+    simulate(state, &instances)?;
+    check_goal(state)?;
+    Ok(value(state, steps.len()))
 }
 
-fn check_goal(world: &World<'_>) -> Result<(), Stop> {
+fn check_goal(state: &State<'_>) -> Result<(), Stop> {
     let trouble = |trouble| match trouble {
-        Trouble::Unjudged(reason) => Stop::Unjudged(reason),
-        Trouble::Wrong(reason) => Stop::failure(Failure::Number { step: None, action: String::new(), reason }),
+        EvaluationError::Unjudged(reason) => Stop::Unjudged(reason),
+        EvaluationError::Wrong(reason) => Stop::failure(Failure::Number { step: None, action: String::new(), reason }),
     };
-    if world.is_true(&world.problem.goal, &mut Bindings::new()).map_err(trouble)? {
+    if state.is_true(&state.problem.goal, &mut Bindings::new()).map_err(trouble)? {
         return Ok(());
     }
-    let parts = world.all_faulty(&world.problem.goal, GOAL_LIMIT).map_err(trouble)?;
-    Err(Stop::failure(Failure::Goal { conditions: world.blame(&parts) }))
+    let parts = state.all_faulty(&state.problem.goal, GOAL_LIMIT).map_err(trouble)?;
+    Err(Stop::failure(Failure::Goal { conditions: state.blame(&parts) }))
 }
 
-fn value(world: &World<'_>, steps: usize) -> Option<f64> {
-    match &world.problem.metric {
-        Some(metric) => world.number(metric, &Bindings::new()).ok(),
+fn value(state: &State<'_>, steps: usize) -> Option<f64> {
+    match &state.problem.metric {
+        Some(metric) => state.number(metric, &Bindings::new()).ok(),
         None => u32::try_from(steps).ok().map(f64::from),
     }
 }

@@ -19,7 +19,7 @@ mod text;
 mod truth;
 mod verdict;
 
-pub(super) use state::{Bindings, Ground, Trouble, UNBOUND, World};
+pub(super) use state::{Bindings, EvaluationError, Ground, State, UNBOUND};
 pub(super) use stratum::{free_slots, predicates};
 
 pub use judge::validate;

@@ -8,7 +8,7 @@ use std::fmt;
 
 use super::derive::Join;
 use super::judge::judge;
-use super::state::{Bindings, Ground, History, Trouble, UNBOUND, World};
+use super::state::{Bindings, EvaluationError, Ground, History, State, UNBOUND};
 use super::truth::at_moment;
 use crate::formats::pddl::ast::{Assigner, Comparator, Moment};
 use crate::pddl::Step;
@@ -75,19 +75,19 @@ pub struct Remedy {
 /// Says what would repair a plan; nothing for a plan that is right, or whose fault is not a false condition.
 #[must_use]
 pub fn repair(domain: &Domain, problem: &Problem, steps: &[Step]) -> Vec<Repair> {
-    let mut world = World::new(domain, problem);
-    world.history = Some(History::new());
-    if judge(&mut world, steps).is_ok() {
+    let mut state = State::new(domain, problem);
+    state.history = Some(History::new());
+    if judge(&mut state, steps).is_ok() {
         return Vec::new();
     }
-    world.duration = None;
+    state.duration = None;
     let mut lacks = Vec::new();
-    let blamed = world.blamed.take();
+    let blamed = state.blamed.take();
     for (formula, bindings) in &blamed {
         collect(formula, true, bindings, &mut lacks);
     }
     lacks.truncate(LACKS);
-    lacks.iter().filter_map(|lack| Scene { world: &world, steps }.against(lack).ok()).collect()
+    lacks.iter().filter_map(|lack| Scene { state: &state, steps }.against(lack).ok()).collect()
 }
 
 /// What has to change for a condition to hold.
@@ -131,16 +131,16 @@ struct Effect<'e> {
 
 /// The state in which the plan breaks, and the plan.
 struct Scene<'s> {
-    world: &'s World<'s>,
+    state: &'s State<'s>,
     steps: &'s [Step],
 }
 
 impl<'s> Scene<'s> {
-    fn against(&self, lack: &Lack<'_>) -> Result<Repair, Trouble> {
+    fn against(&self, lack: &Lack<'_>) -> Result<Repair, EvaluationError> {
         match lack {
             Lack::Fact { fact, bindings, wanted } => self.against_fact(fact, bindings, *wanted),
             Lack::Comparison { formula, sides, bindings, wanted } => {
-                let text = self.world.text(formula, bindings);
+                let text = self.state.text(formula, bindings);
                 let condition = if *wanted { text } else { format!("(not {text})") };
                 let mut fluents = Vec::new();
                 let up = is_larger(formula).map(|larger| larger == *wanted);
@@ -155,19 +155,19 @@ impl<'s> Scene<'s> {
         }
     }
 
-    fn against_fact(&self, fact: &Fact, bindings: &Bindings, wanted: bool) -> Result<Repair, Trouble> {
-        let world = self.world;
-        let target = world.ground(fact.predicate, &fact.arguments, bindings)?;
-        let text = world.fact_text(&target);
+    fn against_fact(&self, fact: &Fact, bindings: &Bindings, wanted: bool) -> Result<Repair, EvaluationError> {
+        let state = self.state;
+        let target = state.ground(fact.predicate, &fact.arguments, bindings)?;
+        let text = state.fact_text(&target);
         let condition = if wanted { text } else { format!("(not {text})") };
-        let is_derived = world.domain.derived.contains(&fact.predicate);
+        let is_derived = state.domain.derived.contains(&fact.predicate);
         let cause = match is_derived {
             true => Cause::Derived,
             false if target.contains(&UNBOUND) => Cause::Unknown,
             false => self.cause(&target, wanted),
         };
         let mut remedies = Vec::new();
-        for action in world.domain.actions() {
+        for action in state.domain.actions() {
             let mut effects = Vec::new();
             find_effects(&action.body.effect, wanted, &mut Vec::new(), &mut Vec::new(), &mut effects);
             for effect in effects {
@@ -184,7 +184,7 @@ impl<'s> Scene<'s> {
     }
 
     fn cause(&self, target: &Ground, wanted: bool) -> Cause {
-        let history = self.world.history.as_ref().and_then(|history| history.get(target));
+        let history = self.state.history.as_ref().and_then(|history| history.get(target));
         match history {
             Some((Some(step), made)) if *made != wanted => Cause::Step { step: *step, action: self.step_text(*step) },
             Some((None, made)) if *made != wanted => Cause::Literal,
@@ -194,8 +194,8 @@ impl<'s> Scene<'s> {
 
     fn step_text(&self, step: usize) -> String {
         let Some(step) = self.steps.get(step) else { return String::new() };
-        let action = self.world.domain.action(&step.action).map_or(step.action.as_str(), Action::name);
-        let object = |name: &'s String| self.world.problem.object(name).map_or(name.as_str(), |object| object.name);
+        let action = self.state.domain.action(&step.action).map_or(step.action.as_str(), Action::name);
+        let object = |name: &'s String| self.state.problem.object(name).map_or(name.as_str(), |object| object.name);
         let words = std::iter::once(action).chain(step.arguments.iter().map(object));
         format!("({})", words.collect::<Vec<_>>().join(" "))
     }
@@ -216,7 +216,7 @@ impl<'s> Scene<'s> {
                     let variable = bound.map(|(_, variable)| *variable);
                     let variable = variable.or_else(|| action.variables.get(*slot as usize))?;
                     let value = objects.get_mut(*slot as usize)?;
-                    if !self.world.is_member(*wanted, &variable.kind) || (*value != UNBOUND && *value != *wanted) {
+                    if !self.state.is_member(*wanted, &variable.kind) || (*value != UNBOUND && *value != *wanted) {
                         return None;
                     }
                     *value = *wanted;
@@ -228,7 +228,7 @@ impl<'s> Scene<'s> {
     }
 
     /// An action with such an effect: with objects with which it can be taken, where some are found.
-    fn remedy(&self, action: &Action, effect: &Effect<'_>, objects: Bindings) -> Result<Remedy, Trouble> {
+    fn remedy(&self, action: &Action, effect: &Effect<'_>, objects: Bindings) -> Result<Remedy, EvaluationError> {
         let condition = needed(action, effect);
         if let Some(objects) = self.solution(&condition, action, effect, &objects) {
             let objects = objects.get(..action.variables.len()).unwrap_or_default();
@@ -236,15 +236,15 @@ impl<'s> Scene<'s> {
         }
         let parameters = objects.get(..action.variables.len()).unwrap_or_default();
         let mut missing = Vec::new();
-        let Formula::And(parts) = &condition else { return Err(Trouble::Unjudged(String::new())) };
+        let Formula::And(parts) = &condition else { return Err(EvaluationError::Unjudged(String::new())) };
         for part in parts {
             // With open variables it may hold for some; only what is certain is said.
             if missing.len() < MISSING
                 && self.is_closed(part, &objects)
-                && !self.world.is_true(part, &mut objects.clone())?
+                && !self.state.is_true(part, &mut objects.clone())?
             {
-                let (part, values) = self.world.faulty(part, &mut objects.clone())?;
-                missing.push(self.world.text(part, &values));
+                let (part, values) = self.state.faulty(part, &mut objects.clone())?;
+                missing.push(self.state.text(part, &values));
             }
         }
         Ok(Remedy { action: self.call(action, parameters), is_possible: false, missing })
@@ -277,8 +277,8 @@ impl<'s> Scene<'s> {
             }
         }
         let slots: Vec<u32> = (0_u32..).take(action.variables.len()).collect();
-        let index = self.world.index_of(condition).ok()?;
-        let join = Join::bounded(self.world, &index, EFFORT);
+        let index = self.state.index_of(condition).ok()?;
+        let join = Join::bounded(self.state, &index, EFFORT);
         join.first(condition, &slots, kinds, objects.clone()).ok().flatten()
     }
 
@@ -286,16 +286,16 @@ impl<'s> Scene<'s> {
     fn call(&self, action: &Action, objects: &[u32]) -> String {
         let words = action.variables.iter().zip(objects).map(|(variable, object)| match *object {
             UNBOUND => variable.name.as_str(),
-            object => self.world.object_name(object),
+            object => self.state.object_name(object),
         });
         format!("({})", std::iter::once(action.name()).chain(words).collect::<Vec<_>>().join(" "))
     }
 
     /// `(fuel t1) is 3`
-    fn value(&self, fluent: &Fluent, bindings: &Bindings) -> Result<String, Trouble> {
-        let ground = self.world.ground(fluent.function, &fluent.arguments, bindings)?;
-        let name = self.world.ground_function_text(&ground);
-        Ok(match self.world.values.get(&ground) {
+    fn value(&self, fluent: &Fluent, bindings: &Bindings) -> Result<String, EvaluationError> {
+        let ground = self.state.ground(fluent.function, &fluent.arguments, bindings)?;
+        let name = self.state.ground_function_text(&ground);
+        Ok(match self.state.values.get(&ground) {
             Some(value) => format!("{name} is {value}"),
             None => format!("{name} has no value"),
         })
@@ -305,8 +305,8 @@ impl<'s> Scene<'s> {
     fn computing(&self, fluents: &[(&Fluent, Option<bool>)], bindings: &Bindings) -> Vec<Remedy> {
         let mut remedies: Vec<Remedy> = Vec::new();
         for (fluent, up) in fluents {
-            let Ok(target) = self.world.ground(fluent.function, &fluent.arguments, bindings) else { continue };
-            for action in self.world.domain.actions() {
+            let Ok(target) = self.state.ground(fluent.function, &fluent.arguments, bindings) else { continue };
+            for action in self.state.domain.actions() {
                 let mut changed = Vec::new();
                 find_assignments(&action.body.effect, &mut changed);
                 let is_wrong = |assigner| up.is_some_and(|up| raises(assigner).is_some_and(|raises| raises != up));

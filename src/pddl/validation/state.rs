@@ -8,7 +8,7 @@ use super::stratum::{compares, predicates};
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Formula};
 use crate::pddl::problem::Problem;
-use crate::pddl::types::Kind;
+use crate::pddl::types::TypeSet;
 
 /// A predicate or function with its arguments, by their numbers.
 pub(in crate::pddl) type Ground = Box<[u32]>;
@@ -24,15 +24,15 @@ pub(in crate::pddl) type Bindings = Vec<u32>;
 
 /// Why a condition has no truth value.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::pddl) enum Trouble {
+pub(in crate::pddl) enum EvaluationError {
     /// The plan is wrong: a number is asked for that is not there.
     Wrong(String),
     /// The simulation does not know this part of PDDL.
     Unjudged(String),
 }
 
-/// A state of the world, and the task it belongs to.
-pub(in crate::pddl) struct World<'a> {
+/// A state of the state, and the task it belongs to.
+pub(in crate::pddl) struct State<'a> {
     pub(in crate::pddl) domain: &'a Domain,
     pub(in crate::pddl) problem: &'a Problem,
     pub(in crate::pddl) facts: HashSet<Ground>,
@@ -45,7 +45,7 @@ pub(in crate::pddl) struct World<'a> {
     pub(super) rules_compute: bool,
     /// Whether the rules are being applied; then what they have derived so far is what holds.
     pub(super) deriving: Cell<bool>,
-    members: RefCell<HashMap<Kind, Rc<[u32]>>>,
+    members: RefCell<HashMap<TypeSet, Rc<[u32]>>>,
     /// The duration of the action looked at.
     pub(super) duration: Option<f64>,
     /// When the last thing happened.
@@ -61,7 +61,7 @@ pub(in crate::pddl) struct World<'a> {
 /// What happened to a fact last: the step, or none where it was a timed literal, and whether that made it true.
 pub(super) type History = HashMap<Ground, (Option<usize>, bool)>;
 
-impl<'a> World<'a> {
+impl<'a> State<'a> {
     /// The initial state. Costs begin at zero where nothing else is said, as for every planner that counts them.
     pub(in crate::pddl) fn new(domain: &'a Domain, problem: &'a Problem) -> Self {
         let functions = &domain.vocabulary.functions;
@@ -102,7 +102,7 @@ impl<'a> World<'a> {
     }
 
     /// The objects of a kind.
-    pub(in crate::pddl) fn members(&self, kind: &Kind) -> Rc<[u32]> {
+    pub(in crate::pddl) fn members(&self, kind: &TypeSet) -> Rc<[u32]> {
         if let Some(known) = self.members.borrow().get(kind) {
             return known.clone();
         }
@@ -117,13 +117,18 @@ impl<'a> World<'a> {
     }
 
     /// Whether an object is of a kind.
-    pub(in crate::pddl) fn is_member(&self, object: u32, kind: &Kind) -> bool {
+    pub(in crate::pddl) fn is_member(&self, object: u32, kind: &TypeSet) -> bool {
         let object = self.problem.objects.get(object);
         object.is_some_and(|object| self.domain.vocabulary.types.fits(&object.kind, kind))
     }
 
     /// A predicate or function with the values of its arguments.
-    pub(in crate::pddl) fn ground(&self, head: u32, arguments: &[Arg], bindings: &Bindings) -> Result<Ground, Trouble> {
+    pub(in crate::pddl) fn ground(
+        &self,
+        head: u32,
+        arguments: &[Arg],
+        bindings: &Bindings,
+    ) -> Result<Ground, EvaluationError> {
         let mut ground = Vec::with_capacity(arguments.len() + 1);
         ground.push(head);
         for argument in arguments {
@@ -133,7 +138,7 @@ impl<'a> World<'a> {
     }
 
     /// Whether a ground fact holds.
-    pub(super) fn holds(&self, fact: &Ground) -> Result<bool, Trouble> {
+    pub(super) fn holds(&self, fact: &Ground) -> Result<bool, EvaluationError> {
         let is_derived = fact.first().is_some_and(|predicate| self.domain.derived.contains(predicate));
         if !is_derived {
             return Ok(self.facts.contains(fact));
@@ -144,10 +149,10 @@ impl<'a> World<'a> {
 }
 
 /// The object an argument stands for.
-pub(super) fn value(argument: Arg, bindings: &Bindings) -> Result<u32, Trouble> {
+pub(super) fn value(argument: Arg, bindings: &Bindings) -> Result<u32, EvaluationError> {
     match argument {
         Arg::Object(number) => Ok(number),
         Arg::Slot(slot) => Ok(bindings.get(slot as usize).copied().unwrap_or(UNBOUND)),
-        Arg::Fluent => Err(Trouble::Unjudged("object fluents are not simulated".to_owned())),
+        Arg::Fluent => Err(EvaluationError::Unjudged("object fluents are not simulated".to_owned())),
     }
 }

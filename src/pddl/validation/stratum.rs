@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::state::Trouble;
+use super::state::EvaluationError;
 use crate::pddl::model::{Arg, Formula, Number, Rule};
 
 /// How many nodes a condition has.
@@ -96,7 +96,7 @@ fn number_slots(number: &Number, note: &mut dyn FnMut(&Arg)) {
 }
 
 /// The rules in the order in which they can be completed.
-pub(super) fn strata<'r>(rules: &'r [Rule], derived: &[u32]) -> Result<Vec<Vec<&'r Rule>>, Trouble> {
+pub(super) fn strata<'r>(rules: &'r [Rule], derived: &[u32]) -> Result<Vec<Vec<&'r Rule>>, EvaluationError> {
     let mut levels: HashMap<u32, usize> = derived.iter().map(|predicate| (*predicate, 0)).collect();
     let bound = levels.len();
     loop {
@@ -111,7 +111,7 @@ pub(super) fn strata<'r>(rules: &'r [Rule], derived: &[u32]) -> Result<Vec<Vec<&
             });
             if level > bound {
                 let reason = "a derived predicate depends on its own absence";
-                return Err(Trouble::Unjudged(reason.to_owned()));
+                return Err(EvaluationError::Unjudged(reason.to_owned()));
             }
             changed |= level != before;
             levels.insert(rule.predicate, level);

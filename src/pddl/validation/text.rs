@@ -1,13 +1,13 @@
 //! Resolved conditions as PDDL text again, with objects for variables.
 
-use super::state::{Bindings, UNBOUND, World};
+use super::state::{Bindings, State, UNBOUND};
 use crate::pddl::model::{Arg, Formula, Number, Quantifier, Variable};
 use crate::pddl::table::{Named, Table};
 
 /// Variables of the quantifiers around, by slot, which keep their names.
 type Names = Vec<(u32, String)>;
 
-impl World<'_> {
+impl State<'_> {
     /// A condition with the objects of these values.
     pub(super) fn text(&self, formula: &Formula, bindings: &Bindings) -> String {
         self.formula_text(formula, bindings, &mut Names::new())

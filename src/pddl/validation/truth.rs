@@ -1,12 +1,12 @@
 //! Whether a condition holds, and which part of it does not.
 
-use super::state::{Bindings, Trouble, UNBOUND, World, value};
+use super::state::{Bindings, EvaluationError, State, UNBOUND, value};
 use crate::formats::pddl::ast::{Comparator, Moment, Operator};
 use crate::pddl::model::{Formula, Number, Quantifier};
 
-impl World<'_> {
+impl State<'_> {
     /// Whether `formula` holds with these values of its variables. Preferences always do.
-    pub(in crate::pddl) fn is_true(&self, formula: &Formula, bindings: &mut Bindings) -> Result<bool, Trouble> {
+    pub(in crate::pddl) fn is_true(&self, formula: &Formula, bindings: &mut Bindings) -> Result<bool, EvaluationError> {
         match formula {
             Formula::Fact(fact) => self.holds(&self.ground(fact.predicate, &fact.arguments, bindings)?),
             Formula::Same(left, right) => Ok(value(*left, bindings)? == value(*right, bindings)?),
@@ -40,7 +40,7 @@ impl World<'_> {
             }
             Formula::Timed(_, inner) => self.is_true(inner, bindings),
             Formula::Preference(_) => Ok(true),
-            Formula::Modal => Err(Trouble::Unjudged("constraints are not simulated".to_owned())),
+            Formula::Modal => Err(EvaluationError::Unjudged("constraints are not simulated".to_owned())),
         }
     }
 
@@ -49,8 +49,8 @@ impl World<'_> {
         &self,
         quantifier: &Quantifier,
         bindings: &mut Bindings,
-        mut visit: impl FnMut(&mut Bindings) -> Result<bool, Trouble>,
-    ) -> Result<bool, Trouble> {
+        mut visit: impl FnMut(&mut Bindings) -> Result<bool, EvaluationError>,
+    ) -> Result<bool, EvaluationError> {
         let first = quantifier.first as usize;
         let count = quantifier.variables.len();
         let members: Vec<_> = quantifier.variables.iter().map(|variable| self.members(&variable.kind)).collect();
@@ -83,27 +83,27 @@ impl World<'_> {
     }
 
     /// The value of an expression.
-    pub(super) fn number(&self, number: &Number, bindings: &Bindings) -> Result<f64, Trouble> {
+    pub(super) fn number(&self, number: &Number, bindings: &Bindings) -> Result<f64, EvaluationError> {
         match number {
             Number::Constant(value) => Ok(*value),
             Number::Fluent(fluent) => {
                 let ground = self.ground(fluent.function, &fluent.arguments, bindings)?;
                 match self.values.get(&ground) {
                     Some(value) => Ok(*value),
-                    None => Err(Trouble::Wrong(format!("{} has no value", self.ground_function_text(&ground)))),
+                    None => Err(EvaluationError::Wrong(format!("{} has no value", self.ground_function_text(&ground)))),
                 }
             }
             Number::Operation(operator, operands) => self.operation(*operator, operands, bindings),
-            Number::Duration => self
-                .duration
-                .ok_or_else(|| Trouble::Unjudged("`?duration` means nothing outside a durative action".to_owned())),
+            Number::Duration => self.duration.ok_or_else(|| {
+                EvaluationError::Unjudged("`?duration` means nothing outside a durative action".to_owned())
+            }),
             Number::TotalTime => Ok(self.time),
-            Number::Elapsed => Err(Trouble::Unjudged("continuous effects are not simulated".to_owned())),
-            Number::Violations(_) => Err(Trouble::Unjudged("preferences are not counted".to_owned())),
+            Number::Elapsed => Err(EvaluationError::Unjudged("continuous effects are not simulated".to_owned())),
+            Number::Violations(_) => Err(EvaluationError::Unjudged("preferences are not counted".to_owned())),
         }
     }
 
-    fn operation(&self, operator: Operator, operands: &[Number], bindings: &Bindings) -> Result<f64, Trouble> {
+    fn operation(&self, operator: Operator, operands: &[Number], bindings: &Bindings) -> Result<f64, EvaluationError> {
         let mut values = Vec::with_capacity(operands.len());
         for operand in operands {
             values.push(self.number(operand, bindings)?);
@@ -113,9 +113,9 @@ impl World<'_> {
             (Operator::Multiply, all) => all.iter().product(),
             (Operator::Subtract, [only]) => -only,
             (Operator::Subtract, [left, right]) => left - right,
-            (Operator::Divide, [_, 0.0]) => return Err(Trouble::Wrong("a division by zero".to_owned())),
+            (Operator::Divide, [_, 0.0]) => return Err(EvaluationError::Wrong("a division by zero".to_owned())),
             (Operator::Divide, [left, right]) => left / right,
-            _ => return Err(Trouble::Unjudged(format!("`{operator}` with {} operands", values.len()))),
+            _ => return Err(EvaluationError::Unjudged(format!("`{operator}` with {} operands", values.len()))),
         })
     }
 
@@ -124,7 +124,7 @@ impl World<'_> {
         &self,
         formula: &'f Formula,
         bindings: &mut Bindings,
-    ) -> Result<(&'f Formula, Bindings), Trouble> {
+    ) -> Result<(&'f Formula, Bindings), EvaluationError> {
         match formula {
             Formula::And(parts) => {
                 for part in parts {
@@ -156,7 +156,7 @@ impl World<'_> {
         &self,
         formula: &'f Formula,
         limit: usize,
-    ) -> Result<Vec<(&'f Formula, Bindings)>, Trouble> {
+    ) -> Result<Vec<(&'f Formula, Bindings)>, EvaluationError> {
         let mut faults = Vec::new();
         let mut pending = vec![formula];
         while let Some(formula) = pending.pop() {

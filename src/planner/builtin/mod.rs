@@ -9,9 +9,9 @@
 //! and constraints have one way each, the engine's own. What ends a search is a number of
 //! states, never a clock, so that the same task has the same plan everywhere.
 
+mod ff_output;
 mod portfolio;
 mod proof;
-mod speech;
 
 use std::ffi::OsString;
 use std::sync::mpsc;
@@ -20,10 +20,10 @@ use std::thread;
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
-use self::speech::NoPlan;
+use self::ff_output::NoPlan;
 use super::files::{DOMAIN, PROBLEM};
-use super::names::{self, Sent};
 use super::run::{Output, Planner, Task, refuse};
+use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, ff};
 use crate::pddl::Feature;
 use crate::process::Host;
@@ -108,7 +108,7 @@ impl Planner for Builtin {
     }
 
     fn read(&self, output: &Output) -> Transcript {
-        let whole = if self.anytime { speech::whole(&output.stdout) } else { &output.stdout };
+        let whole = if self.anytime { ff_output::whole(&output.stdout) } else { &output.stdout };
         ff::read(whole, &output.stderr)
     }
 
@@ -135,12 +135,12 @@ impl Default for Options {
 /// Plans, and says what FF says, piece by piece; returns the exit code of [`super::Outcome`]. What the
 /// engine cannot do is refused with the line, and the plan has the names of the task.
 pub fn solve(task: &Task<'_>, options: Options, say: &mut dyn FnMut(&str)) -> i32 {
-    say(&speech::preface(task.domain.name(), task.problem.name()));
+    say(&ff_output::preface(task.domain.name(), task.problem.name()));
     if let Some(refusal) = refuse(&Builtin::default(), task) {
         say(&format!("\nff: {refusal}\n"));
         return 34;
     }
-    let sent = names::send(task.domain.tree(), task.problem.tree(), Some(&REQUIREMENTS));
+    let sent = portable::send(task.domain.tree(), task.problem.tree(), Some(&REQUIREMENTS));
     apart(&sent.domain, &sent.problem, options, Some(&sent), say)
 }
 
@@ -157,15 +157,15 @@ fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say
         let work = move || {
             // Nobody listens any more only when this process ends.
             let tell = |text: String| drop(sender.send(text));
-            match answer(domain, problem, options, &mut |plan| tell(speech::plan(plan, sent))) {
+            match answer(domain, problem, options, &mut |plan| tell(ff_output::plan(plan, sent))) {
                 Ok(None) => 0,
                 Ok(Some(reason)) => {
-                    let (text, code) = speech::no_plan(&reason);
+                    let (text, code) = ff_output::no_plan(&reason);
                     tell(text);
                     code
                 }
                 Err(error) => {
-                    let (text, code) = speech::refusal(&error);
+                    let (text, code) = ff_output::refusal(&error);
                     tell(text);
                     code
                 }

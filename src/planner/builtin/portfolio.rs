@@ -31,8 +31,8 @@ use ferroplan::types::{Domain, Problem};
 use ferroplan::{Plan, SolveError, Step, costs, derived, lama, par};
 
 use super::Options;
+use super::ff_output::NoPlan;
 use super::proof;
-use super::speech::NoPlan;
 
 /// How many states each search may look at in its first slice; fewer where there are many
 /// operators, each of which is looked at in each state.

@@ -193,7 +193,7 @@ impl Embedded {
 
     /// How many documents have a date at or before `date` in the index on decay.
     pub(super) fn decayed(&self, index: &Indexed, date: bson::DateTime) -> Result<u64, StoreError> {
-        let filter = Filter::parse(&doc! { crate::store::stamp::DECAY_PATH: { "$lte": date } })?;
+        let filter = Filter::parse(&doc! { crate::store::metadata::DECAY_PATH: { "$lte": date } })?;
         let candidate = Candidate { pattern: &index.pattern, multikey: index.multikey(), sparse: true };
         let Some(access) = ways(&filter, &Sort::none(), &[candidate]).pop() else {
             return Err(QueryError::bad_value("the index on decay has no dates").into());

@@ -9,7 +9,7 @@ use super::index::decay;
 use super::moment::Moment;
 use super::scan::{Scan, sharpen};
 use crate::query::{self, Filter, Projection, QueryError, Sort};
-use crate::store::{Documents, Find, Namespace, StoreError, stamp};
+use crate::store::{Documents, Find, Namespace, StoreError, metadata};
 
 impl Embedded {
     pub(super) fn answer(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -73,7 +73,7 @@ impl Embedded {
         let indexes = self.indexes_of(collection)?;
         sharpen(&indexes, &mut filter);
         let size = || collection.size(&self.connection).map_err(|e| self.explain(&e));
-        match (decay(&indexes), filter.not_before(stamp::DECAY_PATH)) {
+        match (decay(&indexes), filter.not_before(metadata::DECAY_PATH)) {
             _ if filter.matches_all() => size(),
             (Some(index), Some(date)) => Ok(size()?.saturating_sub(self.decayed(index, date)?)),
             _ => Scan::new(self, collection, &mut filter)?.count(),

@@ -10,7 +10,7 @@ use super::catalog::Collection;
 use super::log::Noted;
 use super::scan::{Found, Scan};
 use crate::query::{Filter, QueryError, Update, key};
-use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, stamp};
+use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata};
 
 /// MongoDB's code for an attempt to change an `_id`.
 const IMMUTABLE_FIELD: i32 = 66;
@@ -22,9 +22,9 @@ impl Embedded {
         &self,
         ns: &Namespace,
         request: &UpdateRequest,
-        stamp: Option<DateTime>,
+        timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        let mut change = Change::parse(request, stamp)?;
+        let mut change = Change::parse(request, timestamp)?;
         self.write(|| {
             let collection = self.collection(ns)?;
             let mut done = Updated::default();
@@ -62,8 +62,8 @@ impl Embedded {
 
     fn upsert(&self, ns: &Namespace, request: &UpdateRequest, change: &Change) -> Result<Bson, StoreError> {
         let mut body = change.update.upsert(&request.filter, change.now)?;
-        if let Some(at) = change.stamp {
-            body = stamp::upsert(&body, at)?;
+        if let Some(at) = change.timestamp {
+            body = metadata::upsert(&body, at)?;
         }
         let id = document::vet(&body)?;
         let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
@@ -76,7 +76,7 @@ impl Embedded {
         &self,
         ns: &Namespace,
         documents: Vec<Document>,
-        stamp: Option<DateTime>,
+        timestamp: Option<DateTime>,
     ) -> Result<Put, StoreError> {
         if documents.is_empty() {
             return Ok(Put::default());
@@ -86,7 +86,7 @@ impl Embedded {
             self.sweep(ns, collection)?;
             let mut done = Put::default();
             for document in documents {
-                self.put_one(ns, collection, document, stamp, &mut done)?;
+                self.put_one(ns, collection, document, timestamp, &mut done)?;
             }
             Ok(done)
         })
@@ -97,19 +97,19 @@ impl Embedded {
         ns: &Namespace,
         collection: Collection,
         mut document: Document,
-        stamp: Option<DateTime>,
+        timestamp: Option<DateTime>,
         done: &mut Put,
     ) -> Result<(), StoreError> {
         let Some(found) = self.with_id_of(collection, &document)? else {
-            if let Some(at) = stamp {
-                stamp::insert(&mut document, at)?;
+            if let Some(at) = timestamp {
+                metadata::insert(&mut document, at)?;
             }
             let (id, body) = document::settle(document)?;
             done.inserted += 1;
             return self.add(ns, collection, &id, &body);
         };
         let (_, body) = document::settle(document)?;
-        match settle_change(&found.body, body, true, stamp)? {
+        match settle_change(&found.body, body, true, timestamp)? {
             Some(body) => {
                 done.replaced += 1;
                 self.rewrite(ns, collection, &found, &body, ChangeKind::Replace)
@@ -188,13 +188,13 @@ struct Change {
     filter: Rc<Filter>,
     update: Update,
     now: DateTime,
-    stamp: Option<DateTime>,
+    timestamp: Option<DateTime>,
 }
 
 impl Change {
-    fn parse(request: &UpdateRequest, stamp: Option<DateTime>) -> Result<Self, QueryError> {
-        if stamp.is_some() {
-            stamp::check_update(&request.update)?;
+    fn parse(request: &UpdateRequest, timestamp: Option<DateTime>) -> Result<Self, QueryError> {
+        if timestamp.is_some() {
+            metadata::check_update(&request.update)?;
         }
         let update = match &request.update {
             UpdateSpec::Document(update) => Update::parse(update, &request.array_filters)?,
@@ -207,7 +207,7 @@ impl Change {
             return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
         }
         let filter = Rc::new(Filter::parse(&request.filter)?);
-        Ok(Self { filter, update, now: stamp.unwrap_or_else(DateTime::now), stamp })
+        Ok(Self { filter, update, now: timestamp.unwrap_or_else(DateTime::now), timestamp })
     }
 
     /// What it does to a document, for those who watch.
@@ -218,8 +218,8 @@ impl Change {
     fn apply(&self, old: &RawDocument) -> Result<Option<RawDocumentBuf>, QueryError> {
         match self.update.apply(old, &self.filter, self.now)? {
             None => Ok(None),
-            Some(new) => match self.stamp {
-                Some(at) => stamp::update(old, &new, self.update.is_replacement(), at),
+            Some(new) => match self.timestamp {
+                Some(at) => metadata::update(old, &new, self.update.is_replacement(), at),
                 None => Ok(Some(new)),
             },
         }
@@ -231,10 +231,10 @@ fn settle_change(
     old: &RawDocument,
     new: RawDocumentBuf,
     replacement: bool,
-    stamp: Option<DateTime>,
+    timestamp: Option<DateTime>,
 ) -> Result<Option<RawDocumentBuf>, QueryError> {
-    match stamp {
-        Some(at) => stamp::update(old, &new, replacement, at),
+    match timestamp {
+        Some(at) => metadata::update(old, &new, replacement, at),
         None => Ok(Some(new).filter(|new| new.as_bytes() != old.as_bytes())),
     }
 }

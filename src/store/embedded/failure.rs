@@ -22,7 +22,7 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
         Some(ErrorCode::CannotOpen) => return unreachable(place, cannot_open(place)),
         Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => format!(
             "another process has been writing for {} s; end it or try again",
-            super::patience::PATIENCE.as_secs()
+            super::busy::LOCK_TIMEOUT.as_secs()
         ),
         Some(ErrorCode::TooBig) => "the document is too large for the file".to_owned(),
         Some(ErrorCode::SystemIoFailure) => format!("reading or writing failed ({error}); check the disk"),

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use bson::{Bson, DateTime, RawDocumentBuf};
 use rusqlite::params;
 
-use super::wake::Ear;
+use super::notifier::Notifier;
 use super::watcher::{self, State, Taken, Watcher};
 use super::{Embedded, Place, log};
 use crate::query::QueryError;
@@ -38,7 +38,7 @@ struct Feed<'a> {
     /// Since when the position waits to be written.
     waiting: Option<Instant>,
     page: VecDeque<(i64, Change)>,
-    ear: Ear,
+    notifier: Notifier,
     pulse: Instant,
     path: &'a Path,
     /// Which file it is, told by the system; the path may come to name another one.
@@ -53,7 +53,7 @@ impl Embedded {
                           use file:PATH or mongodb://…";
             return Err(StoreError::Unfit { address: self.place.to_string(), reason: reason.to_owned() });
         };
-        let ear = Ear::new(path);
+        let notifier = Notifier::new(path);
         let noted = match self.write(|| watcher::take(&self.connection, ns, name).map_err(|e| self.explain(&e)))? {
             Taken::Mine(watcher) => watcher,
             other => return Err(refusal(&other, name.unwrap_or_default())),
@@ -67,7 +67,7 @@ impl Embedded {
             waiting: None,
             noted,
             page: VecDeque::new(),
-            ear,
+            notifier,
             pulse: Instant::now(),
             path,
             file: identity(path),
@@ -112,8 +112,8 @@ impl Feed<'_> {
     /// Reads the next page, and makes sure that nothing is missing before it.
     fn turn(&mut self) -> Result<(), StoreError> {
         let page = self.read().map_err(|trouble| match trouble {
-            Trouble::Store(error) => self.store.explain(&error),
-            Trouble::Query(error) => error.into(),
+            PageError::Store(error) => self.store.explain(&error),
+            PageError::Query(error) => error.into(),
         })?;
         // The log may be cut at any moment: what is asked last is true of what was read first.
         match self.noted.state(&self.store.connection).map_err(|e| self.store.explain(&e))? {
@@ -129,7 +129,7 @@ impl Feed<'_> {
         }
     }
 
-    fn read(&self) -> Result<VecDeque<(i64, Change)>, Trouble> {
+    fn read(&self) -> Result<VecDeque<(i64, Change)>, PageError> {
         let sql = "SELECT sequence, kind, time, before, after FROM changes
                    WHERE database = ? AND collection = ? AND sequence > ? ORDER BY sequence";
         let mut statement = self.store.connection.prepare_cached(sql)?;
@@ -189,7 +189,7 @@ impl Feed<'_> {
 }
 
 impl Changes for Feed<'_> {
-    fn next(&mut self, patience: Duration) -> Result<Next, StoreError> {
+    fn next(&mut self, timeout: Duration) -> Result<Next, StoreError> {
         let start = Instant::now();
         loop {
             if let Some((sequence, change)) = self.page.pop_front() {
@@ -200,13 +200,13 @@ impl Changes for Feed<'_> {
             if !self.page.is_empty() {
                 continue;
             }
-            let left = patience.saturating_sub(start.elapsed());
+            let left = timeout.saturating_sub(start.elapsed());
             if left.is_zero() {
                 self.check_file()?;
                 self.renew()?;
                 return Ok(Next::Nothing);
             }
-            self.ear.wait(left);
+            self.notifier.wait(left);
         }
     }
 
@@ -233,8 +233,8 @@ impl Drop for Feed<'_> {
     }
 }
 
-fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), Trouble> {
-    let document = |column: &str| -> Result<Option<RawDocumentBuf>, Trouble> {
+fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
+    let document = |column: &str| -> Result<Option<RawDocumentBuf>, PageError> {
         let bytes: Option<Vec<u8>> = row.get(column)?;
         Ok(bytes.map(RawDocumentBuf::from_bytes).transpose().map_err(QueryError::from)?)
     };
@@ -258,18 +258,18 @@ fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), Trouble> {
 }
 
 /// Either of the two things that can go wrong in a page.
-enum Trouble {
+enum PageError {
     Store(rusqlite::Error),
     Query(QueryError),
 }
 
-impl From<rusqlite::Error> for Trouble {
+impl From<rusqlite::Error> for PageError {
     fn from(error: rusqlite::Error) -> Self {
         Self::Store(error)
     }
 }
 
-impl From<QueryError> for Trouble {
+impl From<QueryError> for PageError {
     fn from(error: QueryError) -> Self {
         Self::Query(error)
     }

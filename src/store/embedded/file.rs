@@ -23,7 +23,7 @@ use rusqlite::{Connection, OpenFlags};
 
 use super::index::Remembered;
 use super::log::Log;
-use super::{Embedded, Place, failure, patience};
+use super::{Embedded, Place, busy, failure};
 use crate::store::StoreError;
 
 /// The layout this rmem writes, and the newest it reads.
@@ -141,9 +141,9 @@ impl Embedded {
     fn prepare(mut connection: Connection, place: Place) -> Result<Self, StoreError> {
         let explain = |error| failure::explain(&place, &error);
         let hurried = Arc::new(AtomicBool::new(false));
-        patience::teach(&mut connection, Arc::clone(&hurried)).map_err(explain)?;
+        busy::teach(&mut connection, Arc::clone(&hurried)).map_err(explain)?;
         connection.set_prepared_statement_cache_capacity(64);
-        match patience::retry(|| Marks::read(&connection)).map_err(explain)? {
+        match busy::retry(|| Marks::read(&connection)).map_err(explain)? {
             Marks { application: APPLICATION, version: VERSION, .. } => {}
             Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
             Marks { application: 0, version: 0, blank: true } => lay_out(&connection).map_err(explain)?,
@@ -206,7 +206,7 @@ impl Marks {
 
 /// Makes a blank file a memory. Several processes may do so at the same time; one of them does.
 fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
-    patience::retry(|| connection.pragma_update(None, "journal_mode", "WAL"))?;
+    busy::retry(|| connection.pragma_update(None, "journal_mode", "WAL"))?;
     connection.execute_batch("BEGIN IMMEDIATE")?;
     let laid_out = Marks::read(connection).and_then(|marks| {
         if !marks.blank {

@@ -17,7 +17,7 @@ use super::Embedded;
 use super::catalog::Collection;
 use crate::query::QueryError;
 use crate::query::index::{Entries, Pattern};
-use crate::store::{Index, Namespace, StoreError, index, stamp};
+use crate::store::{Index, Namespace, StoreError, index, metadata};
 
 /// MongoDB's code for an index that is there with other options.
 const OPTIONS_CONFLICT: i32 = 85;
@@ -355,8 +355,8 @@ pub(super) fn decay(indexes: &[Indexed]) -> Option<&Indexed> {
 
 /// Whether a document may have a date from which on it is invisible.
 fn may_decay(body: &RawDocument) -> bool {
-    match body.get(stamp::INFO) {
-        Ok(Some(RawBsonRef::Document(info))) => matches!(info.get(stamp::DECAY), Ok(Some(_))),
+    match body.get(metadata::INFO) {
+        Ok(Some(RawBsonRef::Document(info))) => matches!(info.get(metadata::DECAY), Ok(Some(_))),
         Ok(Some(RawBsonRef::Array(_))) => true,
         _ => false,
     }

@@ -14,7 +14,7 @@ use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::scan::Scan;
-use super::{Embedded, Place, wake, watcher};
+use super::{Embedded, Place, notifier, watcher};
 use crate::query::Filter;
 use crate::store::{ChangeKind, Namespace, StoreError};
 
@@ -114,7 +114,7 @@ impl Embedded {
     /// To be called after a write transaction was committed.
     pub(super) fn publish_log(&self) {
         if let (true, Place::File(path)) = (self.log.noted.replace(false), &self.place) {
-            wake::call(path);
+            notifier::call(path);
         }
     }
 }

@@ -2,12 +2,13 @@
 //!
 //! Documents are kept as BSON in an SQLite database, one table per collection,
 //! and are matched without decoding them. Several processes use one file at
-//! the same time: writers take turns (see `patience`), readers never wait for
+//! the same time: writers take turns (see `timeout`), readers never wait for
 //! writers. A write is on the disk when it returns.
 
 mod access;
 mod answer;
 mod batch;
+mod busy;
 mod catalog;
 mod change;
 mod expiry;
@@ -18,12 +19,11 @@ mod index;
 mod log;
 mod moment;
 mod near;
+mod notifier;
 mod output;
-mod patience;
 mod pipeline;
 mod scan;
 mod verbs;
-mod wake;
 mod watcher;
 
 use std::path::PathBuf;

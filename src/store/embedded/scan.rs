@@ -22,7 +22,7 @@ use super::index::{Indexes, decay};
 use super::moment::Moment;
 use super::{Embedded, failure};
 use crate::query::{Filter, Sort};
-use crate::store::{StoreError, stamp};
+use crate::store::{StoreError, metadata};
 
 /// At most so many bytes of documents wait to be taken.
 const PAGE_BYTES: usize = 256 << 10;
@@ -217,15 +217,15 @@ impl<'a> Scan<'a> {
             Rest::Nothing => Ok(Rest::Nothing),
         };
         self.rest = match read {
-            Err(Trouble::Store(error)) if failure::is_gone(&error) => {
+            Err(PageError::Store(error)) if failure::is_gone(&error) => {
                 // Of a collection that another process dropped nothing is left.
                 if was_listed && self.collection.is_there(&self.store.connection).map_err(|e| self.store.explain(&e))? {
                     return Err(self.store.fail("an index was dropped while it was read; repeat the query"));
                 }
                 Rest::Nothing
             }
-            Err(Trouble::Store(error)) => return Err(self.store.explain(&error)),
-            Err(Trouble::Query(error)) => return Err(error.into()),
+            Err(PageError::Store(error)) => return Err(self.store.explain(&error)),
+            Err(PageError::Query(error)) => return Err(error.into()),
             Ok(rest) => rest,
         };
         Ok(())
@@ -236,7 +236,7 @@ impl<'a> Scan<'a> {
         mut position: i64,
         last: i64,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
-    ) -> Result<Rest, Trouble> {
+    ) -> Result<Rest, PageError> {
         let table = self.collection.table();
         let sql = format!("SELECT body, position FROM {table} WHERE position > ? ORDER BY position");
         let mut statement = self.store.connection.prepare_cached(&sql)?;
@@ -265,7 +265,7 @@ impl<'a> Scan<'a> {
         &self,
         mut positions: VecDeque<i64>,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
-    ) -> Result<Rest, Trouble> {
+    ) -> Result<Rest, PageError> {
         // To begin and end a reading for each document takes longer than to read it.
         let _moment = (positions.len() > 1).then(|| Moment::begin(&self.store.connection)).transpose()?;
         let sql = format!("SELECT body FROM {} WHERE position = ?", self.collection.table());
@@ -289,7 +289,7 @@ impl<'a> Scan<'a> {
         mut listing: Listing,
         last: i64,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
-    ) -> Result<Rest, Trouble> {
+    ) -> Result<Rest, PageError> {
         let _moment = Moment::begin(&self.store.connection)?;
         let sql = listing.documents_sql(&self.collection.table());
         let mut statement = self.store.connection.prepare_cached(&sql)?;
@@ -323,7 +323,7 @@ impl<'a> Scan<'a> {
     }
 
     /// Where the documents are that the index lists behind a key and a position.
-    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64), last: i64) -> Result<Rest, Trouble> {
+    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64), last: i64) -> Result<Rest, PageError> {
         let mut statement = self.store.connection.prepare_cached(&listing.positions_sql())?;
         let (mut behind, mut positions) = (Some(behind), VecDeque::new());
         while let Some(range) = listing.ranges.pop_front() {
@@ -385,29 +385,29 @@ impl Iterator for Scan<'_> {
 /// Leaves out of a filter what holds of every document while none decays.
 pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
     if let (None, Some(filter)) = (decay(indexes), Rc::get_mut(filter)) {
-        filter.assume_missing(stamp::DECAY_PATH);
+        filter.assume_missing(metadata::DECAY_PATH);
     }
 }
 
 /// The document that a column holds.
-fn document(column: rusqlite::types::ValueRef<'_>) -> Result<&RawDocument, Trouble> {
+fn document(column: rusqlite::types::ValueRef<'_>) -> Result<&RawDocument, PageError> {
     RawDocument::from_bytes(column.as_blob().map_err(rusqlite::Error::from)?)
-        .map_err(|error| Trouble::Query(crate::query::QueryError::from(error)))
+        .map_err(|error| PageError::Query(crate::query::QueryError::from(error)))
 }
 
 /// Either of the two things that can go wrong in a page.
-enum Trouble {
+enum PageError {
     Store(rusqlite::Error),
     Query(crate::query::QueryError),
 }
 
-impl From<rusqlite::Error> for Trouble {
+impl From<rusqlite::Error> for PageError {
     fn from(error: rusqlite::Error) -> Self {
         Self::Store(error)
     }
 }
 
-impl From<crate::query::QueryError> for Trouble {
+impl From<crate::query::QueryError> for PageError {
     fn from(error: crate::query::QueryError) -> Self {
         Self::Query(error)
     }

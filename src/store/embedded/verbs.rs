@@ -6,7 +6,7 @@ use bson::{Bson, DateTime, Document};
 
 use super::catalog::Collection;
 use super::log::Noted;
-use super::{Embedded, failure, file, patience};
+use super::{Embedded, busy, failure, file};
 use crate::store::{
     Changes, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
 };
@@ -16,8 +16,8 @@ impl Store for Embedded {
         self.insert_batch(ns, documents)
     }
 
-    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
-        self.put_all(ns, documents, stamp)
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
+        self.put_all(ns, documents, timestamp)
     }
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -40,8 +40,13 @@ impl Store for Embedded {
         self.run_pipeline(ns, pipeline)
     }
 
-    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError> {
-        self.change(ns, update, stamp)
+    fn update(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        timestamp: Option<DateTime>,
+    ) -> Result<Updated, StoreError> {
+        self.change(ns, update, timestamp)
     }
 
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
@@ -137,7 +142,7 @@ impl Embedded {
         self.hurried.store(false, Ordering::Relaxed);
         let written = match begun {
             Ok(()) => self.finish(work).map(Some),
-            Err(error) if patience::is_busy(&error) => Ok(None),
+            Err(error) if busy::is_busy(&error) => Ok(None),
             Err(error) => Err(self.explain(&error)),
         };
         file::be_durable(&self.connection, true).map_err(|e| self.explain(&e))?;

@@ -74,18 +74,18 @@ pub struct MemberState {
 
 impl Admin {
     /// The server at `host:port`; nothing is contacted before the first question,
-    /// and then it has `patience` to answer.
+    /// and then it has `timeout` to answer.
     ///
     /// # Errors
     /// Where this is no address.
-    pub fn at(address: &str, patience: Duration) -> Result<Self, AdminError> {
+    pub fn at(address: &str, timeout: Duration) -> Result<Self, AdminError> {
         let silent = |error: &mongodb::error::Error| AdminError::Silent(failure::explain(address, error));
         let host = ServerAddress::parse(address).map_err(|error| silent(&error))?;
         let mut options = ClientOptions::builder().hosts(vec![host]).build();
         options.direct_connection = Some(true);
         options.app_name = Some("rmem".to_owned());
-        options.server_selection_timeout = Some(patience);
-        options.connect_timeout = Some(patience);
+        options.server_selection_timeout = Some(timeout);
+        options.connect_timeout = Some(timeout);
         options.selection_criteria = Some(criteria());
         let client = Client::with_options(options).map_err(|error| silent(&error))?;
         Ok(Self { client, address: address.to_owned() })

@@ -7,7 +7,7 @@ use mongodb::error::{Error, ErrorKind};
 
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::{Index, Namespace, StoreError, index, stamp};
+use crate::store::{Index, Namespace, StoreError, index, metadata};
 
 /// The server's codes for a collection, and for an index, that is not there.
 const NAMESPACE_NOT_FOUND: i32 = 26;
@@ -70,8 +70,8 @@ impl MongoDb {
 /// Whether a document, or an update, speaks of a date of decay.
 fn mentions_decay(document: &Document) -> bool {
     document.iter().any(|(key, value)| match value {
-        _ if key == stamp::DECAY_PATH => true,
-        Bson::Document(info) if key == stamp::INFO => info.contains_key(stamp::DECAY),
+        _ if key == metadata::DECAY_PATH => true,
+        Bson::Document(info) if key == metadata::INFO => info.contains_key(metadata::DECAY),
         Bson::Document(fields) if key.starts_with('$') => mentions_decay(fields),
         _ => false,
     })

@@ -13,7 +13,7 @@ mod image;
 mod index;
 mod position;
 mod raw;
-mod stamped;
+mod update;
 mod verbs;
 mod watch;
 

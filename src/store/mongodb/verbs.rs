@@ -5,11 +5,11 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
-use super::stamped::is_replacement;
+use super::update::is_replacement;
 use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::document::{settle, with_id_first};
-use crate::store::stamp;
+use crate::store::metadata;
 use crate::store::{
     Changes, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec,
     Updated,
@@ -47,14 +47,14 @@ impl Store for MongoDb {
         }
     }
 
-    fn put(&self, ns: &Namespace, documents: Vec<Document>, stamp: Option<DateTime>) -> Result<Put, StoreError> {
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
         let identified = |document: Document| match document.contains_key("_id") {
             true => document,
             false => with_id_first(document, &ObjectId::new().into()),
         };
         let (mut done, mut rest): (_, Vec<_>) = (Put::default(), documents.into_iter().map(identified).collect());
         while !rest.is_empty() {
-            let inserted = match self.insert(ns, stamped(&rest, stamp)?) {
+            let inserted = match self.insert(ns, with_metadata(&rest, timestamp)?) {
                 Ok(inserted) => inserted.ids.len(),
                 Err(StoreError::Duplicate { stored, .. }) => stored.len(),
                 Err(error) => return Err(error),
@@ -63,7 +63,7 @@ impl Store for MongoDb {
             let mut taken = rest.split_off(inserted.min(rest.len()));
             std::mem::swap(&mut taken, &mut rest);
             if !rest.is_empty() {
-                let changed = self.put_over(ns, rest.remove(0), stamp)?;
+                let changed = self.put_over(ns, rest.remove(0), timestamp)?;
                 done.replaced += changed;
                 done.same += 1 - changed;
             }
@@ -115,7 +115,12 @@ impl Store for MongoDb {
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
     }
 
-    fn update(&self, ns: &Namespace, update: &UpdateRequest, stamp: Option<DateTime>) -> Result<Updated, StoreError> {
+    fn update(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        timestamp: Option<DateTime>,
+    ) -> Result<Updated, StoreError> {
         let is_replacement = matches!(&update.update, UpdateSpec::Document(document) if is_replacement(document));
         if update.many && is_replacement {
             let refusal = "a replacement document cannot be applied to many documents";
@@ -125,8 +130,8 @@ impl Store for MongoDb {
             UpdateSpec::Document(document) => self.expect_decay(ns, std::iter::once(document))?,
             UpdateSpec::Pipeline(stages) => self.expect_decay(ns, stages.iter())?,
         }
-        match stamp {
-            Some(at) => self.update_stamped(ns, update, at),
+        match timestamp {
+            Some(at) => self.update_with_metadata(ns, update, at),
             None => self.apply(ns, update),
         }
     }
@@ -201,11 +206,11 @@ impl Store for MongoDb {
 }
 
 /// The documents as they are inserted.
-fn stamped(documents: &[Document], stamp: Option<DateTime>) -> Result<Vec<Document>, QueryError> {
+fn with_metadata(documents: &[Document], timestamp: Option<DateTime>) -> Result<Vec<Document>, QueryError> {
     let mut documents = documents.to_vec();
-    if let Some(at) = stamp {
+    if let Some(at) = timestamp {
         for document in &mut documents {
-            stamp::insert(document, at)?;
+            metadata::insert(document, at)?;
         }
     }
     Ok(documents)
@@ -213,7 +218,7 @@ fn stamped(documents: &[Document], stamp: Option<DateTime>) -> Result<Vec<Docume
 
 impl MongoDb {
     /// Replaces the document that has the `_id` of this one; says how many changed.
-    fn put_over(&self, ns: &Namespace, document: Document, stamp: Option<DateTime>) -> Result<u64, StoreError> {
+    fn put_over(&self, ns: &Namespace, document: Document, timestamp: Option<DateTime>) -> Result<u64, StoreError> {
         let id = document.get("_id").cloned().unwrap_or(Bson::Null);
         let request = UpdateRequest {
             filter: doc! { "_id": { "$eq": &id } },
@@ -222,7 +227,7 @@ impl MongoDb {
             many: false,
             upsert: true,
         };
-        Ok(self.update(ns, &request, stamp)?.modified.min(1))
+        Ok(self.update(ns, &request, timestamp)?.modified.min(1))
     }
 
     /// Updates in the server's own way.

@@ -19,7 +19,7 @@ use mongodb::sync::{ChangeStream, Cursor};
 use super::position::{self, Position};
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::stamp::{INFO, INSERTED, UPDATED};
+use crate::store::metadata::{INFO, INSERTED, UPDATED};
 use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError};
 
 /// How long the server waits for changes before it says that there are none.
@@ -128,7 +128,7 @@ impl Stream<'_> {
     fn understand(&mut self, event: Event) -> Result<Option<Change>, StoreError> {
         let kind = match &event.operation_type {
             OperationType::Insert => ChangeKind::Insert,
-            OperationType::Update if is_stamp(event.update_description.as_ref()) => return Ok(None),
+            OperationType::Update if is_metadata(event.update_description.as_ref()) => return Ok(None),
             OperationType::Update => ChangeKind::Update,
             OperationType::Replace => ChangeKind::Replace,
             OperationType::Delete => ChangeKind::Delete,
@@ -279,14 +279,14 @@ enum Step {
 }
 
 impl Changes for Stream<'_> {
-    fn next(&mut self, patience: Duration) -> Result<Next, StoreError> {
+    fn next(&mut self, timeout: Duration) -> Result<Next, StoreError> {
         let start = Instant::now();
         self.renew()?;
         loop {
             match self.step()? {
                 Step::Change(change) => return Ok(Next::Change(Box::new(change))),
                 Step::Lost(error) => return Ok(Next::Interrupted(error)),
-                Step::Nothing | Step::Passed if start.elapsed() >= patience => return Ok(Next::Nothing),
+                Step::Nothing | Step::Passed if start.elapsed() >= timeout => return Ok(Next::Nothing),
                 Step::Nothing | Step::Passed => {}
             }
         }
@@ -320,7 +320,7 @@ impl Drop for Stream<'_> {
 
 /// Whether an update changed nothing but when a document was stored or changed: the
 /// second step of rmem's own updates.
-fn is_stamp(update: Option<&UpdateDescription>) -> bool {
+fn is_metadata(update: Option<&UpdateDescription>) -> bool {
     let Some(update) = update else { return false };
     let is_date = |path: &str| {
         path.strip_prefix(INFO)

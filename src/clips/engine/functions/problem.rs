@@ -1,0 +1,55 @@
+//! Problems from templates, and plans for them.
+
+use std::path::Path;
+
+use super::{Arguments, Failure, Function, function, open};
+use crate::clips::engine::native::{Environment, Value};
+use crate::clips::engine::planning::{self, PlanRequest};
+use crate::clips::engine::state::State;
+use crate::formats::Source;
+use crate::problem::{Request, Syntax};
+
+pub(super) const FUNCTIONS: &[Function] = &[open(&["rm-gen-problem"], 1, generate), function(&["rm-plan"], 2, 4, plan)];
+
+fn read(path: &str) -> Result<Source, Failure> {
+    let failed = |error: std::io::Error| Failure::declined(crate::input::unreadable(path, &error));
+    let bytes = std::fs::read(Path::new(path)).map_err(failed)?;
+    crate::input::decode(path, bytes).map_err(Failure::declined)
+}
+
+/// `(rm-gen-problem TEMPLATE [GOAL [NAME VALUE]…])`: the problem as a string.
+fn generate(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+    let mut parameters = Vec::new();
+    let mut nth = 3;
+    while arguments.get(nth).is_some() {
+        parameters.push((arguments.text(nth)?.to_owned(), arguments.value(nth + 1, state)?));
+        nth += 2;
+    }
+    let goal = arguments.get(2).map(|_| arguments.text(2)).transpose()?.filter(|goal| !goal.trim().is_empty());
+    let request = Request {
+        template: read(arguments.text(1)?)?,
+        syntax: Syntax::Auto,
+        collection: state.job.collection.clone(),
+        goal: goal.map(str::to_owned),
+        parameters,
+        lenient: false,
+    };
+    let text = state.planning.generate(request, state.memory).map_err(Failure::declined)?;
+    Ok(Value::Text(text))
+}
+
+/// `(rm-plan DOMAIN PROBLEM [PLANNER [SECONDS]])`: a problem is a path, or the text itself. Gives the id
+/// of the plan and asserts its facts, or gives FALSE.
+fn plan(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+    let domain = read(arguments.text(1)?)?;
+    let problem = match arguments.text(2)? {
+        text if text.contains('(') => Source::new("<problem>", text),
+        path => read(path)?,
+    };
+    let planner = arguments.get(3).map(|_| arguments.text(3)).transpose()?.unwrap_or("builtin");
+    let seconds = arguments.get(4).map(|_| arguments.integer(4)).transpose()?;
+    let wish =
+        PlanRequest { domain, problem, planner, seconds: seconds.and_then(|seconds| u64::try_from(seconds).ok()) };
+    let found = planning::plan(wish, state, clips).map_err(|error| Failure::chained(&error))?;
+    Ok(found.unwrap_or_else(|| Value::truth(false)))
+}

@@ -1,0 +1,25 @@
+//! Triggers: changes of the memory as facts.
+
+use super::document::given;
+use super::{Arguments, Failure, Function, function};
+use crate::clips::engine::native::{Environment, Value};
+use crate::clips::engine::state::State;
+use crate::clips::engine::table::Thing;
+
+pub(super) const FUNCTIONS: &[Function] = &[
+    function(&["rm-trigger-register", "robmem-trigger-register"], 3, 3, register),
+    function(&["rm-trigger-destroy", "robmem-trigger-destroy"], 1, 1, destroy),
+];
+
+fn register(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+    let (ns, filter) = (arguments.namespace(1)?, arguments.document(2, state)?);
+    let number = state.listen_for_trigger(&ns, filter, arguments.text(3)?.to_owned()).map_err(Failure::declined)?;
+    Ok(given(state, Thing::Trigger(number)))
+}
+
+fn destroy(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+    let address = arguments.address(1, "trigger (external address)")?;
+    let number = state.table.borrow_mut().trigger(address).map_err(Failure::wrong)?;
+    state.forget_trigger(number);
+    Ok(Value::truth(state.table.borrow_mut().remove(address)))
+}

@@ -1,0 +1,129 @@
+//! Functions of Rust that programs of CLIPS call.
+
+use std::ffi::CString;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use clips_sys as sys;
+
+use super::environment::{Environment, Running};
+use super::value::{Value, c_text, size};
+
+/// Why a function has no value. The evaluation that called it ends.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum CallError {
+    /// An argument, counted from 1, is not what was expected.
+    Argument(u32, &'static str),
+    /// Anything else, as a sentence.
+    Failed(String),
+    /// An argument could not be evaluated; CLIPS has said why.
+    Reported,
+}
+
+/// A function with its name.
+pub(super) struct Function<'h> {
+    name: CString,
+    #[allow(clippy::type_complexity, reason = "it is spelled out once")]
+    body: Box<dyn Fn(&Environment, &[Value]) -> Result<Value, CallError> + 'h>,
+    environment: Environment,
+}
+
+impl<'h> Running<'h> {
+    /// Makes a function known; of `most` none there may be any number of arguments.
+    ///
+    /// # Errors
+    /// Where CLIPS has a function of that name.
+    pub(crate) fn define(
+        &mut self,
+        name: &str,
+        least: u16,
+        most: Option<u16>,
+        body: impl Fn(&Environment, &[Value]) -> Result<Value, CallError> + 'h,
+    ) -> Result<(), String> {
+        let function = Box::new(Function { name: c_text(name), body: Box::new(body), environment: self.share() });
+        let most = most.unwrap_or(u16::MAX);
+        let context = std::ptr::from_ref::<Function<'h>>(&function).cast_mut().cast();
+        let word = function.name.as_ptr();
+        // SAFETY: name and function live in a box that is kept until the environment is gone, and
+        // nobody has it mutably.
+        let error = unsafe {
+            sys::AddUDF(self.raw(), word, std::ptr::null(), least, most, std::ptr::null(), Some(called), word, context)
+        };
+        if error != sys::AddUDFError_AUE_NO_ERROR {
+            return Err(format!("CLIPS has a function `{name}` already"));
+        }
+        self.keep(function);
+        Ok(())
+    }
+}
+
+/// What CLIPS calls, whichever function is meant.
+unsafe extern "C" fn called(_: *mut sys::Environment, context: *mut sys::UDFContext, returned: *mut sys::UDFValue) {
+    // SAFETY: `context` is what CLIPS has of the call, with the box that `define` gave it, which
+    // lives as long as the environment that calls.
+    let function = unsafe { &*(*context).context.cast::<Function<'_>>() };
+    let environment = &function.environment;
+    let value = catch_unwind(AssertUnwindSafe(|| {
+        // SAFETY: the context is that of this call.
+        let arguments = unsafe { arguments(environment, context) }.ok_or(CallError::Reported)?;
+        (function.body)(environment, &arguments)
+    }));
+    let value = value.unwrap_or_else(|_| Err(CallError::Failed("it failed in a way that it should not".to_owned())));
+    let value = value.unwrap_or_else(|trouble| {
+        complain(function, &trouble);
+        Value::truth(false)
+    });
+    let native = environment.to_native(&value);
+    // SAFETY: CLIPS wants the value there; a multifield's range is all of it.
+    unsafe {
+        (*returned).__bindgen_anon_1.header = native.__bindgen_anon_1.header;
+        if let Value::Many(values) = &value {
+            (*returned).begin = 0;
+            (*returned).range = size(values.len());
+        }
+    }
+}
+
+/// The values of all arguments, or nothing where one could not be evaluated.
+///
+/// # Safety
+/// The context is that of a call that is going on.
+unsafe fn arguments(environment: &Environment, context: *mut sys::UDFContext) -> Option<Vec<Value>> {
+    const ANY: u32 = (sys::CLIPSType_BOOLEAN_BIT << 1) - 1;
+    // SAFETY: the caller's promise; each value is read before the next one is made.
+    unsafe {
+        let count = sys::UDFArgumentCount(context);
+        (1..=count)
+            .map(|nth| {
+                let mut native = sys::UDFValue::default();
+                if !sys::UDFNthArgument(context, nth, ANY, &raw mut native) || environment.has_failed() {
+                    return None;
+                }
+                let header = native.__bindgen_anon_1.header;
+                Some(match u32::from((*header).type_) {
+                    sys::MULTIFIELD_TYPE => {
+                        Value::Many(environment.elements(header.cast(), native.begin, native.range))
+                    }
+                    _ => environment.value(header),
+                })
+            })
+            .collect()
+    }
+}
+
+/// Says what was wrong, as CLIPS does, and ends the evaluation.
+fn complain(function: &Function<'_>, trouble: &CallError) {
+    let environment = &function.environment;
+    match trouble {
+        CallError::Reported => {}
+        CallError::Argument(nth, expected) => {
+            // SAFETY: the environment is alive, and the texts are only read.
+            unsafe {
+                sys::ExpectedTypeError1(environment.raw(), function.name.as_ptr(), *nth, c_text(expected).as_ptr());
+            }
+        }
+        CallError::Failed(message) => {
+            environment.complain(&format!("[RMEM1] Function '{}': {message}", function.name.to_string_lossy()));
+        }
+    }
+    environment.fail();
+}

@@ -1,0 +1,448 @@
+//! A world model that several engines keep together: facts with a `sync-id`, a document each.
+//!
+//! The memory is what counts. Who changes a fact changes its document first and then the fact; all
+//! others, and the engine itself, hear of it by the order in which the memory changed, and make their
+//! facts as the document then was. So all of them end with the same facts, whoever was first.
+//!
+//! What is older than an engine's own change of the same document would undo it for a moment, and is
+//! passed over: each change notes a mark under `_robmem_info.clips.by`, and until its mark comes
+//! back an engine waits for it. A change names only the slots that it is about, so that two engines
+//! that change different slots of one fact at the same time both keep theirs.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{HashMap, HashSet};
+use std::time::{Duration, Instant};
+
+use bson::oid::ObjectId;
+use bson::{Bson, Document, doc};
+
+use super::exchange;
+use super::native::{Environment, FactRef, Value};
+use super::state::State;
+use super::subscription::key;
+use crate::clips::facts::record;
+use crate::formats::clips::{Body, Fact, Item, Reader};
+use crate::formats::{Source, Span};
+use crate::query::QueryError;
+use crate::store::{Change, ChangeKind, Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
+
+/// The slot, and the key of the document, that tells facts apart.
+pub(super) const SYNC_ID: &str = "sync-id";
+/// The mark of a change, under `_robmem_info.clips`.
+const MARK: &str = "by";
+/// How long one waits for what the memory has when one begins.
+const SYNC_TIMEOUT: Duration = Duration::from_secs(10);
+/// How many numbers are tried for a new fact; the second is hardly ever needed.
+const TRIES: usize = 5;
+
+/// A fact of the shared world.
+struct Known {
+    id: Bson,
+    sync_id: i64,
+    fact: Option<FactRef>,
+    /// The mark of the engine's own change that has not come back yet.
+    pending: Option<String>,
+}
+
+/// The shared world model of one engine.
+pub(super) struct WorldModel {
+    namespace: Namespace,
+    started: Cell<bool>,
+    /// By what tells `_id`s apart.
+    known: RefCell<HashMap<String, Known>>,
+    keys: RefCell<HashMap<i64, String>>,
+    /// What was retracted here, and of which older changes may still come.
+    gone: RefCell<HashSet<String>>,
+    engine: String,
+    changes: Cell<u64>,
+    /// How many documents have come back from a roll call.
+    called: Cell<u64>,
+    call: RefCell<Option<String>>,
+    /// Templates of documents that this engine does not know.
+    strange: RefCell<HashSet<String>>,
+}
+
+impl WorldModel {
+    pub(super) fn new(namespace: Namespace) -> Self {
+        Self {
+            namespace,
+            started: Cell::new(false),
+            known: RefCell::default(),
+            keys: RefCell::default(),
+            gone: RefCell::default(),
+            engine: ObjectId::new().to_hex(),
+            changes: Cell::new(0),
+            called: Cell::new(0),
+            call: RefCell::default(),
+            strange: RefCell::default(),
+        }
+    }
+
+    /// Begins to keep the world model, if that was not begun: asserts what the memory has of it.
+    pub(super) fn start(&self, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
+        if self.started.replace(true) {
+            return Ok(());
+        }
+        state.listen_for_world(&self.namespace)?;
+        if state.memory.is_current(&self.namespace)? {
+            let found = state.memory.find_with_metadata(&self.namespace, &Find::default())?;
+            let documents = found.map(|document| Ok(Document::try_from(&*document?).map_err(QueryError::from)?));
+            for document in documents.collect::<anyhow::Result<Vec<_>>>()? {
+                self.take(&document, state, clips);
+            }
+            return Ok(());
+        }
+        // The nearest member may be behind; what comes with the changes is not.
+        let mark = self.mark();
+        *self.call.borrow_mut() = Some(mark.clone());
+        let everyone = request(Document::new(), vec![doc! { "$set": { mark_path(): &mark } }], true);
+        let called = state.memory.update(&self.namespace, &everyone)?.matched;
+        let start = Instant::now();
+        while self.called.get() < called && start.elapsed() < SYNC_TIMEOUT && !state.stop().is_due() {
+            state.hear(clips, true)?;
+        }
+        Ok(())
+    }
+
+    /// A mark that no other change has.
+    fn mark(&self) -> String {
+        self.changes.set(self.changes.get() + 1);
+        format!("{}-{}", self.engine, self.changes.get())
+    }
+
+    /// Takes in a change of the memory.
+    pub(super) fn hear(&self, change: &Change, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
+        match (change.kind, &change.id, &change.after) {
+            (ChangeKind::Delete, Some(id), _) => {
+                self.gone.borrow_mut().remove(&key(id));
+                self.forget(&key(id), clips);
+            }
+            (ChangeKind::Drop, ..) => {
+                let settled = |(key, known): (&String, &Known)| known.pending.is_none().then(|| key.clone());
+                let settled: Vec<String> = self.known.borrow().iter().filter_map(settled).collect();
+                settled.iter().for_each(|key| self.forget(key, clips));
+            }
+            (_, _, Some(after)) => {
+                let document = Document::try_from(&**after).map_err(QueryError::from)?;
+                if self.call.borrow().as_deref().is_some_and(|call| mark_of(&document) == Some(call)) {
+                    self.called.set(self.called.get() + 1);
+                }
+                self.take(&document, state, clips);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Makes the fact of a document as the document is.
+    fn take(&self, document: &Document, state: &State<'_>, clips: &Environment) {
+        let Some(id) = document.get("_id") else { return };
+        let key = key(id);
+        if self.gone.borrow().contains(&key) || self.is_older(&key, document) {
+            return;
+        }
+        if let Err(message) = self.make(&key, id, document, clips) {
+            let name = document.get_str(crate::clips::facts::RELATION).unwrap_or_default().to_owned();
+            if self.strange.borrow_mut().insert(name) {
+                state.sender().note(format!("{}, document {}: {message}; it is no fact here", self.namespace, key));
+            }
+            self.forget(&key, clips);
+        }
+    }
+
+    /// Whether the document is from before the engine's own change of it.
+    fn is_older(&self, key: &str, document: &Document) -> bool {
+        let mut known = self.known.borrow_mut();
+        let Some(known) = known.get_mut(key) else { return false };
+        if known.pending.is_some() && known.pending.as_deref() != mark_of(document) {
+            return true;
+        }
+        known.pending = None;
+        false
+    }
+
+    fn make(&self, key: &str, id: &Bson, document: &Document, clips: &Environment) -> Result<(), String> {
+        let sync_id = integer(document.get(SYNC_ID)).ok_or("it has no integer `sync-id`")?;
+        let name = document.get_str(crate::clips::facts::RELATION).unwrap_or_default();
+        let schema = exchange::schema(clips, [name]);
+        let template = schema.get(name).ok_or_else(|| format!("there is no deftemplate `{name}`"))?;
+        if template.slot(SYNC_ID).is_none() {
+            return Err(format!("the deftemplate `{name}` has no slot `sync-id`"));
+        }
+        let Body::Slots(slots) = exchange::exported(document, &schema)?.body else {
+            return Err("it is an ordered fact".to_owned());
+        };
+        let slots = exchange::filled(&slots, &schema, name);
+        let before = self.known.borrow().get(key).and_then(|known| known.fact.clone());
+        let before = before.filter(|fact| clips.exists(fact));
+        let fact = match before {
+            Some(fact) if clips.template_of(&fact) == template.name => {
+                let now = clips.slots(&fact);
+                let differs = |slot: &&(String, Value)| !now.contains(slot);
+                let changed: Vec<_> = slots.iter().filter(differs).cloned().collect();
+                if changed.is_empty() { fact } else { clips.modify(&fact, &changed)? }
+            }
+            other => {
+                if let Some(fact) = other {
+                    clips.retract(&fact);
+                }
+                clips.assert(name, &slots)?
+            }
+        };
+        let pending = self.known.borrow().get(key).and_then(|known| known.pending.clone());
+        self.keep(key, Known { id: id.clone(), sync_id, fact: Some(fact), pending });
+        Ok(())
+    }
+
+    fn keep(&self, key: &str, known: Known) {
+        self.keys.borrow_mut().insert(known.sync_id, key.to_owned());
+        self.known.borrow_mut().insert(key.to_owned(), known);
+    }
+
+    /// Retracts the fact of a document.
+    fn forget(&self, key: &str, clips: &Environment) {
+        let known = self.known.borrow_mut().remove(key);
+        let Some(known) = known else { return };
+        self.keys.borrow_mut().remove(&known.sync_id);
+        if let Some(fact) = known.fact {
+            clips.retract(&fact);
+        }
+    }
+
+    /// Asserts a fact of a text here and in the memory.
+    pub(super) fn assert(&self, text: &str, state: &State<'_>, clips: &Environment) -> Result<FactRef, String> {
+        let mut fact = read(text)?;
+        let schema = exchange::schema(clips, [fact.name.as_str()]);
+        let template = schema.get(&fact.name).ok_or_else(|| format!("there is no deftemplate `{}`", fact.name))?;
+        if template.slot(SYNC_ID).is_none() {
+            return Err(format!("the deftemplate `{}` has no slot `sync-id`", fact.name));
+        }
+        if matches!(&fact.body, Body::Ordered(values) if values.is_empty()) {
+            fact.body = Body::Slots(Vec::new());
+        }
+        let Body::Slots(slots) = &mut fact.body else { return Err("expected a fact with slots".to_owned()) };
+        slots.retain(|slot| slot.name != SYNC_ID);
+        exchange::check(&fact, &schema).map_err(|misfit| misfit.message)?;
+        for nth in 1..=TRIES {
+            let sync_id = number();
+            let Body::Slots(slots) = &mut fact.body else { break };
+            slots.retain(|slot| slot.name != SYNC_ID);
+            slots.push(exchange::slot(SYNC_ID, Value::Integer(sync_id))?);
+            let asserted = exchange::assert(&fact, clips)?;
+            let stored = exchange::fact(&asserted, clips).and_then(|fact| exchange::imported(&fact, &schema)).and_then(
+                |document| self.insert(document, sync_id, state).map_err(|error| (nth, error)).or_else(again),
+            );
+            match stored {
+                Ok(Some(mark)) => {
+                    let id = Bson::Int64(sync_id);
+                    self.keep(&key(&id), Known { id, sync_id, fact: Some(asserted.clone()), pending: Some(mark) });
+                    return Ok(asserted);
+                }
+                Ok(None) => {
+                    clips.retract(&asserted);
+                }
+                Err(message) => {
+                    clips.retract(&asserted);
+                    return Err(message);
+                }
+            }
+        }
+        Err("no free `sync-id` was found".to_owned())
+    }
+
+    fn insert(&self, document: Document, sync_id: i64, state: &State<'_>) -> Result<Option<String>, StoreError> {
+        let mark = self.mark();
+        let mut document: Document = doc! { "_id": sync_id }.into_iter().chain(document).collect();
+        document.insert(SYNC_ID, sync_id);
+        let info = document.entry(metadata::INFO.to_owned()).or_insert_with(|| Bson::Document(Document::new()));
+        if let Bson::Document(info) = info {
+            let clips = info.entry(record::KEY.to_owned()).or_insert_with(|| Bson::Document(Document::new()));
+            if let Bson::Document(clips) = clips {
+                clips.insert(MARK, &mark);
+            }
+        }
+        state.memory.insert(&self.namespace, vec![document])?;
+        Ok(Some(mark))
+    }
+
+    /// Changes slots of a fact, in the memory and here. Nothing comes back where the fact is gone in the
+    /// memory; then it is retracted. With `expected`, the slots have to be in the memory as they are
+    /// here.
+    pub(super) fn modify(
+        &self,
+        fact: &FactRef,
+        changes: &[(String, Value)],
+        expected: bool,
+        state: &State<'_>,
+        clips: &Environment,
+    ) -> Result<Modified, String> {
+        let key = self.key_of(fact, clips)?;
+        let name = clips.template_of(fact);
+        let schema = exchange::schema(clips, [name.as_str()]);
+        let before = imported(clips.slots(fact), &name, &schema)?;
+        let mut slots = clips.slots(fact);
+        for (name, value) in changes {
+            let slot = slots.iter_mut().find(|(slot, _)| slot == name);
+            let slot = slot.ok_or_else(|| format!("`{name}` is no slot of the fact"))?;
+            if name == SYNC_ID || name.contains('.') {
+                return Err(format!("the slot `{name}` cannot be changed"));
+            }
+            slot.1 = value.clone();
+        }
+        let after = imported(slots, &name, &schema)?;
+        let id = self.known.borrow().get(&key).map(|known| known.id.clone()).unwrap_or(Bson::Null);
+        let mut filter = doc! { "_id": id };
+        let names: Vec<&str> = changes.iter().map(|(name, _)| name.as_str()).collect();
+        if expected {
+            let slots = names
+                .iter()
+                .filter_map(|name| Some(((*name).to_owned(), doc! { "$eq": before.get(*name)?.clone() }.into())));
+            filter.extend(slots);
+        }
+        let mark = self.mark();
+        let pipeline = vec![update(&before, &after, &names, &mark)];
+        let updated = state.memory.update(&self.namespace, &request(filter.clone(), pipeline, false));
+        if updated.map_err(|error| error.to_string())?.matched == 0 {
+            if expected {
+                return Ok(Modified::Differs);
+            }
+            self.forget(&key, clips);
+            return Ok(Modified::Gone);
+        }
+        if let Some(known) = self.known.borrow_mut().get_mut(&key) {
+            known.pending = Some(mark);
+        }
+        let changed = clips.modify(fact, changes)?;
+        if let Some(known) = self.known.borrow_mut().get_mut(&key) {
+            known.fact = Some(changed.clone());
+        }
+        Ok(Modified::Fact(changed))
+    }
+
+    /// The fact as it is now in the shared world, where it is there.
+    pub(super) fn current(&self, sync_id: i64, clips: &Environment) -> Option<FactRef> {
+        let key = self.keys.borrow().get(&sync_id).cloned()?;
+        let fact = self.known.borrow().get(&key).and_then(|known| known.fact.clone());
+        fact.filter(|fact| clips.exists(fact))
+    }
+
+    /// Retracts a fact, in the memory and here.
+    pub(super) fn retract(&self, fact: &FactRef, state: &State<'_>, clips: &Environment) -> Result<(), String> {
+        let key = self.key_of(fact, clips)?;
+        let id = self.known.borrow().get(&key).map(|known| known.id.clone()).unwrap_or(Bson::Null);
+        let deleted = state.memory.delete(&self.namespace, &doc! { "_id": id }, true);
+        if deleted.map_err(|error| error.to_string())? > 0 {
+            self.gone.borrow_mut().insert(key.clone());
+        }
+        self.forget(&key, clips);
+        clips.retract(fact);
+        Ok(())
+    }
+
+    fn key_of(&self, fact: &FactRef, clips: &Environment) -> Result<String, String> {
+        if !clips.exists(fact) {
+            return Err("the fact is gone".to_owned());
+        }
+        let sync_id = sync_id(fact, clips).ok_or("the fact has no `sync-id`")?;
+        let key = self.keys.borrow().get(&sync_id).cloned();
+        key.ok_or_else(|| "the fact is none of the shared world model".to_owned())
+    }
+}
+
+/// What came of changing a fact.
+pub(super) enum Modified {
+    /// The fact as it is now.
+    Fact(FactRef),
+    /// Somebody has retracted it.
+    Gone,
+    /// It is not there, or not as it was expected to be.
+    Differs,
+}
+
+/// The number of a fact of a shared world.
+pub(super) fn sync_id(fact: &FactRef, clips: &Environment) -> Option<i64> {
+    clips.slots(fact).into_iter().find_map(|(name, value)| match value {
+        Value::Integer(number) if name == SYNC_ID => Some(number),
+        _ => None,
+    })
+}
+
+/// What a number that is taken means: another one is tried.
+fn again((nth, error): (usize, StoreError)) -> Result<Option<String>, String> {
+    match error {
+        StoreError::Duplicate { .. } if nth < TRIES => Ok(None),
+        error => Err(error.to_string()),
+    }
+}
+
+/// A fact of a text.
+fn read(text: &str) -> Result<Fact, String> {
+    let source = Source::new("<fact>", text);
+    let mut items = Reader::new(&source, []);
+    match (items.next(), items.next()) {
+        (Some(Ok(Item::Fact(fact))), None) => Ok(fact),
+        (Some(Err(error)), _) | (_, Some(Err(error))) => Err(error.to_string()),
+        _ => Err(format!("expected one fact, like \"(pose (name r1))\", found {text:?}")),
+    }
+}
+
+fn imported(slots: Vec<(String, Value)>, name: &str, schema: &crate::clips::facts::Schema) -> Result<Document, String> {
+    let slots = slots.into_iter().map(|(name, value)| exchange::slot(&name, value)).collect::<Result<_, _>>()?;
+    exchange::imported(&Fact { name: name.to_owned(), body: Body::Slots(slots), span: Span::default() }, schema)
+}
+
+/// The stage that changes what differs, and what is noted of the types of these slots.
+fn update(before: &Document, after: &Document, slots: &[&str], mark: &str) -> Document {
+    let mut set = Document::new();
+    for (name, value) in
+        after.iter().filter(|(name, value)| *name != metadata::INFO && before.get(*name) != Some(value))
+    {
+        set.insert(name, doc! { "$literal": value.clone() });
+    }
+    let noted = after.get_document(metadata::INFO).and_then(|info| info.get_document(record::KEY)).cloned();
+    let noted = noted.unwrap_or_default();
+    for list in ["strings", "instances"] {
+        let of_slot = |label: &Bson| {
+            let slot = label.as_str().map(|label| label.rsplit_once(' ').map_or(label, |(slot, _)| slot));
+            slot.is_some_and(|slot| slots.contains(&slot))
+        };
+        let labels: Vec<Bson> =
+            noted.get_array(list).into_iter().flatten().filter(|label| of_slot(label)).cloned().collect();
+        let path = format!("{}.{}.{list}", metadata::INFO, record::KEY);
+        let others = doc! { "$filter": {
+            "input": { "$ifNull": [format!("${path}"), []] },
+            "cond": { "$not": [{ "$in": [{ "$arrayElemAt": [{ "$split": ["$$this", " "] }, 0] }, { "$literal": slots }] }] },
+        } };
+        set.insert(path, doc! { "$concatArrays": [others, { "$literal": labels }] });
+    }
+    set.insert(mark_path(), mark);
+    doc! { "$set": set }
+}
+
+fn mark_path() -> String {
+    format!("{}.{}.{MARK}", metadata::INFO, record::KEY)
+}
+
+fn mark_of(document: &Document) -> Option<&str> {
+    document.get_document(metadata::INFO).ok()?.get_document(record::KEY).ok()?.get_str(MARK).ok()
+}
+
+fn integer(value: Option<&Bson>) -> Option<i64> {
+    match value? {
+        Bson::Int32(number) => Some(i64::from(*number)),
+        Bson::Int64(number) => Some(*number),
+        _ => None,
+    }
+}
+
+/// A number that hardly anybody has: positive, and exact in every language.
+fn number() -> i64 {
+    use std::hash::{BuildHasher as _, Hasher as _};
+    let mut hasher = std::collections::hash_map::RandomState::new().build_hasher();
+    hasher.write(&ObjectId::new().bytes());
+    i64::try_from(hasher.finish() >> 11).unwrap_or(1).max(1)
+}
+
+fn request(filter: Document, pipeline: Vec<Document>, many: bool) -> UpdateRequest {
+    UpdateRequest { filter, update: UpdateSpec::Pipeline(pipeline), array_filters: Vec::new(), many, upsert: false }
+}

@@ -1,0 +1,237 @@
+//! Documents to facts.
+
+use std::borrow::Cow;
+
+use bson::{Bson, Document};
+
+use super::nested::{self, Nested};
+use super::record::{Record, label};
+use super::schema::{INITIAL, Schema};
+use super::{RELATION, VALUES};
+use crate::formats::Span;
+use crate::formats::clips::{
+    Body, Default, Fact, Filled, Slot, Template, Types, Value, is_construct, is_instance, is_symbol,
+};
+use crate::store::metadata;
+
+/// Words that CLIPS takes for something else at the head of a fact.
+const RESERVED: [&str; 9] = ["and", "or", "not", "test", "logical", "exists", "forall", "object", "declare"];
+
+/// Why a document is no fact.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the key `{key}` {message}")]
+pub struct FactError {
+    key: String,
+    message: String,
+    /// Whether `--nested` would help.
+    nested: bool,
+}
+
+impl FactError {
+    pub(super) fn new(key: &str, message: impl Into<String>) -> Self {
+        Self { key: key.escape_debug().to_string(), message: message.into(), nested: false }
+    }
+
+    /// The key that cannot be represented.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        &self.key
+    }
+
+    /// Whether another [`Nested`] would help.
+    #[must_use]
+    pub fn is_nested(&self) -> bool {
+        self.nested
+    }
+}
+
+/// How documents become facts.
+#[derive(Debug, Clone, Copy)]
+pub struct Exporter<'a> {
+    /// The known templates.
+    pub schema: &'a Schema,
+    /// What becomes of values that no slot can hold.
+    pub nested: Nested,
+    /// Whether every template has to be known.
+    pub strict: bool,
+}
+
+impl Exporter<'_> {
+    /// The fact that a document is.
+    ///
+    /// # Errors
+    /// Naming the key that cannot be represented, or does not fit its template.
+    pub fn fact(&self, document: &Document) -> Result<Fact, FactError> {
+        let record = Record::of(document);
+        let name = relation(document)?;
+        let template = self.schema.get(name);
+        if template.is_none() && self.strict && name != INITIAL {
+            return Err(FactError::new(RELATION, format!("names the template `{name}`, which is not known")));
+        }
+        let document = match self.nested {
+            Nested::Flatten => Cow::Owned(nested::flatten(document)?),
+            _ => Cow::Borrowed(document),
+        };
+        let body = match (ordered(&document), template) {
+            (Some(values), None) if !record.slots => Body::Ordered(self.values(VALUES, values, &record, None)?),
+            _ => Body::Slots(self.slots(&document, &record, template)?),
+        };
+        Ok(Fact { name: name.to_owned(), body, span: Span::default() })
+    }
+
+    fn slots(
+        &self,
+        document: &Document,
+        record: &Record,
+        template: Option<&Template>,
+    ) -> Result<Vec<Filled>, FactError> {
+        let mut slots = Vec::new();
+        for (key, value) in document.iter().filter(|(key, _)| is_slot(key)) {
+            let name = record.names.get(key).unwrap_or(key);
+            if !is_symbol(name) {
+                return Err(FactError::new(key, "is not a symbol, and cannot be the name of a slot"));
+            }
+            let slot = template.map(|template| known(template, name)).transpose()?;
+            let values = match value {
+                Bson::Array(values) => self.values(name, values, record, slot)?,
+                value => vec![self.value(name, None, value, record, slot)?],
+            };
+            if let Some(slot) = slot {
+                slot.check(&values).map_err(|message| FactError::new(key, format!("does not fit: {message}")))?;
+            }
+            let multiple = slot.is_none() && matches!(value, Bson::Array(_));
+            slots.push(Filled { name: name.clone(), values, multiple, span: Span::default() });
+        }
+        let missing =
+            |slot: &&Slot| slot.default == Default::None && slots.iter().all(|filled| filled.name != slot.name);
+        match template.and_then(|template| template.slots.iter().find(missing)) {
+            Some(slot) => Err(FactError::new(&slot.name, "is missing; its slot has no default")),
+            None => Ok(slots),
+        }
+    }
+
+    fn values(
+        &self,
+        name: &str,
+        values: &[Bson],
+        record: &Record,
+        slot: Option<&Slot>,
+    ) -> Result<Vec<Value>, FactError> {
+        let value = |(place, value)| self.value(name, Some(place), value, record, slot);
+        values.iter().enumerate().map(value).collect()
+    }
+
+    fn value(
+        &self,
+        name: &str,
+        place: Option<usize>,
+        value: &Bson,
+        record: &Record,
+        slot: Option<&Slot>,
+    ) -> Result<Value, FactError> {
+        let types = slot.map_or(Types::ANY, |slot| slot.types);
+        let wrong = |message: String| FactError::new(name, message);
+        match value {
+            Bson::String(text) => lexeme(text, &label(name, place), record, types).map_err(wrong),
+            Bson::Symbol(text) if is_symbol(text) => Ok(Value::Symbol(text.clone())),
+            Bson::Boolean(flag) => Ok(Value::Symbol(if *flag { "TRUE" } else { "FALSE" }.to_owned())),
+            Bson::Int32(number) => Ok(integer(i64::from(*number), types)),
+            Bson::Int64(number) => Ok(integer(*number, types)),
+            Bson::Double(number) if number.is_finite() => Ok(Value::Float(*number)),
+            other if self.nested == Nested::Json => Ok(Value::Text(nested::json(other))),
+            other => Err(FactError { nested: true, ..wrong(format!("is {}, which no slot can hold", kind(other))) }),
+        }
+    }
+}
+
+/// The name of the template.
+fn relation(document: &Document) -> Result<&str, FactError> {
+    let wrong = |message: String| Err(FactError::new(RELATION, message));
+    match document.get(RELATION) {
+        None => wrong("is missing; expected the name of a template".to_owned()),
+        Some(Bson::String(name)) if is_construct(name) || RESERVED.contains(&name.as_str()) => {
+            wrong(format!("is `{name}`, which CLIPS keeps for itself"))
+        }
+        Some(Bson::String(name)) if is_symbol(name) => Ok(name),
+        Some(Bson::String(name)) => {
+            wrong(format!("is \"{}\", which is not a symbol and cannot be the name of a template", name.escape_debug()))
+        }
+        Some(other) => wrong(format!("is {}; expected the name of a template", kind(other))),
+    }
+}
+
+fn is_slot(key: &str) -> bool {
+    !matches!(key, RELATION | "_id" | metadata::INFO)
+}
+
+/// The values of an ordered fact.
+fn ordered(document: &Document) -> Option<&[Bson]> {
+    let mut keys = document.iter().filter(|(key, _)| is_slot(key));
+    match (keys.next(), keys.next()) {
+        (None, _) => Some(&[]),
+        (Some((key, Bson::Array(values))), None) if key == VALUES => Some(values),
+        _ => None,
+    }
+}
+
+fn known<'t>(template: &'t Template, name: &str) -> Result<&'t Slot, FactError> {
+    template.slot(name).ok_or_else(|| {
+        let names: Vec<&str> = template.slots.iter().map(|slot| slot.name.as_str()).collect();
+        let message = format!("is no slot of `{}`; expected {}", template.name, names.join(", "));
+        FactError::new(name, message)
+    })
+}
+
+/// The value that a string is, by what is recorded, by its slot's types, or by how it looks.
+fn lexeme(text: &str, label: &str, record: &Record, types: Types) -> Result<Value, String> {
+    if text.contains('\0') {
+        return Err("holds a NUL character, which no string of CLIPS can".to_owned());
+    }
+    let instance = text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).filter(|name| is_instance(name));
+    let quoted = || Ok(Value::Text(text.to_owned()));
+    match instance {
+        Some(name) if types.has(Types::INSTANCE) && (record.instances.contains(label) || !types.has(Types::STRING)) => {
+            Ok(Value::Instance(name.to_owned()))
+        }
+        _ if record.strings.contains(label) && types.has(Types::STRING) => quoted(),
+        _ if types.has(Types::SYMBOL) && looks_like_a_symbol(text) => Ok(Value::Symbol(text.to_owned())),
+        _ if types.has(Types::SYMBOL) && !types.has(Types::STRING) => {
+            Err(format!("is \"{}\"; expected {}", text.escape_debug(), types.names()))
+        }
+        _ => quoted(),
+    }
+}
+
+/// Whether a string is written without quotes. `TRUE` and `FALSE` are booleans in documents.
+pub(super) fn looks_like_a_symbol(text: &str) -> bool {
+    !matches!(text, "TRUE" | "FALSE") && is_symbol(text)
+}
+
+/// An integer, or where only floats go and none is lost, a float.
+#[allow(clippy::cast_precision_loss, reason = "only exact numbers are converted")]
+fn integer(number: i64, types: Types) -> Value {
+    let exact = number.unsigned_abs() <= 1 << f64::MANTISSA_DIGITS;
+    match types.has(Types::FLOAT) && !types.has(Types::INTEGER) && exact {
+        true => Value::Float(number as f64),
+        false => Value::Integer(number),
+    }
+}
+
+fn kind(value: &Bson) -> &'static str {
+    match value {
+        Bson::Document(_) => "a nested document",
+        Bson::Array(_) => "an array in an array",
+        Bson::Double(number) if number.is_nan() => "NaN",
+        Bson::Double(_) => "an infinite number",
+        Bson::Int32(_) | Bson::Int64(_) => "a number",
+        Bson::Decimal128(_) => "a decimal number",
+        Bson::Null => "null",
+        Bson::Boolean(_) => "a boolean",
+        Bson::DateTime(_) => "a date",
+        Bson::ObjectId(_) => "an ObjectId",
+        Bson::Binary(_) => "binary data",
+        Bson::RegularExpression(_) => "a regular expression",
+        Bson::Timestamp(_) => "a timestamp",
+        _ => "of a type",
+    }
+}

@@ -1,0 +1,110 @@
+//! Whether a restore would meet a unique key that is taken, tried out where it does no harm.
+//!
+//! The documents of a collection that has, or gets, unique indexes are put into a
+//! store of their own, in the order in which a restore would do it.
+
+use std::path::Path;
+
+use super::read::{Dump, Part};
+use super::restore::{RestoreError, batches, unchanged, undated};
+use crate::memory::Memory;
+use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
+
+/// How many documents are copied at once.
+const BATCH: usize = 1_000;
+
+/// Checks the unique keys of a dump, beside what is there or, with `drop`, instead of it.
+///
+/// # Errors
+/// The one that a restore would fail with; where the dump cannot be read, or a store fails.
+pub(super) fn check_keys(memory: &Memory, dump: &Dump, drop: bool, temporary: &Path) -> Result<(), RestoreError> {
+    for part in &dump.parts {
+        let failed = |source| unchanged(&part.namespace, source);
+        let present = unique(memory.indexes(&part.namespace).map_err(failed)?);
+        let dump = part.indexes.clone().map(unique);
+        let (before, after) = match (drop, dump) {
+            (true, dump) => (Vec::new(), dump.unwrap_or(present)),
+            (false, dump) => (present, dump.unwrap_or_default()),
+        };
+        if !before.is_empty() || !after.is_empty() {
+            let plan = RestorePlan { part, present: (!drop).then_some(memory), before, after };
+            TrialStore::new(&part.namespace, temporary)?.run(&plan)?;
+        }
+    }
+    Ok(())
+}
+
+fn unique(indexes: Vec<Index>) -> Vec<Index> {
+    indexes.into_iter().filter(|index| index.unique && index.name != index::ID).collect()
+}
+
+/// What is tried out.
+struct RestorePlan<'a> {
+    /// What would be restored.
+    part: &'a Part,
+    /// Where the documents are that it joins, if any.
+    present: Option<&'a Memory>,
+    /// The unique indexes that are there already.
+    before: Vec<Index>,
+    /// Those that come with it.
+    after: Vec<Index>,
+}
+
+/// A store for one collection, in a folder that is removed with it.
+struct TrialStore<'a> {
+    store: Embedded,
+    namespace: &'a Namespace,
+    _folder: tempfile::TempDir,
+}
+
+impl<'a> TrialStore<'a> {
+    fn new(namespace: &'a Namespace, temporary: &Path) -> Result<Self, RestoreError> {
+        let failed = |error: std::io::Error| {
+            let (address, reason) = (temporary.display().to_string(), format!("cannot make a folder: {error}"));
+            unchanged(namespace, StoreError::Failed { address, reason })
+        };
+        let folder = tempfile::Builder::new().prefix(".rmem-").tempdir_in(temporary).map_err(failed)?;
+        let store = Embedded::open(folder.path().join("trial.rmem")).map_err(|source| unchanged(namespace, source))?;
+        Ok(Self { store, namespace, _folder: folder })
+    }
+
+    /// All in one transaction, which nobody needs on the disk.
+    fn run(&self, plan: &RestorePlan<'_>) -> Result<(), RestoreError> {
+        let mut outcome = None;
+        let kept = self.store.atomically(&mut || {
+            outcome = Some(self.fill(plan));
+            Err(StoreError::Failed { address: self.store.describe(), reason: "nothing is kept".to_owned() })
+        });
+        // Where it never began, the store says why.
+        outcome.unwrap_or_else(|| kept.map_err(|error| unchanged(self.namespace, error)))
+    }
+
+    fn fill(&self, plan: &RestorePlan<'_>) -> Result<(), RestoreError> {
+        let failed = |source| unchanged(self.namespace, source);
+        self.index(&plan.before)?;
+        if let Some(memory) = plan.present {
+            let mut stored = memory.stored(self.namespace, &Find::default()).map_err(failed)?;
+            while let Some(batch) = some(&mut stored).map_err(failed)? {
+                self.store.put(self.namespace, batch, None).map_err(failed)?;
+            }
+        }
+        for batch in batches(plan.part.documents()?) {
+            self.store.put(self.namespace, undated(batch?), None).map_err(failed)?;
+        }
+        self.index(&plan.after)
+    }
+
+    fn index(&self, indexes: &[Index]) -> Result<(), RestoreError> {
+        let make = |index| self.store.create_index(self.namespace, index).map(drop);
+        indexes.iter().try_for_each(make).map_err(|source| unchanged(self.namespace, source))
+    }
+}
+
+/// The next documents, where there are any.
+fn some(documents: &mut Documents<'_>) -> Result<Option<Vec<bson::Document>>, StoreError> {
+    let decode = |document: Result<bson::RawDocumentBuf, StoreError>| {
+        Ok(bson::Document::try_from(&*document?).map_err(crate::query::QueryError::from)?)
+    };
+    let batch = documents.take(BATCH).map(decode).collect::<Result<Vec<_>, StoreError>>()?;
+    Ok(Some(batch).filter(|batch| !batch.is_empty()))
+}

@@ -1,0 +1,12 @@
+//! World models out and in: written, read, restored, compared.
+//!
+//! A dump is a world file ([`world_file`]), or a folder or an archive as `mongodump` writes it ([`write`]); [`read`] reads
+//! all of them alike.
+
+pub mod diff;
+mod dry_run;
+pub mod read;
+pub mod restore;
+mod staging;
+pub mod world_file;
+pub mod write;

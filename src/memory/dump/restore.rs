@@ -1,0 +1,336 @@
+//! Restoring a dump: everything is verified before anything is changed.
+//!
+//! Without `drop`, documents are put into their collections: new ones are
+//! added, those whose `_id` is taken replace what is there, equal ones are
+//! passed over, and what is only in the memory stays. With it, each collection
+//! is staged beside the one it replaces, in its database, and all are swapped
+//! once everything is stored.
+//!
+//! On an embedded store either is one step: a process that fails or is killed
+//! leaves what was there. MongoDB has no step of that size: there a killed
+//! process may have put some of the documents, each whole; with `drop`, it may
+//! have swapped some of the collections, each whole. What it staged is removed
+//! by the next restore.
+//!
+//! Its indexes are made where the dump tells of them; of a world file, which
+//! does not, those stay that were there.
+//!
+//! The metadata of a dump is kept, but for its dates: a document is inserted
+//! when it is restored, and equal to one that was inserted at another time.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::read::{Dump, Part, ReadError};
+use super::world_file::forget_dates;
+use super::{dry_run, staging};
+use crate::memory::Memory;
+use crate::query::{QueryError, key};
+use crate::store::{Find, Index, Namespace, StoreError, index, metadata};
+
+/// At most so many documents are stored at once …
+const BATCH: usize = 2_000;
+/// … and about so many bytes.
+const BATCH_BYTES: usize = 1 << 20;
+
+/// What restoring a collection did, or would do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Restored {
+    /// The collection.
+    pub namespace: Namespace,
+    /// How many documents are new.
+    pub inserted: u64,
+    /// How many took the place of another.
+    pub replaced: u64,
+    /// How many were there already, the same.
+    pub skipped: u64,
+    /// How many documents the former collection had, where it was replaced as a whole.
+    pub dropped: Option<u64>,
+    /// The indexes that the store cannot have, and why.
+    pub without: Vec<String>,
+}
+
+/// Why a dump was not restored.
+#[derive(Debug, thiserror::Error)]
+pub enum RestoreError {
+    /// The dump cannot be read.
+    #[error(transparent)]
+    Dump(#[from] ReadError),
+    /// It was told to stop; nothing was changed.
+    #[error("interrupted; nothing was changed")]
+    Interrupted,
+    /// The store fails.
+    #[error("cannot restore {which}")]
+    Store {
+        /// Which namespace, and what of the dump is in the memory now.
+        which: String,
+        /// What went wrong.
+        source: StoreError,
+    },
+}
+
+/// What to do with what is there.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RestoreOptions<'a> {
+    /// Replace collections as a whole.
+    pub drop: bool,
+    /// Only say what would be done; what would be refused is.
+    pub dry_run: bool,
+    /// Where a dry run may write what it checks unique keys by; nothing is `/tmp`.
+    pub temporary: Option<&'a Path>,
+    /// Once this is set, what is not swapped in yet is removed again.
+    pub stop: Option<&'a AtomicBool>,
+}
+
+/// Restores a dump; tells for each collection what was done.
+///
+/// # Errors
+/// Where the dump is not well throughout (nothing is changed then), or a store fails.
+pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Result<Vec<Restored>, RestoreError> {
+    let counts = dump.verify()?;
+    if options.dry_run {
+        dry_run::check_keys(memory, dump, options.drop, options.temporary.unwrap_or(Path::new("/tmp")))?;
+    }
+    if options.drop {
+        return match options.dry_run {
+            true => foresee(memory, dump, &counts),
+            false => replace(memory, dump, options.stop),
+        };
+    }
+    if options.dry_run {
+        return put(memory, dump, true, true);
+    }
+    let namespaces: Vec<&Namespace> = dump.parts.iter().map(|part| &part.namespace).collect();
+    let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
+    staging::sweep(memory, &namespaces).map_err(failed)?;
+    memory.atomically(&namespaces, failed, |whole| put(memory, dump, false, whole))
+}
+
+/// Puts all documents into the memory; `whole` says that nothing is kept where one fails.
+fn put(memory: &Memory, dump: &Dump, dry_run: bool, whole: bool) -> Result<Vec<Restored>, RestoreError> {
+    let mut done: Vec<Restored> = Vec::with_capacity(dump.parts.len());
+    for part in &dump.parts {
+        let mut restored = Restored::nothing(&part.namespace);
+        for batch in batches(part.documents()?) {
+            let batch = undated(batch?);
+            merge(memory, batch, dry_run, &mut restored).map_err(|source| {
+                if whole {
+                    return unchanged(&part.namespace, source);
+                }
+                let complete: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
+                let before =
+                    if complete.is_empty() { String::new() } else { format!(" after {}", complete.join(", ")) };
+                let some = restored.inserted + restored.replaced;
+                let state = format!("{some} of its documents were stored{before}, and the rest were not");
+                RestoreError::Store { which: format!("{}; {state}", part.namespace), source }
+            })?;
+        }
+        if !dry_run {
+            let indexes = part.indexes.as_deref().unwrap_or_default();
+            restored.without = index(memory, &part.namespace, indexes).map_err(|source| {
+                if whole {
+                    return unchanged(&part.namespace, source);
+                }
+                let which =
+                    format!("{}; its documents are stored, but not all of its indexes are made", part.namespace);
+                RestoreError::Store { which, source }
+            })?;
+        }
+        done.push(restored);
+    }
+    Ok(done)
+}
+
+/// Makes indexes; tells of those that the store cannot have.
+fn index(memory: &Memory, ns: &Namespace, indexes: &[Index]) -> Result<Vec<String>, StoreError> {
+    let mut without = Vec::new();
+    for index in indexes {
+        match memory.create_index(ns, index) {
+            Err(StoreError::Query(error)) if error.unsupported => {
+                without.push(format!("the index {} is not restored: {}", index.name, error.message));
+            }
+            made => drop(made?),
+        }
+    }
+    Ok(without)
+}
+
+impl Restored {
+    fn nothing(namespace: &Namespace) -> Self {
+        Self { namespace: namespace.clone(), inserted: 0, replaced: 0, skipped: 0, dropped: None, without: Vec::new() }
+    }
+}
+
+/// Documents, some at a time.
+pub(super) fn batches<E>(
+    mut documents: impl Iterator<Item = Result<Document, E>>,
+) -> impl Iterator<Item = Result<Vec<Document>, E>> {
+    std::iter::from_fn(move || {
+        let (mut batch, mut bytes) = (Vec::new(), 0);
+        while batch.len() < BATCH && bytes < BATCH_BYTES {
+            match documents.next() {
+                None => break,
+                Some(Err(error)) => return Some(Err(error)),
+                Some(Ok(document)) => {
+                    bytes += RawDocumentBuf::try_from(&document).map_or(0, |raw| raw.as_bytes().len());
+                    batch.push(document);
+                }
+            }
+        }
+        (!batch.is_empty()).then_some(Ok(batch))
+    })
+}
+
+/// The documents, without when they were stored and changed.
+pub(super) fn undated(mut batch: Vec<Document>) -> Vec<Document> {
+    batch.iter_mut().for_each(forget_dates);
+    batch
+}
+
+/// Puts those documents into the memory that are not there, or different.
+fn merge(memory: &Memory, batch: Vec<Document>, dry_run: bool, restored: &mut Restored) -> Result<(), StoreError> {
+    let ids: Vec<&Bson> = batch.iter().filter_map(|document| document.get("_id")).collect();
+    let find = Find { filter: doc! { "_id": { "$in": ids } }, ..Find::default() };
+    let mut present = HashMap::new();
+    for document in memory.stored(&restored.namespace, &find)? {
+        let document = document?;
+        let key = document.get("_id").map_err(QueryError::from)?.map(key::encode).unwrap_or_default();
+        present.insert(key, document);
+    }
+    let mut different = Vec::with_capacity(batch.len());
+    let (mut added, mut replaced) = (0, 0);
+    for document in batch {
+        match document.get("_id").and_then(|id| present.get(&key::encode_value(id))) {
+            None => added += 1,
+            Some(present) if same(&document, present)? => {
+                restored.skipped += 1;
+                continue;
+            }
+            Some(_) => replaced += 1,
+        }
+        different.push(document);
+    }
+    if dry_run {
+        restored.inserted += added;
+        restored.replaced += replaced;
+    } else if !different.is_empty() {
+        let put = memory.put(&restored.namespace, different)?;
+        restored.inserted += put.inserted;
+        restored.replaced += put.replaced;
+        restored.skipped += put.same;
+    }
+    Ok(())
+}
+
+/// Whether a document without dates says what a stored one says, key for key.
+fn same(document: &Document, stored: &RawDocumentBuf) -> Result<bool, QueryError> {
+    let mut stored = Document::try_from(&**stored)?;
+    forget_dates(&mut stored);
+    if document.get(metadata::INFO) != stored.get(metadata::INFO) {
+        return Ok(false);
+    }
+    let mut document = document.clone();
+    document.remove(metadata::INFO);
+    stored.remove(metadata::INFO);
+    Ok(RawDocumentBuf::try_from(&document)?.as_bytes() == RawDocumentBuf::try_from(&stored)?.as_bytes())
+}
+
+/// What replacing whole collections would do.
+fn foresee(memory: &Memory, dump: &Dump, counts: &[u64]) -> Result<Vec<Restored>, RestoreError> {
+    let parts = dump.parts.iter().zip(counts);
+    let foreseen = parts.map(|(part, inserted)| {
+        let dropped = size(memory, &part.namespace)?;
+        Ok(Restored { inserted: *inserted, dropped: Some(dropped), ..Restored::nothing(&part.namespace) })
+    });
+    foreseen.collect()
+}
+
+fn size(memory: &Memory, ns: &Namespace) -> Result<u64, RestoreError> {
+    memory.count(ns, &Document::new()).map_err(|source| unchanged(ns, source))
+}
+
+pub(super) fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
+    RestoreError::Store { which: format!("{ns}; nothing was changed"), source }
+}
+
+/// A collection that waits to take the place of another.
+struct Staged {
+    name: Namespace,
+    restored: Restored,
+    /// Whether it has neither documents nor indexes, and was not made.
+    is_empty: bool,
+}
+
+/// Stages all collections, then swaps them in.
+fn replace(memory: &Memory, dump: &Dump, stop: Option<&AtomicBool>) -> Result<Vec<Restored>, RestoreError> {
+    let namespaces: Vec<&Namespace> = dump.parts.iter().map(|part| &part.namespace).collect();
+    let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
+    staging::sweep(memory, &namespaces).map_err(failed)?;
+    let mut staged = Vec::with_capacity(dump.parts.len());
+    for part in &dump.parts {
+        let name = staging::name(&part.namespace);
+        staged.push(Staged { name, restored: Restored::nothing(&part.namespace), is_empty: true });
+        let stored = match staged.last_mut() {
+            Some(last) => stage(memory, part, last, stop),
+            None => Ok(()),
+        };
+        if let Err(error) = stored {
+            // What cannot be removed either is told by the error that is given.
+            staged.iter().for_each(|staged| drop(memory.drop_collection(&staged.name)));
+            return Err(error);
+        }
+    }
+    let names: Vec<Namespace> = staged.iter().map(|staged| staged.name.clone()).collect();
+    let swapped = memory.atomically(&namespaces, failed, |whole| swap(memory, staged, whole));
+    if swapped.is_err() {
+        names.iter().for_each(|name| drop(memory.drop_collection(name)));
+    }
+    swapped
+}
+
+/// Gives the staged collections their names, one after the other.
+fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restored>, RestoreError> {
+    let mut done: Vec<Restored> = Vec::with_capacity(staged.len());
+    for Staged { name, restored, is_empty } in staged {
+        let ns = &restored.namespace;
+        let swapped = match is_empty {
+            true => memory.drop_collection(ns).map(|_| ()),
+            false => memory.rename_collection(&name, ns),
+        };
+        if let Err(source) = swapped {
+            let before: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
+            let state = match before.as_slice() {
+                some @ [_, ..] if !whole => format!("only {} is restored", some.join(", ")),
+                _ => "nothing was changed".to_owned(),
+            };
+            return Err(RestoreError::Store { which: format!("{ns}; {state}"), source });
+        }
+        done.push(restored);
+    }
+    Ok(done)
+}
+
+fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&AtomicBool>) -> Result<(), RestoreError> {
+    staged.restored.dropped = Some(size(memory, &part.namespace)?);
+    for batch in batches(part.documents()?) {
+        if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            return Err(RestoreError::Interrupted);
+        }
+        let inserted =
+            memory.insert(&staged.name, undated(batch?)).map_err(|source| unchanged(&part.namespace, source))?;
+        staged.restored.inserted += inserted.ids.len() as u64;
+    }
+    let failed = |source| unchanged(&part.namespace, source);
+    let indexes = match &part.indexes {
+        Some(indexes) => indexes.clone(),
+        // What does not tell of indexes takes none away.
+        None => memory.indexes(&part.namespace).map_err(failed)?,
+    };
+    let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();
+    staged.is_empty = staged.restored.inserted == 0 && own.is_empty();
+    staged.restored.without = index(memory, &staged.name, &own).map_err(failed)?;
+    Ok(())
+}

@@ -1,0 +1,163 @@
+//! What a plan was made from, kept with it, so that its problem can be posed again.
+//!
+//! Texts are kept, not only where they were: an executive may ask from another folder or
+//! machine, and the files may have changed since. Under `_robmem_info.lineage.sources`:
+//!
+//! ```text
+//! { domain: {name, text}, template: {name, text}, syntax, collection, goal, parameters: {…}, lenient }
+//! { domain: {name, text}, problem: {name, text}, lenient }
+//! ```
+//!
+//! `goal` is there where one was given, and `name` says where a text was read. The address
+//! of the memory, which may hold credentials, is not part of it.
+
+use bson::{Bson, Document, doc};
+
+use crate::formats::Source;
+use crate::problem::{Request, Syntax};
+use crate::store::Namespace;
+
+/// The longest text that is kept, in bytes; a document has 16 MiB at most.
+const LONGEST: usize = 4 << 20;
+
+/// What a plan was made from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TaskSource {
+    /// The domain's text.
+    pub domain: Source,
+    /// The problem, or what generates it.
+    pub task: Input,
+    /// Whether `//` is a comment, as `--lenient` says.
+    pub lenient: bool,
+}
+
+/// How a problem was given.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// As a text.
+    Problem(Source),
+    /// As a template with all it needs but the memory.
+    Template(Box<Request>),
+}
+
+/// Why a stored plan's problem cannot be posed again.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RecipeError {
+    /// A text or a setting is not there.
+    #[error("the plan does not say its {0}, from which the problem could be posed again")]
+    Missing(&'static str),
+    /// A text was longer than what is kept.
+    #[error("the plan's {0} was longer than {limit} MiB and is not kept with it", limit = LONGEST >> 20)]
+    TooLong(&'static str),
+}
+
+impl TaskSource {
+    /// Whether the problem comes from the memory.
+    #[must_use]
+    pub fn is_template(&self) -> bool {
+        matches!(self.task, Input::Template(_))
+    }
+
+    /// The document.
+    #[must_use]
+    pub fn to_document(&self) -> Document {
+        let mut document = doc! { "domain": kept(&self.domain) };
+        match &self.task {
+            Input::Problem(problem) => {
+                document.insert("problem", kept(problem));
+            }
+            Input::Template(request) => {
+                document.insert("template", kept(&request.template));
+                document.insert("syntax", word(request.syntax));
+                document.insert("collection", request.collection.to_string());
+                if let Some(goal) = &request.goal {
+                    document.insert("goal", goal);
+                }
+                document.insert("parameters", request.parameters.iter().cloned().collect::<Document>());
+            }
+        }
+        document.insert("lenient", self.lenient);
+        document
+    }
+
+    /// Reads what [`TaskSource::to_document`] wrote.
+    ///
+    /// # Errors
+    /// What is missing.
+    pub fn from_document(document: &Document) -> Result<Self, RecipeError> {
+        let lenient = document.get_bool("lenient").unwrap_or_default();
+        let domain = read(document, "domain")?;
+        if document.contains_key("problem") {
+            return Ok(Self { domain, task: Input::Problem(read(document, "problem")?), lenient });
+        }
+        let collection = document.get_str("collection").ok().and_then(|name| Namespace::parse(name).ok());
+        let parameters = document.get_document("parameters").map_err(|_| RecipeError::Missing("parameters"))?;
+        let request = Request {
+            template: read(document, "template")?,
+            syntax: document.get_str("syntax").ok().and_then(syntax).ok_or(RecipeError::Missing("syntax"))?,
+            collection: collection.ok_or(RecipeError::Missing("collection"))?,
+            goal: document.get_str("goal").ok().map(str::to_owned),
+            parameters: parameters.iter().map(|(name, value)| (name.clone(), value.clone())).collect(),
+            lenient,
+        };
+        Ok(Self { domain, task: Input::Template(Box::new(request)), lenient })
+    }
+}
+
+fn kept(source: &Source) -> Bson {
+    let mut kept = doc! { "name": source.name() };
+    if source.text().len() <= LONGEST {
+        kept.insert("text", source.text());
+    }
+    kept.into()
+}
+
+fn read(document: &Document, what: &'static str) -> Result<Source, RecipeError> {
+    let kept = document.get_document(what).map_err(|_| RecipeError::Missing(what))?;
+    let name = kept.get_str("name").map_err(|_| RecipeError::Missing(what))?;
+    let text = kept.get_str("text").map_err(|_| RecipeError::TooLong(what))?;
+    Ok(Source::new(name, text))
+}
+
+const SYNTAXES: [(Syntax, &str); 3] =
+    [(Syntax::Auto, "auto"), (Syntax::Minijinja, "minijinja"), (Syntax::Marker, "marker")];
+
+fn word(syntax: Syntax) -> &'static str {
+    SYNTAXES.iter().find(|(known, _)| *known == syntax).map_or("auto", |(_, word)| word)
+}
+
+fn syntax(word: &str) -> Option<Syntax> {
+    SYNTAXES.iter().find(|(_, known)| *known == word).map(|(syntax, _)| *syntax)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_reads_back_the_same() {
+        let request = Request {
+            template: Source::new("t.j2", "{{ goal }}"),
+            syntax: Syntax::Minijinja,
+            collection: Namespace::parse("lab.world").unwrap(),
+            goal: Some("(on A B)".to_owned()),
+            parameters: vec![("team".to_owned(), "CYAN".into()), ("n".to_owned(), Bson::Int32(3))],
+            lenient: true,
+        };
+        let domain = Source::new("d.pddl", "(define (domain d))");
+        let template = TaskSource { domain: domain.clone(), task: Input::Template(Box::new(request)), lenient: true };
+        let problem = TaskSource { domain, task: Input::Problem(Source::new("-", "(define)")), lenient: false };
+        for recipe in [template, problem] {
+            assert_eq!(TaskSource::from_document(&recipe.to_document()), Ok(recipe));
+        }
+    }
+
+    #[test]
+    fn a_text_that_is_too_long_is_left_out_and_missed() {
+        let long = Source::new("p.pddl", "x".repeat(LONGEST + 1));
+        let recipe = TaskSource { domain: Source::new("d", ""), task: Input::Problem(long), lenient: false };
+        let read = TaskSource::from_document(&recipe.to_document());
+        assert_eq!(read, Err(RecipeError::TooLong("problem")));
+        assert_eq!(TaskSource::from_document(&doc! {}), Err(RecipeError::Missing("domain")));
+    }
+}

@@ -1,0 +1,237 @@
+//! Makes a minijinja template say where it is.
+//!
+//! The engine tells neither a function nor the formatter which place of the
+//! template called it. So each `{{ x }}` becomes `{{( x )|_at(n)}}`, and each
+//! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
+//! [`Instrumented::original`] turns offsets of the result back.
+
+use crate::formats::Span;
+
+/// The functions that are told their place.
+pub(in crate::problem) const PLACED: [&str; 5] = ["query", "find_one", "count", "distinct", "aggregate"];
+
+/// The filter that is told its place.
+pub(super) const AT: &str = "_at";
+
+/// A template with its places numbered.
+#[derive(Debug, Default)]
+pub(super) struct Instrumented {
+    /// What the engine gets.
+    pub(super) text: String,
+    /// The places, in the original.
+    pub(super) sites: Vec<Span>,
+    /// Where text was inserted, as offsets of the result, and how much.
+    inserted: Vec<(usize, usize)>,
+}
+
+impl Instrumented {
+    /// The original offset of an offset in the result.
+    pub(super) fn original(&self, offset: usize) -> usize {
+        let mut shift = 0;
+        for (at, length) in &self.inserted {
+            if offset < at + length {
+                return offset.min(*at) - shift;
+            }
+            shift += length;
+        }
+        offset - shift
+    }
+
+    /// Whether the offset of the result is in what was inserted.
+    pub(super) fn is_inserted(&self, offset: usize) -> bool {
+        self.inserted.iter().any(|(at, length)| (*at..at + length).contains(&offset))
+    }
+
+    fn insert(&mut self, text: &str) {
+        self.inserted.push((self.text.len(), text.len()));
+        self.text.push_str(text);
+    }
+}
+
+/// Numbers the places of a template.
+pub(super) fn instrument(template: &str) -> Instrumented {
+    let mut result = Instrumented::default();
+    let mut offset = 0;
+    while let Some(start) = next_tag(template, offset) {
+        result.text.push_str(&template[offset..start]);
+        let kind = template.as_bytes().get(start + 1).copied();
+        let end = match kind {
+            Some(b'#') => template[start..].find("#}").map_or(template.len(), |length| start + length + 2),
+            Some(b'%') => tag_end(template, start, b'%'),
+            _ => tag_end(template, start, b'}'),
+        };
+        match kind {
+            Some(b'#') => result.text.push_str(&template[start..end]),
+            Some(b'%') if word(&template[start..end]) == "raw" => {
+                let end = raw_end(template, end);
+                result.text.push_str(&template[start..end]);
+                offset = end;
+                continue;
+            }
+            Some(b'%') => calls(template, Span::new(start, end), &mut result),
+            _ => expression(template, Span::new(start, end), &mut result),
+        }
+        offset = end;
+    }
+    result.text.push_str(&template[offset..]);
+    result
+}
+
+pub(super) fn next_tag(template: &str, from: usize) -> Option<usize> {
+    let rest = &template.as_bytes()[from..];
+    rest.windows(2).position(|pair| pair[0] == b'{' && matches!(pair[1], b'{' | b'%' | b'#')).map(|at| from + at)
+}
+
+/// One past the end of the tag at `start`, past strings and brackets; `mark` stands before its last brace.
+pub(super) fn tag_end(template: &str, start: usize, mark: u8) -> usize {
+    let bytes = template.as_bytes();
+    let (mut at, mut depth, mut quote) = (start + 2, 0_usize, None);
+    while let Some(byte) = bytes.get(at).copied() {
+        match quote {
+            Some(_) if byte == b'\\' => at += 1,
+            Some(open) if byte == open => quote = None,
+            Some(_) => {}
+            None if depth == 0 && byte == mark && bytes.get(at + 1) == Some(&b'}') => return at + 2,
+            None => match byte {
+                b'"' | b'\'' => quote = Some(byte),
+                b'(' | b'[' | b'{' => depth += 1,
+                b')' | b']' | b'}' => depth = depth.saturating_sub(1),
+                _ => {}
+            },
+        }
+        at += 1;
+    }
+    template.len()
+}
+
+/// The keyword of a tag.
+pub(super) fn word(tag: &str) -> &str {
+    let inner = tag[2..].trim_start_matches(['-', '+']).trim_start();
+    let end = inner.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(inner.len());
+    &inner[..end]
+}
+
+/// One past `{% endraw %}`.
+pub(super) fn raw_end(template: &str, from: usize) -> usize {
+    let mut offset = from;
+    while let Some(start) = template[offset..].find("{%").map(|at| offset + at) {
+        let end = template[start..].find("%}").map_or(template.len(), |length| start + length + 2);
+        if word(&template[start..end]) == "endraw" {
+            return end;
+        }
+        offset = start + 2;
+    }
+    template.len()
+}
+
+/// `{{ x }}` to `{{( x )|_at(n)}}`.
+fn expression(template: &str, tag: Span, result: &mut Instrumented) {
+    let text = &template[tag.start..tag.end];
+    let Some(inner) = text.strip_suffix("}}").filter(|inner| inner.len() > 2) else {
+        return result.text.push_str(text);
+    };
+    let open = 2 + usize::from(inner[2..].starts_with(['-', '+']));
+    let close = inner.len() - usize::from(inner.len() > open && inner.ends_with(['-', '+']));
+    if inner[open..close].trim().is_empty() {
+        return result.text.push_str(text);
+    }
+    result.text.push_str(&text[..open]);
+    result.insert("(");
+    let site = result.sites.len();
+    result.sites.push(tag);
+    calls(template, Span::new(tag.start + open, tag.start + close), result);
+    result.insert(&format!(")|{AT}({site})"));
+    result.text.push_str(&text[close..]);
+}
+
+/// Copies a stretch of code, telling each call of a placed function its number.
+fn calls(template: &str, code: Span, result: &mut Instrumented) {
+    let text = &template[code.start..code.end];
+    let mut open: Vec<Option<usize>> = Vec::new();
+    let mut chars = text.char_indices().peekable();
+    let (mut quote, mut escaped, mut called) = (None, false, None);
+    let mut previous = String::new();
+    while let Some((at, c)) = chars.next() {
+        if let Some(mark) = quote {
+            result.text.push(c);
+            (escaped, quote) = if escaped { (false, quote) } else { (c == '\\', quote.filter(|_| c != mark)) };
+            continue;
+        }
+        if c.is_alphabetic() || c == '_' {
+            let rest = &text[at..];
+            let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+            let name = &rest[..end];
+            result.text.push_str(name);
+            while chars.peek().is_some_and(|(next, _)| *next < at + end) {
+                chars.next();
+            }
+            let own = PLACED.contains(&name) && !matches!(previous.as_str(), "." | "|" | "macro" | "is" | "block");
+            called = own.then_some(at);
+            name.clone_into(&mut previous);
+            continue;
+        }
+        result.text.push(c);
+        match c {
+            _ if c.is_whitespace() => continue,
+            '"' | '\'' => quote = Some(c),
+            '(' => {
+                let site = called.map(|name| {
+                    let site = result.sites.len();
+                    result.sites.push(Span::new(code.start + name, code.start + at + 1));
+                    let empty = text[at + 1..].trim_start().starts_with(')');
+                    result.insert(&if empty { site.to_string() } else { format!("{site}, ") });
+                    site
+                });
+                open.push(site);
+            }
+            '[' | '{' => open.push(None),
+            ')' | ']' | '}' => {
+                if let Some(site) = open.pop().flatten().and_then(|site| result.sites.get_mut(site)) {
+                    site.end = code.start + at + 1;
+                }
+            }
+            _ => {}
+        }
+        called = None;
+        previous.clear();
+        previous.push(c);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_expressions_and_calls() {
+        for (template, wanted) in [
+            ("a {{ x }} b", "a {{( x )|_at(0)}} b"),
+            ("{{- x -}}", "{{-( x )|_at(0)-}}"),
+            ("{% for d in query('a.b', {'x': {'y': 1}}) %}", "{% for d in query(0, 'a.b', {'x': {'y': 1}}) %}"),
+            ("{% if doc.count (1) or x|count() %}", "{% if doc.count (1) or x|count() %}"),
+            ("{{ count() }}", "{{( count(1) )|_at(0)}}"),
+            ("{% raw %}{{ x }}{% endraw %}{# {{ x }} #}", "{% raw %}{{ x }}{% endraw %}{# {{ x }} #}"),
+            ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}} )|_at(0)}}"),
+            ("{{ 'count(' }}", "{{( 'count(' )|_at(0)}}"),
+            ("{{ }} {{", "{{ }} {{"),
+        ] {
+            assert_eq!(instrument(template).text, wanted);
+        }
+    }
+
+    #[test]
+    fn turns_offsets_back() {
+        let template = "é {{ a }} {% set x = count('n.s', {}) %} {{ b }}";
+        let result = instrument(template);
+        for name in ["é", "a", "'n.s'", "b"] {
+            let at = if name == "a" { result.text.find("( a").map(|at| at + 2) } else { result.text.rfind(name) };
+            let original = if name == "a" { template.find("{{ a").map(|at| at + 3) } else { template.rfind(name) };
+            assert_eq!(at.map(|at| result.original(at)), original, "{name}");
+        }
+        let call = result.sites[1];
+        assert_eq!(&template[call.start..call.end], "count('n.s', {})");
+        for offset in 0..result.text.len() + 5 {
+            let _ = result.original(offset);
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Renders minijinja templates.
+
+mod bound;
+mod function;
+mod instrument;
+mod value;
+
+use std::borrow::Cow;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread;
+
+use minijinja::value::Value;
+use minijinja::{AutoEscape, Environment, Error, ErrorKind, UndefinedBehavior};
+
+use super::answer;
+use super::assembly::{Assembled, Assembler};
+use super::{Generated, ProblemError, Request, SectionReport};
+use crate::formats::{Diagnostic, Source, Span};
+use crate::memory::Memory;
+use function::{Context, Piece, pieces, register};
+pub(super) use instrument::PLACED;
+use instrument::{Instrumented, instrument};
+use value::{CLOSE, OPEN, from_bson};
+
+/// How many steps of the engine a template may take: enough for millions of documents.
+const FUEL: u64 = 500_000_000;
+/// How deep macros may call each other.
+const RECURSION: usize = 200;
+/// The stack of the thread that renders, for that depth.
+const STACK: usize = 32 << 20;
+
+/// Renders the template over the memory.
+pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> Result<Generated, ProblemError> {
+    let template = &request.template;
+    if let Some(offset) = template.text().find([OPEN, CLOSE]) {
+        return Err(Diagnostic::new(template, Span::at(offset), "a template cannot hold this character").into());
+    }
+    bound::check(template)?;
+    let mut instrumented = instrument(template.text());
+    let (asker, answerer) = answer::pair();
+    let context = Arc::new(Context::new(asker, std::mem::take(&mut instrumented.sites)));
+    let variables = variables(request, goal);
+    // The memory stays here; the thread has what asks it, and goes with it.
+    let rendered = thread::scope(|scope| {
+        let shared = Arc::clone(&context);
+        let text = instrumented.text.as_str();
+        let name = template.name();
+        let work = move || {
+            // Said on the way out, whichever that is.
+            let _end = End(&shared);
+            run(name, text, variables, &shared)
+        };
+        let thread = thread::Builder::new().stack_size(STACK).spawn_scoped(scope, work);
+        thread.map(|thread| {
+            answerer.serve(memory);
+            thread.join()
+        })
+    });
+    let place = |message: &str| ProblemError::Template(Diagnostic::new(template, Span::default(), message));
+    let rendered = rendered.map_err(|error| place(&format!("no thread to render it: {error}")))?;
+    let rendered = rendered.map_err(|_| place("the template engine failed"))?;
+    match rendered {
+        Ok(text) => assemble(request, &context, &text),
+        Err(error) => Err(explain(template, &instrumented, &context, &error)),
+    }
+}
+
+/// Ends the answering when it goes.
+struct End<'a>(&'a Context);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.end();
+    }
+}
+
+/// The parameters and the goal.
+fn variables(request: &Request, goal: Option<&str>) -> Vec<(String, Value)> {
+    let value = |(name, value): &(String, bson::Bson)| (name.clone(), from_bson(value, &Arc::default()));
+    let mut variables: Vec<(String, Value)> = request.parameters.iter().map(value).collect();
+    if let Some(goal) = goal {
+        variables.push(("goal".to_owned(), Value::from_safe_string(goal.to_owned())));
+    }
+    variables
+}
+
+fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Context>) -> Result<String, Error> {
+    let mut environment = Environment::new();
+    environment.set_debug(true);
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment.set_fuel(Some(FUEL));
+    environment.set_recursion_limit(RECURSION);
+    let mut syntax = minijinja::syntax::SyntaxConfig::builder();
+    environment.set_syntax(syntax.keep_trailing_newline(true).build()?);
+    // Rendered parts (macros, blocks) are told from values by being "safe"; no filter makes a value that.
+    environment.set_auto_escape_callback(|_| AutoEscape::Custom("pddl".into()));
+    environment.remove_filter("safe");
+    // It shows the engine's inside, as one name.
+    environment.remove_global("debug");
+    let shared = Arc::clone(context);
+    let goal = variables.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());
+    environment.set_formatter(move |out, _, value| {
+        if let Some(text) = value.as_str().filter(|_| value.is_safe()) {
+            if goal.as_ref().is_some_and(|goal| goal.is_safe() && goal.as_str() == Some(text)) {
+                return shared.emit_goal(text, out);
+            }
+            return out.write_str(text).map_err(Error::from);
+        }
+        // The end of an `if` without `else`.
+        if value.is_undefined() {
+            return Ok(());
+        }
+        shared.emit(value, out)
+    });
+    let given = variables.iter().filter(|(name, _)| name != "goal").cloned().collect();
+    register(&mut environment, context, given);
+    let template = environment.template_from_named_str(name, text)?;
+    template.render(Value::from_pairs(variables))
+}
+
+fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Generated, ProblemError> {
+    let template = &request.template;
+    let emitted = context.emitted();
+    let mut assembler = Assembler::new(template);
+    for piece in pieces(rendered) {
+        match piece {
+            Piece::Text(text) => assembler.text(text)?,
+            Piece::Value(number) => match emitted.get(number) {
+                Some(value) if value.goal => assembler.goal(&value.text, value.template)?,
+                Some(value) => assembler.value(Cow::Borrowed(value)),
+                None => {
+                    let message = "a filter took rendered text apart; apply it to the values before they are rendered";
+                    return Err(Diagnostic::new(template, Span::default(), message).into());
+                }
+            },
+        }
+    }
+    let Assembled { text, placed, values } = assembler.finish()?;
+    let sections = context.asked().into_iter().map(|asked| {
+        let span = asked.site.and_then(|site| context.sites.get(site)).copied().unwrap_or_default();
+        SectionReport {
+            name: template.slice(span).split_whitespace().collect::<Vec<_>>().join(" "),
+            namespace: asked.namespace.as_ref().clone(),
+            query: asked.query,
+            matched: asked.matched.load(Ordering::Relaxed),
+            line: template.position(span.start).0,
+        }
+    });
+    let sections = sections.collect();
+    Ok(Generated { text, sections, namespaces: context.namespaces(), template: template.clone(), placed, values })
+}
+
+/// What went wrong, at its place in the template as it was written.
+fn explain(template: &Source, instrumented: &Instrumented, context: &Context, error: &Error) -> ProblemError {
+    // The innermost error knows the place; the ones around it say which block or macro it was in.
+    let mut innermost = error;
+    while let Some(inner) = std::error::Error::source(innermost).and_then(|source| source.downcast_ref::<Error>()) {
+        innermost = inner;
+    }
+    let range = innermost.range().or_else(|| error.range()).unwrap_or(0..0);
+    let length = template.text().len();
+    let start = instrumented.original(range.start).min(length);
+    let end = instrumented.original(range.end).clamp(start, length);
+    let mut span = Span::new(start, end);
+    if instrumented.is_inserted(range.start) {
+        // The complaint is about what was added to an expression, so about its value.
+        let around = context.sites.iter().filter(|site| site.start <= start && start <= site.end);
+        span = around.min_by_key(|site| site.end - site.start).copied().unwrap_or(span);
+    }
+    if let Some(failure) = context.failure() {
+        return ProblemError::store(template, span, failure);
+    }
+    let expression = template.slice(span).trim().trim_matches(['{', '}', '-']).trim();
+    let detail = innermost.detail().unwrap_or_default();
+    let message = match innermost.kind() {
+        ErrorKind::UndefinedError if detail.starts_with('`') => detail.to_owned(),
+        ErrorKind::UndefinedError if !expression.is_empty() && !expression.contains('\n') => {
+            format!("`{expression}` is undefined")
+        }
+        ErrorKind::TemplateNotFound | ErrorKind::BadInclude => {
+            "a template cannot include, import or extend another".to_owned()
+        }
+        ErrorKind::OutOfFuel => "the template does not come to an end".to_owned(),
+        ErrorKind::UnknownFilter if detail.contains("safe") => {
+            "there is no filter `safe`: values are always names or numbers".to_owned()
+        }
+        kind if detail.is_empty() => kind.to_string(),
+        ErrorKind::InvalidOperation => detail.to_owned(),
+        kind => format!("{kind}: {detail}"),
+    };
+    ProblemError::Template(Diagnostic::new(template, span, message))
+}

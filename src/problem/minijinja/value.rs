@@ -1,0 +1,240 @@
+//! Documents as values of the template engine, read where they lie.
+
+use std::cmp::Ordering;
+use std::collections::HashSet;
+use std::fmt;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use bson::raw::RawBsonRef;
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
+use minijinja::value::{DynObject, Enumerator, Object, ObjectRepr, Value, ValueKind};
+use minijinja::{Error, ErrorKind};
+
+use crate::formats::shell;
+use crate::problem::origin::{DocumentId, document_id};
+use crate::store::Namespace;
+
+/// Brackets around the number of a value in rendered text. Unicode reserves
+/// these characters for programs; texts that hold them are refused.
+pub(super) const OPEN: char = '\u{FDD0}';
+/// See [`OPEN`].
+pub(super) const CLOSE: char = '\u{FDD1}';
+
+/// How deep a value may nest that goes into a query.
+const MAX_DEPTH: usize = 100;
+
+/// What the template looked at: the last document, and which numbers were of 64 bits, which the engine
+/// does not tell from those of 32.
+#[derive(Debug, Default)]
+pub(super) struct Looked {
+    last: Mutex<Option<Arc<Root>>>,
+    longs: Mutex<HashSet<i64>>,
+}
+
+impl Looked {
+    fn at(&self, document: &Arc<Root>) {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if !last.as_ref().is_some_and(|last| Arc::ptr_eq(last, document)) {
+            *last = Some(Arc::clone(document));
+        }
+    }
+
+    fn long(&self, number: i64) {
+        self.longs.lock().unwrap_or_else(PoisonError::into_inner).insert(number);
+    }
+
+    /// Whether the number was seen with 64 bits.
+    pub(super) fn is_long(&self, number: i64) -> bool {
+        self.longs.lock().unwrap_or_else(PoisonError::into_inner).contains(&number)
+    }
+
+    /// The last document's `_id`; nothing the next time.
+    pub(super) fn take(&self) -> Option<DocumentId> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner).take()?.id()
+    }
+}
+
+/// A document as the memory gives it.
+#[derive(Debug)]
+struct Root {
+    raw: RawDocumentBuf,
+    /// Where it is stored; nothing where it is not.
+    namespace: Option<Arc<Namespace>>,
+    /// What names it, once that was asked for.
+    id: OnceLock<Option<DocumentId>>,
+}
+
+impl Root {
+    fn new(raw: RawDocumentBuf, namespace: Option<&Arc<Namespace>>) -> Arc<Self> {
+        Arc::new(Self { raw, namespace: namespace.map(Arc::clone), id: OnceLock::new() })
+    }
+
+    fn id(&self) -> Option<DocumentId> {
+        let id = || document_id(self.namespace.as_ref()?, &self.raw);
+        self.id.get_or_init(id).clone()
+    }
+}
+
+/// A document, or one inside of it.
+pub(super) struct Doc {
+    root: Arc<Root>,
+    /// The one inside.
+    inner: Option<RawDocumentBuf>,
+    looked: Arc<Looked>,
+}
+
+impl fmt::Debug for Doc {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let document = Document::try_from(self.raw()).unwrap_or_default();
+        f.write_str(&shell::relaxed(&document))
+    }
+}
+
+impl Doc {
+    /// A document as the memory gives it.
+    pub(super) fn value(raw: RawDocumentBuf, namespace: &Arc<Namespace>, looked: &Arc<Looked>) -> Value {
+        Value::from_object(Self { root: Root::new(raw, Some(namespace)), inner: None, looked: Arc::clone(looked) })
+    }
+
+    fn raw(&self) -> &RawDocument {
+        self.inner.as_ref().unwrap_or(&self.root.raw)
+    }
+
+    fn document(&self) -> Result<Document, Error> {
+        Document::try_from(self.raw()).map_err(|error| Error::new(ErrorKind::InvalidOperation, error.to_string()))
+    }
+
+    fn convert(&self, value: RawBsonRef<'_>) -> Value {
+        match value {
+            RawBsonRef::Document(inner) => {
+                let (root, looked) = (Arc::clone(&self.root), Arc::clone(&self.looked));
+                Value::from_object(Self { root, inner: Some(inner.to_owned()), looked })
+            }
+            RawBsonRef::Array(array) => {
+                array.into_iter().filter_map(Result::ok).map(|element| self.convert(element)).collect()
+            }
+            RawBsonRef::String(text) | RawBsonRef::Symbol(text) => self::text(text),
+            RawBsonRef::Int32(number) => Value::from(number),
+            RawBsonRef::Int64(number) => {
+                self.looked.long(number);
+                Value::from(number)
+            }
+            RawBsonRef::Double(number) => Value::from(number),
+            RawBsonRef::Boolean(flag) => Value::from(flag),
+            RawBsonRef::Null => Value::from(()),
+            other => Bson::try_from(other).map_or(Value::UNDEFINED, |value| Value::from_object(Other(value))),
+        }
+    }
+}
+
+impl Object for Doc {
+    fn get_value(self: &Arc<Self>, key: &Value) -> Option<Value> {
+        self.get_value_by_str(key.as_str()?)
+    }
+
+    fn get_value_by_str(self: &Arc<Self>, key: &str) -> Option<Value> {
+        if self.root.namespace.is_some() {
+            self.looked.at(&self.root);
+        }
+        self.raw().get(key).ok().flatten().map(|value| self.convert(value))
+    }
+
+    fn enumerate(self: &Arc<Self>) -> Enumerator {
+        let keys = self.raw().iter().filter_map(Result::ok).map(|(key, _)| Value::from(key.as_str()));
+        Enumerator::Values(keys.collect())
+    }
+
+    fn custom_cmp(self: &Arc<Self>, other: &DynObject) -> Option<Ordering> {
+        let other = other.downcast_ref::<Self>()?;
+        Some(self.raw().as_bytes().cmp(other.raw().as_bytes()))
+    }
+}
+
+/// A value that templates can compare, keep and put into queries, but that is no name: a date, an ObjectId.
+#[derive(Debug)]
+pub(super) struct Other(pub(super) Bson);
+
+impl Object for Other {
+    fn repr(self: &Arc<Self>) -> ObjectRepr {
+        ObjectRepr::Plain
+    }
+
+    fn custom_cmp(self: &Arc<Self>, other: &DynObject) -> Option<Ordering> {
+        let other = other.downcast_ref::<Self>()?;
+        match (&self.0, &other.0) {
+            (Bson::DateTime(one), Bson::DateTime(other)) => Some(one.cmp(other)),
+            (Bson::ObjectId(one), Bson::ObjectId(other)) => Some(one.cmp(other)),
+            _ => Some(self.0.to_string().cmp(&other.0.to_string())),
+        }
+    }
+
+    fn render(self: &Arc<Self>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Bson::ObjectId(id) => f.write_str(&id.to_hex()),
+            Bson::Decimal128(number) => write!(f, "{number}"),
+            other => {
+                let mut text = String::new();
+                shell::write_relaxed(other, &mut text);
+                f.write_str(&text)
+            }
+        }
+    }
+}
+
+/// A text from outside.
+pub(super) fn text(text: &str) -> Value {
+    // Both begin with this byte, which texts seldom have.
+    if memchr::memchr(0xEF, text.as_bytes()).is_some() && text.contains([OPEN, CLOSE]) {
+        let message = "a value holds U+FDD0 or U+FDD1, which are no characters";
+        return Value::from(Error::new(ErrorKind::InvalidOperation, message));
+    }
+    Value::from(text)
+}
+
+/// A parameter, or a distinct value.
+pub(super) fn from_bson(value: &Bson, looked: &Arc<Looked>) -> Value {
+    let Ok(raw) = RawDocumentBuf::try_from(&bson::doc! { "value": value.clone() }) else { return Value::UNDEFINED };
+    let doc = Doc { root: Root::new(raw, None), inner: None, looked: Arc::clone(looked) };
+    doc.raw().get("value").ok().flatten().map_or(Value::UNDEFINED, |value| doc.convert(value))
+}
+
+/// A value of the template as BSON, for queries. `plain` takes the numbers of values out of rendered text.
+pub(super) fn to_bson(value: &Value, plain: &dyn Fn(&str) -> String) -> Result<Bson, Error> {
+    nested(value, plain, 0)
+}
+
+fn nested(value: &Value, plain: &dyn Fn(&str) -> String, depth: usize) -> Result<Bson, Error> {
+    let wrong = |message: String| Err(Error::new(ErrorKind::InvalidOperation, message));
+    if depth > MAX_DEPTH {
+        return wrong(format!("a query nests deeper than {MAX_DEPTH} levels"));
+    }
+    if let Some(Other(value)) = value.downcast_object_ref::<Other>() {
+        return Ok(value.clone());
+    }
+    if let Some(doc) = value.downcast_object_ref::<Doc>() {
+        return doc.document().map(Bson::Document);
+    }
+    match value.kind() {
+        ValueKind::None => Ok(Bson::Null),
+        ValueKind::Bool => Ok(Bson::Boolean(value.is_true())),
+        ValueKind::Number => match value.as_i64().filter(|_| value.is_integer()) {
+            Some(number) => Ok(i32::try_from(number).map_or(Bson::Int64(number), Bson::Int32)),
+            None => f64::try_from(value.clone()).map(Bson::Double),
+        },
+        ValueKind::String => Ok(Bson::String(plain(value.as_str().unwrap_or_default()))),
+        ValueKind::Seq | ValueKind::Iterable => {
+            let elements = value.try_iter()?.checked().map(|element| nested(&element?, plain, depth + 1));
+            elements.collect::<Result<_, _>>().map(Bson::Array)
+        }
+        ValueKind::Map => {
+            let mut document = Document::new();
+            for key in value.try_iter()?.checked() {
+                let key = key?;
+                document.insert(key.to_string(), nested(&value.get_item(&key)?, plain, depth + 1)?);
+            }
+            Ok(Bson::Document(document))
+        }
+        ValueKind::Undefined => wrong("a query holds an undefined value".to_owned()),
+        kind => wrong(format!("a query cannot hold a value of type {kind}")),
+    }
+}

@@ -1,0 +1,431 @@
+//! The supervisor: the process between rmem and a program.
+//!
+//! rmem starts itself again as `rmem __supervisor [--memory BYTES] [--input FILE] [--folder DIR]
+//! [--attached] --directory DIR -- PROGRAM ARGUMENT…`, with one end of a socket pair as standard input,
+//! the *lifeline*. The supervisor starts the program in a process group of its own under
+//! limits, adopts whatever the program leaves behind (it is a subreaper), and says on
+//! the lifeline what happens, one line each:
+//!
+//! | supervisor says | |
+//! |---|---|
+//! | `started PID` | the program is there, and waits for rmem's `go`; `PID` is its group |
+//! | `exited CODE PEAK CPU` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` ms of processors |
+//! | `killed SIGNAL PEAK CPU` | it ended by a signal |
+//! | `starved PEAK CPU` | its processes together were over the limit of memory, and were ended |
+//! | `missing` | there is no such program |
+//! | `interpreter PATH` | the program is a script, and its interpreter is not there |
+//! | `failed WORDS` | it could not be started |
+//!
+//! rmem says `go`, and the program runs; what the program reads may be written until then. Where rmem says anything
+//! else first, or is gone, the program never runs, and the supervisor removes the directory and ends without a word. A
+//! program that runs ends when rmem says `stop` (its group gets TERM, a grace, then KILL) or `starve` (KILL at once,
+//! because several runs together are over a limit of memory); `done` says that rmem has read what it wants. An end of
+//! the lifeline without `done` means that rmem died:
+//! the supervisor stops the program and removes the directory. When the supervisor reports
+//! the end, nothing that the program started is alive; but an *attached* program, one that
+//! the user gave, may leave something in the background when it ends by itself.
+//!
+//! The program is started through rmem once more, as `rmem __supervisor --exec …`: that
+//! process binds its life to the supervisor's, takes the limits upon itself, and becomes the
+//! program; where the program is rmem, by going on ([`Next::Rmem`]). So the program never
+//! runs without its limits, and dies when the supervisor is killed; rmem then ends what is left of its group. What has left the group as well (with
+//! `setsid`) survives a killed supervisor: nobody is there to know of it.
+//!
+//! The limit of memory is kept twice: no process gets more address space, and the supervisor
+//! adds up what all of them have resident.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::{AsFd as _, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::process::{
+    Pid, PidfdFlags, Resource, Rlimit, Signal, WaitOptions, getpid, kill_process, kill_process_group, pidfd_open,
+    set_child_subreaper, setrlimit, wait,
+};
+
+use super::{launch, usage};
+
+/// How long a program has between TERM and KILL.
+pub(super) const GRACE: Duration = Duration::from_millis(500);
+
+/// The same for a program that the user gave, which may have a robot to stop.
+const LONG_GRACE: Duration = Duration::from_secs(2);
+
+/// How long the supervisor tries to bury what is left.
+const BURIAL: Duration = Duration::from_secs(3);
+
+/// How often the memory of the program's processes is looked at, where it is limited.
+const LOOK: Duration = Duration::from_millis(25);
+
+/// What makes a supervisor's child of rmem the program.
+const EXEC: &str = "--exec";
+
+/// The hidden command that makes a process of rmem a supervisor.
+pub const COMMAND: &str = "__supervisor";
+
+/// How a process goes on that was started as a supervisor.
+#[derive(Debug)]
+#[must_use]
+pub enum Next {
+    /// It exits. The code says nothing: what happened went over the lifeline.
+    Exit(i32),
+    /// It is the program, which is rmem, with this command line; limits and streams are its own by now.
+    Rmem(Vec<OsString>),
+}
+
+/// Runs the supervisor; the arguments are those after `__supervisor`, and `own` is where rmem itself is.
+pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &Path) -> Next {
+    let mut arguments = arguments.into_iter().peekable();
+    if arguments.next_if(|word| word == EXEC).is_some() {
+        return launch::run(arguments, own);
+    }
+    Next::Exit(guard(arguments))
+}
+
+fn guard(arguments: impl Iterator<Item = OsString>) -> i32 {
+    let Some(instructions) = Instructions::read(arguments) else { return 2 };
+    let Ok(lifeline) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
+    let mut lifeline = Lifeline { stream: UnixStream::from(lifeline), pending: String::new(), lost: false };
+    let said = match instructions.start(&mut lifeline) {
+        Ok(Started::Running(child)) => {
+            let ward =
+                Ward { child, attached: instructions.attached, stopped: false, limit: instructions.memory, peak: 0 };
+            ward.watch(&mut lifeline)
+        }
+        Ok(Started::Refused(words)) => words,
+        Ok(Started::Forgone) => {
+            let _ = fs::remove_dir_all(&instructions.directory);
+            return 0;
+        }
+        Err(error) => format!("failed {error}"),
+    };
+    lifeline.say(&said);
+    if !lifeline.released() {
+        let _ = fs::remove_dir_all(&instructions.directory);
+    }
+    0
+}
+
+/// What the supervisor is told to do.
+struct Instructions {
+    /// The run's directory, removed when rmem is gone.
+    directory: PathBuf,
+    memory: Option<u64>,
+    /// What the program reads.
+    input: Option<OsString>,
+    /// Where it runs; else in the directory.
+    folder: Option<PathBuf>,
+    /// Whether it is a program that the user gave.
+    attached: bool,
+    program: OsString,
+    arguments: Vec<OsString>,
+}
+
+impl Instructions {
+    fn read(mut arguments: impl Iterator<Item = OsString>) -> Option<Self> {
+        let (mut directory, mut memory, mut input, mut folder) = (None, None, None, None);
+        let mut attached = false;
+        loop {
+            match arguments.next()?.to_str()? {
+                "--attached" => attached = true,
+                "--directory" => directory = Some(PathBuf::from(arguments.next()?)),
+                "--memory" => memory = Some(arguments.next()?.to_str()?.parse().ok()?),
+                "--input" => input = Some(arguments.next()?),
+                "--folder" => folder = Some(PathBuf::from(arguments.next()?)),
+                "--" => break,
+                _ => return None,
+            }
+        }
+        let (directory, program) = (directory?, arguments.next()?);
+        Some(Self { directory, memory, input, folder, attached, program, arguments: arguments.collect() })
+    }
+
+    fn start(&self, lifeline: &mut Lifeline) -> io::Result<Started> {
+        set_child_subreaper(Some(getpid()))?;
+        setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) })?;
+        let (mut ours, theirs) = UnixStream::pair()?;
+        let mut command = Command::new("/proc/self/exe");
+        command.args([COMMAND, EXEC, "--parent", &getpid().to_string()]);
+        if let Some(bytes) = self.memory {
+            command.args(["--memory", &bytes.to_string()]);
+        }
+        if let Some(file) = &self.input {
+            command.arg("--input").arg(file);
+        }
+        command.arg("--").arg(&self.program).args(&self.arguments);
+        command
+            .current_dir(self.folder.as_ref().unwrap_or(&self.directory))
+            .stdin(Stdio::from(OwnedFd::from(theirs)))
+            .process_group(0);
+        let mut child = command.spawn()?;
+        drop(command);
+        // The program does not run before rmem can know its group, whatever becomes of the supervisor.
+        lifeline.say(&format!("started {}", Pid::from_child(&child).as_raw_nonzero()));
+        if lifeline.hear().as_deref() != Some("go") {
+            let _ = child.kill().and_then(|()| child.wait());
+            return Ok(Started::Forgone);
+        }
+        let _ = ours.write_all(launch::GO);
+        // Silence is the sound of a program that has started.
+        let mut words = String::new();
+        let heard = ours.read_to_string(&mut words);
+        if words.is_empty() && heard.is_ok() {
+            return Ok(Started::Running(child));
+        }
+        let _ = child.kill();
+        child.wait()?;
+        heard?;
+        Ok(Started::Refused(words))
+    }
+}
+
+/// What became of an instructions.
+enum Started {
+    Running(Child),
+    /// The program is not wanted any more, or rmem is gone.
+    Forgone,
+    /// It could not be carried out; what is to be said about it.
+    Refused(String),
+}
+
+/// The socket to rmem.
+struct Lifeline {
+    stream: UnixStream,
+    pending: String,
+    /// rmem is gone.
+    lost: bool,
+}
+
+impl Lifeline {
+    fn say(&mut self, words: &str) {
+        if self.stream.write_all(format!("{words}\n").as_bytes()).is_err() {
+            self.lost = true;
+        }
+    }
+
+    /// The next word of rmem's, waiting for it; none when rmem is gone.
+    fn hear(&mut self) -> Option<String> {
+        loop {
+            if let Some((word, rest)) = self.pending.split_once('\n') {
+                let word = word.to_owned();
+                self.pending = rest.to_owned();
+                return Some(word);
+            }
+            let mut buffer = [0; 64];
+            match self.stream.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(read) => self.pending.push_str(&String::from_utf8_lossy(buffer.get(..read)?)),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(_) => break,
+            }
+        }
+        self.lost = true;
+        None
+    }
+
+    /// Waits until rmem says something, the program ends, or patience does; true where rmem
+    /// says something. Without `listening` it may say what it likes.
+    fn called(&self, program: Option<&OwnedFd>, patience: Option<Duration>, listening: bool) -> io::Result<bool> {
+        let mut waits = Vec::with_capacity(2);
+        waits.extend(program.map(|program| PollFd::new(program, PollFlags::IN)));
+        if listening {
+            waits.push(PollFd::new(&self.stream, PollFlags::IN));
+        }
+        // Without pidfds (old kernels) the program's end has to be looked for.
+        let patience = match program {
+            Some(_) => patience,
+            None => Some(patience.unwrap_or(LOOK).min(Duration::from_millis(2))),
+        };
+        match poll(&mut waits, patience.and_then(|patience| Timespec::try_from(patience).ok()).as_ref()) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+        Ok(listening && waits.last().is_some_and(|lifeline| !lifeline.revents().is_empty()))
+    }
+
+    /// Waits until rmem needs nothing more; false when it died.
+    fn released(&mut self) -> bool {
+        while let Some(word) = self.hear() {
+            if word == "done" {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// The program under watch.
+struct Ward {
+    child: Child,
+    /// Whether what it leaves in the background may live.
+    attached: bool,
+    /// Whether it was told to end.
+    stopped: bool,
+    /// The limit of memory, in bytes.
+    limit: Option<u64>,
+    peak: u64,
+}
+
+/// How the watch over a program ended.
+enum Watched {
+    Ended(ExitStatus),
+    /// With more memory than it may have.
+    Starved,
+}
+
+impl Ward {
+    /// Watches the program to its end and buries what it leaves; says how it ended.
+    fn watch(mut self, lifeline: &mut Lifeline) -> String {
+        let group = Pid::from_child(&self.child);
+        let status = self.outlive(group, lifeline);
+        if !self.attached || self.stopped || !matches!(status, Ok(Watched::Ended(_))) {
+            let _ = kill_process_group(group, Signal::KILL);
+            bury();
+        }
+        match status {
+            Ok(Watched::Ended(status)) => match status.code() {
+                Some(code) => format!("exited {code} {} {}", self.peak, spent()),
+                None => format!("killed {} {} {}", status.signal().unwrap_or_default(), self.peak, spent()),
+            },
+            Ok(Watched::Starved) => format!("starved {} {}", self.peak, spent()),
+            Err(error) => format!("failed {error}"),
+        }
+    }
+
+    /// Waits for the program, and stops it when rmem says so or is gone.
+    fn outlive(&mut self, group: Pid, lifeline: &mut Lifeline) -> io::Result<Watched> {
+        let pidfd = pidfd_open(group, PidfdFlags::empty()).ok();
+        let mut deadline: Option<Instant> = None;
+        loop {
+            if let Some(status) = self.child.try_wait()? {
+                return Ok(Watched::Ended(status));
+            }
+            let called = lifeline.called(pidfd.as_ref(), self.patience(deadline), deadline.is_none())?;
+            if called {
+                match lifeline.hear().as_deref() {
+                    None | Some("stop") => {
+                        let _ = kill_process_group(group, Signal::TERM);
+                        self.stopped = true;
+                        deadline = Some(Instant::now() + if self.attached { LONG_GRACE } else { GRACE });
+                    }
+                    Some("starve") => return self.starve(group),
+                    Some(_) => {}
+                }
+            }
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                let _ = kill_process_group(group, Signal::KILL);
+                return self.child.wait().map(Watched::Ended);
+            }
+            if self.limit.is_some_and(|limit| self.is_over(limit, group)) {
+                return self.starve(group);
+            }
+        }
+    }
+
+    /// Ends a program that is over a limit of memory: it would run over it during a grace as well.
+    fn starve(&mut self, group: Pid) -> io::Result<Watched> {
+        let _ = kill_process_group(group, Signal::KILL);
+        self.child.wait()?;
+        Ok(Watched::Starved)
+    }
+
+    /// How long to wait before looking again.
+    fn patience(&self, deadline: Option<Instant>) -> Option<Duration> {
+        match deadline {
+            Some(deadline) => Some(deadline.saturating_duration_since(Instant::now())),
+            None => self.limit.map(|_| LOOK),
+        }
+    }
+
+    /// Notes how much address space the program has had at most; says whether all of its
+    /// processes together have more than `limit` bytes resident.
+    fn is_over(&mut self, limit: u64, program: Pid) -> bool {
+        self.peak = self.peak.max(usage::peak(program));
+        // What loses its parent becomes the supervisor's child.
+        usage::resident(getpid(), Some(program), limit) > limit
+    }
+}
+
+/// Kills and reaps every child until there is none. What a child leaves behind when it
+/// dies becomes the supervisor's child in turn.
+fn bury() {
+    let deadline = Instant::now() + BURIAL;
+    let mut pause = Duration::from_micros(100);
+    while Instant::now() < deadline {
+        match wait(WaitOptions::NOHANG) {
+            Ok(Some(_)) | Err(Errno::INTR) => {}
+            Ok(None) => {
+                for child in children() {
+                    let _ = kill_process(child, Signal::KILL);
+                }
+                std::thread::sleep(pause);
+                pause = (pause * 2).min(Duration::from_millis(5));
+            }
+            Err(_) => return,
+        }
+    }
+}
+
+/// How much processor time the children that were waited for had, and theirs, in milliseconds: two fields of
+/// `stat` that count hundredths of a second.
+fn spent() -> u64 {
+    let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = stat.rsplit_once(") ").map_or("", |(_, fields)| fields).split(' ').skip(13).take(2);
+    fields.filter_map(|field| field.parse::<u64>().ok()).sum::<u64>() * 10
+}
+
+/// The living children of this process.
+fn children() -> Vec<Pid> {
+    let own = getpid();
+    let Ok(processes) = fs::read_dir("/proc") else { return Vec::new() };
+    let names = processes.flatten().filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+    names.filter(|pid| parent(*pid) == Some(own)).filter_map(Pid::from_raw).collect()
+}
+
+/// The parent of a process: the fourth field of its `stat`, two after the name in brackets.
+fn parent(pid: i32) -> Option<Pid> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    let (_, fields) = stat.rsplit_once(") ")?;
+    Pid::from_raw(fields.split(' ').nth(1)?.parse().ok()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn instructions(words: &[&str]) -> Option<Instructions> {
+        Instructions::read(words.iter().map(OsString::from))
+    }
+
+    #[test]
+    fn an_order_names_directory_and_program() {
+        let instructions = instructions(&["--memory", "1000", "--directory", "/d", "--", "ff", "--memory"]).unwrap();
+        assert_eq!(
+            (instructions.memory, instructions.program.to_str(), instructions.arguments.len()),
+            (Some(1000), Some("ff"), 1)
+        );
+    }
+
+    #[test]
+    fn what_is_no_order_is_refused() {
+        for words in [&[][..], &["--"], &["--directory", "/d", "--"], &["--memory", "x", "--directory", "/", "--", "a"]]
+        {
+            assert!(instructions(words).is_none(), "{words:?}");
+        }
+    }
+
+    #[test]
+    fn processes_know_their_parent() {
+        let own = i32::try_from(std::process::id()).unwrap();
+        assert!(parent(own).is_some());
+        assert_eq!(parent(0), None);
+    }
+}

@@ -1,0 +1,90 @@
+//! Waiting for another process to finish its write.
+//!
+//! SQLite's own busy handler sleeps in steps that grow to 100 ms, so a writer
+//! among writers stalls for much longer than any write takes. This one starts
+//! with a fraction of a write's duration and never sleeps longer than
+//! [`LONGEST`]; the jitter keeps two waiting processes out of step.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use rusqlite::Connection;
+
+/// How long a process waits for its turn before it gives up.
+pub(super) const LOCK_TIMEOUT: Duration = Duration::from_secs(30);
+/// How long one waits who has other things to do.
+const HURRY: Duration = Duration::from_millis(4);
+const SHORTEST: Duration = Duration::from_micros(100);
+const LONGEST: Duration = Duration::from_millis(8);
+
+/// Makes `connection` wait for locks of other processes, patiently and briefly; while
+/// `hurried` is set, not patiently.
+pub(super) fn teach(connection: &mut Connection, hurried: Arc<AtomicBool>) -> rusqlite::Result<()> {
+    let mut since = Instant::now();
+    connection.busy_handler(Some(move |attempt: i32| {
+        if attempt == 0 {
+            since = Instant::now();
+        }
+        let has_time = !hurried.load(Ordering::Relaxed) || since.elapsed() < HURRY;
+        has_time && wait(since, attempt.unsigned_abs())
+    }))
+}
+
+/// Runs `attempt` until it is not refused for a lock, within [`LOCK_TIMEOUT`].
+///
+/// For the few statements for which SQLite asks no busy handler, such as the
+/// change of the journal mode.
+pub(super) fn retry<T>(mut attempt: impl FnMut() -> rusqlite::Result<T>) -> rusqlite::Result<T> {
+    let since = Instant::now();
+    let mut attempts = 0;
+    loop {
+        match attempt() {
+            Err(error) if is_busy(&error) && wait(since, attempts) => attempts += 1,
+            result => return result,
+        }
+    }
+}
+
+/// Whether another process has the lock.
+pub(super) fn is_busy(error: &rusqlite::Error) -> bool {
+    use rusqlite::ErrorCode::{DatabaseBusy, DatabaseLocked};
+    matches!(error.sqlite_error_code(), Some(DatabaseBusy | DatabaseLocked))
+}
+
+/// Sleeps a little before the next attempt; false once timeout has run out.
+fn wait(since: Instant, attempt: u32) -> bool {
+    let waited = since.elapsed();
+    if waited >= LOCK_TIMEOUT {
+        return false;
+    }
+    let step = SHORTEST.saturating_mul(1 << attempt.min(10)).min(LONGEST);
+    std::thread::sleep(step.mul_f64(0.5 + jitter(waited)));
+    true
+}
+
+/// A number below 1 that two processes hardly share: the noise of the clock.
+fn jitter(waited: Duration) -> f64 {
+    let noise = waited.subsec_nanos() ^ std::process::id().wrapping_mul(0x9E37_79B9);
+    f64::from(noise.wrapping_mul(0x85EB_CA6B) >> 16) / f64::from(1 << 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jitter_lies_between_nothing_and_one() {
+        for nanos in [0, 1, 999, 123_456_789] {
+            let jitter = jitter(Duration::from_nanos(nanos));
+            assert!((0.0..1.0).contains(&jitter), "{jitter}");
+        }
+    }
+
+    #[test]
+    fn gives_up_when_patience_has_run_out() {
+        let Some(long_ago) = Instant::now().checked_sub(LOCK_TIMEOUT) else { return };
+        assert!(!wait(long_ago, 3));
+        assert!(wait(Instant::now(), 3));
+    }
+}

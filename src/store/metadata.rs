@@ -1,0 +1,306 @@
+//! `_robmem_info`: the metadata that a store keeps true while it changes documents.
+//!
+//! `inserted` and `updated` are written where the document is, so that they
+//! are right whichever documents an update turns out to match, and so that an
+//! update that changes nothing leaves no trace.
+
+use bson::raw::{CStr, RawBsonRef, cstr};
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
+
+use super::UpdateSpec;
+use crate::query::QueryError;
+
+/// The key that metadata is under.
+pub const INFO: &str = "_robmem_info";
+/// Under [`INFO`]: when the document was stored.
+pub const INSERTED: &str = "inserted";
+/// Under [`INFO`]: when the document was changed.
+pub const UPDATED: &str = "updated";
+/// Under [`INFO`]: false where the document is gone after a restart.
+pub const PERSISTENT: &str = "persistent";
+/// Under [`INFO`]: the date from which on the document is invisible.
+pub const DECAY: &str = "decay_time";
+/// The path of [`DECAY`] in a document.
+pub(crate) const DECAY_PATH: &str = "_robmem_info.decay_time";
+
+/// Under [`INFO`]: of a computed document, the computable and which of its runs made it.
+pub(crate) const COMPUTATION: &str = "computation";
+
+/// What rmem's own commands note of a document: where a plan comes from, what
+/// CLIPS makes of its slots, and until when a computed one is good.
+const NOTES: [&str; 5] = ["lineage", "clips", "computed", "cached_until", COMPUTATION];
+
+const RAW_INFO: &CStr = cstr!("_robmem_info");
+
+/// Checks what a document says under [`INFO`].
+///
+/// # Errors
+/// Where that is not a document, has a key that is nobody's, or has a value
+/// of the wrong type.
+pub fn check(document: &Document) -> Result<(), QueryError> {
+    match document.get(INFO) {
+        None => Ok(()),
+        Some(Bson::Document(info)) => check_info(info),
+        Some(_) => Err(not_a_document()),
+    }
+}
+
+fn check_info(info: &Document) -> Result<(), QueryError> {
+    for (key, value) in info {
+        match (key.as_str(), value) {
+            (PERSISTENT, Bson::Boolean(_)) | (DECAY, Bson::DateTime(_)) | (INSERTED | UPDATED, _) => {}
+            (PERSISTENT, _) => return Err(wrong_type(PERSISTENT, "true or false")),
+            (DECAY, _) => return Err(wrong_type(DECAY, "a date, like ISODate(\"2030-01-01\")")),
+            (key, _) if NOTES.contains(&key) => {}
+            (key, _) => return Err(reserved(&format!("{INFO}.{key}"))),
+        }
+    }
+    Ok(())
+}
+
+/// Stamps a new document. What an application says under [`INFO`] stays, but
+/// for the dates, which are the memory's.
+///
+/// # Errors
+/// As [`check`].
+pub fn insert(document: &mut Document, at: DateTime) -> Result<(), QueryError> {
+    check(document)?;
+    match document.get_mut(INFO) {
+        Some(Bson::Document(info)) => {
+            // What was computed decays when it is not good any more.
+            if let (None, Some(Bson::DateTime(until))) = (info.get(DECAY), info.get("cached_until")) {
+                info.insert(DECAY, *until);
+            }
+            info.remove(UPDATED);
+            info.insert(INSERTED, at);
+        }
+        _ => {
+            document.insert(INFO, doc! { INSERTED: at });
+        }
+    }
+    Ok(())
+}
+
+/// Checks that an update names nothing under [`INFO`] but what is the
+/// application's. What a pipeline does by its expressions is not seen here.
+///
+/// # Errors
+/// Where it does, or gives a value of the wrong type.
+pub fn check_update(update: &UpdateSpec) -> Result<(), QueryError> {
+    match update {
+        UpdateSpec::Document(document) if document.keys().next().is_some_and(|key| key.starts_with('$')) => {
+            for (operator, fields) in document {
+                let Bson::Document(fields) = fields else { continue };
+                for (path, value) in fields {
+                    check_path(path, ["$set", "$setOnInsert"].contains(&operator.as_str()).then_some(value))?;
+                    if let ("$rename", Bson::String(to)) = (operator.as_str(), value) {
+                        check_path(to, None)?;
+                    }
+                }
+            }
+            Ok(())
+        }
+        UpdateSpec::Document(replacement) => check(replacement),
+        UpdateSpec::Pipeline(stages) => stages.iter().try_for_each(check_stage),
+    }
+}
+
+/// A stage that names fields names none of the memory's.
+fn check_stage(stage: &Document) -> Result<(), QueryError> {
+    let Some((name, argument)) = stage.iter().next() else { return Ok(()) };
+    match (name.as_str(), argument) {
+        ("$set" | "$addFields", Bson::Document(fields)) => fields.keys().try_for_each(|path| check_path(path, None)),
+        ("$unset", Bson::String(path)) => check_path(path, None),
+        ("$unset", Bson::Array(paths)) => {
+            paths.iter().filter_map(Bson::as_str).try_for_each(|path| check_path(path, None))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_path(path: &str, value: Option<&Bson>) -> Result<(), QueryError> {
+    let mut names = path.split('.');
+    if names.next() != Some(INFO) {
+        return Ok(());
+    }
+    match (names.next(), names.next(), value) {
+        (Some(key @ (PERSISTENT | DECAY)), None, Some(value)) => check_info(&doc! { key: value.clone() }),
+        (Some(PERSISTENT | DECAY), None, None) => Ok(()),
+        (Some(key), ..) if NOTES.contains(&key) => Ok(()),
+        _ => Err(reserved(path)),
+    }
+}
+
+fn wrong_type(key: &str, wanted: &str) -> QueryError {
+    QueryError::type_mismatch(format!("{INFO}.{key} has to be {wanted}"))
+}
+
+fn reserved(path: &str) -> QueryError {
+    let message = format!("`{path}` is rmem's; an application may set {INFO}.{PERSISTENT} and {INFO}.{DECAY}");
+    QueryError::invalid(66, message)
+}
+
+/// The path of a key under [`INFO`].
+pub(crate) fn info_path(key: &str) -> String {
+    format!("{INFO}.{key}")
+}
+
+/// The path of what is noted of the computation that made a document.
+pub(crate) fn computation(key: &str) -> String {
+    format!("{INFO}.{COMPUTATION}.{key}")
+}
+
+/// What is true of documents that have not decayed at a time. What is computed decays
+/// when it is not good any more.
+pub(crate) fn visible(at: DateTime) -> Document {
+    doc! { DECAY_PATH: { "$not": { "$lte": at } } }
+}
+
+/// Stamps the outcome of an update of `old`. A replacement keeps when its
+/// predecessor was inserted; nothing comes back where nothing but stamps would change.
+pub(crate) fn update(
+    old: &RawDocument,
+    new: &RawDocument,
+    replacement: bool,
+    at: DateTime,
+) -> Result<Option<RawDocumentBuf>, QueryError> {
+    let (mut info, before) = (info(new)?, info(old).unwrap_or_default());
+    check_info(&info)?;
+    if own(&info) == own(&before) && same(old, new)? {
+        return Ok(None);
+    }
+    match before.get(INSERTED) {
+        Some(inserted) => {
+            info.insert(INSERTED, inserted.clone());
+        }
+        None if replacement => {
+            info.insert(INSERTED, at);
+        }
+        None => {
+            info.remove(INSERTED);
+        }
+    }
+    info.insert(UPDATED, at);
+    with_info(new, &info).map(Some)
+}
+
+/// Stamps the document that an upsert made.
+pub(crate) fn upsert(document: &RawDocument, at: DateTime) -> Result<RawDocumentBuf, QueryError> {
+    let mut info = info(document)?;
+    check_info(&info)?;
+    info.insert(INSERTED, at);
+    info.insert(UPDATED, at);
+    with_info(document, &info)
+}
+
+/// The document without its metadata.
+///
+/// # Errors
+/// Where the document is malformed.
+pub fn hide(document: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
+    match find(&document)? {
+        None => Ok(document),
+        Some((start, end)) => {
+            let bytes = document.as_bytes();
+            let size = i32::try_from(bytes.len() - (end - start)).unwrap_or(i32::MAX);
+            let mut kept = Vec::with_capacity(bytes.len() - (end - start));
+            kept.extend_from_slice(&size.to_le_bytes());
+            kept.extend_from_slice(bytes.get(4..start).unwrap_or_default());
+            kept.extend_from_slice(bytes.get(end..).unwrap_or_default());
+            Ok(RawDocumentBuf::from_bytes(kept)?)
+        }
+    }
+}
+
+/// Where in the bytes of the document its metadata is.
+fn find(document: &RawDocument) -> Result<Option<(usize, usize)>, QueryError> {
+    let mut start = 4;
+    for element in document.iter_elements() {
+        let element = element?;
+        let end = start + 1 + element.key().len() + 1 + element.size();
+        if element.key() == RAW_INFO {
+            return Ok(Some((start, end)));
+        }
+        start = end;
+    }
+    Ok(None)
+}
+
+/// The metadata of a document; empty where it has none.
+fn info(document: &RawDocument) -> Result<Document, QueryError> {
+    match document.get(INFO)? {
+        None => Ok(Document::new()),
+        Some(RawBsonRef::Document(info)) => Ok(Document::try_from(info)?),
+        Some(_) => Err(not_a_document()),
+    }
+}
+
+/// What of the metadata is the application's.
+fn own(info: &Document) -> Document {
+    info.iter()
+        .filter(|(key, _)| *key != INSERTED && *key != UPDATED)
+        .map(|(key, value)| (key.clone(), value.clone()))
+        .collect()
+}
+
+/// Whether two documents are the same but for their metadata.
+fn same(old: &RawDocument, new: &RawDocument) -> Result<bool, QueryError> {
+    Ok(hide(old.to_owned())?.as_bytes() == hide(new.to_owned())?.as_bytes())
+}
+
+fn with_info(document: &RawDocument, info: &Document) -> Result<RawDocumentBuf, QueryError> {
+    let mut with_metadata = hide(document.to_owned())?;
+    with_metadata.append(RAW_INFO, RawDocumentBuf::try_from(info)?);
+    Ok(with_metadata)
+}
+
+fn not_a_document() -> QueryError {
+    QueryError::type_mismatch(format!("{INFO} holds rmem's metadata and has to be a document"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn raw(document: &Document) -> RawDocumentBuf {
+        RawDocumentBuf::try_from(document).unwrap()
+    }
+
+    fn at(millis: i64) -> DateTime {
+        DateTime::from_millis(millis)
+    }
+
+    #[test]
+    fn metadata_is_hidden_wherever_it_stands() {
+        let plain = doc! { "_id": 1, "a": { "b": [1, "x"] }, "s": "text" };
+        for place in 0..=plain.len() {
+            let mut pairs: Vec<_> = plain.clone().into_iter().collect();
+            pairs.insert(place, (INFO.to_owned(), doc! { INSERTED: at(5) }.into()));
+            assert_eq!(hide(raw(&pairs.into_iter().collect())).unwrap(), raw(&plain));
+        }
+        assert_eq!(hide(raw(&plain)).unwrap(), raw(&plain));
+    }
+
+    #[test]
+    fn an_application_may_set_how_long_a_document_lives() {
+        let mut document = doc! { INFO: { "persistent": false, INSERTED: 1 } };
+        insert(&mut document, at(7)).unwrap();
+        assert_eq!(document, doc! { INFO: { "persistent": false, INSERTED: at(7) } });
+        assert!(insert(&mut doc! { INFO: 3 }, at(7)).is_err());
+    }
+
+    #[test]
+    fn a_replacement_keeps_when_its_predecessor_was_inserted() {
+        let old = raw(&doc! { "_id": 1, "a": 1, INFO: { INSERTED: at(1), "persistent": false } });
+        let new = raw(&doc! { "_id": 1, "a": 2 });
+        let with_metadata = update(&old, &new, true, at(9)).unwrap().unwrap();
+        assert_eq!(with_metadata, raw(&doc! { "_id": 1, "a": 2, INFO: { INSERTED: at(1), UPDATED: at(9) } }));
+    }
+
+    #[test]
+    fn a_replacement_by_the_same_is_no_change() {
+        let old = raw(&doc! { "_id": 1, INFO: { INSERTED: at(1), UPDATED: at(2) }, "a": 1 });
+        let new = raw(&doc! { "_id": 1, "a": 1 });
+        assert_eq!(update(&old, &new, true, at(9)).unwrap(), None);
+    }
+}

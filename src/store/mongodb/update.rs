@@ -1,0 +1,343 @@
+//! Updates that write their stamps where something changed, and only there.
+//!
+//! The server has no update that says "and this, where that changed anything".
+//! So the documents that match are looked up first, and rmem foresees which of
+//! them the update changes; those the server updates, by its own rules, with the
+//! stamp in the same step; the others without, since somebody may have changed
+//! them meanwhile. Each document is changed in one atomic step, and no update of
+//! others is lost. Only where nothing can be foreseen, or where the server changes
+//! what was to stay the same, does the stamp follow in a step of its own.
+//! (To stamp always would count and note changes that are none; to compute the
+//! change here would not be the server's.)
+//!
+//! An upsert that inserts writes its stamps at once.
+
+use std::collections::HashMap;
+
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+
+use super::MongoDb;
+use crate::query::{Filter, QueryError, Update};
+use crate::store::document::with_id_first;
+use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
+use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
+
+/// How many documents are updated by one command.
+const CHUNK: usize = 1_000;
+/// How often a document that somebody else was faster with is looked for again.
+const ATTEMPTS: usize = 16;
+
+/// The documents of a chunk as they were, by `_id`.
+type Before = Vec<(Bson, RawDocumentBuf)>;
+
+impl MongoDb {
+    pub(super) fn update_with_metadata(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        at: DateTime,
+    ) -> Result<Updated, StoreError> {
+        metadata::check_update(&request.update)?;
+        let done = if request.many { self.update_all(ns, request, at)? } else { self.update_first(ns, request, at)? };
+        if done.matched > 0 || !request.upsert {
+            // An update of nothing is checked by the server, too.
+            if done.matched == 0 {
+                self.apply(ns, &UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
+            }
+            return Ok(done);
+        }
+        self.apply(ns, &UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() })
+    }
+
+    fn update_first(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
+        for _ in 0..ATTEMPTS {
+            let find = Find { filter: request.filter.clone(), limit: 1, ..Find::default() };
+            let before = with_ids(self.find(ns, &find)?)?;
+            if before.is_empty() {
+                break;
+            }
+            let done = self.update_chunk(ns, request, before, at)?;
+            if done.matched > 0 {
+                return Ok(done);
+            }
+        }
+        Ok(Updated::default())
+    }
+
+    fn update_all(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
+        let chunk = if makes_new_documents(&request.update) { 1 } else { CHUNK };
+        // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
+        let find = Find { filter: request.filter.clone(), projection: doc! { "_id": 1 }, ..Find::default() };
+        let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
+        let mut done = Updated::default();
+        for ids in matches.chunks(chunk) {
+            let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": ids } }] };
+            let before = with_ids(self.find(ns, &Find { filter, ..Find::default() })?)?;
+            if !before.is_empty() {
+                add(&mut done, &self.update_chunk(ns, request, before, at)?);
+            }
+        }
+        Ok(done)
+    }
+
+    /// Updates those of the documents that still match, with the stamp where it is
+    /// foreseen that they change.
+    fn update_chunk(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        before: Before,
+        at: DateTime,
+    ) -> Result<Updated, StoreError> {
+        let plain = without_metadata(&request.update, &before, at)?;
+        let Some(changes) = foresee(&plain, request, &before, at) else {
+            return self.update_then_metadata(ns, request, plain, &before, at);
+        };
+        let (mut changing, mut rest) = (Before::new(), Before::new());
+        for (document, changes) in before.into_iter().zip(changes) {
+            if changes { changing.push(document) } else { rest.push(document) }
+        }
+        let mut done = Updated::default();
+        if !changing.is_empty() {
+            let with_metadata = with_updated(&plain, at)?;
+            done = self.apply(ns, &among(request, with_metadata, &changing)?)?;
+        }
+        if !rest.is_empty() {
+            add(&mut done, &self.update_then_metadata(ns, request, plain, &rest, at)?);
+        }
+        Ok(done)
+    }
+
+    /// Updates those of the documents that still match, and then stamps those that
+    /// are different, also where the update fails in the middle.
+    fn update_then_metadata(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        plain: UpdateSpec,
+        before: &Before,
+        at: DateTime,
+    ) -> Result<Updated, StoreError> {
+        let ids = ids(before);
+        let done = self.apply(ns, &among(request, plain, before)?);
+        let changed = match &done {
+            Ok(done) if done.modified == 0 => return Ok(done.clone()),
+            Ok(done) if done.modified == ids.len() as u64 => ids,
+            _ => self.different(ns, doc! { "_id": { "$in": ids } }, before)?,
+        };
+        let set = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
+        let filter = doc! { "_id": { "$in": changed } };
+        self.apply(ns, &UpdateRequest { filter, update: set, array_filters: vec![], many: true, upsert: false })?;
+        done
+    }
+
+    /// The `_id`s of the documents that are not as they were.
+    fn different(&self, ns: &Namespace, these: Document, before: &Before) -> Result<Vec<Bson>, StoreError> {
+        let after = with_ids(self.find(ns, &Find { filter: these, ..Find::default() })?)?;
+        let known: HashMap<Vec<u8>, &RawDocumentBuf> =
+            before.iter().map(|(id, body)| (crate::query::key::encode_value(id), body)).collect();
+        let is_new = |(id, body): &(Bson, RawDocumentBuf)| {
+            known.get(&crate::query::key::encode_value(id)).is_none_or(|old| *old != body)
+        };
+        Ok(after.into_iter().filter(is_new).map(|(id, _)| id).collect())
+    }
+}
+
+fn ids(documents: &Before) -> Vec<Bson> {
+    documents.iter().map(|(id, _)| id.clone()).collect()
+}
+
+fn add(done: &mut Updated, more: &Updated) {
+    done.matched += more.matched;
+    done.modified += more.modified;
+}
+
+/// The request for those of the documents that still match.
+fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result<UpdateRequest, QueryError> {
+    let these = doc! { "_id": { "$in": ids(before) } };
+    Ok(UpdateRequest {
+        filter: doc! { "$and": [request.filter.clone(), these, as_it_was(&request.update, before)?] },
+        update,
+        upsert: false,
+        ..request.clone()
+    })
+}
+
+/// Which of the documents an update changes; nothing where that is the server's secret,
+/// or its error to tell.
+fn foresee(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<bool>> {
+    let update = match plain {
+        UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
+        UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => return None,
+        UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
+    };
+    let (update, filter) = (update.ok()?, Filter::parse(&request.filter).ok()?);
+    before.iter().map(|(_, body)| update.apply(body, &filter, at).ok().map(|changed| changed.is_some())).collect()
+}
+
+/// The update with a timestamp, for documents that it changes.
+fn with_updated(plain: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    match plain {
+        UpdateSpec::Document(document) if is_replacement(document) => {
+            let mut document = document.clone();
+            if let Some(Bson::Document(info)) = document.get_mut(INFO) {
+                info.insert(UPDATED, at);
+            }
+            Ok(UpdateSpec::Document(document))
+        }
+        UpdateSpec::Document(document) => {
+            let mut document = document.clone();
+            add_field(&mut document, "$set", UPDATED, at)?;
+            Ok(UpdateSpec::Document(document))
+        }
+        UpdateSpec::Pipeline(stages) => {
+            let mut stages = stages.clone();
+            stages.push(doc! { "$set": { path(UPDATED): at } });
+            Ok(UpdateSpec::Pipeline(stages))
+        }
+    }
+}
+
+fn with_ids(documents: crate::store::Documents<'_>) -> Result<Before, StoreError> {
+    documents
+        .map(|document| {
+            let document = document?;
+            let id = document.get("_id").map_err(QueryError::from)?;
+            let id = id.map(Bson::try_from).transpose().map_err(QueryError::from)?;
+            Ok((id.unwrap_or(Bson::Null), document))
+        })
+        .collect()
+}
+
+/// A filter with the mistakes of another, that nothing matches.
+fn none_of(filter: &Document) -> Document {
+    doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
+}
+
+/// Whether an update is a replacement document: one without operators.
+pub(super) fn is_replacement(document: &Document) -> bool {
+    !document.keys().next().is_some_and(|key| key.starts_with('$'))
+}
+
+/// Whether a pipeline may give documents without what they had.
+fn makes_new_documents(update: &UpdateSpec) -> bool {
+    let UpdateSpec::Pipeline(stages) = update else { return false };
+    let new = ["$replaceWith", "$replaceRoot", "$project"];
+    stages.iter().flat_map(Document::keys).any(|name| new.contains(&name.as_str()))
+}
+
+/// The update without a new timestamp, and with those that there were.
+fn without_metadata(update: &UpdateSpec, before: &Before, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    match (update, before.as_slice()) {
+        (UpdateSpec::Document(document), [(id, old)]) if is_replacement(document) => {
+            let old = dates(old)?;
+            let (mut document, mut info) = apart(document);
+            info.insert(INSERTED, old.get(INSERTED).cloned().unwrap_or_else(|| at.into()));
+            info.extend(old.get(UPDATED).cloned().map(|updated| (UPDATED.to_owned(), updated)));
+            document.insert(INFO, info);
+            if !document.contains_key("_id") {
+                // Without it, the server takes the same document for another.
+                document = with_id_first(document, id);
+            }
+            Ok(UpdateSpec::Document(document))
+        }
+        (UpdateSpec::Pipeline(stages), [(_, document)]) if makes_new_documents(update) => {
+            let kept: Document = dates(document)?
+                .into_iter()
+                .map(|(key, value)| (path(&key), doc! { "$literal": value }.into()))
+                .collect();
+            let mut stages = stages.clone();
+            stages.push(doc! { "$unset": [path(INSERTED), path(UPDATED)] });
+            if !kept.is_empty() {
+                stages.push(doc! { "$set": kept });
+            }
+            Ok(UpdateSpec::Pipeline(stages))
+        }
+        _ => Ok(update.clone()),
+    }
+}
+
+/// What has to be true of a document for its stamps to be known: a replacement says when
+/// its predecessor was inserted, and that may be another by now.
+fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document, QueryError> {
+    match (update, before.as_slice()) {
+        (UpdateSpec::Document(document), [(_, old)]) if is_replacement(document) => {
+            let inserted = dates(old)?.get(INSERTED).cloned().unwrap_or(Bson::Null);
+            Ok(doc! { path(INSERTED): { "$eq": inserted } })
+        }
+        _ => Ok(Document::new()),
+    }
+}
+
+/// The stamps of a document.
+fn dates(document: &RawDocumentBuf) -> Result<Document, QueryError> {
+    let info = document.get(INFO)?.and_then(|info| info.as_document());
+    let mut dates = Document::new();
+    for key in [INSERTED, UPDATED] {
+        if let Some(value) = info.map(|info| info.get(key)).transpose()?.flatten() {
+            dates.insert(key, Bson::try_from(value)?);
+        }
+    }
+    Ok(dates)
+}
+
+/// A replacement without its metadata, and of that what is the application's.
+fn apart(document: &Document) -> (Document, Document) {
+    let mut document = document.clone();
+    let mut own = match document.remove(INFO) {
+        Some(Bson::Document(own)) => own,
+        _ => Document::new(),
+    };
+    own.remove(INSERTED);
+    own.remove(UPDATED);
+    (document, own)
+}
+
+/// The update with its stamps, for a document that is inserted by it. A
+/// replacement becomes a pipeline, because it has to keep when its predecessor
+/// was inserted, should there be one by then.
+fn with_metadata_of(update: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    match update {
+        UpdateSpec::Document(document) if is_replacement(document) => replacement(document, at),
+        UpdateSpec::Document(document) => Ok(UpdateSpec::Document(operators(document.clone(), at)?)),
+        UpdateSpec::Pipeline(stages) => {
+            let mut stages = stages.clone();
+            stages.push(doc! { "$set": { path(UPDATED): at, path(INSERTED): inserted(at) } });
+            Ok(UpdateSpec::Pipeline(stages))
+        }
+    }
+}
+
+fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError> {
+    add_field(&mut update, "$set", UPDATED, at)?;
+    add_field(&mut update, "$setOnInsert", INSERTED, at)?;
+    Ok(update)
+}
+
+/// Adds a stamp to the fields of an operator.
+fn add_field(update: &mut Document, operator: &str, key: &str, at: DateTime) -> Result<(), QueryError> {
+    match update.entry(operator.to_owned()).or_insert_with(|| Bson::Document(Document::new())) {
+        Bson::Document(fields) => {
+            fields.insert(path(key), at);
+            Ok(())
+        }
+        _ => Err(QueryError::failed_to_parse(format!("{operator} takes a document of fields"))),
+    }
+}
+
+/// A replacement whose metadata is the application's, when it was made, and when the
+/// document was inserted.
+fn replacement(document: &Document, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    let (document, own) = apart(document);
+    let info = doc! { "$mergeObjects": [{ "$literal": own }, { INSERTED: inserted(at), UPDATED: at }] };
+    let whole = doc! { "$mergeObjects": [{ "_id": "$_id" }, { "$literal": document }, { INFO: info }] };
+    Ok(UpdateSpec::Pipeline(vec![doc! { "$replaceWith": whole }]))
+}
+
+fn inserted(at: DateTime) -> Document {
+    doc! { "$ifNull": [format!("${}", path(INSERTED)), at] }
+}
+
+fn path(key: &str) -> String {
+    format!("{INFO}.{key}")
+}
