@@ -296,21 +296,21 @@ fn an_executive_in_clips_plans_acts_and_plans_again() {
     let lab = lab();
     lab.write("goal.txt", "(goal \"(and (on A B) (on B C))\")\n");
     let executive = |hands: &str, lab: &Lab| {
-        let files = ["--load", "fixtures/blocksworld.json", "clips", "run", hands, "fixtures/executive/blocks.clp"];
+        let files = ["--load", "fixtures/blocksworld.json", "clips", "run", hands, "examples/clips/executive.clp"];
         lab.rmem(&[&files[..], &["--facts", "goal.txt", "--timeout", "60s"]].concat()).success()
     };
     let reached = |lab: &Lab| {
         let filter = "{$or: [{object_top: 'A', object_bottom: 'B'}, {object_top: 'B', object_bottom: 'C'}]}";
         lab.rmem(&["count", "robmem.worldmodel", filter]).success() == "2\n"
     };
-    let text = executive("fixtures/executive/hands.clp", &lab);
+    let text = executive("examples/clips/blocks.clp", &lab);
     assert_eq!(text, "plan 1\ndid stack B C\ndid unstack D A\ndid putdown D\ndid pickup A\ndid stack A B\nreached\n");
     assert!(reached(&lab));
 
     // Hands that let the second thing fall once: it does not happen.
     let other = self::lab();
     other.write("goal.txt", "(goal \"(and (on A B) (on B C))\")\n");
-    let hands = std::fs::read_to_string(crate::lab::root().join("fixtures/executive/hands.clp")).unwrap();
+    let hands = std::fs::read_to_string(crate::lab::root().join("examples/clips/blocks.clp")).unwrap();
     let clumsy = hands.replace(
         "(deffunction hands (?action ?blocks)",
         "(defglobal ?*grips* = 0)\n(deffunction hands (?action ?blocks)\n  (bind ?*grips* (+ ?*grips* 1))\n  (if (= ?*grips* 2) then (return FALSE))",

@@ -8,12 +8,12 @@ fn run(lab: &Lab, disturbance: &str, options: &str) -> Finished {
         "hands.sh",
         &format!(
             "#!/bin/sh\nset -eu\necho x >>count\nif [ \"$(wc -l <count)\" -eq 2 ]; then\n{disturbance}\nfi\n\
-             exec fixtures/executive/blocks.sh \"$@\"\n"
+             exec examples/shell/blocks.sh \"$@\"\n"
         ),
     );
     let line = format!(
         "chmod +x hands.sh && rmem count robmem.worldmodel --load fixtures/blocksworld.json >/dev/null && \
-         sh fixtures/executive/loop.sh domains/blocksworld/domain.pddl templates/blocksworld/problem.pddl.j2 \
+         sh examples/shell/executive.sh domains/blocksworld/domain.pddl templates/blocksworld/problem.pddl.j2 \
          '(and (on A B) (on B C))' ./hands.sh {options}"
     );
     lab.shell(&line)

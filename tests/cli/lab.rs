@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A temporary folder with a home of its own; `domains`, `templates` and `fixtures` are at hand in it.
+/// A temporary folder with a home of its own; `domains`, `templates`, `fixtures` and `examples` are at hand in it.
 pub(crate) struct Lab {
     folder: tempfile::TempDir,
     environment: Vec<(String, String)>,
@@ -48,11 +48,16 @@ pub(crate) fn plan(lab: &Lab, more: &[&str]) -> Finished {
 
 impl Lab {
     pub(crate) fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        for name in ["domains", "templates", "fixtures"] {
-            std::os::unix::fs::symlink(root().join(name), folder.path().join(name)).unwrap();
+        let lab = Self::empty();
+        for name in ["domains", "templates", "fixtures", "examples"] {
+            std::os::unix::fs::symlink(root().join(name), lab.path().join(name)).unwrap();
         }
-        Self { folder, environment: Vec::new() }
+        lab
+    }
+
+    /// An empty folder.
+    pub(crate) fn empty() -> Self {
+        Self { folder: tempfile::tempdir().unwrap(), environment: Vec::new() }
     }
 
     /// Sets an environment variable for the runs that follow.

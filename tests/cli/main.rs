@@ -4,6 +4,7 @@ mod lab;
 
 mod clips;
 mod computables;
+mod docs;
 mod documents;
 #[cfg(feature = "clips-engine")]
 mod engine;
@@ -15,7 +16,6 @@ mod memories;
 mod plans;
 mod problems;
 mod races;
-mod readme;
 mod settings;
 mod stored;
 mod watch;

@@ -80,13 +80,13 @@ fn executive(planner: &str) -> Result<(), Failed> {
     let count = count.display();
     let text = format!(
         "#!/bin/sh\nset -eu\necho x >>{count}\nif [ \"$(wc -l <{count})\" -eq 3 ]; then\n{disturbance}\nfi\n\
-         exec fixtures/executive/blocks.sh \"$@\"\n"
+         exec examples/shell/blocks.sh \"$@\"\n"
     );
     fs::write(&hands, text)?;
     let programs = Path::new(env!("CARGO_BIN_EXE_rmem")).parent().ok_or("no folder")?.display().to_string();
     let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
     let line = "chmod +x \"$1\" && rmem count robmem.worldmodel --load fixtures/blocksworld.json >/dev/null && \
-                sh fixtures/executive/loop.sh domains/blocksworld/domain.pddl \
+                sh examples/shell/executive.sh domains/blocksworld/domain.pddl \
                 templates/blocksworld/problem.pddl.j2 '(and (on A B) (on B C))' \"$1\" --planner \"$2\" && \
                 rmem count robmem.worldmodel \"{object_top: 'B', object_bottom: 'C'}\"";
     let output = Command::new("sh")
