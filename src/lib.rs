@@ -96,11 +96,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         Ok(cli) => cli,
         Err(error) => return explain(&error, &mut output),
     };
-    let settings =
-        match Settings::resolve(&cli.global, &process.environment, &process.directory, process.stderr_is_terminal) {
-            Ok(settings) => settings,
-            Err(error) => return report(&error, &mut output),
-        };
+    let flags = cli.global.into();
+    let settings = match Settings::resolve(&flags, &process.environment, &process.directory, process.stderr_is_terminal)
+    {
+        Ok(settings) => settings,
+        Err(error) => return report(&error, &mut output),
+    };
     if let Err(error) = output.configure(settings.verbosity, settings.color, settings.log.value.as_deref()) {
         return report(&error, &mut output);
     }
@@ -111,6 +112,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         process.stdout_is_terminal,
         process.executable,
         process.environment,
+        cli::command,
     );
     let result = commands::run(&cli.command, &mut context);
     context.output.tell_operations();

@@ -7,7 +7,7 @@ use clap::Args;
 use crate::store::Namespace;
 
 /// What stands below the help of `import-problem`.
-pub(super) const HELP: &str = "\
+pub const HELP: &str = "\
 Examples:
   rmem import-problem problem.pddl --into robmem.worldmodel
   rmem import-problem problem.pddl --into robmem.worldmodel --template problem.pddl.j2

@@ -6,7 +6,8 @@ use std::time::Duration;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, Args, Command, Error, FromArgMatches, Subcommand, ValueEnum};
 
-use super::{TemplateOptions, quantity};
+use super::TemplateOptions;
+use crate::formats::quantity;
 use crate::store::Namespace;
 
 /// `plan`: a search, or a command about stored plans.

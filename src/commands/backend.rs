@@ -1,17 +1,91 @@
 //! `rmem backend up|status|down`: the mongod processes of this robot.
 
+use std::time::Duration;
+
+use clap::{Args, Subcommand, ValueEnum};
+
 use super::{Context, UsageError};
-use crate::cli::{Backend as Args, BackendName};
 use crate::exit::Exit;
+use crate::formats::quantity;
 use crate::settings::backend::Backend;
 
+/// Start, look at and stop the mongod processes of this robot
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem backend up\n  rmem backend status --format table\n  rmem backend down shared"
+)]
+pub struct BackendArgs {
+    /// What to do with them.
+    #[command(subcommand)]
+    pub command: BackendCommand,
+}
+
+/// The commands of `backend`.
+#[derive(Debug, Subcommand)]
+pub enum BackendCommand {
+    /// Start what is missing, with replica sets founded and joined
+    #[command(after_help = "Examples:\n  rmem backend up\n  rmem backend up shared --wait 1m\n\n\
+Starts the mongod of [backend.local] and [backend.shared] in rmem.toml, in the background, with\n\
+its log and pid file beside its data. A replica set is founded once a majority of its members\n\
+answers, by whichever robot is there; members that were added to the settings are added to\n\
+the set. What is running stays as it is, so that the command can be given again at any time.\n\
+Where a majority of the members does not answer yet, this robot's part is done and a warning\n\
+says who is missing; with --wait, that is waited for, and its absence exits with 1.\n\
+The servers ask nobody for a password: they belong into the robots' own network.")]
+    Up(BackendUpArgs),
+    /// Print each member with its state, lag, operations log and version
+    #[command(after_help = "Examples:\n  rmem backend status\n  rmem backend status --format table\n\n\
+lag_seconds is how far a member is behind the primary, oplog_seconds how long it can be away\n\
+and still catch up from that member's log. Exits with 1 where a member is not up.")]
+    Status,
+    /// Stop what `rmem backend up` started
+    #[command(after_help = "Examples:\n  rmem backend down\n  rmem backend down local\n\n\
+A mongod that something else started is left alone, which exits with 1.")]
+    Down {
+        /// Which of them; all where none is named
+        #[arg(value_name = "BACKEND", hide_possible_values = true)]
+        backends: Vec<BackendName>,
+    },
+}
+
+/// `backend up`
+#[derive(Debug, Args)]
+pub struct BackendUpArgs {
+    /// local or shared; both where none is named
+    #[arg(value_name = "BACKEND", hide_possible_values = true)]
+    pub backends: Vec<BackendName>,
+    /// Wait until every replica set takes writes; exit with 1 where one does not by then
+    #[arg(long, value_name = "D", value_parser = quantity::duration)]
+    pub wait: Option<Duration>,
+}
+
+/// A table of `rmem.toml`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BackendName {
+    /// `[backend.local]`
+    Local,
+    /// `[backend.shared]`
+    Shared,
+}
+
+impl BackendName {
+    /// The name of the table.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Local => "local",
+            Self::Shared => "shared",
+        }
+    }
+}
+
 #[cfg(feature = "mongodb")]
-pub(super) fn run(args: &Args, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &BackendArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     served::run(args, context)
 }
 
 #[cfg(not(feature = "mongodb"))]
-pub(super) fn run(_: &Args, _: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(_: &BackendArgs, _: &mut Context<'_>) -> anyhow::Result<Exit> {
     let text = "this rmem was built without MongoDB; build it with `--features mongodb`";
     Err(UsageError::new(text).into())
 }
@@ -39,15 +113,14 @@ mod served {
 
     use bson::{Document, doc};
 
-    use super::{Args, Context, Exit, meant};
+    use super::{BackendArgs, BackendCommand, BackendName, BackendUpArgs, Context, Exit, meant};
     use crate::backend::{self, BackendError, Down, Row, Running, Settled};
-    use crate::cli::{BackendCommand, BackendName, BackendUp};
     use crate::settings::backend::Backend;
 
     /// How often a set is asked whether a majority has come.
     const LOOK: Duration = Duration::from_millis(500);
 
-    pub(super) fn run(args: &Args, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    pub(super) fn run(args: &BackendArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
         let done = match &args.command {
             BackendCommand::Up(args) => up(args, context),
             BackendCommand::Status => status(context),
@@ -62,7 +135,7 @@ mod served {
         }
     }
 
-    fn up(args: &BackendUp, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    fn up(args: &BackendUpArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
         let since = Instant::now();
         let guard = args.wait.unwrap_or_default();
         let mut exit = Exit::Done;

@@ -1,20 +1,44 @@
 //! `rmem bench`: how fast the memory is here, and against a MongoDB server.
 
+use std::path::PathBuf;
+
 use anyhow::Context as _;
 use bson::Document;
 use bson::oid::ObjectId;
+use clap::Args;
 
 use super::context::memory_at;
 use super::{Context, UsageError};
 use crate::bench::{Extent, Figure, OfMemory, Subject, plot, run as measure};
-use crate::cli::Bench;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::Memory;
 use crate::output::Format;
 use crate::store::Namespace;
 
-pub(super) fn run(args: &Bench, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Measure how fast the memory is
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  rmem bench\n  rmem bench --against mongodb://127.0.0.1:27017 --plot figures\n\n\
+Times the work of a robot that tidies up, side by side on an embedded memory and, with --against, on a\n\
+MongoDB server: through the driver alone with journaled writes, and through rmem. Prints medians in\n\
+microseconds, how many times faster the embedded memory is than the server, and by how many percent\n\
+rmem on the server is slower than the driver alone.")]
+pub struct BenchArgs {
+    /// How many documents there are (can be repeated)
+    #[arg(long, value_name = "N", default_values_t = [1_000, 10_000, 100_000], value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    pub documents: Vec<u32>,
+    /// How often each kind of work is repeated
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub rounds: u32,
+    /// A MongoDB server to compare with; a database rmem_bench_… is made there and removed
+    #[arg(long, value_name = "URI")]
+    pub against: Option<String>,
+    /// Draw the figures into DIR/memory.svg
+    #[arg(long, value_name = "DIR")]
+    pub plot: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let extent = extent(args);
     let format = context.format(&[Format::Jsonl, Format::Table])?;
     let folder = tempfile::tempdir().context("a folder for the memory that is measured")?;
@@ -44,7 +68,7 @@ pub(super) fn run(args: &Bench, context: &mut Context<'_>) -> anyhow::Result<Exi
     Ok(Exit::Done)
 }
 
-fn extent(args: &Bench) -> Extent {
+fn extent(args: &BenchArgs) -> Extent {
     let mut documents: Vec<usize> = args.documents.iter().map(|count| *count as usize).collect();
     documents.sort_unstable();
     documents.dedup();

@@ -1,12 +1,22 @@
 //! `rmem completions SHELL`: a completion script.
 
+use clap::Args;
+
 use super::Context;
-use crate::cli::{self, Completions};
 use crate::exit::Exit;
 
-pub(super) fn run(args: &Completions, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Print a shell's completion script
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem completions bash > ~/.local/share/bash-completion/completions/rmem")]
+pub struct CompletionsArgs {
+    /// bash, elvish, fish, powershell or zsh
+    #[arg(value_name = "SHELL", hide_possible_values = true)]
+    pub shell: clap_complete::Shell,
+}
+
+pub(super) fn run(args: &CompletionsArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut cli::command(), "rmem", &mut script);
+    clap_complete::generate(args.shell, &mut (context.command_line)(), "rmem", &mut script);
     context.output.stdout().write_all(&script)?;
     Ok(Exit::Done)
 }

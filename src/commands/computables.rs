@@ -1,16 +1,39 @@
 //! `rmem computables`: the registered ones; with `--check`, which a query would run and why.
 
 use bson::{Bson, Document, doc};
+use clap::Args;
 
 use super::Context;
 use super::query::argument;
-use crate::cli::Computables;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::computables::{Check, Computable, Verdict};
 use crate::store::Namespace;
 
-pub(super) fn run(args: &Computables, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// List the computables, or say which would run for a query
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem computables\n  rmem computables --check robmem.blocks \"{relation: 'on-table'}\"\n\n\
+Computables are [[computable]] tables in rmem.toml: a name, a collection, a spec, and a pipeline, a\n\
+command or a builtin (transform, nearest). One runs when a query, count, distinct, aggregate or template\n\
+asks its collection a query that, as a document, matches its spec; its documents are stored there, and\n\
+for the time of its cache an equal query computes nothing, unless they were changed or removed.\n\
+--check computes nothing.\n\n\
+A pipeline may use the asked query: '$$query.KEY' is the value of a key in an expression, nothing\n\
+where the query has no such key; in a filter or $limit it stands for the value as it is:\n\n\
+[[computable]]\n\
+name = \"below\"\n\
+collection = \"robmem.blocks\"\n\
+spec = \"{below: {$exists: true}}\"\n\
+pipeline = \"[{$match: {z: {$lt: '$$query.below'}}}, {$project: {_id: 0, block: 1, below: '$$query.below'}}]\""
+)]
+pub struct ComputablesArgs {
+    /// Say which would run for a query on a namespace, and why
+    #[arg(long, num_args = 2, value_names = ["NS", "QUERY"])]
+    pub check: Vec<String>,
+}
+
+pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
     let rows: Vec<Document> = match args.check.as_slice() {
         [namespace, query] => {

@@ -1,12 +1,19 @@
 //! `rmem config`: the settings in force, and where each came from.
 
+use clap::Args;
+
 use super::Context;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::settings::Origin;
 use crate::store::StoreUri;
 
-pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Print the settings in force, and where each came from
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem config")]
+pub struct ConfigArgs {}
+
+pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let settings = &context.settings;
     let file = settings.file.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
     let mut lines = vec![

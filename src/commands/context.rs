@@ -28,6 +28,8 @@ pub struct Context<'a> {
     pub environment: Environment,
     /// rmem itself, for child processes.
     pub executable: PathBuf,
+    /// Describes the command line, for what is generated from it.
+    pub command_line: fn() -> clap::Command,
     stdin: Option<&'a mut dyn BufRead>,
     terminal: bool,
 }
@@ -40,8 +42,9 @@ impl<'a> Context<'a> {
         terminal: bool,
         executable: PathBuf,
         environment: Environment,
+        command_line: fn() -> clap::Command,
     ) -> Self {
-        Self { settings, output, environment, executable, stdin: Some(stdin), terminal }
+        Self { settings, output, environment, executable, command_line, stdin: Some(stdin), terminal }
     }
 
     /// The memory, with the world files of `--load` in it. A file that was named for this

@@ -3,16 +3,31 @@
 use std::path::Path;
 
 use bson::{Bson, Document};
+use clap::Args;
 
 use super::context::memory_at;
 use super::{Context, WrongInput};
-use crate::cli::Diff;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::dump::diff::{Difference, Side, compare};
 use crate::memory::dump::read::Dump;
 
-pub(super) fn run(args: &Diff, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Compare two world files, dumps or memories
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem diff world.json file:robot.rmem\n\n\
+Prints a line a document that is only in A (-), only in B (+), or different (~); exits with 0\n\
+where there is none, else with 1. Documents are paired by namespace and _id; metadata does\n\
+not count. A and B are files, folders, or URIs: file:PATH, mongodb://…, mem:.")]
+pub struct DiffArgs {
+    /// The first: a world file, a dump, or the URI of a memory
+    #[arg(value_name = "A")]
+    pub first: String,
+    /// The second
+    #[arg(value_name = "B")]
+    pub second: String,
+}
+
+pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let (first, second) = (side(&args.first, context)?, side(&args.second, context)?);
     let count = compare(&first, &second, |namespace, difference| {
         Ok::<_, anyhow::Error>(context.output.line(&line(&namespace.to_string(), &difference))?)

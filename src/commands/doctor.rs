@@ -1,9 +1,16 @@
 //! `rmem doctor`: whether settings, stores and planners are in order.
 
+use clap::Args;
+
 use super::Context;
 use crate::exit::Exit;
 
-pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Say whether store, planners and settings are in order
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem doctor")]
+pub struct DoctorArgs {}
+
+pub(super) fn run(_: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
     context.output.line(&format!("settings   {settings}"))?;

@@ -1,10 +1,21 @@
 //! `rmem drop NS`: remove a whole collection.
 
-use super::Context;
-use crate::cli::Drop;
-use crate::exit::Exit;
+use clap::Args;
 
-pub(super) fn run(args: &Drop, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+use super::Context;
+use crate::exit::Exit;
+use crate::store::Namespace;
+
+/// Remove a whole collection
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem drop robmem.worldmodel")]
+pub struct DropArgs {
+    /// Which collection: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+}
+
+pub(super) fn run(args: &DropArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     if !context.memory()?.drop_collection(&args.namespace)? {
         context.output.warn(&format!("there is no collection {}", args.namespace));
     }

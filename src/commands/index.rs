@@ -2,14 +2,48 @@
 
 use std::time::Duration;
 
+use clap::Args;
+
 use super::query::{argument, blame};
 use super::{Context, UsageError};
-use crate::cli;
 use crate::exit::Exit;
+use crate::formats::quantity;
 use crate::memory::Memory;
 use crate::store::{Index, Namespace};
 
-pub(super) fn run(args: &cli::Index, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Make an index, remove one, or list them
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem index robmem.objects '{name: 1}' --unique\n  rmem index robmem.sightings '{seen: 1}' --ttl 1h\n  rmem index robmem.objects\n  rmem index robmem.objects '{name: 1}' --drop\n\n\
+Prints the name of the index. A unique index refuses documents whose key is taken (exit code 5), and\n\
+is not made where two documents have one already. What became due by --ttl is removed by later\n\
+writers and by rmem expire; on MongoDB, by the server."
+)]
+pub struct IndexArgs {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Paths with 1, -1, '2d' or '2dsphere'; where they are left out, the indexes are listed
+    #[arg(value_name = "KEYS")]
+    pub keys: Option<String>,
+    /// No two documents may have the same key
+    #[arg(long)]
+    pub unique: bool,
+    /// Leave out documents that have none of the fields
+    #[arg(long)]
+    pub sparse: bool,
+    /// Remove documents so long after the date they have there
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    pub ttl: Option<Duration>,
+    /// What the index is called; else after its keys, like a_1_b_-1
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Remove the index with these keys, or of this name
+    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl"])]
+    pub drop: bool,
+}
+
+pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let wanted = args.keys.as_deref().map(|text| index(args, text)).transpose()?;
     let memory = context.memory()?;
     match (wanted, args.drop) {
@@ -35,7 +69,7 @@ pub(super) fn run(args: &cli::Index, context: &mut Context<'_>) -> anyhow::Resul
 }
 
 /// The index that the arguments describe.
-fn index(args: &cli::Index, keys: &str) -> anyhow::Result<Index> {
+fn index(args: &IndexArgs, keys: &str) -> anyhow::Result<Index> {
     let index = Index::on(argument("<keys>", keys)?);
     Ok(Index {
         name: args.name.clone().unwrap_or(index.name),
@@ -54,12 +88,7 @@ fn seconds(ttl: Duration) -> Result<i64, UsageError> {
     }
 }
 
-fn remove(
-    args: &cli::Index,
-    wanted: Option<Index>,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> anyhow::Result<Exit> {
+fn remove(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let name = match (&args.name, wanted) {
         (Some(name), _) => name.clone(),
         (None, Some(wanted)) => named(memory, &args.namespace, wanted)?,

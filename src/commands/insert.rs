@@ -5,21 +5,36 @@
 
 use std::fs::File;
 use std::io::BufReader;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use bson::Document;
+use clap::Args;
 
 use super::query::blame;
 use super::{Context, WrongInput};
-use crate::cli::Insert;
 use crate::exit::Exit;
 use crate::formats::Source;
 use crate::formats::shell::{self, ReadError, Reader};
 use crate::input::unreadable;
 use crate::memory::Memory;
-use crate::store::StoreError;
+use crate::store::{Namespace, StoreError};
+
+/// Store documents; prints their ids
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem insert robmem.worldmodel \"{relation: 'on-table', object: 'A'}\"")]
+pub struct InsertArgs {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Documents in shell syntax or Extended JSON; none or - reads stdin
+    #[arg(value_name = "DOC")]
+    pub documents: Vec<String>,
+    /// Read documents from FILE
+    #[arg(short, long, value_name = "FILE", conflicts_with = "documents")]
+    pub file: Option<PathBuf>,
+}
 
 /// How many documents are stored, and acknowledged, at once at the most.
 const LARGEST_BATCH: usize = 1_000;
@@ -27,7 +42,7 @@ const LARGEST_BATCH: usize = 1_000;
 /// How old a document may get before it is stored with those that came by then.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 
-pub(super) fn run(args: &Insert, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory_to_fill()?;
     let mut batch = Batch::new(args);
     for (index, text) in args.documents.iter().enumerate() {
@@ -81,7 +96,7 @@ fn readable(error: ReadError) -> anyhow::Error {
 
 /// The documents that are read and not yet stored.
 struct Batch<'a> {
-    args: &'a Insert,
+    args: &'a InsertArgs,
     documents: Vec<Document>,
     began: Instant,
     size: usize,
@@ -89,7 +104,7 @@ struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    fn new(args: &'a Insert) -> Self {
+    fn new(args: &'a InsertArgs) -> Self {
         Self { args, documents: Vec::new(), began: Instant::now(), size: 1, stored: 0 }
     }
 

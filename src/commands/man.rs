@@ -1,12 +1,18 @@
 //! `rmem man`: the manual page.
 
+use clap::Args;
+
 use super::Context;
-use crate::cli;
 use crate::exit::Exit;
 
-pub(super) fn run(context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Print the manual page
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem man > rmem.1")]
+pub struct ManArgs {}
+
+pub(super) fn run(_: &ManArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let mut page = Vec::new();
-    clap_mangen::Man::new(cli::command()).render(&mut page)?;
+    clap_mangen::Man::new((context.command_line)()).render(&mut page)?;
     context.output.stdout().write_all(&page)?;
     Ok(Exit::Done)
 }

@@ -1,4 +1,4 @@
-//! One file per subcommand; here the dispatch, and what they share.
+//! One file per subcommand: its arguments, whose documentation is its help, and its body. Here is the list.
 
 mod aggregate;
 mod backend;
@@ -39,8 +39,67 @@ pub use context::Context;
 
 pub(crate) use crate::input::{UsageError, WrongInput};
 
-use crate::cli::Command;
+use clap::Subcommand;
+
 use crate::exit::Exit;
+
+/// The commands, in the order of the help.
+#[derive(Debug, Subcommand)]
+#[expect(missing_docs, reason = "a variant's documentation would replace the help of its arguments")]
+pub enum Command {
+    Insert(insert::InsertArgs),
+    Query(query::QueryArgs),
+    Count(count::CountArgs),
+    Distinct(distinct::DistinctArgs),
+    Aggregate(aggregate::AggregateArgs),
+    Update(update::UpdateArgs),
+    Delete(delete::DeleteArgs),
+    Index(index::IndexArgs),
+    Collections(collections::CollectionsArgs),
+    Drop(drop::DropArgs),
+    Dump(dump::DumpArgs),
+    Restore(restore::RestoreArgs),
+    Diff(diff::DiffArgs),
+    Lock(lock::LockArgs),
+    Unlock(unlock::UnlockArgs),
+    Watch(watch::WatchArgs),
+    Backend(backend::BackendArgs),
+    Computables(computables::ComputablesArgs),
+    /// Generate a PDDL problem from a template whose sections are queries
+    #[command(
+        after_help = "Examples:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl\n  rmem gen-problem --template problem.pddl.j2 --explain '(on A B)'\n\n\
+--explain names the line of the template, the query and the document behind each place where the\n\
+problem says so; exits with 1 where it does not."
+    )]
+    GenProblem(crate::cli::GenProblem),
+    /// Turn a PDDL problem into documents, and a template that makes an equal problem of them
+    #[command(after_help = crate::cli::IMPORT_PROBLEM_HELP)]
+    ImportProblem(crate::cli::ImportProblem),
+    /// Find a plan, check it, store it, print it
+    #[command(
+        after_help = "Examples:\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  rmem gen-problem --template problem.pddl.j2 | rmem plan --domain domain.pddl --problem -\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --watch\n\n\
+With --watch, rmem prints a plan and stays. When a collection changes that the template asks, or that\n\
+pipelines of its computables are made from, or a step is noted as ended, the steps that are not done\n\
+are simulated from the memory as it is then; a plan that holds is left alone, any other is replaced\n\
+by a new one, stored and printed. While a step is noted as begun (plan step ID N --started), the\n\
+world is in between, and nothing is done until it is noted as ended. Ends when it is interrupted."
+    )]
+    Plan(crate::cli::Plan),
+    /// Run the built-in planner, speaking FF
+    #[command(after_help = "Example:\n  rmem ff -o domain.pddl -f problem.pddl")]
+    Ff(crate::cli::Ff),
+    /// Check a domain, a problem, and simulate a plan
+    #[command(after_help = "Example:\n  rmem validate domain.pddl problem.pddl plan.txt")]
+    Validate(crate::cli::Validate),
+    Clips(clips::ClipsArgs),
+    Expire(expire::ExpireArgs),
+    Bench(bench::BenchArgs),
+    Config(config::ConfigArgs),
+    Doctor(doctor::DoctorArgs),
+    Completions(completions::CompletionsArgs),
+    Man(man::ManArgs),
+    ExitCodes(exit_codes::ExitCodesArgs),
+}
 
 /// Runs one command.
 ///
@@ -52,18 +111,18 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Backend(args) => backend::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Clips(args) => clips::run(args, context),
-        Command::Collections => collections::run(context),
-        Command::Computables(args) => computables::run(args, context),
+        Command::Collections(args) => collections::run(args, context),
         Command::Completions(args) => completions::run(args, context),
-        Command::Config => config::run(context),
+        Command::Computables(args) => computables::run(args, context),
+        Command::Config(args) => config::run(args, context),
         Command::Count(args) => count::run(args, context),
         Command::Delete(args) => delete::run(args, context),
         Command::Diff(args) => diff::run(args, context),
         Command::Distinct(args) => distinct::run(args, context),
-        Command::Doctor => doctor::run(context),
+        Command::Doctor(args) => doctor::run(args, context),
         Command::Drop(args) => drop::run(args, context),
         Command::Dump(args) => dump::run(args, context),
-        Command::ExitCodes => exit_codes::run(context),
+        Command::ExitCodes(args) => exit_codes::run(args, context),
         Command::Expire(args) => expire::run(args, context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
@@ -71,7 +130,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Index(args) => index::run(args, context),
         Command::Insert(args) => insert::run(args, context),
         Command::Lock(args) => lock::run(args, context),
-        Command::Man => man::run(context),
+        Command::Man(args) => man::run(args, context),
         Command::Plan(args) => plan::run(args, context),
         Command::Query(args) => query::run(args, context),
         Command::Restore(args) => restore::run(args, context),

@@ -1,12 +1,43 @@
 //! `rmem query NS [QUERY]`: the documents that match.
 
+use clap::Args;
+
 use super::Context;
-use crate::cli::Query;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
-use crate::store::{Find, StoreError};
+use crate::store::{Find, Namespace, StoreError};
 
-pub(super) fn run(args: &Query, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Print the documents that match
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem query robmem.worldmodel \"{relation: 'on'}\" --sort '{object_top: 1}'")]
+pub struct QueryArgs {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Which documents; all where it is left out
+    #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub query: String,
+    /// Keys with 1 or -1
+    #[arg(long, value_name = "SORT")]
+    pub sort: Option<String>,
+    /// At most N documents
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub limit: u64,
+    /// Pass over the first N
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub skip: u64,
+    /// Which fields: {name: 1} or {name: 0}
+    #[arg(long, value_name = "PROJECTION")]
+    pub fields: Option<String>,
+    /// Show the memory's metadata, `_robmem_info`
+    #[arg(long)]
+    pub meta: bool,
+    /// Instead of documents, say how they are found: by which index, and how much was looked at
+    #[arg(long)]
+    pub explain: bool,
+}
+
+pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let find = Find {
         filter: argument("<query>", &args.query)?,
         sort: args.sort.as_deref().map(|text| argument("<sort>", text)).transpose()?.unwrap_or_default(),

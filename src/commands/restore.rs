@@ -1,16 +1,43 @@
 //! `rmem restore PATH`: a dump into the memory.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bson::{Document, doc};
+use clap::Args;
 
 use super::{Context, UsageError};
-use crate::cli::Restore;
 use crate::exit::Exit;
 use crate::memory::dump::read::Dump;
 use crate::memory::dump::restore::{RestoreError, RestoreOptions, Restored, restore};
+use crate::store::Namespace;
 
-pub(super) fn run(args: &Restore, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Put a dump into the memory: verified first, whoever wrote it
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem restore world.json\n  rmem restore backup --dry-run\n  rmem restore dump/robmem/blocks.bson --into robmem.copy --drop\n\n\
+Reads world files, folders of rmem and of mongodump (also the folder of one database, or one\n\
+.bson file), archives, plain or packed with gzip. Nothing is changed where anything in them is wrong.\n\
+Documents are put beside those that are there: new ones are inserted, different ones replace\n\
+what has their _id, equal ones are skipped. With --drop, each collection is replaced as a\n\
+whole, with its indexes, once everything is stored. Metadata is restored, but for the dates:\n\
+a document counts as inserted when it is restored."
+)]
+pub struct RestoreArgs {
+    /// A world file, a folder, an archive, or a .bson file; - is a world file on stdin
+    #[arg(value_name = "PATH")]
+    pub path: PathBuf,
+    /// Where the dump of one collection goes instead
+    #[arg(long, value_name = "NS")]
+    pub into: Option<Namespace>,
+    /// Replace collections as a whole
+    #[arg(long)]
+    pub drop: bool,
+    /// Only say what would be done
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let mut dump = match args.path == Path::new("-") {
         true => Dump::world(&context.read(&args.path)?)?,
         false => Dump::open(&args.path)?,

@@ -1,15 +1,41 @@
 //! `rmem update NS QUERY UPDATE`: change documents.
 
 use bson::{Bson, Document};
+use clap::Args;
 
 use super::Context;
 use super::query::{argument, blame};
-use crate::cli::Update;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
-use crate::store::{UpdateRequest, UpdateSpec};
+use crate::store::{Namespace, UpdateRequest, UpdateSpec};
 
-pub(super) fn run(args: &Update, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Change documents: operators, a replacement, or a pipeline
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  rmem update robmem.worldmodel \"{object: 'A'}\" \"{\\$set: {color: 'red'}}\" --many"
+)]
+pub struct UpdateArgs {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Which documents
+    #[arg(value_name = "QUERY")]
+    pub query: String,
+    /// Operators, a replacement, or a pipeline
+    #[arg(value_name = "UPDATE")]
+    pub update: String,
+    /// All matches, not only the first
+    #[arg(long)]
+    pub many: bool,
+    /// Insert where nothing matches
+    #[arg(long)]
+    pub upsert: bool,
+    /// What `$[identifier]` stands for (can be repeated)
+    #[arg(long = "array-filter", value_name = "QUERY")]
+    pub array_filters: Vec<String>,
+}
+
+pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let request = UpdateRequest {
         filter: argument("<query>", &args.query)?,
         update: specification(&Source::new("<update>", args.update.as_str()))?,

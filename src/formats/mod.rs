@@ -11,6 +11,7 @@ pub mod marker;
 pub mod mongodump;
 pub mod pddl;
 pub mod plan;
+pub mod quantity;
 pub mod shell;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Source, Span};

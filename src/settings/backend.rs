@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::cli::quantity;
+use crate::formats::quantity;
 
 /// A mongod's cache cannot be smaller.
 const SMALLEST_CACHE: u64 = 256 << 20;

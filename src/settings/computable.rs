@@ -8,7 +8,7 @@ use bson::Document;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::cli::quantity;
+use crate::formats::quantity;
 use crate::formats::{Diagnostic, Source, shell};
 use crate::memory::computables::{BUILTINS, BodyKind, Definition, check_pipeline};
 use crate::query::{Filter, QueryError};

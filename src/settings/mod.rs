@@ -6,6 +6,7 @@
 pub mod backend;
 mod computable;
 pub mod file;
+mod flags;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,13 +15,14 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::ValueEnum as _;
 
-use crate::cli::{Color, Global};
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Definition;
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::store::Namespace;
 use file::File;
+
+pub use flags::{Color, Flags};
 
 /// The namespace where none is given.
 const DEFAULT_COLLECTION: &str = "robmem.worldmodel";
@@ -165,12 +167,7 @@ impl Settings {
     /// # Errors
     /// A settings file that is missing, unreadable or wrong, with its position;
     /// a variable or flag whose value is not acceptable.
-    pub fn resolve(
-        flags: &Global,
-        environment: &Environment,
-        directory: &Path,
-        terminal: bool,
-    ) -> anyhow::Result<Self> {
+    pub fn resolve(flags: &Flags, environment: &Environment, directory: &Path, terminal: bool) -> anyhow::Result<Self> {
         let garbled = |(name, value): &(&String, &String)| name.starts_with("RMEM_") && value.contains('\u{fffd}');
         if let Some((name, _)) = environment.iter().find(garbled) {
             return Err(UsageError::new(format!("the environment variable {name} is not UTF-8")).into());
@@ -262,7 +259,7 @@ fn default_memory(environment: &Environment) -> Option<String> {
 }
 
 /// The file that was named, else the nearest `rmem.toml` upwards, else the user's.
-fn find_file(flags: &Global, environment: &Environment, directory: &Path) -> anyhow::Result<Option<PathBuf>> {
+fn find_file(flags: &Flags, environment: &Environment, directory: &Path) -> anyhow::Result<Option<PathBuf>> {
     let set = |name: &str| set(environment, name);
     if let Some(path) = flags.config.clone().or_else(|| set("RMEM_CONFIG").map(PathBuf::from)) {
         return Ok(Some(directory.join(path)));

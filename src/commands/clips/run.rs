@@ -1,86 +1,82 @@
 //! `rmem clips run PROGRAM…`: CLIPS with the memory's functions inside it.
 
-use anyhow::Context as _;
+#[cfg_attr(not(feature = "clips-engine"), path = "run/without.rs")]
+mod engine;
 
-use crate::cli::{ClipsRun, WORLD};
-use crate::clips::engine::{self, Ended, Job, Message, Sender};
-use crate::commands::{Context, lock};
-use crate::exit::Exit;
-use crate::formats::Source;
-use crate::memory::dump::world_file::{WorldError, WorldFile};
-use crate::planner::Host;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+
+use crate::formats::quantity;
 use crate::store::Namespace;
 
-pub(super) fn run(args: &ClipsRun, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let programs = args.programs.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
-    let facts = args.facts.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
-    let guard = crate::InterruptGuard::new();
-    let job = Job {
-        programs,
-        facts,
-        cycles: args.cycles,
-        timeout: args.timeout,
-        interrupted: guard.interrupted(),
-        world: args.sync.clone().map_or_else(|| Namespace::parse(WORLD), Ok)?,
-        is_synced: args.sync.is_some(),
-        collection: context.settings.collection.value.clone(),
-        mutexes: lock::mutexes(context)?,
-        planners: context.settings.planners.clone(),
-        host: Host { interrupted: guard.interrupted(), ..context.host() },
-    };
-    let (opening, worlds) = (context.opening(), worlds(context)?);
-    let is_observed = context.output.observer().is_some();
-    let open = move |sender: &Sender| {
-        let memory = opening.open(is_observed.then(|| sender.observer()))?;
-        for world in &worlds {
-            let loaded =
-                WorldFile::parse(world).map_err(|source| WorldError::Text { name: world.name().to_owned(), source });
-            let loaded = loaded.and_then(|world| world.load(&memory));
-            loaded.with_context(|| format!("loading {}", world.name()))?;
-        }
-        Ok(memory)
-    };
-    let ended = engine::run(job, open, &mut |said| listen(said, context))?;
-    Ok(match ended {
-        Ended::Well => Exit::Done,
-        Ended::Exited(code) => Exit::Passed(u8::try_from(code & 0xff).unwrap_or(u8::MAX)),
-        Ended::Failed => Exit::No,
-        Ended::OutOfTime => {
-            context.output.error("the time was over while rules were firing");
-            Exit::OutOfTime
-        }
-        Ended::Interrupted => Exit::Interrupted,
-    })
+pub(super) use engine::run;
+
+/// What stands below the help of `clips run`.
+const HELP: &str = "\
+Examples:
+  rmem clips run agent.clp
+  rmem clips run templates.clp agent.clp --facts world.txt --timeout 10m --sync
+
+Loads the programs, resets, asserts the facts of --facts, and fires rules until none can fire. A program
+that follows triggers or the shared world model goes on, until it says (exit) or (halt), --timeout is
+over, or somebody interrupts. What it prints is stdout.
+
+Ends with 0; with the code of (exit CODE); with 1 where an error halted it; with 3 where something does not
+load; with 23 where --timeout is over and rules still fire; with 130 where it is interrupted.
+
+NS is DATABASE.COLLECTION; DOC is a document (an external address) or its text. Errors at any time are
+said on stderr and the function gives FALSE; wrong arguments and destroyed documents halt the program.
+
+  (rm-insert NS DOC) (rm-query NS [DOC [SORT]]) (rm-query-sort NS DOC SORT) (rm-count NS [DOC])
+  (rm-update NS DOC QUERY) sets the fields, or does what operators say, on the first match
+  (rm-replace NS DOC QUERY) (rm-upsert NS DOC QUERY) (rm-delete NS QUERY), also called rm-remove
+  (rm-create-index NS KEYS) (rm-create-unique-index NS KEYS)
+  (rm-cursor-next C), a document or FALSE, (rm-cursor-more C) (rm-cursor-destroy C)
+  (rm-fact-to-bson FACT) (rm-structured-fact-to-bson FACT) (rm-ordered-fact-to-bson FACT)
+  (rm-assert-from-bson DOC)
+  (rm-trigger-register NS QUERY NAME) (rm-trigger-destroy T); each change asserts
+     (robmem-trigger (name \"NAME\") (rcvd-at SEC USEC) (ptr DOC) (operation insert) (namespace \"NS\")
+        (id \"…\") (before \"…\") (after \"…\")) and the ordered fact (NAME)
+  (rm-gen-problem TEMPLATE [GOAL [NAME VALUE]…]), a string
+  (rm-plan DOMAIN PROBLEM [PLANNER [SECONDS]]), the id of the stored plan or FALSE; asserts the facts of
+     rmem plan --format clips for which the program has the deftemplates plan and plan-action
+  (rm-dump NS PATH) (rm-restore PATH [NS])
+  (synced-assert \"(template (slot value) …)\") (synced-modify FACT SLOT VALUE …) (synced-retract FACT)
+  (synced-add-to-multifield FACT SLOT VALUE) (synced-remove-from-multifield FACT SLOT VALUE)
+     keep a world model with all who use --sync's namespace, by the slot sync-id
+
+As in Fawkes: robmem-insert robmem-query robmem-query-sort robmem-count robmem-update robmem-replace
+robmem-upsert robmem-remove robmem-create-index robmem-create-unique-index robmem-cursor-next
+robmem-cursor-more robmem-cursor-destroy robmem-trigger-register robmem-trigger-destroy
+(robmem-dump-collection NS DIR) (robmem-restore-collection NS DIR [NS]) (robmem-mutex-create NAME)
+robmem-mutex-destroy (robmem-mutex-try-lock NAME OWNER) robmem-mutex-renew-lock robmem-mutex-force-lock
+robmem-mutex-unlock (robmem-mutex-setup-ttl SEC) (robmem-mutex-expire-locks SEC)
+bson-create bson-parse bson-destroy bson-tostring bson-append bson-append-array bson-append-time
+bson-append-regex bson-array-start bson-array-append bson-array-finish bson-field-names bson-has-field
+bson-get bson-get-array bson-get-time";
+
+/// Run programs of CLIPS with the memory's functions inside
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+pub struct RunArgs {
+    /// Programs: constructs, loaded in this order; - is stdin
+    #[arg(value_name = "PROGRAM", required = true)]
+    pub programs: Vec<PathBuf>,
+    /// Facts to assert after the reset, as (save-facts) writes them (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub facts: Vec<PathBuf>,
+    /// Fire at most N rules
+    #[arg(long, value_name = "N")]
+    pub cycles: Option<u64>,
+    /// End after so long
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    pub timeout: Option<Duration>,
+    /// Keep the shared world model of NS from the start, and not only once the program changes it
+    #[arg(long, value_name = "NS", num_args = 0..=1, default_missing_value = WORLD, require_equals = true)]
+    pub sync: Option<Namespace>,
 }
 
-/// The world files of `--load`.
-fn worlds(context: &mut Context<'_>) -> anyhow::Result<Vec<Source>> {
-    context.settings.load.clone().iter().map(|path| context.read(path)).collect()
-}
-
-/// Prints what the program says, and reads what it wants to know.
-fn listen(said: Message, context: &mut Context<'_>) -> anyhow::Result<()> {
-    match said {
-        Message::Out(text) => context.output.stdout().write_all(&text)?,
-        Message::Err(text) => {
-            context.output.flush()?;
-            context.output.pass_on(&text);
-        }
-        Message::Note(text) => context.output.note(&text),
-        Message::Operation(operation) => {
-            if let Some(observer) = context.output.observer() {
-                observer(&operation);
-            }
-        }
-        Message::Pause => {
-            context.output.flush()?;
-            context.output.tell_operations();
-        }
-        Message::Read(answer) => {
-            context.output.flush()?;
-            // Who asked may be gone; then nobody wants the line.
-            drop(answer.send(context.read_line()?));
-        }
-    }
-    Ok(())
-}
+/// The shared world model where none is named, as in Fawkes.
+const WORLD: &str = "syncedrobmem.clipswm";

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use bson::Document;
 
-use crate::cli;
+use super::WatchArgs;
 use crate::clips::facts;
 use crate::commands::{Context, WrongInput};
 use crate::formats::clips::{write_fact, write_value};
@@ -42,7 +42,7 @@ pub(super) enum Delivered {
 }
 
 impl<'a> Delivery<'a> {
-    pub(super) fn new(args: &'a cli::Watch, namespace: &'a Namespace, context: &Context<'_>) -> anyhow::Result<Self> {
+    pub(super) fn new(args: &'a WatchArgs, namespace: &'a Namespace, context: &Context<'_>) -> anyhow::Result<Self> {
         let format = context.format(&[Format::Jsonl, Format::Canonical, Format::Clips])?;
         let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
         let (name, exec) = (args.resume.as_deref(), args.exec.as_deref());

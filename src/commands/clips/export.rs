@@ -1,0 +1,177 @@
+//! `rmem clips export [NS [QUERY]]`: documents as CLIPS facts.
+
+use std::path::PathBuf;
+
+use bson::Document;
+use clap::{Args, ValueEnum};
+
+use super::schema;
+use crate::clips::facts::{Exporter, FactError, Nested};
+use crate::commands::query::{argument, owned};
+use crate::commands::{Context, UsageError, WrongInput};
+use crate::exit::Exit;
+use crate::formats::clips::{Fact, is_symbol, write_fact, write_operand, write_remark, write_value};
+use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::store::{Find, Namespace};
+
+/// Write documents as facts
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem clips export robmem.worldmodel \"{relation: 'on'}\" > facts.txt\n  rmem clips export --deftemplates templates.clp --as deffacts world -o world.clp"
+)]
+pub struct ExportArgs {
+    /// Where the documents are: DATABASE.COLLECTION; else --collection
+    #[arg(value_name = "NS")]
+    pub namespace: Option<String>,
+    /// Which documents; all where it is left out
+    #[arg(value_name = "QUERY")]
+    pub query: Option<String>,
+    /// Documents from a file instead of the memory; - is stdin
+    #[arg(long, value_name = "FILE", conflicts_with = "namespace")]
+    pub from: Option<PathBuf>,
+    /// Texts with deftemplates, which decide types (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub deftemplates: Vec<PathBuf>,
+    /// facts, for (load-facts); deffacts NAME, for (load); assert
+    #[arg(long = "as", value_name = "FORM", num_args = 1..=2, default_value = "facts", hide_default_value = true)]
+    pub form: Vec<String>,
+    /// What becomes of nested documents and the like: refuse, flatten, json
+    #[arg(long, value_name = "HOW", default_value = "refuse", hide_possible_values = true)]
+    pub nested: NestedValues,
+    /// Every template has to be known
+    #[arg(long)]
+    pub strict: bool,
+    /// The file to write, whole or not at all
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+}
+
+/// What becomes of values that no slot of a fact can hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum NestedValues {
+    /// They are errors.
+    #[default]
+    Refuse,
+    /// Keys are joined with `_`.
+    Flatten,
+    /// They are written as JSON, in a string.
+    Json,
+}
+
+pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let (form, arguments) = Form::of(args)?;
+    let schema = schema(&args.deftemplates, context)?;
+    let nested = match args.nested {
+        NestedValues::Refuse => Nested::Refuse,
+        NestedValues::Flatten => Nested::Flatten,
+        NestedValues::Json => Nested::Json,
+    };
+    let exporter = Exporter { schema: &schema, nested, strict: args.strict };
+    let mut text = form.opening();
+    let mut count = 0_usize;
+    if let Some(path) = &args.from {
+        if !arguments.is_empty() {
+            return Err(UsageError::new("documents come from --from or from a namespace, not from both").into());
+        }
+        let source = context.read(path)?;
+        for (span, document) in shell::parse_documents(&source)? {
+            let fact = exporter.fact(&document).map_err(|error| complain(&source, span, &error))?;
+            form.write(&fact, &mut text);
+            count += 1;
+        }
+    } else {
+        let mut arguments = arguments.into_iter();
+        let namespace = match arguments.next() {
+            Some(name) => Namespace::parse(name)?,
+            None => context.settings.collection.value.clone(),
+        };
+        let filter = arguments.next().map(|query| argument("<query>", query)).transpose()?.unwrap_or_default();
+        let memory = context.memory()?;
+        for document in memory.find_with_metadata(&namespace, &Find { filter, ..Find::default() })? {
+            let document = document.and_then(owned)?;
+            let fact = exporter.fact(&document).map_err(|error| refuse(&namespace, &document, &error))?;
+            form.write(&fact, &mut text);
+            count += 1;
+        }
+    }
+    text.push_str(form.closing());
+    context.output.write_file(&args.output, text.as_bytes())?;
+    context.output.note(&format!("{count} {}", plural(count, "fact", "facts")));
+    Ok(Exit::Done)
+}
+
+/// What facts are written as.
+enum Form<'a> {
+    Facts,
+    Deffacts(&'a str),
+    Assert,
+}
+
+impl<'a> Form<'a> {
+    /// The form, and the arguments that are left: where `--as facts` stands before
+    /// them, its second value is the first of them.
+    fn of(args: &'a ExportArgs) -> Result<(Self, Vec<&'a str>), UsageError> {
+        let mut words = args.form.iter().map(String::as_str);
+        let (form, more) = match (words.next(), words.next()) {
+            (Some("facts"), more) => (Self::Facts, more),
+            (Some("assert"), more) => (Self::Assert, more),
+            (Some("deffacts"), Some(name)) if is_symbol(name) => (Self::Deffacts(name), None),
+            (Some("deffacts"), _) => return Err(UsageError::new("expected --as deffacts NAME, the name a symbol")),
+            _ => return Err(UsageError::new("expected --as facts, --as deffacts NAME, or --as assert")),
+        };
+        let places = [&args.namespace, &args.query];
+        let arguments: Vec<&str> = more.into_iter().chain(places.into_iter().flatten().map(String::as_str)).collect();
+        match arguments.get(2) {
+            Some(extra) => Err(UsageError::new(format!("unexpected argument `{extra}`; expected NS and QUERY only"))),
+            None => Ok((form, arguments)),
+        }
+    }
+
+    fn opening(&self) -> String {
+        match self {
+            Self::Deffacts(name) => format!("(deffacts {name}\n"),
+            Self::Facts | Self::Assert => String::new(),
+        }
+    }
+
+    fn closing(&self) -> &'static str {
+        match self {
+            Self::Deffacts(_) => ")\n",
+            Self::Facts | Self::Assert => "",
+        }
+    }
+
+    fn write(&self, fact: &Fact, text: &mut String) {
+        match self {
+            Self::Facts => write_fact(fact, write_value, text),
+            Self::Deffacts(_) => {
+                text.push_str("   ");
+                write_fact(fact, write_operand, text);
+            }
+            Self::Assert => {
+                text.push_str("(assert ");
+                write_fact(fact, write_operand, text);
+                text.push(')');
+            }
+        }
+        write_remark(fact, text);
+        text.push('\n');
+    }
+}
+
+fn complain(source: &Source, span: Span, error: &FactError) -> Diagnostic {
+    let complaint = Diagnostic::new(source, span, error.to_string());
+    if error.is_nested() { complaint.hint(NESTED) } else { complaint }
+}
+
+fn refuse(namespace: &Namespace, document: &Document, error: &FactError) -> WrongInput {
+    let id = document.get("_id").map(shell::relaxed_value).unwrap_or_default();
+    let hint = if error.is_nested() { format!("\n  = hint: {NESTED}") } else { String::new() };
+    WrongInput::new(format!("{namespace}, document {id}: {error}{hint}"))
+}
+
+const NESTED: &str = "--nested flatten makes slots of nested keys, --nested json writes a string";
+
+fn plural(count: usize, one: &'static str, many: &'static str) -> &'static str {
+    if count == 1 { one } else { many }
+}

@@ -1,0 +1,86 @@
+//! `rmem clips run PROGRAM…`: CLIPS with the memory's functions inside it.
+
+use anyhow::Context as _;
+
+use super::{RunArgs, WORLD};
+use crate::clips::engine::{self, Ended, Job, Message, Sender};
+use crate::commands::{Context, lock};
+use crate::exit::Exit;
+use crate::formats::Source;
+use crate::memory::dump::world_file::{WorldError, WorldFile};
+use crate::planner::Host;
+use crate::store::Namespace;
+
+pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let programs = args.programs.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
+    let facts = args.facts.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
+    let guard = crate::InterruptGuard::new();
+    let job = Job {
+        programs,
+        facts,
+        cycles: args.cycles,
+        timeout: args.timeout,
+        interrupted: guard.interrupted(),
+        world: args.sync.clone().map_or_else(|| Namespace::parse(WORLD), Ok)?,
+        is_synced: args.sync.is_some(),
+        collection: context.settings.collection.value.clone(),
+        mutexes: lock::mutexes(context)?,
+        planners: context.settings.planners.clone(),
+        host: Host { interrupted: guard.interrupted(), ..context.host() },
+    };
+    let (opening, worlds) = (context.opening(), worlds(context)?);
+    let is_observed = context.output.observer().is_some();
+    let open = move |sender: &Sender| {
+        let memory = opening.open(is_observed.then(|| sender.observer()))?;
+        for world in &worlds {
+            let loaded =
+                WorldFile::parse(world).map_err(|source| WorldError::Text { name: world.name().to_owned(), source });
+            let loaded = loaded.and_then(|world| world.load(&memory));
+            loaded.with_context(|| format!("loading {}", world.name()))?;
+        }
+        Ok(memory)
+    };
+    let ended = engine::run(job, open, &mut |said| listen(said, context))?;
+    Ok(match ended {
+        Ended::Well => Exit::Done,
+        Ended::Exited(code) => Exit::Passed(u8::try_from(code & 0xff).unwrap_or(u8::MAX)),
+        Ended::Failed => Exit::No,
+        Ended::OutOfTime => {
+            context.output.error("the time was over while rules were firing");
+            Exit::OutOfTime
+        }
+        Ended::Interrupted => Exit::Interrupted,
+    })
+}
+
+/// The world files of `--load`.
+fn worlds(context: &mut Context<'_>) -> anyhow::Result<Vec<Source>> {
+    context.settings.load.clone().iter().map(|path| context.read(path)).collect()
+}
+
+/// Prints what the program says, and reads what it wants to know.
+fn listen(said: Message, context: &mut Context<'_>) -> anyhow::Result<()> {
+    match said {
+        Message::Out(text) => context.output.stdout().write_all(&text)?,
+        Message::Err(text) => {
+            context.output.flush()?;
+            context.output.pass_on(&text);
+        }
+        Message::Note(text) => context.output.note(&text),
+        Message::Operation(operation) => {
+            if let Some(observer) = context.output.observer() {
+                observer(&operation);
+            }
+        }
+        Message::Pause => {
+            context.output.flush()?;
+            context.output.tell_operations();
+        }
+        Message::Read(answer) => {
+            context.output.flush()?;
+            // Who asked may be gone; then nobody wants the line.
+            drop(answer.send(context.read_line()?));
+        }
+    }
+    Ok(())
+}
