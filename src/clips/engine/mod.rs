@@ -24,6 +24,8 @@ use crate::formats::Source;
 use crate::planner::{Configured, Host};
 use crate::store::Namespace;
 
+#[cfg(test)]
+pub(crate) use functions::names;
 pub use thread::{Message, Sender, run};
 
 /// What is to be run.

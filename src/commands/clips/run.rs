@@ -80,3 +80,14 @@ pub struct RunArgs {
 
 /// The shared world model where none is named, as in Fawkes.
 const WORLD: &str = "syncedrobmem.clipswm";
+
+#[cfg(all(test, feature = "clips-engine"))]
+mod tests {
+    use crate::clips::engine;
+
+    #[test]
+    fn the_help_names_every_function() {
+        let missing: Vec<_> = engine::names().into_iter().filter(|name| !super::HELP.contains(name)).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+}
