@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::{Figure, Work};
+use super::figure::Figure;
+use super::work::Work;
 
 const WIDTH: f64 = 300.0;
 const HEIGHT: f64 = 200.0;

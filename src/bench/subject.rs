@@ -103,3 +103,30 @@ impl Subject for OfMemory<'_> {
         self.memory.drop_index(&self.namespace, &Self::index_on_names().name).map(drop)
     }
 }
+
+#[cfg(feature = "mongodb")]
+impl Subject for crate::store::mongodb::Raw {
+    fn name(&self) -> &'static str {
+        "mongod"
+    }
+
+    fn insert(&self, documents: Vec<Document>) -> Result<(), StoreError> {
+        self.insert(documents)
+    }
+
+    fn find(&self, filter: Document) -> Result<u64, StoreError> {
+        self.find(filter)
+    }
+
+    fn update(&self, filter: Document, update: Document) -> Result<(), StoreError> {
+        self.update(filter, update)
+    }
+
+    fn index(&self) -> Result<(), StoreError> {
+        self.index()
+    }
+
+    fn drop_index(&self) -> Result<(), StoreError> {
+        self.drop_index()
+    }
+}

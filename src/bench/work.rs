@@ -2,7 +2,7 @@
 
 use bson::{Document, doc};
 
-use super::Objects;
+use super::objects::Objects;
 
 /// A kind of work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

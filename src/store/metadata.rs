@@ -7,7 +7,7 @@
 use bson::raw::{CStr, RawBsonRef, cstr};
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
-use super::UpdateSpec;
+use super::request::UpdateSpec;
 use crate::query::QueryError;
 
 /// The key that metadata is under.
@@ -208,6 +208,17 @@ pub fn hide(document: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
             kept.extend_from_slice(bytes.get(4..start).unwrap_or_default());
             kept.extend_from_slice(bytes.get(end..).unwrap_or_default());
             Ok(RawDocumentBuf::from_bytes(kept)?)
+        }
+    }
+}
+
+/// Removes the dates at which the document was inserted and updated.
+pub(crate) fn forget_dates(document: &mut Document) {
+    if let Some(Bson::Document(info)) = document.get_mut(INFO) {
+        info.remove(INSERTED);
+        info.remove(UPDATED);
+        if info.is_empty() {
+            document.remove(INFO);
         }
     }
 }

@@ -10,19 +10,23 @@ pub mod embedded;
 pub mod mongodb;
 
 pub(crate) mod document;
+mod error;
 pub(crate) mod holder;
 pub mod index;
 pub mod metadata;
 pub mod namespace;
+mod request;
 pub mod uri;
 pub mod watch;
 
 pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
+pub use error::StoreError;
 pub use index::Index;
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
+pub use request::{Find, Inserted, Put, UpdateRequest, UpdateSpec, Updated};
 pub use uri::{Role, StoreUri, UriError, open};
 pub use watch::{Change, ChangeKind, Changes, Name, Next};
 
@@ -122,161 +126,4 @@ pub trait Store: Send {
 
     /// What the store is, for `-v` and `doctor`; never shows credentials.
     fn describe(&self) -> String;
-}
-
-/// A query with its modifiers.
-#[derive(Debug, Clone, Default)]
-pub struct Find {
-    /// MongoDB's filter; empty matches everything.
-    pub filter: Document,
-    /// Keys with 1 or -1; empty leaves natural order (order of insertion).
-    pub sort: Document,
-    /// How many matches to pass over.
-    pub skip: u64,
-    /// At most so many; 0 is all.
-    pub limit: u64,
-    /// MongoDB's projection; empty keeps documents whole.
-    pub projection: Document,
-}
-
-/// Operators (or a replacement, which is a document without them), or a pipeline.
-#[derive(Debug, Clone)]
-pub enum UpdateSpec {
-    /// `{$set: …}` or a replacement document.
-    Document(Document),
-    /// `[{$set: …}, …]`.
-    Pipeline(Vec<Document>),
-}
-
-/// Which documents to change, and how.
-#[derive(Debug, Clone)]
-pub struct UpdateRequest {
-    /// Which documents.
-    pub filter: Document,
-    /// How.
-    pub update: UpdateSpec,
-    /// For `$[identifier]`.
-    pub array_filters: Vec<Document>,
-    /// All matches, not only the first.
-    pub many: bool,
-    /// Insert what filter and update describe where nothing matches.
-    pub upsert: bool,
-}
-
-/// What an insert did.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Inserted {
-    /// The `_id`s, in the order of the documents.
-    pub ids: Vec<Bson>,
-}
-
-/// What [`Store::put`] did.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Put {
-    /// How many are new.
-    pub inserted: u64,
-    /// How many took the place of another.
-    pub replaced: u64,
-    /// How many were there already, the same.
-    pub same: u64,
-}
-
-/// What an update did.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Updated {
-    /// How many documents matched.
-    pub matched: u64,
-    /// How many are different now.
-    pub modified: u64,
-    /// The `_id` of the document that an upsert made.
-    pub upserted: Option<Bson>,
-}
-
-/// Why a store did not do what it was asked.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// No connection to a server, or no access to a file.
-    #[error("cannot reach {address}: {reason}")]
-    Unreachable {
-        /// The address, without credentials.
-        address: String,
-        /// What went wrong.
-        reason: String,
-    },
-    /// A unique key is taken.
-    #[error("{namespace} already has a document with {key}")]
-    Duplicate {
-        /// Where.
-        namespace: Namespace,
-        /// The key and value, like `_id: 7`.
-        key: String,
-        /// The `_id`s stored before the failure.
-        stored: Vec<Bson>,
-    },
-    /// The filter, update, projection, sort or pipeline, or a document, is not acceptable.
-    #[error(transparent)]
-    Query(#[from] crate::query::QueryError),
-    /// An insert of several documents ended early.
-    #[error("{}", match document { Some(nth) => format!("document {nth} cannot be stored"), None => "not all went well".to_owned() })]
-    Stopped {
-        /// The `_id`s stored before the failure.
-        stored: Vec<Bson>,
-        /// Which document is to blame, from 1, where it is one.
-        document: Option<usize>,
-        /// What went wrong.
-        source: Box<StoreError>,
-    },
-    /// Another process, or another use, has what was asked for.
-    #[error("{what}")]
-    Held {
-        /// What, who has it, and what to do.
-        what: String,
-    },
-    /// A store of this kind cannot do what was asked.
-    #[error("{address}: {reason}")]
-    Unfit {
-        /// The address, without credentials.
-        address: String,
-        /// Why, and what to do.
-        reason: String,
-    },
-    /// Documents that are computed when a query asks for them could not be had.
-    #[error("the computable `{name}` failed: {source}")]
-    Computable {
-        /// The computable.
-        name: String,
-        /// What went wrong.
-        source: Box<dyn std::error::Error + Send + Sync>,
-    },
-    /// Anything else: disk full, no permission, a damaged file, a server's refusal.
-    #[error("{address}: {reason}")]
-    Failed {
-        /// The address, without credentials.
-        address: String,
-        /// What went wrong, and what to do.
-        reason: String,
-    },
-}
-
-impl StoreError {
-    /// The `_id`s that an insert stored before it failed.
-    #[must_use]
-    pub fn stored(&self) -> &[Bson] {
-        match self {
-            Self::Duplicate { stored, .. } | Self::Stopped { stored, .. } => stored,
-            _ => &[],
-        }
-    }
-
-    /// The error, saying which of `count` documents is to blame and which are stored.
-    fn stopped(self, stored: Vec<Bson>, count: usize) -> Self {
-        match self {
-            Self::Duplicate { namespace, key, .. } => Self::Duplicate { namespace, key, stored },
-            single if count == 1 => single,
-            source => {
-                let document = Some(stored.len() + 1);
-                Self::Stopped { stored, document, source: Box::new(source) }
-            }
-        }
-    }
 }

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use bson::{Bson, DateTime, RawDocumentBuf};
 
-use super::{Namespace, StoreError};
+use super::error::StoreError;
+use super::namespace::Namespace;
 
 /// What was done to a document, or to the collection as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -15,7 +15,7 @@ use rusqlite::params;
 use super::Embedded;
 use super::catalog::Collection;
 use super::failure;
-use super::index::{Indexed, Indexes};
+use super::indexed::{Indexed, Indexes};
 use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, ways};
 use crate::query::{Filter, QueryError, Sort};
 use crate::store::{Index, StoreError};

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use bson::{Bson, DateTime, Document, doc};
 
 use super::Embedded;
-use super::index::decay;
+use super::indexed::decay;
 use super::moment::Moment;
 use super::scan::{Scan, sharpen};
 use crate::query::{self, Filter, Projection, QueryError, Sort};

@@ -4,7 +4,7 @@ use bson::{Bson, Document, RawDocument};
 use rusqlite::params;
 
 use super::catalog::Collection;
-use super::log::Noted;
+use super::change_log::Noted;
 use super::{Embedded, failure};
 use crate::query::key;
 use crate::store::{Inserted, Namespace, StoreError, document};

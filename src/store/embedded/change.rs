@@ -7,7 +7,7 @@ use rusqlite::{OptionalExtension as _, params};
 
 use super::Embedded;
 use super::catalog::Collection;
-use super::log::Noted;
+use super::change_log::Noted;
 use super::scan::{Found, Scan};
 use crate::query::{Filter, QueryError, Update, key};
 use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata};

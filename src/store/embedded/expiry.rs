@@ -9,7 +9,7 @@ use rusqlite::params;
 
 use super::Embedded;
 use super::catalog::Collection;
-use super::index::Indexed;
+use super::indexed::Indexed;
 use super::scan::Found;
 use crate::query::index::{Candidate, Range, ways};
 use crate::query::{Filter, QueryError, Sort};

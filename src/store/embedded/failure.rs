@@ -2,7 +2,8 @@
 
 use rusqlite::{Error, ErrorCode, ffi};
 
-use super::Place;
+use super::busy::LOCK_TIMEOUT;
+use super::place::Place;
 use crate::store::StoreError;
 
 /// Puts what SQLite says into words.
@@ -20,10 +21,9 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
         }
         Some(ErrorCode::PermissionDenied) => "permission denied; check the file's owner and mode".to_owned(),
         Some(ErrorCode::CannotOpen) => return unreachable(place, cannot_open(place)),
-        Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => format!(
-            "another process has been writing for {} s; end it or try again",
-            super::busy::LOCK_TIMEOUT.as_secs()
-        ),
+        Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => {
+            format!("another process has been writing for {} s; end it or try again", LOCK_TIMEOUT.as_secs())
+        }
         Some(ErrorCode::TooBig) => "the document is too large for the file".to_owned(),
         Some(ErrorCode::SystemIoFailure) => format!("reading or writing failed ({error}); check the disk"),
         _ => error.to_string(),

@@ -8,8 +8,10 @@ use bson::{Bson, DateTime, RawDocumentBuf};
 use rusqlite::params;
 
 use super::notifier::Notifier;
+use super::page::PageError;
+use super::place::Place;
 use super::watcher::{self, State, Taken, Watcher};
-use super::{Embedded, Place, log};
+use super::{Embedded, change_log};
 use crate::query::QueryError;
 use crate::store::{Change, Changes, Name, Namespace, Next, StoreError};
 
@@ -146,7 +148,7 @@ impl Feed<'_> {
     }
 
     fn missed(&self) -> StoreError {
-        let most = log::LARGEST >> 20;
+        let most = change_log::LARGEST >> 20;
         let reason = match &self.name {
             Some(name) => format!(
                 "more than {most} MiB of changes were made since `{name}` followed {ns} last, and the oldest of them \
@@ -245,7 +247,7 @@ fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
         None => Ok(None),
     };
     let kind: i64 = row.get("kind")?;
-    let kind = log::kind(kind).ok_or_else(|| rusqlite::Error::IntegralValueOutOfRange(1, kind))?;
+    let kind = change_log::kind(kind).ok_or_else(|| rusqlite::Error::IntegralValueOutOfRange(1, kind))?;
     let change = Change {
         kind,
         id: id.map_err(QueryError::from)?,
@@ -255,22 +257,4 @@ fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
         position: sequence.to_string(),
     };
     Ok((sequence, change))
-}
-
-/// Either of the two things that can go wrong in a page.
-enum PageError {
-    Store(rusqlite::Error),
-    Query(QueryError),
-}
-
-impl From<rusqlite::Error> for PageError {
-    fn from(error: rusqlite::Error) -> Self {
-        Self::Store(error)
-    }
-}
-
-impl From<QueryError> for PageError {
-    fn from(error: QueryError) -> Self {
-        Self::Query(error)
-    }
 }

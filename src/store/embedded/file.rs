@@ -21,9 +21,10 @@ use std::sync::atomic::AtomicBool;
 
 use rusqlite::{Connection, OpenFlags};
 
-use super::index::Remembered;
-use super::log::Log;
-use super::{Embedded, Place, busy, failure};
+use super::change_log::Log;
+use super::indexed::Remembered;
+use super::place::Place;
+use super::{Embedded, busy, failure};
 use crate::store::StoreError;
 
 /// The layout this rmem writes, and the newest it reads.

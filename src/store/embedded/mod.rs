@@ -11,26 +11,33 @@ mod batch;
 mod busy;
 mod catalog;
 mod change;
+mod change_log;
 mod expiry;
 mod failure;
 mod feed;
 mod file;
 mod index;
+mod indexed;
 mod log;
 mod moment;
 mod near;
 mod notifier;
 mod output;
+mod page;
 mod pipeline;
+mod place;
 mod scan;
 mod verbs;
 mod watcher;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use rusqlite::Connection;
+
+use change_log::Log;
+use indexed::Remembered;
+use place::Place;
 
 pub use file::VERSION;
 
@@ -41,24 +48,8 @@ pub use file::VERSION;
 pub struct Embedded {
     connection: Connection,
     place: Place,
-    indexes: index::Remembered,
-    log: log::Log,
+    indexes: Remembered,
+    log: Log,
     /// Whether it waits for other writers only briefly, at the moment.
     hurried: Arc<AtomicBool>,
-}
-
-/// Where an embedded store lives; its `Display` is what messages call it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-enum Place {
-    File(PathBuf),
-    Memory,
-}
-
-impl std::fmt::Display for Place {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::File(path) => write!(f, "file:{}", path.display()),
-            Self::Memory => f.write_str("mem:"),
-        }
-    }
 }

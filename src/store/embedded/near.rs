@@ -7,7 +7,7 @@ use bson::{Bson, Document, doc};
 use super::Embedded;
 use super::access::{Chosen, Way};
 use super::catalog::Collection;
-use super::index::{Indexed, Indexes};
+use super::indexed::{Indexed, Indexes};
 use super::scan::Scan;
 use crate::query::{Filter, Near, QueryError, Sort};
 use crate::store::{Namespace, StoreError};

@@ -9,7 +9,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
 use super::Embedded;
 use super::catalog::Collection;
-use super::log::Noted;
+use super::change_log::Noted;
 use super::pipeline::named;
 use crate::query::{Filter, Merge, Output, QueryError, Update, WhenMatched, WhenNotMatched};
 use crate::store::{ChangeKind, Namespace, StoreError, document};

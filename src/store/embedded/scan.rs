@@ -18,8 +18,9 @@ use rusqlite::params;
 
 use super::access::{Chosen, Listing, Way};
 use super::catalog::Collection;
-use super::index::{Indexes, decay};
+use super::indexed::{Indexes, decay};
 use super::moment::Moment;
+use super::page::PageError;
 use super::{Embedded, failure};
 use crate::query::{Filter, Sort};
 use crate::store::{StoreError, metadata};
@@ -393,22 +394,4 @@ pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
 fn document(column: rusqlite::types::ValueRef<'_>) -> Result<&RawDocument, PageError> {
     RawDocument::from_bytes(column.as_blob().map_err(rusqlite::Error::from)?)
         .map_err(|error| PageError::Query(crate::query::QueryError::from(error)))
-}
-
-/// Either of the two things that can go wrong in a page.
-enum PageError {
-    Store(rusqlite::Error),
-    Query(crate::query::QueryError),
-}
-
-impl From<rusqlite::Error> for PageError {
-    fn from(error: rusqlite::Error) -> Self {
-        Self::Store(error)
-    }
-}
-
-impl From<crate::query::QueryError> for PageError {
-    fn from(error: crate::query::QueryError) -> Self {
-        Self::Query(error)
-    }
 }

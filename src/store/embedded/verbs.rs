@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use bson::{Bson, DateTime, Document};
 
 use super::catalog::Collection;
-use super::log::Noted;
+use super::change_log::Noted;
 use super::{Embedded, busy, failure, file};
 use crate::store::{
     Changes, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated,

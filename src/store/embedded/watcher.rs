@@ -5,7 +5,7 @@
 use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
-use super::log;
+use super::change_log;
 use crate::store::Namespace;
 use crate::store::holder::{Holder, Life};
 use crate::store::watch::{Name, Waiting};
@@ -91,7 +91,7 @@ pub(super) fn watched(connection: &Connection) -> rusqlite::Result<Vec<Namespace
             watched.push(row.namespace);
         }
     }
-    left.iter().try_for_each(|ns| log::trim(connection, ns))?;
+    left.iter().try_for_each(|ns| change_log::trim(connection, ns))?;
     Ok(watched)
 }
 
@@ -111,7 +111,7 @@ pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) 
         connection.execute(sql, params![myself, now(), found.id])?;
         return Ok(Taken::Mine(Watcher { id: found.id, holder: myself, position: found.position }));
     }
-    let position = log::last(connection)?;
+    let position = change_log::last(connection)?;
     connection.execute(
         "INSERT INTO watchers (name, database, collection, position, holder, beat) VALUES (?, ?, ?, ?, ?, ?)",
         params![name, ns.database, ns.collection, position, myself, now()],
@@ -181,7 +181,7 @@ impl Watcher {
     pub(super) fn advance(&self, connection: &Connection, ns: &Namespace) -> rusqlite::Result<()> {
         let sql = "UPDATE watchers SET position = ?, beat = ? WHERE id = ?";
         connection.prepare_cached(sql)?.execute([self.position, now(), self.id])?;
-        log::trim(connection, ns)
+        change_log::trim(connection, ns)
     }
 
     /// Lets go: a name stays for who takes it next. In a write transaction only.
@@ -191,11 +191,11 @@ impl Watcher {
         }
         let sql = "UPDATE watchers SET holder = NULL, position = ? WHERE id = ? AND holder = ?";
         connection.execute(sql, params![self.position, self.id, self.holder])?;
-        log::trim(connection, ns)
+        change_log::trim(connection, ns)
     }
 }
 
 fn remove(connection: &Connection, ns: &Namespace, id: i64) -> rusqlite::Result<()> {
     connection.execute("DELETE FROM watchers WHERE id = ?", [id])?;
-    log::trim(connection, ns)
+    change_log::trim(connection, ns)
 }

@@ -5,7 +5,6 @@ use mongodb::options::{Acknowledgment, ClientOptions, WriteConcern};
 use mongodb::sync::{Client, Collection};
 
 use super::failure;
-use crate::bench::Subject;
 use crate::store::{Namespace, StoreError};
 
 /// A collection as a program without rmem uses it, with journaled writes.
@@ -31,14 +30,12 @@ impl Raw {
     fn explain(&self, error: &mongodb::error::Error) -> StoreError {
         failure::explain(&self.address, error)
     }
-}
 
-impl Subject for Raw {
-    fn name(&self) -> &'static str {
-        "mongod"
-    }
-
-    fn insert(&self, documents: Vec<Document>) -> Result<(), StoreError> {
+    /// Stores documents.
+    ///
+    /// # Errors
+    /// Where the server cannot be reached or refuses.
+    pub fn insert(&self, documents: Vec<Document>) -> Result<(), StoreError> {
         let encode = |document: Document| RawDocumentBuf::try_from(&document).map_err(crate::query::QueryError::from);
         let mut bodies = documents.into_iter().map(encode).collect::<Result<Vec<_>, _>>()?;
         let inserted = match bodies.len() {
@@ -48,21 +45,37 @@ impl Subject for Raw {
         inserted.map_err(|e| self.explain(&e))
     }
 
-    fn find(&self, filter: Document) -> Result<u64, StoreError> {
+    /// Reads all matches; returns how many there were.
+    ///
+    /// # Errors
+    /// Where the server cannot be reached or refuses.
+    pub fn find(&self, filter: Document) -> Result<u64, StoreError> {
         let mut cursor = self.collection.find(filter).run().map_err(|e| self.explain(&e))?;
         cursor.try_fold(0, |count, document| document.map(|_| count + 1)).map_err(|e| self.explain(&e))
     }
 
-    fn update(&self, filter: Document, update: Document) -> Result<(), StoreError> {
+    /// Changes the first match.
+    ///
+    /// # Errors
+    /// Where the server cannot be reached or refuses.
+    pub fn update(&self, filter: Document, update: Document) -> Result<(), StoreError> {
         self.collection.update_one(filter, update).run().map(drop).map_err(|e| self.explain(&e))
     }
 
-    fn index(&self) -> Result<(), StoreError> {
+    /// Makes the index on names.
+    ///
+    /// # Errors
+    /// Where the server cannot be reached or refuses.
+    pub fn index(&self) -> Result<(), StoreError> {
         let index = mongodb::IndexModel::builder().keys(doc! { "name": 1 }).build();
         self.collection.create_index(index).run().map(drop).map_err(|e| self.explain(&e))
     }
 
-    fn drop_index(&self) -> Result<(), StoreError> {
+    /// Removes the index on names.
+    ///
+    /// # Errors
+    /// Where the server cannot be reached or refuses.
+    pub fn drop_index(&self) -> Result<(), StoreError> {
         self.collection.drop_index("name_1").run().map_err(|e| self.explain(&e))
     }
 }

@@ -1,0 +1,54 @@
+//! The documents: objects of a robot that tidies up.
+
+use bson::{Document, doc};
+
+/// The objects of the robot's world so far.
+#[derive(Debug, Default)]
+pub(super) struct Objects {
+    pub(super) count: usize,
+    noise: u64,
+}
+
+/// How many places there are.
+const PLACES: u64 = 1_000;
+
+impl Objects {
+    /// The next ones.
+    pub(super) fn more(&mut self, count: usize) -> Vec<Document> {
+        (0..count).map(|_| self.next()).collect()
+    }
+
+    /// One more.
+    pub(super) fn next(&mut self) -> Document {
+        let name = name(self.count);
+        self.count += 1;
+        let tidied = self.random(PLACES);
+        let position = if self.random(100) == 0 { self.random(PLACES) } else { tidied };
+        doc! { "name": name, "position": place(position), "tidied": place(tidied) }
+    }
+
+    /// The name of one of them.
+    pub(super) fn any(&mut self) -> String {
+        let count = self.count.max(1) as u64;
+        name(usize::try_from(self.random(count)).unwrap_or_default())
+    }
+
+    /// Some place.
+    pub(super) fn place(&mut self) -> String {
+        place(self.random(PLACES))
+    }
+
+    /// A number below `end`, the same ones in every run (a linear congruential generator).
+    fn random(&mut self, end: u64) -> u64 {
+        self.noise = self.noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.noise >> 33) % end
+    }
+}
+
+fn name(number: usize) -> String {
+    format!("object-{number}")
+}
+
+fn place(number: u64) -> String {
+    format!("place-{number}")
+}

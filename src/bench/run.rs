@@ -1,0 +1,89 @@
+//! The measurement: every kind of work, on every subject in turn.
+
+use std::time::{Duration, Instant};
+
+use super::figure::Figure;
+use super::objects::Objects;
+use super::subject::Subject;
+use super::work::Work;
+use crate::store::StoreError;
+
+/// How many documents are stored at once where that is not measured.
+const BATCH: usize = 10_000;
+/// A kind of work is not repeated any more after so long, but at least [`LEAST`] times.
+const WORK_TIMEOUT: Duration = Duration::from_secs(4);
+/// The fewest repetitions.
+const LEAST: usize = 5;
+/// How many repetitions make a turn.
+const SERIES: usize = 20;
+
+/// What is measured.
+#[derive(Debug, Clone)]
+pub struct Extent {
+    /// How many documents there are, growing.
+    pub documents: Vec<usize>,
+    /// How often each kind of work is repeated.
+    pub rounds: usize,
+}
+
+/// Measures all work at all sizes on empty subjects; tells each figure as it is known.
+///
+/// # Errors
+/// The first failure of a subject, or of `tell`.
+pub fn run<E: From<StoreError>>(
+    subjects: &[&dyn Subject],
+    extent: &Extent,
+    mut tell: impl FnMut(&Figure) -> Result<(), E>,
+) -> Result<Vec<Figure>, E> {
+    let (mut figures, mut objects) = (Vec::new(), Objects::default());
+    for size in &extent.documents {
+        while objects.count < *size {
+            let batch = objects.more(BATCH.min(size - objects.count));
+            subjects.iter().try_for_each(|subject| subject.insert(batch.clone()))?;
+        }
+        for work in Work::ALL {
+            if work.begins_indexed() {
+                subjects.iter().try_for_each(|subject| subject.index())?;
+            }
+            let medians = repeat(subjects, work, extent.rounds, &mut objects)?;
+            let figure = Figure { documents: *size, work, medians };
+            tell(&figure)?;
+            figures.push(figure);
+        }
+        subjects.iter().try_for_each(|subject| subject.drop_index())?;
+    }
+    Ok(figures)
+}
+
+/// Repeats a kind of work, subject by subject in turn.
+fn repeat(
+    subjects: &[&dyn Subject],
+    work: Work,
+    rounds: usize,
+    objects: &mut Objects,
+) -> Result<Vec<(&'static str, Duration)>, StoreError> {
+    let mut times: Vec<Vec<Duration>> = vec![Vec::new(); subjects.len()];
+    // The first round is for caches, of all subjects; it tells how long a turn may be as well.
+    let (task, start) = (work.task(objects), Instant::now());
+    for subject in subjects {
+        subject.time(&task)?;
+    }
+    let one = start.elapsed().max(Duration::from_micros(1));
+    let turn = usize::try_from(WORK_TIMEOUT.as_micros() / one.as_micros()).unwrap_or(SERIES).clamp(1, SERIES);
+    let (mut done, start) = (0, Instant::now());
+    while done < rounds && (done < LEAST || start.elapsed() < WORK_TIMEOUT) {
+        let series: Vec<_> = (0..turn.min(rounds - done)).map(|_| work.task(objects)).collect();
+        for (subject, times) in subjects.iter().zip(&mut times) {
+            for task in &series {
+                times.push(subject.time(task)?);
+            }
+        }
+        done += series.len();
+    }
+    Ok(subjects.iter().zip(times).map(|(subject, times)| (subject.name(), median(times))).collect())
+}
+
+fn median(mut times: Vec<Duration>) -> Duration {
+    times.sort_unstable();
+    times.get(times.len() / 2).copied().unwrap_or_default()
+}

@@ -1,0 +1,156 @@
+//! The table of changes: what was changed, kept until every watcher has taken it.
+//!
+//! Changes that all watchers of a collection are done with are removed. An abandoned or slow
+//! watcher keeps at most [`LARGEST`] bytes of them, as an oplog has a largest size: past it the
+//! oldest changes are removed, and the watchers that had not taken them are marked.
+
+use std::cell::{Cell, RefCell};
+
+use bson::{DateTime, RawDocument};
+use rusqlite::{Connection, OptionalExtension as _, params};
+
+use crate::store::{ChangeKind, Namespace};
+
+/// At most so many bytes of changes wait for those who watch.
+pub(super) const LARGEST: i64 = 256 << 20;
+
+/// What a noted change costs beyond its documents.
+const OVERHEAD: usize = 64;
+
+/// What the write transaction in progress knows of the log.
+#[derive(Default)]
+pub(super) struct Log {
+    /// The collections that are watched, once somebody asked.
+    pub(super) watched: RefCell<Option<Vec<Namespace>>>,
+    /// Whether something was noted.
+    pub(super) noted: Cell<bool>,
+}
+
+/// A change that is being made.
+#[derive(Clone, Copy)]
+pub(super) struct Noted<'a> {
+    pub(super) kind: ChangeKind,
+    pub(super) before: Option<&'a RawDocument>,
+    pub(super) after: Option<&'a RawDocument>,
+}
+
+impl<'a> Noted<'a> {
+    pub(super) fn insert(after: &'a RawDocument) -> Self {
+        Self { kind: ChangeKind::Insert, before: None, after: Some(after) }
+    }
+
+    pub(super) fn delete(before: &'a RawDocument) -> Self {
+        Self { kind: ChangeKind::Delete, before: Some(before), after: None }
+    }
+
+    pub(super) fn drop() -> Self {
+        Self { kind: ChangeKind::Drop, before: None, after: None }
+    }
+}
+
+pub(super) fn append(connection: &Connection, ns: &Namespace, noted: Noted<'_>) -> rusqlite::Result<()> {
+    let bytes = |document: Option<&'_ RawDocument>| document.map_or(0, |document| document.as_bytes().len());
+    let size = i64::try_from(bytes(noted.before) + bytes(noted.after) + OVERHEAD).unwrap_or(i64::MAX);
+    let sql = "INSERT INTO changes (database, collection, kind, time, before, after, volume) VALUES (?, ?, ?, ?, ?, ?,
+               ? + coalesce((SELECT volume FROM changes ORDER BY sequence DESC LIMIT 1), 0))";
+    connection
+        .prepare_cached(sql)?
+        .execute(params![
+            ns.database,
+            ns.collection,
+            code(noted.kind),
+            DateTime::now().timestamp_millis(),
+            noted.before.map(RawDocument::as_bytes),
+            noted.after.map(RawDocument::as_bytes),
+            size,
+        ])
+        .map(|_| ())
+}
+
+/// Removes the oldest changes where there are more than `most` bytes of them, and
+/// marks the watchers that have missed some by that.
+pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> {
+    let sql = "SELECT max(volume) - min(volume) FROM (
+                   SELECT * FROM (SELECT volume FROM changes ORDER BY sequence LIMIT 1)
+                   UNION ALL SELECT * FROM (SELECT volume FROM changes ORDER BY sequence DESC LIMIT 1))";
+    let kept: Option<i64> = connection.prepare_cached(sql)?.query_row([], |row| row.get(0))?;
+    if kept.is_none_or(|kept| kept <= most) {
+        return Ok(());
+    }
+    // A quarter goes at once, so that this is not done for every change.
+    let sql = "SELECT sequence FROM changes WHERE volume < (SELECT max(volume) FROM changes) - ?
+               ORDER BY sequence DESC LIMIT 1";
+    let last: Option<i64> = connection.query_row(sql, [most / 4 * 3], |row| row.get(0)).optional()?;
+    let Some(last) = last else { return Ok(()) };
+    connection.execute(
+        "UPDATE watchers SET missed = 1 WHERE position < ?1 AND EXISTS (
+             SELECT 1 FROM changes WHERE database = watchers.database AND collection = watchers.collection
+                                     AND sequence > watchers.position AND sequence <= ?1)",
+        [last],
+    )?;
+    connection.execute("DELETE FROM changes WHERE sequence <= ?", [last]).map(|_| ())
+}
+
+/// Removes the changes of a collection that nobody waits for.
+pub(super) fn trim(connection: &Connection, ns: &Namespace) -> rusqlite::Result<()> {
+    let sql = "DELETE FROM changes WHERE database = ?1 AND collection = ?2 AND sequence <= coalesce((
+                   SELECT min(position) FROM watchers WHERE database = ?1 AND collection = ?2 AND missed = 0),
+                   9223372036854775807)";
+    connection.prepare_cached(sql)?.execute(params![ns.database, ns.collection]).map(|_| ())
+}
+
+/// The number of the last change that was ever noted.
+pub(super) fn last(connection: &Connection) -> rusqlite::Result<i64> {
+    let sql = "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'changes'), 0)";
+    connection.prepare_cached(sql)?.query_row([], |row| row.get(0))
+}
+
+fn code(kind: ChangeKind) -> i64 {
+    match kind {
+        ChangeKind::Insert => 0,
+        ChangeKind::Update => 1,
+        ChangeKind::Replace => 2,
+        ChangeKind::Delete => 3,
+        ChangeKind::Drop => 4,
+    }
+}
+
+/// The kind that was stored as a number.
+pub(super) fn kind(code: i64) -> Option<ChangeKind> {
+    use ChangeKind::{Delete, Drop, Insert, Replace, Update};
+    [Insert, Update, Replace, Delete, Drop].into_iter().find(|kind| self::code(*kind) == code)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::rawdoc;
+
+    fn numbers(store: &crate::store::Embedded, sql: &str) -> Vec<i64> {
+        let mut statement = store.connection.prepare(sql).unwrap();
+        statement.query_map([], |row| row.get(0)).unwrap().collect::<rusqlite::Result<_>>().unwrap()
+    }
+
+    #[test]
+    fn a_log_that_is_too_large_loses_its_oldest_changes_and_says_who_missed_them() {
+        let store = crate::store::Embedded::in_memory().unwrap();
+        let ns = |name: &str| Namespace { database: "a".into(), collection: name.into() };
+        for (name, position) in [("slow", 0), ("quick", 9), ("slow of another", 0)] {
+            let sql = "INSERT INTO watchers (name, database, collection, position, beat) VALUES (?, 'a', ?, ?, 0)";
+            let collection = if name == "slow of another" { "c" } else { "b" };
+            store.connection.execute(sql, params![name, collection, position]).unwrap();
+        }
+        for _ in 0..10 {
+            let document = rawdoc! { "pad": "x".repeat(1_000) };
+            append(&store.connection, &ns("b"), Noted::insert(&document)).unwrap();
+        }
+        bound(&store.connection, 100_000).unwrap();
+        assert_eq!(numbers(&store, "SELECT sequence FROM changes").len(), 10);
+        bound(&store.connection, 5_000).unwrap();
+        assert_eq!(numbers(&store, "SELECT sequence FROM changes"), [7, 8, 9, 10]);
+        assert_eq!(numbers(&store, "SELECT missed FROM watchers ORDER BY id"), [1, 0, 0]);
+        trim(&store.connection, &ns("b")).unwrap();
+        assert_eq!(numbers(&store, "SELECT sequence FROM changes"), [10]);
+        assert_eq!(last(&store.connection).unwrap(), 10);
+    }
+}

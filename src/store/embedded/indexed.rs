@@ -1,0 +1,78 @@
+//! An index as a store uses it, and what a store remembers of its indexes.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bson::RawDocument;
+
+use super::catalog::Collection;
+use crate::query::QueryError;
+use crate::query::index::{Entries, Pattern};
+use crate::store::{Index, index};
+
+/// An index, ready for use.
+#[derive(Debug)]
+pub(super) struct Indexed {
+    pub(super) id: i64,
+    pub(super) definition: Index,
+    pub(super) pattern: Pattern,
+    /// A bit for each path that runs through an array in some document.
+    pub(super) multikey: AtomicU64,
+}
+
+/// The indexes of one collection.
+pub(super) type Indexes = Arc<Vec<Indexed>>;
+
+/// What a store remembers of its indexes: by collection, with their generation.
+#[derive(Debug, Default)]
+pub(super) struct Remembered(Mutex<HashMap<i64, (i64, Indexes)>>);
+
+impl Remembered {
+    /// Forgets everything: a transaction that may have changed it was undone.
+    pub(super) fn clear(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
+    /// What is remembered of this generation or, by this store's own transaction, of a later one.
+    pub(super) fn get(&self, collection: Collection) -> Option<Indexes> {
+        let remembered = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (generation, indexes) = remembered.get(&collection.id)?;
+        (*generation >= collection.generation).then(|| Arc::clone(indexes))
+    }
+
+    pub(super) fn set(&self, collection: Collection, indexes: &Indexes) {
+        let mut remembered = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        remembered.insert(collection.id, (collection.generation, Arc::clone(indexes)));
+    }
+}
+
+impl Indexed {
+    /// The name of the table with the keys.
+    pub(super) fn table(&self) -> String {
+        format!("entries_{}", self.id)
+    }
+
+    /// Whether there are keys: geospatial indexes are in the catalogue only.
+    pub(super) fn is_kept(&self) -> bool {
+        !self.pattern.is_geospatial()
+    }
+
+    /// The paths that run through an array in some document, as bits.
+    pub(super) fn multikey(&self) -> u64 {
+        self.multikey.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn entries(&self, body: &RawDocument) -> Result<Entries, QueryError> {
+        self.pattern.entries(body, self.definition.sparse)
+    }
+}
+
+/// The keys of a document in all indexes, in their order.
+pub(super) type AllEntries = Vec<Entries>;
+
+/// The index on the dates by which documents decay.
+pub(super) fn decay(indexes: &[Indexed]) -> Option<&Indexed> {
+    let is_decay = |index: &&Indexed| index.definition.name == index::DECAY;
+    indexes.iter().find(is_decay)
+}

@@ -1,0 +1,95 @@
+//! Why a store did not do what it was asked.
+
+use bson::Bson;
+
+use super::namespace::Namespace;
+use crate::query::QueryError;
+
+/// Why a store did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// No connection to a server, or no access to a file.
+    #[error("cannot reach {address}: {reason}")]
+    Unreachable {
+        /// The address, without credentials.
+        address: String,
+        /// What went wrong.
+        reason: String,
+    },
+    /// A unique key is taken.
+    #[error("{namespace} already has a document with {key}")]
+    Duplicate {
+        /// Where.
+        namespace: Namespace,
+        /// The key and value, like `_id: 7`.
+        key: String,
+        /// The `_id`s stored before the failure.
+        stored: Vec<Bson>,
+    },
+    /// The filter, update, projection, sort or pipeline, or a document, is not acceptable.
+    #[error(transparent)]
+    Query(#[from] QueryError),
+    /// An insert of several documents ended early.
+    #[error("{}", match document { Some(nth) => format!("document {nth} cannot be stored"), None => "not all went well".to_owned() })]
+    Stopped {
+        /// The `_id`s stored before the failure.
+        stored: Vec<Bson>,
+        /// Which document is to blame, from 1, where it is one.
+        document: Option<usize>,
+        /// What went wrong.
+        source: Box<StoreError>,
+    },
+    /// Another process, or another use, has what was asked for.
+    #[error("{what}")]
+    Held {
+        /// What, who has it, and what to do.
+        what: String,
+    },
+    /// A store of this kind cannot do what was asked.
+    #[error("{address}: {reason}")]
+    Unfit {
+        /// The address, without credentials.
+        address: String,
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// Documents that are computed when a query asks for them could not be had.
+    #[error("the computable `{name}` failed: {source}")]
+    Computable {
+        /// The computable.
+        name: String,
+        /// What went wrong.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// Anything else: disk full, no permission, a damaged file, a server's refusal.
+    #[error("{address}: {reason}")]
+    Failed {
+        /// The address, without credentials.
+        address: String,
+        /// What went wrong, and what to do.
+        reason: String,
+    },
+}
+
+impl StoreError {
+    /// The `_id`s that an insert stored before it failed.
+    #[must_use]
+    pub fn stored(&self) -> &[Bson] {
+        match self {
+            Self::Duplicate { stored, .. } | Self::Stopped { stored, .. } => stored,
+            _ => &[],
+        }
+    }
+
+    /// The error, saying which of `count` documents is to blame and which are stored.
+    pub(super) fn stopped(self, stored: Vec<Bson>, count: usize) -> Self {
+        match self {
+            Self::Duplicate { namespace, key, .. } => Self::Duplicate { namespace, key, stored },
+            single if count == 1 => single,
+            source => {
+                let document = Some(stored.len() + 1);
+                Self::Stopped { stored, document, source: Box::new(source) }
+            }
+        }
+    }
+}

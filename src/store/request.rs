@@ -1,0 +1,71 @@
+//! What operations are asked for, and what they did.
+
+use bson::{Bson, Document};
+
+/// A query with its modifiers.
+#[derive(Debug, Clone, Default)]
+pub struct Find {
+    /// MongoDB's filter; empty matches everything.
+    pub filter: Document,
+    /// Keys with 1 or -1; empty leaves natural order (order of insertion).
+    pub sort: Document,
+    /// How many matches to pass over.
+    pub skip: u64,
+    /// At most so many; 0 is all.
+    pub limit: u64,
+    /// MongoDB's projection; empty keeps documents whole.
+    pub projection: Document,
+}
+
+/// Operators (or a replacement, which is a document without them), or a pipeline.
+#[derive(Debug, Clone)]
+pub enum UpdateSpec {
+    /// `{$set: …}` or a replacement document.
+    Document(Document),
+    /// `[{$set: …}, …]`.
+    Pipeline(Vec<Document>),
+}
+
+/// Which documents to change, and how.
+#[derive(Debug, Clone)]
+pub struct UpdateRequest {
+    /// Which documents.
+    pub filter: Document,
+    /// How.
+    pub update: UpdateSpec,
+    /// For `$[identifier]`.
+    pub array_filters: Vec<Document>,
+    /// All matches, not only the first.
+    pub many: bool,
+    /// Insert what filter and update describe where nothing matches.
+    pub upsert: bool,
+}
+
+/// What an insert did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Inserted {
+    /// The `_id`s, in the order of the documents.
+    pub ids: Vec<Bson>,
+}
+
+/// What [`Store::put`] did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Put {
+    /// How many are new.
+    pub inserted: u64,
+    /// How many took the place of another.
+    pub replaced: u64,
+    /// How many were there already, the same.
+    pub same: u64,
+}
+
+/// What an update did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Updated {
+    /// How many documents matched.
+    pub matched: u64,
+    /// How many are different now.
+    pub modified: u64,
+    /// The `_id` of the document that an upsert made.
+    pub upserted: Option<Bson>,
+}
