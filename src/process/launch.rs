@@ -15,11 +15,20 @@ use std::process::{Command, Stdio};
 use rustix::process::{Resource, Rlimit, Signal, getpid, getppid, set_parent_process_death_signal, setrlimit};
 use rustix::stdio::dup2_stdin;
 
-use super::supervisor::Next;
 use super::usage;
 
 /// What the stack of the first thread may come to need, in bytes.
 const STACK: u64 = 8 << 20;
+
+/// How a process goes on that was started as a supervisor.
+#[derive(Debug)]
+#[must_use]
+pub enum Next {
+    /// It exits. The code says nothing: what happened went over the lifeline.
+    Exit(i32),
+    /// It is the program, which is rmem, with this command line; limits and streams are its own by now.
+    Rmem(Vec<OsString>),
+}
 
 /// What the supervisor says when the program may run.
 pub(super) const GO: &[u8] = b"g";

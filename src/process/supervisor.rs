@@ -51,6 +51,7 @@ use rustix::process::{
     set_child_subreaper, setrlimit, wait,
 };
 
+pub use super::launch::Next;
 use super::{launch, usage};
 
 /// How long a program has between TERM and KILL.
@@ -70,16 +71,6 @@ const EXEC: &str = "--exec";
 
 /// The hidden command that makes a process of rmem a supervisor.
 pub const COMMAND: &str = "__supervisor";
-
-/// How a process goes on that was started as a supervisor.
-#[derive(Debug)]
-#[must_use]
-pub enum Next {
-    /// It exits. The code says nothing: what happened went over the lifeline.
-    Exit(i32),
-    /// It is the program, which is rmem, with this command line; limits and streams are its own by now.
-    Rmem(Vec<OsString>),
-}
 
 /// Runs the supervisor; the arguments are those after `__supervisor`, and `own` is where rmem itself is.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &Path) -> Next {
