@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
-use super::{BackendError, failed, said};
+use super::error::{BackendError, answered, failed};
 use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, AdminError};
 
@@ -49,7 +49,11 @@ pub enum Down {
     Foreign(Option<i64>),
 }
 
-pub(super) fn up(backend: &Backend) -> Result<Running, BackendError> {
+/// Starts a process that does not run; says what runs now.
+///
+/// # Errors
+/// Where mongod is missing or does not start, or its port is taken by something else.
+pub fn up(backend: &Backend) -> Result<Running, BackendError> {
     let data = folder(backend)?;
     // Two that start it at once do so one after the other.
     let lock = File::open(&data).and_then(|folder| folder.lock().map(|()| folder));
@@ -91,7 +95,7 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
     if !is_taken(&address) {
         return Ok(None);
     }
-    let admin = Admin::at(&address, ANSWER).map_err(|error| said(backend, error))?;
+    let admin = Admin::at(&address, ANSWER).map_err(|error| answered(backend, error))?;
     let started = match admin.started() {
         Ok(started) => started,
         Err(AdminError::Silent(_)) => {
@@ -125,7 +129,7 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
         );
         return Err(failed(backend, reason));
     }
-    let pid = admin.pid().map_err(|error| said(backend, error))?;
+    let pid = admin.pid().map_err(|error| answered(backend, error))?;
     let ours = started.log.is_some_and(|log| log == beside(data, "log"));
     Ok(Some(Running { pid, started: false, ours }))
 }

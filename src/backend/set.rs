@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, doc};
 
-use super::{BackendError, failed, said};
+use super::error::{BackendError, answered, failed};
 use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, AdminError, Hello};
 
@@ -75,7 +75,7 @@ struct View<'a> {
 }
 
 fn step(backend: &Backend) -> Result<Step, BackendError> {
-    let own = ask(&backend.address()).map_err(|error| said(backend, error))?;
+    let own = ask(&backend.address()).map_err(|error| answered(backend, error))?;
     let views = views(&backend.members);
     for view in &views {
         let set = view.hello.as_ref().and_then(|hello| hello.set.as_deref());
@@ -173,8 +173,8 @@ fn complete(backend: &Backend, primary: &Admin) -> Option<Step> {
 /// where there is nothing of the kind.
 fn rename(backend: &Backend) -> Result<Option<Step>, BackendError> {
     let [host] = backend.members.as_slice() else { return Ok(None) };
-    let admin = Admin::at(&backend.address(), ANSWER).map_err(|error| said(backend, error))?;
-    let Some(mut config) = admin.configuration().map_err(|error| said(backend, error))? else { return Ok(None) };
+    let admin = Admin::at(&backend.address(), ANSWER).map_err(|error| answered(backend, error))?;
+    let Some(mut config) = admin.configuration().map_err(|error| answered(backend, error))? else { return Ok(None) };
     match config.get_array_mut("members").map(Vec::as_mut_slice) {
         Ok([Bson::Document(member)]) if member.get_str("host").ok() != Some(host.as_str()) => {
             member.insert("host", host)

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::{BackendError, process};
+use super::error::BackendError;
+use super::process;
 use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, MemberState};
 
