@@ -5,8 +5,8 @@
 
 use crate::formats::{Diagnostic, Diagnostics};
 use crate::input::{UsageError, WrongInput};
+use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::ReadError;
-use crate::memory::dump::restore::RestoreError;
 use crate::memory::dump::write::DumpError;
 use crate::output::WriteError;
 use crate::planner::Outcome;

@@ -7,8 +7,9 @@ use clap::Args;
 
 use super::{Context, UsageError};
 use crate::exit::Exit;
+use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::Dump;
-use crate::memory::dump::restore::{RestoreError, RestoreOptions, Restored, restore};
+use crate::memory::dump::restore::{RestoreOptions, Restored, restore};
 use crate::store::Namespace;
 
 /// Put a dump into the memory: verified first, whoever wrote it

@@ -4,8 +4,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use bson::{DateTime, Document, doc};
 use rmem::formats::Source;
+use rmem::memory::dump::RestoreError;
 use rmem::memory::dump::read::Dump;
-use rmem::memory::dump::restore::{RestoreError, RestoreOptions, restore};
+use rmem::memory::dump::restore::{RestoreOptions, restore};
 use rmem::memory::dump::world_file;
 use rmem::memory::expiry::Expired;
 use rmem::memory::{Clock, Memory};

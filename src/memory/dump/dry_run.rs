@@ -5,8 +5,9 @@
 
 use std::path::Path;
 
+use super::batch::{batches, undated};
+use super::error::{RestoreError, unchanged};
 use super::read::{Dump, Part};
-use super::restore::{RestoreError, batches, unchanged, undated};
 use crate::memory::Memory;
 use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
 

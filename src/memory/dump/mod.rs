@@ -3,10 +3,14 @@
 //! A dump is a world file ([`world_file`]), or a folder or an archive as `mongodump` writes it ([`write`]); [`read`] reads
 //! all of them alike.
 
+mod batch;
 pub mod diff;
 mod dry_run;
+mod error;
 pub mod read;
 pub mod restore;
 mod staging;
 pub mod world_file;
 pub mod write;
+
+pub use error::RestoreError;

@@ -24,17 +24,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
-use super::read::{Dump, Part, ReadError};
-use super::world_file::forget_dates;
+use super::batch::{batches, undated};
+use super::error::{RestoreError, unchanged};
+use super::read::{Dump, Part};
 use super::{dry_run, staging};
 use crate::memory::Memory;
 use crate::query::{QueryError, key};
 use crate::store::{Find, Index, Namespace, StoreError, index, metadata};
-
-/// At most so many documents are stored at once …
-const BATCH: usize = 2_000;
-/// … and about so many bytes.
-const BATCH_BYTES: usize = 1 << 20;
 
 /// What restoring a collection did, or would do.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,25 +47,6 @@ pub struct Restored {
     pub dropped: Option<u64>,
     /// The indexes that the store cannot have, and why.
     pub without: Vec<String>,
-}
-
-/// Why a dump was not restored.
-#[derive(Debug, thiserror::Error)]
-pub enum RestoreError {
-    /// The dump cannot be read.
-    #[error(transparent)]
-    Dump(#[from] ReadError),
-    /// It was told to stop; nothing was changed.
-    #[error("interrupted; nothing was changed")]
-    Interrupted,
-    /// The store fails.
-    #[error("cannot restore {which}")]
-    Store {
-        /// Which namespace, and what of the dump is in the memory now.
-        which: String,
-        /// What went wrong.
-        source: StoreError,
-    },
 }
 
 /// What to do with what is there.
@@ -164,32 +141,6 @@ impl Restored {
     }
 }
 
-/// Documents, some at a time.
-pub(super) fn batches<E>(
-    mut documents: impl Iterator<Item = Result<Document, E>>,
-) -> impl Iterator<Item = Result<Vec<Document>, E>> {
-    std::iter::from_fn(move || {
-        let (mut batch, mut bytes) = (Vec::new(), 0);
-        while batch.len() < BATCH && bytes < BATCH_BYTES {
-            match documents.next() {
-                None => break,
-                Some(Err(error)) => return Some(Err(error)),
-                Some(Ok(document)) => {
-                    bytes += RawDocumentBuf::try_from(&document).map_or(0, |raw| raw.as_bytes().len());
-                    batch.push(document);
-                }
-            }
-        }
-        (!batch.is_empty()).then_some(Ok(batch))
-    })
-}
-
-/// The documents, without when they were stored and changed.
-pub(super) fn undated(mut batch: Vec<Document>) -> Vec<Document> {
-    batch.iter_mut().for_each(forget_dates);
-    batch
-}
-
 /// Puts those documents into the memory that are not there, or different.
 fn merge(memory: &Memory, batch: Vec<Document>, dry_run: bool, restored: &mut Restored) -> Result<(), StoreError> {
     let ids: Vec<&Bson> = batch.iter().filter_map(|document| document.get("_id")).collect();
@@ -228,7 +179,7 @@ fn merge(memory: &Memory, batch: Vec<Document>, dry_run: bool, restored: &mut Re
 /// Whether a document without dates says what a stored one says, key for key.
 fn same(document: &Document, stored: &RawDocumentBuf) -> Result<bool, QueryError> {
     let mut stored = Document::try_from(&**stored)?;
-    forget_dates(&mut stored);
+    metadata::forget_dates(&mut stored);
     if document.get(metadata::INFO) != stored.get(metadata::INFO) {
         return Ok(false);
     }
@@ -250,10 +201,6 @@ fn foresee(memory: &Memory, dump: &Dump, counts: &[u64]) -> Result<Vec<Restored>
 
 fn size(memory: &Memory, ns: &Namespace) -> Result<u64, RestoreError> {
     memory.count(ns, &Document::new()).map_err(|source| unchanged(ns, source))
-}
-
-pub(super) fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
-    RestoreError::Store { which: format!("{ns}; nothing was changed"), source }
 }
 
 /// A collection that waits to take the place of another.

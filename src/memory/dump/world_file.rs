@@ -26,7 +26,7 @@ use bson::oid::ObjectId;
 use bson::{Bson, Document, RawDocumentBuf, doc};
 use sha2::{Digest as _, Sha256};
 
-use super::restore::batches;
+use super::batch::batches;
 use crate::formats::shell::{self, ReadError, WorldItem, WorldReader};
 use crate::formats::{Diagnostic, Source, Span, mongodump};
 use crate::memory::Memory;
@@ -156,7 +156,7 @@ fn write_documents(
     for document in memory.stored(ns, &find)? {
         let mut document =
             Document::try_from(&*document?).map_err(|error| StoreError::from(QueryError::from(error)))?;
-        forget_dates(&mut document);
+        metadata::forget_dates(&mut document);
         text.push_str(if count == 0 { "\n    " } else { ",\n    " });
         shell::write_relaxed(&faithful(Bson::Document(document)), text);
         count += 1;
@@ -170,17 +170,6 @@ fn write_documents(
 
 /// So many bytes of text are written at once.
 const FLUSH: usize = 64 << 10;
-
-/// Leaves out when the document was stored and changed.
-pub(super) fn forget_dates(document: &mut Document) {
-    if let Some(Bson::Document(info)) = document.get_mut(metadata::INFO) {
-        info.remove(metadata::INSERTED);
-        info.remove(metadata::UPDATED);
-        if info.is_empty() {
-            document.remove(metadata::INFO);
-        }
-    }
-}
 
 /// The value with small 64-bit integers spelled out: as plain numbers they
 /// would be read back with 32 bits. As deep as documents may be nested.

@@ -1,0 +1,28 @@
+//! Why a dump was not restored.
+
+use super::read::ReadError;
+use crate::store::{Namespace, StoreError};
+
+/// Why a dump was not restored.
+#[derive(Debug, thiserror::Error)]
+pub enum RestoreError {
+    /// The dump cannot be read.
+    #[error(transparent)]
+    Dump(#[from] ReadError),
+    /// It was told to stop; nothing was changed.
+    #[error("interrupted; nothing was changed")]
+    Interrupted,
+    /// The store fails.
+    #[error("cannot restore {which}")]
+    Store {
+        /// Which namespace, and what of the dump is in the memory now.
+        which: String,
+        /// What went wrong.
+        source: StoreError,
+    },
+}
+
+/// The error of a store in a restore that changed nothing.
+pub(super) fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
+    RestoreError::Store { which: format!("{ns}; nothing was changed"), source }
+}
