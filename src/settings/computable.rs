@@ -10,7 +10,7 @@ use toml::Spanned;
 
 use crate::formats::quantity;
 use crate::formats::{Diagnostic, Source, shell};
-use crate::memory::computables::{BUILTINS, BodyKind, Definition, check_pipeline};
+use crate::memory::computables::{BUILTINS, BodyKind, Definition, Options, check_pipeline};
 use crate::query::{Filter, QueryError};
 use crate::store::Namespace;
 
@@ -106,26 +106,27 @@ impl Table {
     }
 
     fn builtin(&self, name: &Spanned<String>, namespace: &Namespace) -> Result<BodyKind, Complaint> {
-        match name.get_ref().as_str() {
-            "transform" => {
-                self.refuse("transform", &["from", "timeout", "position"])?;
-                let frames = self.frames.as_ref().map(self::namespace).transpose()?;
-                let usual = || Namespace { database: namespace.database.clone(), collection: "frames".to_owned() };
-                Ok(BodyKind::Transform { frames: frames.unwrap_or_else(usual) })
+        let Some(builtin) = BUILTINS.iter().find(|builtin| builtin.name == name.get_ref()) else {
+            let known: Vec<&str> = BUILTINS.iter().map(|builtin| builtin.name).collect();
+            let known = known.join(", ");
+            return Err((name.span(), format!("there is no builtin `{}`; expected one of {known}", name.get_ref())));
+        };
+        self.refuse(builtin.name, &["from", "timeout"])?;
+        let given = [("frames", &self.frames), ("position", &self.position)];
+        let given = given.into_iter().filter_map(|(key, value)| Some((key, value.as_ref()?)));
+        let mut options = Options::new();
+        for (key, value) in given.clone() {
+            if !builtin.keys.contains(&key) {
+                return Err((value.span(), format!("`{key}` means nothing for the body `{}`", builtin.name)));
             }
-            "nearest" => {
-                self.refuse("nearest", &["from", "timeout", "frames"])?;
-                if let Some(path) = self.position.as_ref().filter(|path| path.get_ref().split('.').any(str::is_empty)) {
-                    let words = format!("`{}` is no key; expected one like `pose.translation`", path.get_ref());
-                    return Err((path.span(), words));
-                }
-                let position = self.position.as_ref().map_or("translation", |path| path.get_ref().as_str());
-                Ok(BodyKind::Nearest { position: position.to_owned() })
-            }
-            other => {
-                Err((name.span(), format!("there is no builtin `{other}`; expected one of {}", BUILTINS.join(", "))))
-            }
+            options.insert(key.to_owned(), value.get_ref().clone());
         }
+        builtin.check(&options, namespace).map_err(|(wrong, words)| {
+            let span =
+                given.clone().find(|(key, _)| *key == wrong).map_or_else(|| name.span(), |(_, value)| value.span());
+            (span, words)
+        })?;
+        Ok(BodyKind::Builtin { name: builtin.name.to_owned(), options })
     }
 
     /// Refuses keys that mean nothing for a kind of body.

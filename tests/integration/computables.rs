@@ -540,7 +540,7 @@ fn transform(lab: &Lab) -> Definition {
         spec: doc! { "frame": { "$exists": true }, "allow_tf": true },
         priority: 10,
         cache: None,
-        body: BodyKind::Transform { frames: lab.ns("frames") },
+        body: BodyKind::builtin("transform", [("frames", lab.ns("frames").to_string())]),
     }
 }
 
@@ -616,7 +616,7 @@ fn nearest(lab: &Lab) -> Definition {
         spec: doc! { "nearest_to": { "$exists": true } },
         priority: 0,
         cache: Some(Duration::from_secs(600)),
-        body: BodyKind::Nearest { position: "translation".into() },
+        body: BodyKind::builtin("nearest", [("position", "translation".to_owned())]),
     }
 }
 

@@ -1,22 +1,19 @@
 //! Answering: compute what a query needs, then ask the store.
 
-use std::cell::RefCell;
 use std::time::{Duration, Instant};
 
 use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, doc};
 
-use super::body::{Asked, ComputeError};
+use super::body::{Asked, ComputeError, Source};
 use super::cache::{self, Entry, State, after};
-use super::definition::Definition;
-use super::key;
-use super::registry::{Computable, Registry};
 use super::report::Computed;
+use super::state::{Running, Wanted};
 use super::view::View;
-use crate::memory::Memory;
 use crate::memory::journal::Operation;
+use crate::memory::operations::Memory;
 use crate::query::QueryError;
-use crate::store::{Namespace, Store, StoreError, metadata};
+use crate::store::{Documents, Find, Namespace, Store, StoreError, metadata};
 
 /// How often an answer is made again because its documents were replaced meanwhile.
 const ATTEMPTS: usize = 5;
@@ -34,33 +31,6 @@ const SHORTEST: Duration = Duration::from_millis(2);
 /// … and at most.
 const LONGEST: Duration = Duration::from_millis(50);
 
-/// The computables of a memory at work.
-#[derive(Default)]
-pub(in crate::memory) struct Computables {
-    pub(super) registry: Registry,
-    /// Those whose bodies are at work, each for what the one before asked.
-    running: RefCell<Vec<Running>>,
-    /// What was done for the last operation.
-    told: RefCell<Vec<Computed>>,
-}
-
-/// A computable that a query needs.
-struct Wanted<'a> {
-    computable: &'a Computable,
-    query: &'a Document,
-    key: String,
-}
-
-/// A computable whose body is at work.
-struct Running {
-    name: String,
-    namespace: Namespace,
-    key: String,
-    /// Those of the namespace that are due after it for the same question: what its body
-    /// asks does not run them, for it is they who see what it gives.
-    later: Vec<String>,
-}
-
 /// A computation whose documents count.
 struct Held {
     namespace: Namespace,
@@ -72,45 +42,13 @@ struct Held {
     own: Option<Vec<Bson>>,
 }
 
-impl Computables {
-    pub(in crate::memory) fn new(registry: Registry) -> Self {
-        Self { registry, ..Self::default() }
+impl Source for Memory {
+    fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        Self::find(self, ns, find)
     }
 
-    /// What was computed, or found in the cache, for the last operation.
-    pub(in crate::memory) fn told(&self) -> Vec<Computed> {
-        self.told.borrow().clone()
-    }
-
-    /// All that the questions need, in the order in which it runs.
-    fn wanted<'a>(&'a self, questions: &[(&Namespace, &'a Document)]) -> Result<Vec<Wanted<'a>>, StoreError> {
-        let mut wanted: Vec<Wanted<'a>> = Vec::new();
-        for (ns, query) in questions {
-            for computable in self.registry.matching(ns, query)? {
-                let key = key::of(&computable.definition, query);
-                if !wanted.iter().any(|other| other.key == key) && !self.is_due(&computable.definition) {
-                    wanted.push(Wanted { computable, query, key });
-                }
-            }
-        }
-        wanted.sort_by_key(|wanted| std::cmp::Reverse(wanted.computable.definition.priority));
-        Ok(wanted)
-    }
-
-    /// Whether a computable is due after one whose body is at work.
-    fn is_due(&self, definition: &Definition) -> bool {
-        let running = self.running.borrow();
-        running.iter().any(|at| at.namespace == definition.namespace && at.later.contains(&definition.name))
-    }
-
-    /// What is visible now to a body at work, or to anybody else.
-    fn view(&self, now: DateTime) -> View {
-        let mut view = View::at(now);
-        for running in self.running.borrow().iter() {
-            view.limit(&running.namespace, &running.name);
-            running.later.iter().for_each(|name| view.limit(&running.namespace, name));
-        }
-        view
+    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        Self::aggregate(self, ns, pipeline)
     }
 }
 

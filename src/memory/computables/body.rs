@@ -1,20 +1,55 @@
 //! What computes.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use bson::Document;
 
 use crate::formats::Diagnostic;
-use crate::memory::Memory;
 use crate::query::QueryError;
-use crate::store::{Namespace, StoreError};
+use crate::store::{Documents, Find, Namespace, StoreError};
+
+/// The memory as a body reads it.
+pub(super) trait Source {
+    /// Documents without metadata; see [`crate::store::Store::find`].
+    fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError>;
+
+    /// The results of a pipeline without metadata; see [`crate::store::Store::aggregate`].
+    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError>;
+}
+
+/// The options of a builtin body, by the key of `[[computable]]` that gives them.
+pub type Options = BTreeMap<String, String>;
+
+/// An option that a builtin body does not accept: its key, and what is wrong.
+pub(super) type WrongOption = (&'static str, String);
+
+/// A builtin body, as `builtin = "NAME"` declares it.
+pub struct Builtin {
+    /// Its name.
+    pub name: &'static str,
+    /// The keys of `[[computable]]` that only builtin bodies have, and that this one takes.
+    pub keys: &'static [&'static str],
+    /// Makes the body of a computable of a namespace.
+    pub(super) make: fn(&Options, &Namespace) -> Result<Box<dyn Body>, WrongOption>,
+}
+
+impl Builtin {
+    /// Checks the options of a computable of a namespace.
+    ///
+    /// # Errors
+    /// The first option that is not acceptable.
+    pub fn check(&self, options: &Options, ns: &Namespace) -> Result<(), (&'static str, String)> {
+        (self.make)(options, ns).map(drop)
+    }
+}
 
 /// The question that a body answers.
 pub(super) struct Asked<'a> {
-    /// The memory, for what the answer depends on. What is asked of it may need
-    /// other computables, which run then.
-    pub(super) memory: &'a Memory,
-    /// Where was asked.
+    /// The memory, for the documents that the answer depends on. A query on it runs
+    /// the computables that it needs.
+    pub(super) memory: &'a dyn Source,
+    /// The namespace of the asked query.
     pub(super) namespace: &'a Namespace,
     /// The asked query.
     pub(super) query: &'a Document,

@@ -5,16 +5,13 @@ use std::time::Duration;
 
 use bson::Document;
 
-use super::body::Body;
+use super::body::{Body, Options};
+use super::builtin::BUILTINS;
 use super::command::Command;
-use super::nearest::Nearest;
 use super::pipeline::Pipeline;
-use super::transform::Transform;
 use crate::process::Host;
+use crate::query::QueryError;
 use crate::store::Namespace;
-
-/// The names of rmem's own bodies.
-pub const BUILTINS: [&str; 2] = ["transform", "nearest"];
 
 /// A computable, as `[[computable]]` in `rmem.toml` declares it.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,28 +49,39 @@ pub enum BodyKind {
         /// How long it may take.
         timeout: Duration,
     },
-    /// Poses in another frame.
-    Transform {
-        /// The tree of frames: documents `{frame, parent, translation, rotation}`.
-        frames: Namespace,
-    },
-    /// Documents by distance.
-    Nearest {
-        /// The (dotted) key of a document's position.
-        position: String,
+    /// One of [`super::BUILTINS`].
+    Builtin {
+        /// Its name.
+        name: String,
+        /// Its options.
+        options: Options,
     },
 }
 
 impl BodyKind {
-    /// The body, at work on this host.
-    pub(super) fn body(&self, host: &Host<'static>) -> Box<dyn Body> {
-        match self.clone() {
+    /// A builtin body with options.
+    #[must_use]
+    pub fn builtin<'a>(name: &str, options: impl IntoIterator<Item = (&'a str, String)>) -> Self {
+        let options = options.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        Self::Builtin { name: name.to_owned(), options }
+    }
+
+    /// The body of a computable of a namespace, on this host.
+    ///
+    /// # Errors
+    /// Where there is no such builtin, or it does not accept an option.
+    pub(super) fn body(&self, ns: &Namespace, host: &Host<'static>) -> Result<Box<dyn Body>, QueryError> {
+        Ok(match self.clone() {
             Self::Pipeline { from, stages } => Box::new(Pipeline { from, stages }),
             Self::Command { words, folder, timeout } => {
                 Box::new(Command { words, folder, timeout, host: host.clone() })
             }
-            Self::Transform { frames } => Box::new(Transform { frames }),
-            Self::Nearest { position } => Box::new(Nearest { position }),
-        }
+            Self::Builtin { name, options } => {
+                let builtin = BUILTINS.iter().find(|builtin| builtin.name == name);
+                let builtin = builtin.ok_or_else(|| QueryError::bad_value(format!("there is no builtin `{name}`")))?;
+                (builtin.make)(&options, ns)
+                    .map_err(|(key, wrong)| QueryError::bad_value(format!("its `{key}` is wrong: {wrong}")))?
+            }
+        })
     }
 }

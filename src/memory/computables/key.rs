@@ -46,7 +46,7 @@ mod tests {
             spec: doc! {},
             priority: 0,
             cache: None,
-            body: BodyKind::Nearest { position: "translation".into() },
+            body: BodyKind::builtin("nearest", [("position", "translation".to_owned())]),
         }
     }
 

@@ -24,6 +24,7 @@
 mod answer;
 mod binding;
 mod body;
+mod builtin;
 mod cache;
 mod check;
 mod command;
@@ -37,17 +38,20 @@ mod registry;
 mod report;
 mod sources;
 mod spec;
+mod state;
 mod transform;
 mod view;
 
+pub use body::{Builtin, Options};
+pub use builtin::BUILTINS;
 pub use check::{Check, Verdict};
-pub use definition::{BUILTINS, BodyKind, Definition};
+pub use definition::{BodyKind, Definition};
 pub use pipeline::check as check_pipeline;
 pub use registry::{Computable, Registry};
 pub use report::Computed;
 pub use sources::Sources;
 
-pub(super) use answer::Computables;
 pub(super) use cache::forget;
 pub(super) use questions::{questions, target, visible_stages};
+pub(super) use state::Computables;
 pub(super) use view::View;

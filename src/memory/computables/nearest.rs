@@ -9,7 +9,7 @@
 
 use bson::{Bson, Document, doc};
 
-use super::body::{Asked, Body, ComputeError};
+use super::body::{Asked, Body, Builtin, ComputeError, Options, WrongOption};
 use super::pose::number;
 use crate::formats::shell;
 use crate::query::QueryError;
@@ -18,9 +18,20 @@ use crate::store::{Find, Namespace};
 /// The keys of the query that are parameters.
 const OWN: [&str; 4] = ["nearest_to", "limit", "max_distance", "distance"];
 
+/// The builtin body. `position` is the dotted key of the position (default: `translation`).
+pub(super) const BUILTIN: Builtin = Builtin { name: "nearest", keys: &["position"], make };
+
+fn make(options: &Options, _: &Namespace) -> Result<Box<dyn Body>, WrongOption> {
+    let position = options.get("position").map_or("translation", String::as_str);
+    if position.split('.').any(str::is_empty) {
+        return Err(("position", format!("`{position}` is no key; expected one like `pose.translation`")));
+    }
+    Ok(Box::new(Nearest { position: position.to_owned() }))
+}
+
 /// Documents by distance.
-pub(super) struct Nearest {
-    pub(super) position: String,
+struct Nearest {
+    position: String,
 }
 
 /// What is asked for.

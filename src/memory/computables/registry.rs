@@ -51,7 +51,8 @@ impl Registry {
     pub fn new(definitions: Vec<Definition>, host: &Host<'static>) -> Result<Self, StoreError> {
         let mut registry = Self::default();
         for definition in definitions {
-            let body = definition.body.body(host);
+            let body = definition.body.body(&definition.namespace, host);
+            let body = body.map_err(|error| failed(&definition.name, error))?;
             registry.register(definition, body)?;
         }
         Ok(registry)

@@ -13,18 +13,29 @@ use std::collections::HashMap;
 
 use bson::{Bson, Document, doc};
 
-use super::body::{Asked, Body, ComputeError};
+use super::body::{Asked, Body, Builtin, ComputeError, Options, Source, WrongOption};
 use super::pose::Pose;
 use crate::formats::shell;
-use crate::memory::Memory;
 use crate::store::{Find, Namespace, StoreError};
 
 /// The keys of the query that are not about the documents as they are.
 const OWN: [&str; 4] = ["frame", "allow_tf", "translation", "rotation"];
 
+/// The builtin body. `frames` is the namespace of the tree of frames (default: the collection
+/// `frames` of the computable's database).
+pub(super) const BUILTIN: Builtin = Builtin { name: "transform", keys: &["frames"], make };
+
+fn make(options: &Options, ns: &Namespace) -> Result<Box<dyn Body>, WrongOption> {
+    let frames = match options.get("frames") {
+        Some(name) => Namespace::parse(name).map_err(|error| ("frames", error.to_string()))?,
+        None => Namespace { database: ns.database.clone(), collection: "frames".to_owned() },
+    };
+    Ok(Box::new(Transform { frames }))
+}
+
 /// Poses in another frame.
-pub(super) struct Transform {
-    pub(super) frames: Namespace,
+struct Transform {
+    frames: Namespace,
 }
 
 impl Body for Transform {
@@ -62,7 +73,7 @@ fn is_own(key: &str) -> bool {
     key.starts_with('$') || key.split('.').next().is_some_and(|first| OWN.contains(&first))
 }
 
-fn found(memory: &Memory, ns: &Namespace, filter: Document) -> Result<Vec<Document>, StoreError> {
+fn found(memory: &dyn Source, ns: &Namespace, filter: Document) -> Result<Vec<Document>, StoreError> {
     let found = memory.find(ns, &Find { filter, ..Find::default() })?;
     found.map(|document| Ok(Document::try_from(&*document?).map_err(crate::query::QueryError::from)?)).collect()
 }
@@ -77,7 +88,7 @@ struct Tree<'a> {
 type Ancestors<'a> = Vec<(&'a str, Pose)>;
 
 impl<'a> Tree<'a> {
-    fn read(memory: &Memory, place: &'a Namespace) -> Result<Self, ComputeError> {
+    fn read(memory: &dyn Source, place: &'a Namespace) -> Result<Self, ComputeError> {
         let mut frames = HashMap::new();
         for document in found(memory, place, doc! { "parent": { "$type": "string" }, "frame": { "$type": "string" } })?
         {

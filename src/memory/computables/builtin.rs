@@ -1,0 +1,7 @@
+//! The builtin bodies. One line registers each.
+
+use super::body::Builtin;
+use super::{nearest, transform};
+
+/// All builtin bodies.
+pub const BUILTINS: [Builtin; 2] = [transform::BUILTIN, nearest::BUILTIN];
