@@ -1,7 +1,7 @@
 //! Function calls where a fact's values stand: `(create$ …)`, arithmetic.
 
-use super::Value;
 use super::lexer::{Lexer, Token, TokenKind};
+use super::value::Value;
 use super::writer::printed;
 use crate::formats::{Diagnostic, Span};
 

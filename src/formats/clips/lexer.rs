@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use pest::Parser as _;
 
-use super::Value;
+use super::value::Value;
 use crate::formats::{Diagnostic, Source, Span};
 
 /// About how many bytes are split into words at once …
@@ -217,7 +217,7 @@ fn plain(text: &[u8]) -> Option<(Option<TokenKind>, usize)> {
 }
 
 /// The kind of the one word that `text` is, all of it.
-pub(super) fn lone(text: &str) -> Option<TokenKind> {
+fn lone(text: &str) -> Option<TokenKind> {
     // Most texts are plain words, which need no grammar.
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';
     if text.starts_with(|first: char| first.is_ascii_alphabetic()) && text.bytes().all(plain) {
@@ -264,6 +264,18 @@ fn unescape(quoted: &str) -> String {
         text.push(if character == '\\' { characters.next().unwrap_or('\\') } else { character });
     }
     text
+}
+
+/// Whether `text` is read as a symbol when it stands alone, so that it can be written without quotes.
+#[must_use]
+pub fn is_symbol(text: &str) -> bool {
+    lone(text) == Some(TokenKind::Symbol)
+}
+
+/// Whether `text` in brackets is read as the name of an instance.
+#[must_use]
+pub fn is_instance(text: &str) -> bool {
+    lone(&format!("[{text}]")) == Some(TokenKind::Instance)
 }
 
 #[cfg(test)]

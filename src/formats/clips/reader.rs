@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use super::expression::{self, evaluate};
 use super::lexer::{Lexer, Token, TokenKind};
 use super::template::{self, Template, local};
-use super::{Body, Fact, Filled, Value};
+use super::value::{Body, Fact, Filled, Value};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// Constructs that are passed over.
@@ -62,7 +62,8 @@ pub enum Item {
 }
 
 /// Whether a list with this head is no fact.
-pub(super) fn is_reserved(name: &str) -> bool {
+#[must_use]
+pub fn is_construct(name: &str) -> bool {
     SKIPPED.contains(&name) || matches!(name, "deffacts" | "deftemplate" | "assert")
 }
 

@@ -1,8 +1,8 @@
 //! `deftemplate`: what slots facts have, and what they may hold.
 
-use super::Value;
 use super::expression::evaluate;
 use super::lexer::{Lexer, Token, TokenKind};
+use super::value::Value;
 use super::writer::write_value;
 use crate::formats::{Diagnostic, Span};
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Body, Fact, Value};
+use super::value::{Body, Fact, Value};
 
 /// Appends a fact on one line, without a line break at its end; `value` writes each value.
 pub fn write_fact(fact: &Fact, value: fn(&Value, &mut String), out: &mut String) {

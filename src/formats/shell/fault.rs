@@ -6,7 +6,7 @@
 
 use pest::Parser as _;
 
-use super::reader::{Rule, ShellParser};
+use super::grammar::{Rule, ShellParser};
 use super::{constructor, scanner};
 use crate::formats::{Diagnostic, Source, Span};
 

@@ -17,6 +17,7 @@ mod calendar;
 mod constructor;
 mod extended;
 mod fault;
+mod grammar;
 mod literal;
 mod reader;
 mod scanner;

@@ -3,15 +3,11 @@
 use bson::{Bson, Document};
 use pest::Parser as _;
 use pest::iterators::Pair;
-use pest_derive::Parser;
 
+use super::grammar::{Rule, ShellParser};
 use super::scanner::{self, MAX_DEPTH};
 use super::{constructor, extended, fault, literal};
 use crate::formats::{Diagnostic, Source, Span};
-
-#[derive(Parser)]
-#[grammar = "grammars/shell.pest"]
-pub(super) struct ShellParser;
 
 /// A value and where it stands.
 pub(super) struct Node {
