@@ -83,7 +83,7 @@ fn a_fact_replaces_the_document_with_the_same_key() {
     assert_eq!(lab.rmem(&["clips", "export"]).success(), facts);
     lab.rmem(&["insert", "robmem.worldmodel", "{relation: 't', 'sync-id': 1}"]).success();
     let finished = lab.rmem_with(&import, "(t (sync-id 9))\n(t (sync-id 1) (v z))").exits(3);
-    assert!(finished.stderr.contains("holds two documents with the key `sync-id` 1"), "{finished}");
+    assert!(finished.stderr.contains("has two documents with the `sync-id` 1"), "{finished}");
     assert_eq!(lab.rmem(&["count", "robmem.worldmodel"]).success(), "4\n");
 }
 

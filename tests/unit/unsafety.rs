@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The one room that may.
-const ROOM: &str = "src/engine/native";
+const ROOM: &str = "src/clips/engine/native";
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {

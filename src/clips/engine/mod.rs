@@ -1,12 +1,17 @@
 //! A real CLIPS with the memory's functions inside it: `rmem clips run`.
 //!
-//! [`run`] gives programs a thread of their own ([`conversation`]), because their functions may
+//! [`run`] gives programs a thread of their own ([`thread`]), because their functions may
 //! call themselves more deeply than any other stack has room for, and because one that cannot be
 //! stopped must not hold up who runs it. There a [`session`] loads them, asserts facts, and fires
 //! rules until nothing more can happen. [`native`] is CLIPS.
 
 mod exchange;
 mod functions;
+mod generated;
+mod job;
+mod listeners;
+mod message;
+mod model;
 mod native;
 mod planning;
 mod session;
@@ -17,54 +22,8 @@ mod table;
 mod thread;
 mod world;
 
-use std::sync::atomic::AtomicBool;
-use std::time::Duration;
-
-use crate::formats::Source;
-use crate::planner::{Configured, Host};
-use crate::store::Namespace;
-
 #[cfg(test)]
 pub(crate) use functions::names;
-pub use thread::{Message, Sender, run};
-
-/// What is to be run.
-pub struct Job {
-    /// Constructs, loaded in this order.
-    pub programs: Vec<Source>,
-    /// Facts that are asserted after `(reset)`.
-    pub facts: Vec<Source>,
-    /// How many rules fire at most.
-    pub cycles: Option<u64>,
-    /// How long it may take.
-    pub timeout: Option<Duration>,
-    /// Becomes true when somebody interrupts.
-    pub interrupted: &'static AtomicBool,
-    /// The shared world model, which `synced-assert` and its like keep.
-    pub world: Namespace,
-    /// Whether it is kept from the start, and not only once a program changes it.
-    pub is_synced: bool,
-    /// What marker sections of templates query.
-    pub collection: Namespace,
-    /// Where mutexes are.
-    pub mutexes: Namespace,
-    /// The planners of the settings.
-    pub planners: Vec<Configured>,
-    /// What planners are run with.
-    pub host: Host<'static>,
-}
-
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
-    /// No rule can fire, or enough did, or the program said `(halt)`.
-    Well,
-    /// The program said `(exit CODE)`.
-    Exited(i32),
-    /// An error ended the evaluation; CLIPS has said which.
-    Failed,
-    /// The time was over.
-    OutOfTime,
-    /// Somebody interrupted.
-    Interrupted,
-}
+pub use job::{Ended, Job};
+pub use message::{Message, Sender};
+pub use thread::run;

@@ -1,6 +1,5 @@
 //! From a goal to a stored plan and its facts, inside a program.
 
-use std::cell::RefCell;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -13,11 +12,10 @@ use crate::formats::clips::{Body, Item, Reader};
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostics, Source, shell};
 use crate::input::WrongInput;
-use crate::memory::Memory;
 use crate::pddl::{Domain, Problem};
 use crate::plan::{self, Input, Layout, Lineage, PrintedPlan, TaskSource};
 use crate::planner::{self, Limits, Outcome, Planner, Portfolio, Run, Task};
-use crate::problem::{self, Generated, ProblemError, Request, names};
+use crate::problem::names;
 use crate::store::{Namespace, metadata};
 
 /// Where plans are stored, as `rmem plan` does it.
@@ -26,22 +24,6 @@ const PLANS: &str = "robmem.plans";
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);
 /// What a planner may print.
 const MOST_OUTPUT: u64 = 16 << 20;
-
-/// The problem that was generated last, whose names are known.
-#[derive(Default)]
-pub(super) struct Planning {
-    last: RefCell<Option<(Request, Generated)>>,
-}
-
-impl Planning {
-    /// Generates a problem; gives its text.
-    pub(super) fn generate(&self, request: Request, memory: &Memory) -> Result<String, ProblemError> {
-        let generated = problem::generate(&request, memory)?;
-        let text = generated.text.clone();
-        *self.last.borrow_mut() = Some((request, generated));
-        Ok(text)
-    }
-}
 
 /// A plan wanted.
 pub(super) struct PlanRequest<'a> {

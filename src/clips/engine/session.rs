@@ -4,11 +4,12 @@ use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use super::job::{Ended, Job};
+use super::message::Sender;
 use super::native::{Environment, Running};
 use super::state::State;
 use super::stop::Stop;
-use super::thread::Sender;
-use super::{Ended, Job, exchange, functions, subscription};
+use super::{exchange, functions, subscription};
 use crate::formats::clips::{Item, Reader};
 use crate::formats::{Diagnostic, Diagnostics, Source, Span};
 use crate::input::WrongInput;

@@ -2,14 +2,14 @@
 
 use std::cell::{Cell, RefCell};
 
-use super::Job;
-use super::native::{Environment, Host, Stream};
-use super::planning::Planning;
+use super::generated::Planning;
+use super::job::Job;
+use super::listeners::Listening;
+use super::message::Sender;
+use super::model::WorldModel;
+use super::native::{Host, Stream};
 use super::stop::Stop;
-use super::subscription::Listening;
 use super::table::Table;
-use super::thread::Sender;
-use super::world::WorldModel;
 use crate::memory::Memory;
 
 /// A mistake in a text that is being loaded: its line, whether it is only doubtful, what CLIPS says.
@@ -71,14 +71,6 @@ impl<'m> State<'m> {
     /// The mistakes that were found since this was asked last.
     pub(super) fn take_mistakes(&self) -> Vec<Mistake> {
         std::mem::take(&mut self.mistakes.borrow_mut())
-    }
-
-    /// Begins to keep the shared world model, where the command line wants that from the start.
-    pub(super) fn begin(&self, clips: &Environment) -> anyhow::Result<()> {
-        match self.job.is_synced {
-            true => self.world.start(self, clips),
-            false => Ok(()),
-        }
     }
 }
 

@@ -1,17 +1,16 @@
 //! Following changes of the memory while rules fire.
 
-use std::cell::{Cell, RefCell};
 use std::time::Duration;
 
 use bson::{Document, doc};
 
 use super::exchange;
+use super::listeners::{Listener, Who};
 use super::native::{Environment, Value};
 use super::state::State;
 use super::table::Thing;
 use crate::clips::facts;
-use crate::formats::shell;
-use crate::memory::watch::{Trigger, Watch, event};
+use crate::memory::watch::{Trigger, event};
 use crate::store::{Change, ChangeKind, Namespace, Next, StoreError};
 
 /// How many changes of the world model are taken in before rules fire again. Of those that a trigger is
@@ -31,35 +30,6 @@ pub(super) const TEMPLATE: &str = "(deftemplate robmem-trigger
    (slot before (type STRING))
    (slot after (type STRING)))
 ";
-
-/// Who wants to hear of changes.
-#[derive(Debug, Clone)]
-enum Who {
-    /// A trigger, by its number and name.
-    Trigger(u64, String),
-    /// The shared world model.
-    WorldModel,
-}
-
-struct Listener<'m> {
-    who: Who,
-    namespace: Namespace,
-    watch: Watch<'m>,
-    /// Whether the store is lost, which was said.
-    lost: bool,
-}
-
-/// All that is followed.
-#[derive(Default)]
-pub(super) struct Listening<'m> {
-    listeners: RefCell<Vec<Listener<'m>>>,
-    /// Triggers that are no more.
-    ended: RefCell<Vec<u64>>,
-    number: Cell<u64>,
-    /// Whether there is anything to follow; the listeners may be away while they are asked.
-    count: Cell<usize>,
-    resting: Cell<bool>,
-}
 
 impl<'m> State<'m> {
     /// Begins to follow what a trigger wants; gives its number.
@@ -212,9 +182,4 @@ fn with_oplog(event: &Document, kind: ChangeKind) -> Document {
         document.insert("o", doc! { "_id": id.clone() });
     }
     document
-}
-
-/// What tells documents apart by their `_id`.
-pub(super) fn key(id: &bson::Bson) -> String {
-    shell::canonical_value(id)
 }

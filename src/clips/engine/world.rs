@@ -9,75 +9,39 @@
 //! back an engine waits for it. A change names only the slots that it is about, so that two engines
 //! that change different slots of one fact at the same time both keep theirs.
 
-use std::cell::{Cell, RefCell};
-use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
 
 use bson::oid::ObjectId;
 use bson::{Bson, Document, doc};
 
 use super::exchange;
+use super::model::{Known, MARK, WorldModel, key, mark_of, mark_path};
 use super::native::{Environment, FactRef, Value};
 use super::state::State;
-use super::subscription::key;
 use crate::clips::facts::record;
 use crate::formats::clips::{Body, Fact, Item, Reader};
-use crate::formats::{Source, Span};
+use crate::formats::{Source, Span, shell};
 use crate::query::QueryError;
-use crate::store::{Change, ChangeKind, Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
+use crate::store::{Change, ChangeKind, Find, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// The slot, and the key of the document, that tells facts apart.
 pub(super) const SYNC_ID: &str = "sync-id";
-/// The mark of a change, under `_robmem_info.clips`.
-const MARK: &str = "by";
 /// How long one waits for what the memory has when one begins.
 const SYNC_TIMEOUT: Duration = Duration::from_secs(10);
 /// How many numbers are tried for a new fact; the second is hardly ever needed.
 const TRIES: usize = 5;
 
-/// A fact of the shared world.
-struct Known {
-    id: Bson,
-    sync_id: i64,
-    fact: Option<FactRef>,
-    /// The mark of the engine's own change that has not come back yet.
-    pending: Option<String>,
-}
-
-/// The shared world model of one engine.
-pub(super) struct WorldModel {
-    namespace: Namespace,
-    started: Cell<bool>,
-    /// By what tells `_id`s apart.
-    known: RefCell<HashMap<String, Known>>,
-    keys: RefCell<HashMap<i64, String>>,
-    /// What was retracted here, and of which older changes may still come.
-    gone: RefCell<HashSet<String>>,
-    engine: String,
-    changes: Cell<u64>,
-    /// How many documents have come back from a roll call.
-    called: Cell<u64>,
-    call: RefCell<Option<String>>,
-    /// Templates of documents that this engine does not know.
-    strange: RefCell<HashSet<String>>,
+impl State<'_> {
+    /// Begins to keep the shared world model, where the command line wants that from the start.
+    pub(super) fn begin(&self, clips: &Environment) -> anyhow::Result<()> {
+        match self.job.is_synced {
+            true => self.world.start(self, clips),
+            false => Ok(()),
+        }
+    }
 }
 
 impl WorldModel {
-    pub(super) fn new(namespace: Namespace) -> Self {
-        Self {
-            namespace,
-            started: Cell::new(false),
-            known: RefCell::default(),
-            keys: RefCell::default(),
-            gone: RefCell::default(),
-            engine: ObjectId::new().to_hex(),
-            changes: Cell::new(0),
-            called: Cell::new(0),
-            call: RefCell::default(),
-            strange: RefCell::default(),
-        }
-    }
-
     /// Begins to keep the world model, if that was not begun: asserts what the memory has of it.
     pub(super) fn start(&self, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
         if self.started.replace(true) {
@@ -104,12 +68,6 @@ impl WorldModel {
         Ok(())
     }
 
-    /// A mark that no other change has.
-    fn mark(&self) -> String {
-        self.changes.set(self.changes.get() + 1);
-        format!("{}-{}", self.engine, self.changes.get())
-    }
-
     /// Takes in a change of the memory.
     pub(super) fn hear(&self, change: &Change, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
         match (change.kind, &change.id, &change.after) {
@@ -118,8 +76,8 @@ impl WorldModel {
                 self.forget(&key(id), clips);
             }
             (ChangeKind::Drop, ..) => {
-                let settled = |(key, known): (&String, &Known)| known.pending.is_none().then(|| key.clone());
-                let settled: Vec<String> = self.known.borrow().iter().filter_map(settled).collect();
+                let settled = |(key, known): (&Vec<u8>, &Known)| known.pending.is_none().then(|| key.clone());
+                let settled: Vec<Vec<u8>> = self.known.borrow().iter().filter_map(settled).collect();
                 settled.iter().for_each(|key| self.forget(key, clips));
             }
             (_, _, Some(after)) => {
@@ -144,24 +102,17 @@ impl WorldModel {
         if let Err(message) = self.make(&key, id, document, clips) {
             let name = document.get_str(crate::clips::facts::RELATION).unwrap_or_default().to_owned();
             if self.strange.borrow_mut().insert(name) {
-                state.sender().note(format!("{}, document {}: {message}; it is no fact here", self.namespace, key));
+                state.sender().note(format!(
+                    "{}, document {}: {message}; it is no fact here",
+                    self.namespace,
+                    shell::relaxed_value(id)
+                ));
             }
             self.forget(&key, clips);
         }
     }
 
-    /// Whether the document is from before the engine's own change of it.
-    fn is_older(&self, key: &str, document: &Document) -> bool {
-        let mut known = self.known.borrow_mut();
-        let Some(known) = known.get_mut(key) else { return false };
-        if known.pending.is_some() && known.pending.as_deref() != mark_of(document) {
-            return true;
-        }
-        known.pending = None;
-        false
-    }
-
-    fn make(&self, key: &str, id: &Bson, document: &Document, clips: &Environment) -> Result<(), String> {
+    fn make(&self, key: &[u8], id: &Bson, document: &Document, clips: &Environment) -> Result<(), String> {
         let sync_id = integer(document.get(SYNC_ID)).ok_or("it has no integer `sync-id`")?;
         let name = document.get_str(crate::clips::facts::RELATION).unwrap_or_default();
         let schema = exchange::schema(clips, [name]);
@@ -192,21 +143,6 @@ impl WorldModel {
         let pending = self.known.borrow().get(key).and_then(|known| known.pending.clone());
         self.keep(key, Known { id: id.clone(), sync_id, fact: Some(fact), pending });
         Ok(())
-    }
-
-    fn keep(&self, key: &str, known: Known) {
-        self.keys.borrow_mut().insert(known.sync_id, key.to_owned());
-        self.known.borrow_mut().insert(key.to_owned(), known);
-    }
-
-    /// Retracts the fact of a document.
-    fn forget(&self, key: &str, clips: &Environment) {
-        let known = self.known.borrow_mut().remove(key);
-        let Some(known) = known else { return };
-        self.keys.borrow_mut().remove(&known.sync_id);
-        if let Some(fact) = known.fact {
-            clips.retract(&fact);
-        }
     }
 
     /// Asserts a fact of a text here and in the memory.
@@ -339,7 +275,7 @@ impl WorldModel {
         Ok(())
     }
 
-    fn key_of(&self, fact: &FactRef, clips: &Environment) -> Result<String, String> {
+    fn key_of(&self, fact: &FactRef, clips: &Environment) -> Result<Vec<u8>, String> {
         if !clips.exists(fact) {
             return Err("the fact is gone".to_owned());
         }
@@ -417,14 +353,6 @@ fn update(before: &Document, after: &Document, slots: &[&str], mark: &str) -> Do
     }
     set.insert(mark_path(), mark);
     doc! { "$set": set }
-}
-
-fn mark_path() -> String {
-    format!("{}.{}.{MARK}", metadata::INFO, record::KEY)
-}
-
-fn mark_of(document: &Document) -> Option<&str> {
-    document.get_document(metadata::INFO).ok()?.get_document(record::KEY).ok()?.get_str(MARK).ok()
 }
 
 fn integer(value: Option<&Bson>) -> Option<i64> {

@@ -4,10 +4,11 @@ use std::borrow::Cow;
 
 use bson::{Bson, Document};
 
+use super::error::FactError;
+use super::key::{RELATION, VALUES};
 use super::nested::{self, Nested};
 use super::record::{Record, label};
 use super::schema::{INITIAL, Schema};
-use super::{RELATION, VALUES};
 use crate::formats::Span;
 use crate::formats::clips::{
     Body, Default, Fact, Filled, Slot, Template, Types, Value, is_construct, is_instance, is_symbol,
@@ -16,34 +17,6 @@ use crate::store::metadata;
 
 /// Words that CLIPS takes for something else at the head of a fact.
 const RESERVED: [&str; 9] = ["and", "or", "not", "test", "logical", "exists", "forall", "object", "declare"];
-
-/// Why a document is no fact.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the key `{key}` {message}")]
-pub struct FactError {
-    key: String,
-    message: String,
-    /// Whether `--nested` would help.
-    nested: bool,
-}
-
-impl FactError {
-    pub(super) fn new(key: &str, message: impl Into<String>) -> Self {
-        Self { key: key.escape_debug().to_string(), message: message.into(), nested: false }
-    }
-
-    /// The key that cannot be represented.
-    #[must_use]
-    pub fn key(&self) -> &str {
-        &self.key
-    }
-
-    /// Whether another [`Nested`] would help.
-    #[must_use]
-    pub fn is_nested(&self) -> bool {
-        self.nested
-    }
-}
 
 /// How documents become facts.
 #[derive(Debug, Clone, Copy)]
@@ -139,7 +112,7 @@ impl Exporter<'_> {
             Bson::Int64(number) => Ok(integer(*number, types)),
             Bson::Double(number) if number.is_finite() => Ok(Value::Float(*number)),
             other if self.nested == Nested::Json => Ok(Value::Text(nested::json(other))),
-            other => Err(FactError { nested: true, ..wrong(format!("is {}, which no slot can hold", kind(other))) }),
+            other => Err(wrong(format!("is {}, which no slot can hold", kind(other))).nested()),
         }
     }
 }

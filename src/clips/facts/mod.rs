@@ -18,21 +18,21 @@
 //! plain value, unless a remark behind the fact says otherwise, as it does in what rmem
 //! writes; and `(on)` is an ordered fact without values.
 
+mod error;
 mod export;
 mod import;
+mod key;
+mod keyed;
 mod nested;
 pub mod record;
 mod schema;
 mod trigger;
 
-pub use export::{Exporter, FactError};
+pub use error::FactError;
+pub use export::Exporter;
 pub use import::{Importer, Misfit};
+pub use key::{RELATION, VALUES};
+pub use keyed::{Found, KeyError, give_ids};
 pub use nested::Nested;
 pub use schema::{INITIAL, Schema};
 pub use trigger::{TRIGGER, now, trigger};
-
-/// The key of a document that is the name of its template.
-pub const RELATION: &str = "relation";
-
-/// The key of a document that holds the values of an ordered fact.
-pub const VALUES: &str = "values";

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::FactError;
+use super::error::FactError;
 use crate::formats::shell;
 use crate::store::metadata;
 

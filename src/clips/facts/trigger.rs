@@ -4,7 +4,11 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use bson::{Bson, Document, doc};
 
-use super::{Exporter, FactError, Nested, RELATION, Schema};
+use super::error::FactError;
+use super::export::Exporter;
+use super::key::RELATION;
+use super::nested::Nested;
+use super::schema::Schema;
 use crate::formats::clips::{Fact, Item, Reader};
 use crate::formats::{Source, shell};
 

@@ -1,20 +1,17 @@
 //! `rmem clips import [FILE]`: CLIPS facts as documents.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::schema;
-use crate::clips::facts::{INITIAL, Importer, RELATION, Schema};
-use crate::commands::query::owned;
+use crate::clips::facts::{Found, Importer, KeyError, Schema, give_ids};
 use crate::commands::{Context, WrongInput};
 use crate::exit::Exit;
 use crate::formats::clips::{Item, Reader};
-use crate::formats::{Diagnostic, Source, Span, shell};
-use crate::memory::Memory;
-use crate::store::{Find, Namespace};
+use crate::formats::{Diagnostic, Source};
+use crate::store::Namespace;
 
 /// Store facts as documents, all or none
 #[derive(Debug, Args)]
@@ -39,9 +36,6 @@ pub struct ImportArgs {
     pub strict: bool,
 }
 
-/// How many keys are looked up at once.
-const BATCH: usize = 1_000;
-
 /// How many names of a kind are told.
 const NAMES: usize = 10;
 
@@ -52,7 +46,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Resul
     let (mut found, skipped) = documents(&source, schema, args)?;
     let memory = context.memory_to_fill()?;
     if let Some(key) = &args.key {
-        replace(key, &source, &mut found, &memory, &namespace)?;
+        give_ids(key, &source, &mut found, &memory, &namespace).map_err(refused)?;
     }
     let put = memory.put(&namespace, found.into_iter().map(|(_, document)| document).collect())?;
     let line = format!("{{\"inserted\":{},\"replaced\":{},\"unchanged\":{}}}", put.inserted, put.replaced, put.same);
@@ -63,9 +57,6 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Resul
 
 /// The names of what was passed over, by kind.
 type Skipped = BTreeMap<String, Vec<String>>;
-
-/// Documents, each with the place of its fact.
-type Found = Vec<(Span, Document)>;
 
 /// The documents of a text.
 fn documents(source: &Source, mut schema: Schema, args: &ImportArgs) -> Result<(Found, Skipped), Diagnostic> {
@@ -86,78 +77,12 @@ fn documents(source: &Source, mut schema: Schema, args: &ImportArgs) -> Result<(
     Ok((documents, skipped))
 }
 
-/// Gives each document the `_id` of the stored one with the same key.
-fn replace(
-    key: &str,
-    source: &Source,
-    documents: &mut Found,
-    memory: &Memory,
-    namespace: &Namespace,
-) -> anyhow::Result<()> {
-    // CLIPS asserts this one by itself; it tells nothing.
-    let initial = |document: &Document| document.get_str(RELATION).is_ok_and(|name| name == INITIAL);
-    documents.retain(|(_, document)| !initial(document));
-    let mut seen = HashMap::new();
-    for (span, document) in documents.iter() {
-        let value = match document.get(key) {
-            None => return Err(Diagnostic::new(source, *span, format!("expected the slot `{key}`, the key")).into()),
-            Some(Bson::Array(_)) => {
-                return Err(
-                    Diagnostic::new(source, *span, format!("expected one value in the slot `{key}`, the key")).into()
-                );
-            }
-            Some(value) => value,
-        };
-        if let Some(first) = seen.insert(identity(value), *span) {
-            let (line, column) = source.position(first.start);
-            let message = format!("another fact has the key `{key}` {}", shell::relaxed_value(value));
-            return Err(Diagnostic::new(source, *span, message).hint(format!("it stands at {line}:{column}")).into());
-        }
-    }
-    for batch in documents.chunks_mut(BATCH) {
-        let values: Vec<Bson> = batch.iter().filter_map(|(_, document)| document.get(key).cloned()).collect();
-        let stored = stored(key, values, memory, namespace)?;
-        for (_, document) in batch {
-            if let Some(id) = document.get(key).and_then(|value| stored.get(&identity(value))) {
-                let rest = std::mem::take(document);
-                *document = doc! { "_id": id.clone() }.into_iter().chain(rest).collect();
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The `_id`s of the documents with these keys.
-fn stored(
-    key: &str,
-    values: Vec<Bson>,
-    memory: &Memory,
-    namespace: &Namespace,
-) -> anyhow::Result<HashMap<String, Bson>> {
-    let find = Find { filter: doc! { key: { "$in": values } }, projection: doc! { key: 1 }, ..Find::default() };
-    let mut ids = HashMap::new();
-    let mut twice = HashSet::new();
-    for document in memory.find(namespace, &find)? {
-        let mut document = document.and_then(owned)?;
-        let (Some(value), Some(id)) = (document.remove(key), document.remove("_id")) else { continue };
-        let name = identity(&value);
-        if ids.insert(name.clone(), id).is_some() && twice.insert(name) {
-            let value = shell::relaxed_value(&value);
-            let message = format!("{namespace} holds two documents with the key `{key}` {value}; nothing was imported");
-            return Err(WrongInput::new(message).into());
-        }
-    }
-    Ok(ids)
-}
-
-/// What is equal for values that the memory takes as equal.
-#[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "only exact numbers are converted")]
-fn identity(value: &Bson) -> String {
-    match value {
-        Bson::Int32(number) => number.to_string(),
-        Bson::Int64(number) => number.to_string(),
-        Bson::Double(number) if number.trunc() == *number && number.abs() < 9e18 => (*number as i64).to_string(),
-        other => shell::canonical_value(other),
+/// A wrong key as what it is for the exit code.
+fn refused(error: KeyError) -> anyhow::Error {
+    match error {
+        KeyError::Text(diagnostic) => diagnostic.into(),
+        KeyError::Store(error) => error.into(),
+        KeyError::Ambiguous { .. } => WrongInput::new(error.to_string()).into(),
     }
 }
 

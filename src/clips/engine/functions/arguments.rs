@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::Failure;
+use super::failure::Failure;
 use crate::clips::engine::exchange;
 use crate::clips::engine::native::{CallError, FactRef, Value};
 use crate::clips::engine::state::State;

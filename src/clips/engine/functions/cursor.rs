@@ -1,7 +1,9 @@
 //! Cursors: the answers to queries, document by document.
 
+use super::arguments::Arguments;
 use super::document::given;
-use super::{Arguments, Failure, Function, function};
+use super::failure::Failure;
+use super::function::{Function, function};
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::state::State;
 use crate::clips::engine::table::Thing;

@@ -2,8 +2,9 @@
 
 use bson::{Bson, DateTime, Document, Regex};
 
-use super::arguments::parse;
-use super::{Arguments, Failure, Function, function, open};
+use super::arguments::{Arguments, parse};
+use super::failure::Failure;
+use super::function::{Function, function, open};
 use crate::clips::engine::exchange;
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::state::State;

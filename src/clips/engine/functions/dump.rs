@@ -4,7 +4,10 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::{Arguments, Failure, Function, function, operation};
+use super::arguments::Arguments;
+use super::failure::Failure;
+use super::function::{Function, function};
+use super::operation;
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::state::State;
 use crate::memory::dump::read::Dump;

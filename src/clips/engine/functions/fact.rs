@@ -1,7 +1,9 @@
 //! Facts as documents, and documents as facts.
 
+use super::arguments::Arguments;
 use super::document::given;
-use super::{Arguments, Failure, Function, function};
+use super::failure::Failure;
+use super::function::{Function, function};
 use crate::clips::engine::exchange;
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::state::State;

@@ -4,7 +4,10 @@ use std::time::Duration;
 
 use bson::doc;
 
-use super::{Arguments, Failure, Function, function, operation};
+use super::arguments::Arguments;
+use super::failure::Failure;
+use super::function::{Function, function};
+use super::operation;
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::state::State;
 use crate::memory::lock::{Mutex, Tried};

@@ -9,6 +9,8 @@ mod cursor;
 mod document;
 mod dump;
 mod fact;
+mod failure;
+mod function;
 mod lock;
 mod operation;
 mod problem;
@@ -17,62 +19,15 @@ mod trigger;
 
 use std::rc::Rc;
 
-use super::native::{CallError, Environment, Running, Value};
+use super::native::{Running, Value};
 use super::state::State;
 use arguments::Arguments;
-
-/// A function: all its names, its least and greatest number of arguments, and what it does.
-struct Function {
-    names: &'static [&'static str],
-    least: u16,
-    most: Option<u16>,
-    body: Body,
-}
-
-type Body = for<'s> fn(&'s State<'_>, &'s Environment, Arguments<'s>) -> Result<Value, Failure>;
-
-const fn function(names: &'static [&'static str], least: u16, most: u16, body: Body) -> Function {
-    Function { names, least, most: Some(most), body }
-}
-
-const fn open(names: &'static [&'static str], least: u16, body: Body) -> Function {
-    Function { names, least, most: None, body }
-}
-
-/// Why a function has no value.
-enum Failure {
-    /// The program is wrong; the evaluation ends.
-    CallError(CallError),
-    /// It was not possible; the function gives FALSE.
-    Declined(String),
-}
-
-impl From<CallError> for Failure {
-    fn from(trouble: CallError) -> Self {
-        Self::CallError(trouble)
-    }
-}
-
-impl Failure {
-    /// It was not possible.
-    fn declined(error: impl std::fmt::Display) -> Self {
-        Self::Declined(error.to_string())
-    }
-
-    /// It was not possible, for reasons that have reasons.
-    fn chained(error: &anyhow::Error) -> Self {
-        Self::Declined(format!("{error:#}"))
-    }
-
-    /// The program is wrong.
-    fn wrong(message: impl Into<String>) -> Self {
-        Self::CallError(CallError::Failed(message.into()))
-    }
-}
+use failure::Failure;
+use function::Function;
 
 /// All functions, file by file.
 fn all() -> impl Iterator<Item = &'static Function> {
-    let rooms = [
+    let groups = [
         document::FUNCTIONS,
         operation::FUNCTIONS,
         cursor::FUNCTIONS,
@@ -83,7 +38,7 @@ fn all() -> impl Iterator<Item = &'static Function> {
         problem::FUNCTIONS,
         synced::FUNCTIONS,
     ];
-    rooms.into_iter().flatten()
+    groups.into_iter().flatten()
 }
 
 /// Makes all functions known.
@@ -94,7 +49,7 @@ pub(super) fn define<'m: 'h, 'h>(clips: &mut Running<'h>, state: &Rc<State<'m>>)
             clips.define(name, function.least, function.most, move |clips, values| {
                 match (function.body)(&state, clips, Arguments::new(values)) {
                     Ok(value) => Ok(value),
-                    Err(Failure::CallError(trouble)) => Err(trouble),
+                    Err(Failure::CallError(error)) => Err(error),
                     Err(Failure::Declined(message)) => {
                         clips.complain(&format!("[RMEM5] Function '{name}': {message}"));
                         Ok(Value::truth(false))

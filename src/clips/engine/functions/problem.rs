@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{Arguments, Failure, Function, function, open};
+use super::arguments::Arguments;
+use super::failure::Failure;
+use super::function::{Function, function, open};
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::planning::{self, PlanRequest};
 use crate::clips::engine::state::State;

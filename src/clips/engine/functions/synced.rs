@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Arguments, Failure, Function, function, open};
+use super::arguments::Arguments;
+use super::failure::Failure;
+use super::function::{Function, function, open};
 use crate::clips::engine::native::{CallError, Environment, FactRef, Value};
 use crate::clips::engine::state::State;
 use crate::clips::engine::world::{Modified, sync_id};

@@ -5,8 +5,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use clips_sys as sys;
 
-use super::environment::{Environment, Running};
-use super::value::{Value, c_text, size};
+use super::environment::Environment;
+use super::text::{c_text, size};
+use super::value::Value;
 
 /// Why a function has no value. The evaluation that called it ends.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,43 +22,18 @@ pub(crate) enum CallError {
 
 /// A function with its name.
 pub(super) struct Function<'h> {
-    name: CString,
+    pub(super) name: CString,
     #[allow(clippy::type_complexity, reason = "it is spelled out once")]
-    body: Box<dyn Fn(&Environment, &[Value]) -> Result<Value, CallError> + 'h>,
-    environment: Environment,
-}
-
-impl<'h> Running<'h> {
-    /// Makes a function known; of `most` none there may be any number of arguments.
-    ///
-    /// # Errors
-    /// Where CLIPS has a function of that name.
-    pub(crate) fn define(
-        &mut self,
-        name: &str,
-        least: u16,
-        most: Option<u16>,
-        body: impl Fn(&Environment, &[Value]) -> Result<Value, CallError> + 'h,
-    ) -> Result<(), String> {
-        let function = Box::new(Function { name: c_text(name), body: Box::new(body), environment: self.share() });
-        let most = most.unwrap_or(u16::MAX);
-        let context = std::ptr::from_ref::<Function<'h>>(&function).cast_mut().cast();
-        let word = function.name.as_ptr();
-        // SAFETY: name and function live in a box that is kept until the environment is gone, and
-        // nobody has it mutably.
-        let error = unsafe {
-            sys::AddUDF(self.raw(), word, std::ptr::null(), least, most, std::ptr::null(), Some(called), word, context)
-        };
-        if error != sys::AddUDFError_AUE_NO_ERROR {
-            return Err(format!("CLIPS has a function `{name}` already"));
-        }
-        self.keep(function);
-        Ok(())
-    }
+    pub(super) body: Box<dyn Fn(&Environment, &[Value]) -> Result<Value, CallError> + 'h>,
+    pub(super) environment: Environment,
 }
 
 /// What CLIPS calls, whichever function is meant.
-unsafe extern "C" fn called(_: *mut sys::Environment, context: *mut sys::UDFContext, returned: *mut sys::UDFValue) {
+pub(super) unsafe extern "C" fn called(
+    _: *mut sys::Environment,
+    context: *mut sys::UDFContext,
+    returned: *mut sys::UDFValue,
+) {
     // SAFETY: `context` is what CLIPS has of the call, with the box that `define` gave it, which
     // lives as long as the environment that calls.
     let function = unsafe { &*(*context).context.cast::<Function<'_>>() };

@@ -1,119 +1,19 @@
-//! An environment of CLIPS and what it needs to live.
+//! An environment of CLIPS.
 
-use std::cell::Cell;
-use std::ffi::{c_char, c_int, c_ushort, c_void};
-use std::ops::Deref;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ffi::{c_char, c_ushort};
 use std::rc::Rc;
 
 use clips_sys as sys;
 
-use super::call::Function;
-use super::router::{self, Stream};
-use super::value::{c_text, size};
-
-/// Who an environment talks to.
-pub(crate) trait Host {
-    /// A program prints.
-    fn write(&self, stream: Stream, bytes: &[u8]);
-    /// A program reads from stdin: the next byte, or nothing at its end.
-    fn read(&self) -> Option<u8>;
-    /// A program wants to end with a code.
-    fn exit(&self, code: i32);
-    /// Nothing knows this external address any more.
-    fn discard(&self, handle: u64);
-    /// A text that is being loaded has a mistake, or something doubtful, at a line.
-    fn parsed(&self, line: usize, doubtful: bool, text: &str);
-}
-
-/// Whether the environment is still there.
-#[derive(Debug)]
-pub(super) struct Alive {
-    is: Cell<bool>,
-    address_type: c_ushort,
-}
-
-impl Alive {
-    pub(super) fn is(&self) -> bool {
-        self.is.get()
-    }
-}
-
-/// What C's side of an environment knows of Rust's.
-pub(super) struct Shared<'h> {
-    pub(super) host: Rc<dyn Host + 'h>,
-    /// A character that was read too much.
-    pub(super) unread: Cell<Option<c_int>>,
-    /// Whether the rule that fired last said `(halt)`.
-    halted: Cell<bool>,
-}
+use super::handle::Alive;
+use super::host::Shared;
+use super::text::{c_text, size};
 
 /// An environment; used from one thread. Others get it from a [`Running`], as a reference.
 #[derive(Debug)]
 pub(crate) struct Environment {
-    raw: *mut sys::Environment,
-    alive: Rc<Alive>,
-}
-
-/// An environment with its functions. Dropping it destroys the environment.
-pub(crate) struct Running<'h> {
-    environment: Environment,
-    #[expect(clippy::vec_box, reason = "C has pointers to them, so that they must not move")]
-    functions: Vec<Box<Function<'h>>>,
-    shared: Box<Shared<'h>>,
-}
-
-impl<'h> Running<'h> {
-    /// A new environment, in which nothing is but what CLIPS has by itself.
-    pub(crate) fn new(host: Rc<dyn Host + 'h>) -> Option<Self> {
-        let shared = Box::new(Shared { host, unread: Cell::new(None), halted: Cell::new(false) });
-        // SAFETY: the context is a box that is kept until the environment is gone; CLIPS copies
-        // the description of the addresses.
-        unsafe {
-            let raw = sys::CreateEnvironment();
-            if raw.is_null() {
-                return None;
-            }
-            sys::SetEnvironmentContext(raw, std::ptr::from_ref::<Shared<'h>>(&shared).cast_mut().cast());
-            router::install(raw);
-            sys::AddAfterRuleFiresFunction(raw, c"rmem".as_ptr(), Some(fired), 0, std::ptr::null_mut());
-            let mut addresses = sys::externalAddressType {
-                name: c"rmem".as_ptr(),
-                shortPrintFunction: Some(print),
-                longPrintFunction: Some(print),
-                discardFunction: Some(discard),
-                newFunction: None,
-                callFunction: None,
-            };
-            let kind = sys::InstallExternalAddressType(raw, &raw mut addresses);
-            let alive = Alive { is: Cell::new(true), address_type: c_ushort::try_from(kind).unwrap_or_default() };
-            let alive = Rc::new(alive);
-            Some(Self { environment: Environment { raw, alive }, functions: Vec::new(), shared })
-        }
-    }
-
-    /// Keeps a function as long as the environment.
-    pub(super) fn keep(&mut self, function: Box<Function<'h>>) {
-        self.functions.push(function);
-    }
-}
-
-impl Deref for Running<'_> {
-    type Target = Environment;
-
-    fn deref(&self) -> &Environment {
-        &self.environment
-    }
-}
-
-impl Drop for Running<'_> {
-    fn drop(&mut self) {
-        self.environment.alive.is.set(false);
-        self.shared.unread.set(None);
-        // SAFETY: nothing uses the environment any more: facts see that it is gone. What C has
-        // pointers to is dropped after this.
-        unsafe { sys::DestroyEnvironment(self.environment.raw) };
-    }
+    pub(super) raw: *mut sys::Environment,
+    pub(super) alive: Rc<Alive>,
 }
 
 impl Environment {
@@ -180,22 +80,4 @@ impl Environment {
         // SAFETY: the environment is alive.
         unsafe { sys::GetEvaluationError(self.raw) || sys::GetHaltExecution(self.raw) }
     }
-}
-
-unsafe extern "C" fn fired(raw: *mut sys::Environment, _: *mut sys::Activation, _: *mut c_void) {
-    // SAFETY: the context is the box that was given, which outlives the environment.
-    unsafe { (*sys::GetEnvironmentContext(raw).cast::<Shared<'_>>()).halted.set(sys::GetHaltRules(raw)) };
-}
-
-unsafe extern "C" fn print(raw: *mut sys::Environment, stream: *const c_char, contents: *mut c_void) {
-    let text = c_text(&format!("<Pointer-rmem-{:x}>", contents as usize));
-    // SAFETY: CLIPS gives the environment and a stream of it.
-    unsafe { sys::WriteString(raw, stream, text.as_ptr()) };
-}
-
-unsafe extern "C" fn discard(raw: *mut sys::Environment, contents: *mut c_void) -> bool {
-    // SAFETY: the context is the box that was given, which outlives the environment.
-    let shared = unsafe { &*sys::GetEnvironmentContext(raw).cast::<Shared<'_>>() };
-    let _ = catch_unwind(AssertUnwindSafe(|| shared.host.discard(contents as u64)));
-    true
 }

@@ -1,58 +1,11 @@
 //! Facts: asserted, changed, retracted and read.
 
-use std::rc::Rc;
-
 use clips_sys as sys;
 
-use super::environment::{Alive, Environment};
-use super::value::{Value, c_text, text};
-
-/// A fact, there or retracted. It is told apart from any later one.
-#[derive(Debug)]
-pub(crate) struct FactRef {
-    fact: *mut sys::Fact,
-    alive: Rc<Alive>,
-}
-
-impl FactRef {
-    /// # Safety
-    /// The pointer is to a fact of the environment.
-    pub(super) unsafe fn new(fact: *mut sys::Fact, environment: &Environment) -> Self {
-        // SAFETY: the caller's promise.
-        unsafe { sys::RetainFact(fact) };
-        Self { fact, alive: Rc::clone(environment.alive()) }
-    }
-
-    /// The pointer, where the fact is one of this environment and that is alive.
-    pub(super) fn pointer(&self, environment: &Environment) -> Option<*mut sys::Fact> {
-        (self.alive.is() && Rc::ptr_eq(&self.alive, environment.alive())).then_some(self.fact)
-    }
-}
-
-impl Clone for FactRef {
-    fn clone(&self) -> Self {
-        if self.alive.is() {
-            // SAFETY: the environment is alive, and keeps the fact because it is retained.
-            unsafe { sys::RetainFact(self.fact) };
-        }
-        Self { fact: self.fact, alive: Rc::clone(&self.alive) }
-    }
-}
-
-impl Drop for FactRef {
-    fn drop(&mut self) {
-        if self.alive.is() {
-            // SAFETY: as for `clone`; this gives back what was retained.
-            unsafe { sys::ReleaseFact(self.fact) };
-        }
-    }
-}
-
-impl PartialEq for FactRef {
-    fn eq(&self, other: &Self) -> bool {
-        std::ptr::eq(self.fact, other.fact) && Rc::ptr_eq(&self.alive, &other.alive)
-    }
-}
+use super::environment::Environment;
+use super::handle::FactRef;
+use super::text::{c_text, text};
+use super::value::Value;
 
 impl Environment {
     /// Asserts a fact that is spelled out; where CLIPS cannot, it has said why. The same fact
@@ -61,7 +14,7 @@ impl Environment {
         // SAFETY: the environment is alive, and the text is copied.
         let fact = unsafe { sys::AssertString(self.raw(), c_text(text).as_ptr()) };
         // SAFETY: it has just been asserted.
-        (!fact.is_null()).then(|| unsafe { FactRef::new(fact, self) })
+        (!fact.is_null()).then(|| unsafe { FactRef::new(fact, self.alive()) })
     }
 
     /// Asserts a fact with slots; slots that are not given have their defaults.
@@ -112,7 +65,7 @@ impl Environment {
                 }
                 Some(_) => std::ptr::null_mut(),
             };
-            let asserted = (!fact.is_null()).then(|| FactRef::new(fact, self));
+            let asserted = (!fact.is_null()).then(|| FactRef::new(fact, self.alive()));
             sys::FBDispose(builder);
             asserted.ok_or_else(|| wrong.unwrap_or_else(|| format!("CLIPS does not assert this `{template}`")))
         }
@@ -120,7 +73,7 @@ impl Environment {
 
     /// Retracts a fact; says whether it was there.
     pub(crate) fn retract(&self, fact: &FactRef) -> bool {
-        let Some(pointer) = fact.pointer(self).filter(|_| self.exists(fact)) else { return false };
+        let Some(pointer) = fact.pointer(self.alive()).filter(|_| self.exists(fact)) else { return false };
         // SAFETY: the environment is alive and the fact there.
         unsafe { sys::Retract(pointer) == sys::RetractError_RE_NO_ERROR }
     }
@@ -128,19 +81,19 @@ impl Environment {
     /// Whether the fact is there.
     pub(crate) fn exists(&self, fact: &FactRef) -> bool {
         // SAFETY: a fact that is known is retained, so that its memory is.
-        fact.pointer(self).is_some_and(|pointer| unsafe { sys::FactExistp(pointer) })
+        fact.pointer(self.alive()).is_some_and(|pointer| unsafe { sys::FactExistp(pointer) })
     }
 
     /// The name of the fact's template, without its module.
     pub(crate) fn template_of(&self, fact: &FactRef) -> String {
-        let Some(pointer) = fact.pointer(self) else { return String::new() };
+        let Some(pointer) = fact.pointer(self.alive()) else { return String::new() };
         // SAFETY: the fact's memory is kept, and the template's while it has facts in use.
         unsafe { text(sys::DeftemplateName(sys::FactDeftemplate(pointer))) }
     }
 
     /// The values of an ordered fact; none where the fact has slots.
     pub(crate) fn ordered(&self, fact: &FactRef) -> Option<Vec<Value>> {
-        let pointer = fact.pointer(self)?;
+        let pointer = fact.pointer(self.alive())?;
         let mut native = sys::CLIPSValue::default();
         // SAFETY: the fact's memory is kept; without a slot's name only ordered facts answer.
         unsafe {
@@ -157,7 +110,7 @@ impl Environment {
 
     /// The slots of a fact with their values; those with several have a [`Value::Many`].
     pub(crate) fn slots(&self, fact: &FactRef) -> Vec<(String, Value)> {
-        let Some(pointer) = fact.pointer(self) else { return Vec::new() };
+        let Some(pointer) = fact.pointer(self.alive()) else { return Vec::new() };
         let mut names = sys::CLIPSValue::default();
         // SAFETY: the fact's memory is kept, and the template's while it has facts in use.
         unsafe {

@@ -1,4 +1,4 @@
-//! CLIPS 6.40 itself, behind an interface that cannot be used wrongly. The only room with `unsafe`.
+//! CLIPS 6.40 itself, behind an interface that cannot be used wrongly. The only module with `unsafe`.
 //!
 //! The bindings are the crate `clips-sys`, made from CLIPS' own headers when it is built, so
 //! that the layout of every structure is the compiler's. What the rest relies on:
@@ -16,14 +16,20 @@
 #![allow(unsafe_code)]
 
 mod call;
+mod conversion;
 mod environment;
 mod fact;
 mod halt;
+mod handle;
+mod host;
 mod router;
+mod running;
+mod text;
 mod value;
 
 pub(crate) use call::CallError;
-pub(crate) use environment::{Environment, Host, Running};
-pub(crate) use fact::FactRef;
-pub(crate) use router::Stream;
+pub(crate) use environment::Environment;
+pub(crate) use handle::FactRef;
+pub(crate) use host::{Host, Stream};
+pub(crate) use running::Running;
 pub(crate) use value::Value;

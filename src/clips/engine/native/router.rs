@@ -5,27 +5,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use clips_sys as sys;
 
-use super::environment::Shared;
-use super::value::text;
-
-/// Where a program prints.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Stream {
-    /// `stdout`, or `t`.
-    Out,
-    /// `stderr` and `stdwrn`.
-    Err,
-}
-
-impl Stream {
-    fn named(name: &CStr) -> Option<Self> {
-        match name.to_bytes() {
-            b"stdout" => Some(Self::Out),
-            b"stderr" | b"stdwrn" => Some(Self::Err),
-            _ => None,
-        }
-    }
-}
+use super::host::{Shared, Stream};
+use super::text::text;
 
 /// Puts rmem in place of the terminal.
 ///

@@ -1,0 +1,22 @@
+//! The problem that a program generated last.
+
+use std::cell::RefCell;
+
+use crate::memory::Memory;
+use crate::problem::{self, Generated, ProblemError, Request};
+
+/// The problem that was generated last, whose names are known.
+#[derive(Default)]
+pub(super) struct Planning {
+    pub(super) last: RefCell<Option<(Request, Generated)>>,
+}
+
+impl Planning {
+    /// Generates a problem; gives its text.
+    pub(super) fn generate(&self, request: Request, memory: &Memory) -> Result<String, ProblemError> {
+        let generated = problem::generate(&request, memory)?;
+        let text = generated.text.clone();
+        *self.last.borrow_mut() = Some((request, generated));
+        Ok(text)
+    }
+}

@@ -1,0 +1,49 @@
+//! What is run, and how it ended.
+
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use crate::formats::Source;
+use crate::planner::{Configured, Host};
+use crate::store::Namespace;
+
+/// What is to be run.
+pub struct Job {
+    /// Constructs, loaded in this order.
+    pub programs: Vec<Source>,
+    /// Facts that are asserted after `(reset)`.
+    pub facts: Vec<Source>,
+    /// How many rules fire at most.
+    pub cycles: Option<u64>,
+    /// How long it may take.
+    pub timeout: Option<Duration>,
+    /// Becomes true when somebody interrupts.
+    pub interrupted: &'static AtomicBool,
+    /// The shared world model, which `synced-assert` and its like keep.
+    pub world: Namespace,
+    /// Whether it is kept from the start, and not only once a program changes it.
+    pub is_synced: bool,
+    /// What marker sections of templates query.
+    pub collection: Namespace,
+    /// Where mutexes are.
+    pub mutexes: Namespace,
+    /// The planners of the settings.
+    pub planners: Vec<Configured>,
+    /// What planners are run with.
+    pub host: Host<'static>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// No rule can fire, or enough did, or the program said `(halt)`.
+    Well,
+    /// The program said `(exit CODE)`.
+    Exited(i32),
+    /// An error ended the evaluation; CLIPS has said which.
+    Failed,
+    /// The time was over.
+    OutOfTime,
+    /// Somebody interrupted.
+    Interrupted,
+}
