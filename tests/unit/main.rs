@@ -6,6 +6,7 @@ mod facts;
 mod fuzzed;
 mod imported;
 mod index;
+mod layers;
 mod marker;
 mod mutations;
 mod parity;
