@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 /// Groups of files that import each other, and why they may.
-const RECURSIVE: [(&str, &str); 16] = [
+const RECURSIVE: [(&str, &str); 18] = [
     ("query", "expressions, filters and update operators contain each other, as MongoDB's grammar does"),
     ("query::element", "a view is made of elements, and an element's value is a view"),
     ("query::pipeline", "stages such as $facet and $lookup contain pipelines"),
@@ -16,7 +16,9 @@ const RECURSIVE: [(&str, &str); 16] = [
     // Circles that are to be broken by the modules' rework.
     ("cli", ""),
     ("commands", ""),
+    ("commands::clips", ""),
     ("commands::plan::run", ""),
+    ("commands::watch", ""),
     ("pddl", ""),
     ("pddl::reachability", ""),
     ("pddl::validation::state", ""),
@@ -29,7 +31,7 @@ const RECURSIVE: [(&str, &str); 16] = [
 ];
 
 /// Top-level modules that import each other; to be broken by the modules' rework.
-const MUTUAL: [(&str, &str); 3] = [("commands", ""), ("formats", "pddl"), ("plan", "planner")];
+const MUTUAL: [(&str, &str); 4] = [("cli", "commands"), ("commands", ""), ("formats", "pddl"), ("plan", "planner")];
 
 type Name = Vec<String>;
 
