@@ -62,7 +62,7 @@ pub(crate) fn with_id_first(document: Document, id: &Bson) -> Document {
     settled
 }
 
-/// Gives the time to the document's own fields that hold an empty timestamp.
+/// Returns the time to the document's own fields that hold an empty timestamp.
 /// No two get the same.
 pub(crate) fn fill_timestamps(document: &mut Document) {
     static INCREMENT: AtomicU32 = AtomicU32::new(0);

@@ -30,16 +30,16 @@ pub enum StoreError {
     #[error(transparent)]
     Query(#[from] QueryError),
     /// An insert of several documents ended early.
-    #[error("{}", match document { Some(nth) => format!("document {nth} cannot be stored"), None => "not all went well".to_owned() })]
+    #[error("{}", match document { Some(nth) => format!("document {nth} cannot be stored"), None => "not all documents were confirmed".to_owned() })]
     Stopped {
         /// The `_id`s stored before the failure.
         stored: Vec<Bson>,
-        /// Which document is to blame, from 1, where it is one.
+        /// The number of the document at fault, from 1, if it is one document.
         document: Option<usize>,
         /// What went wrong.
         source: Box<StoreError>,
     },
-    /// Another process, or another use, has what was asked for.
+    /// Another process, or another purpose, holds what was asked for.
     #[error("{what}")]
     Held {
         /// What, who has it, and what to do.
@@ -53,7 +53,7 @@ pub enum StoreError {
         /// Why, and what to do.
         reason: String,
     },
-    /// Documents that are computed when a query asks for them could not be had.
+    /// A computable that the query needs failed.
     #[error("the computable `{name}` failed: {source}")]
     Computable {
         /// The computable.
@@ -81,7 +81,7 @@ impl StoreError {
         }
     }
 
-    /// The error, saying which of `count` documents is to blame and which are stored.
+    /// The error with the number of the document at fault, of `count`, and the `_id`s that are stored.
     pub(super) fn stopped(self, stored: Vec<Bson>, count: usize) -> Self {
         match self {
             Self::Duplicate { namespace, key, .. } => Self::Duplicate { namespace, key, stored },

@@ -1,4 +1,4 @@
-//! A process that holds something, told so that another process can say whether it lives.
+//! A process that holds a resource, identified so that another process can find out whether it is running.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,7 +7,7 @@ use std::str::FromStr;
 ///
 /// Its text is `BOOT NAMESPACE PID START`: the boot of the kernel, the namespace of
 /// process ids, the id in it, and when the process was started (so that an id which
-/// is used again is not taken for it). Where the system tells less, parts are `-`.
+/// is used again is not taken for it). Parts that the system does not provide are `-`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Holder {
     boot: String,
@@ -16,7 +16,7 @@ pub(crate) struct Holder {
     started: String,
 }
 
-/// What can be said of a holder.
+/// What is known of a holder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Life {
     /// It is running.
@@ -51,7 +51,7 @@ impl Holder {
         }
     }
 
-    /// The process id, where it is one's own.
+    /// The process id in its own namespace.
     pub(crate) fn process(&self) -> u32 {
         self.process
     }
@@ -99,7 +99,7 @@ fn started(process: u32) -> Option<String> {
     fields.nth(18).map(str::to_owned)
 }
 
-/// Whether there is such a process, on systems that tell nothing more.
+/// Whether the process exists, on systems without `/proc`.
 fn exists(process: u32) -> bool {
     if std::path::Path::new("/proc/self/stat").exists() {
         return false;
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_seen_is_not_taken_for_dead() {
+    fn a_process_of_another_container_is_not_taken_for_ended() {
         assert_eq!(Holder { space: "pid:[1]".to_owned(), ..Holder::myself() }.life(), Life::Unseen);
         assert_eq!(Holder { boot: "another".to_owned(), ..Holder::myself() }.life(), Life::Elsewhere);
     }

@@ -1,4 +1,4 @@
-//! Indexes: what a store is asked to keep of one.
+//! The definition of an index.
 
 use bson::{Bson, Document, doc};
 

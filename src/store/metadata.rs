@@ -1,8 +1,8 @@
-//! `_robmem_info`: the metadata that a store keeps true while it changes documents.
+//! `_robmem_info`: the metadata that a store keeps in documents.
 //!
-//! `inserted` and `updated` are written where the document is, so that they
-//! are right whichever documents an update turns out to match, and so that an
-//! update that changes nothing leaves no trace.
+//! The store itself writes `inserted` and `updated`, together with the document: so they are
+//! right for every document that an update matches, and an update that changes nothing does
+//! not change them.
 
 use bson::raw::{CStr, RawBsonRef, cstr};
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
@@ -35,7 +35,7 @@ const RAW_INFO: &CStr = cstr!("_robmem_info");
 /// Checks what a document says under [`INFO`].
 ///
 /// # Errors
-/// Where that is not a document, has a key that is nobody's, or has a value
+/// Where that is not a document, has an unknown key, or has a value
 /// of the wrong type.
 pub fn check(document: &Document) -> Result<(), QueryError> {
     match document.get(INFO) {
@@ -58,8 +58,8 @@ fn check_info(info: &Document) -> Result<(), QueryError> {
     Ok(())
 }
 
-/// Stamps a new document. What an application says under [`INFO`] stays, but
-/// for the dates, which are the memory's.
+/// Adds the metadata of a new document. What an application has set under [`INFO`] stays,
+/// except for the dates, which are the memory's.
 ///
 /// # Errors
 /// As [`check`].
@@ -67,7 +67,7 @@ pub fn insert(document: &mut Document, at: DateTime) -> Result<(), QueryError> {
     check(document)?;
     match document.get_mut(INFO) {
         Some(Bson::Document(info)) => {
-            // What was computed decays when it is not good any more.
+            // A computed document decays when its cache time is over.
             if let (None, Some(Bson::DateTime(until))) = (info.get(DECAY), info.get("cached_until")) {
                 info.insert(DECAY, *until);
             }
@@ -150,14 +150,14 @@ pub(crate) fn computation(key: &str) -> String {
     format!("{INFO}.{COMPUTATION}.{key}")
 }
 
-/// What is true of documents that have not decayed at a time. What is computed decays
-/// when it is not good any more.
+/// The condition that matches documents that have not decayed at a time. Computed documents
+/// decay when their cache time is over.
 pub(crate) fn visible(at: DateTime) -> Document {
     doc! { DECAY_PATH: { "$not": { "$lte": at } } }
 }
 
-/// Stamps the outcome of an update of `old`. A replacement keeps when its
-/// predecessor was inserted; nothing comes back where nothing but stamps would change.
+/// Returns the result of an update of `old` with its metadata. A replacement keeps the date at
+/// which its predecessor was inserted. Returns nothing where only metadata would change.
 pub(crate) fn update(
     old: &RawDocument,
     new: &RawDocument,
@@ -184,7 +184,7 @@ pub(crate) fn update(
     with_info(new, &info).map(Some)
 }
 
-/// Stamps the document that an upsert made.
+/// Returns the document of an upsert with its metadata.
 pub(crate) fn upsert(document: &RawDocument, at: DateTime) -> Result<RawDocumentBuf, QueryError> {
     let mut info = info(document)?;
     check_info(&info)?;

@@ -1,4 +1,4 @@
-//! Where documents live. [`Store`] is what a memory asks of a database.
+//! Where documents are stored. [`Store`] is what a memory needs of a database.
 //!
 //! Two kinds: [`embedded`], a file of this machine that several processes use
 //! at once, and `mongodb`, a server or replica set reached through the official
@@ -35,7 +35,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf};
 /// Documents in answer to a query, produced as they are asked for.
 pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreError>> + 'a>;
 
-/// What a memory asks of a database. Implementations are used from one thread
+/// What a memory needs of a database. Implementations are used from one thread
 /// at a time, but several processes may use one database at once.
 pub trait Store: Send {
     /// Stores the documents in order, giving an ObjectId `_id` (as the first
@@ -73,26 +73,26 @@ pub trait Store: Send {
     ) -> Result<Updated, StoreError>;
 
     /// Stores documents, each in place of the one with its `_id` where there is
-    /// one, those without an `_id` under a new one; the stamp is as with
+    /// one, those without an `_id` under a new one; the metadata is as with
     /// [`Store::update`]. Durable on return.
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError>;
 
     /// Removes all matches, or the first only; returns how many.
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError>;
 
-    /// Removes a whole collection; says whether there was one.
+    /// Removes a whole collection; returns whether it existed.
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError>;
 
-    /// Gives the collection `from` the name `to`, in place of the one that has
+    /// Returns the collection `from` the name `to`, in place of the one that has
     /// it, in one step. Both are in one database. Durable on return.
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError>;
 
-    /// Makes an index, and the collection where there is none; says whether
+    /// Creates an index, and the collection where there is none; returns whether
     /// the index is new. Over documents that a unique index cannot be made of,
     /// nothing changes. Durable on return.
     fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError>;
 
-    /// Removes the index of that name; says whether there was one.
+    /// Removes the index of that name; returns whether it existed.
     fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
 
     /// The indexes of a collection, that on `_id` first; none where there is no collection.
@@ -101,25 +101,25 @@ pub trait Store: Send {
     /// All collections, sorted.
     fn collections(&self) -> Result<Vec<Namespace>, StoreError>;
 
-    /// Follows the changes of a collection: from now on, or from where the one who had
-    /// this name before was done. A name belongs to one collection, is kept in the
+    /// Follows the changes of a collection: from now on, or with a name that exists, from
+    /// its position. A name belongs to one collection, is kept in the
     /// store, and is followed by one process at a time.
     fn watch(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError>;
 
-    /// Forgets a name of [`Store::watch`]; says whether there was one.
+    /// Removes a name of [`Store::watch`]; returns whether it existed.
     fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
 
     /// All names of [`Store::watch`], sorted by collection.
     fn names(&self) -> Result<Vec<Name>, StoreError>;
 
     /// Runs operations so that all they do is kept or, where they fail, nothing; a process
-    /// that is killed has done nothing. Others wait with their writes meanwhile. Where
-    /// [`Store::is_atomic`] is false, the operations are just run.
+    /// that is killed has done nothing. Other writers wait meanwhile. Where [`Store::is_atomic`]
+    /// is false, the operations just run.
     fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
         work()
     }
 
-    /// Whether [`Store::atomically`] keeps its word.
+    /// Whether [`Store::atomically`] is atomic.
     fn is_atomic(&self) -> bool {
         false
     }

@@ -63,8 +63,8 @@ impl Namespace {
 }
 
 impl Namespace {
-    /// Whether rmem keeps something of its own there: what computables are good for, how far watches are.
-    /// Such collections are in no list of collections, and no dump of all.
+    /// Whether it is one of rmem's own collections: the cache of computables, the positions of
+    /// watches. These are left out of lists of collections and of dumps of the whole memory.
     #[must_use]
     pub fn is_own(&self) -> bool {
         self.collection.starts_with("rmem.")

@@ -1,4 +1,4 @@
-//! What operations are asked for, and what they did.
+//! The requests and results of operations.
 
 use bson::{Bson, Document};
 
@@ -7,11 +7,11 @@ use bson::{Bson, Document};
 pub struct Find {
     /// MongoDB's filter; empty matches everything.
     pub filter: Document,
-    /// Keys with 1 or -1; empty leaves natural order (order of insertion).
+    /// Keys with 1 (ascending) or -1 (descending); empty keeps the order of insertion.
     pub sort: Document,
-    /// How many matches to pass over.
+    /// How many matches to skip.
     pub skip: u64,
-    /// At most so many; 0 is all.
+    /// The most documents to return; 0 returns all.
     pub limit: u64,
     /// MongoDB's projection; empty keeps documents whole.
     pub projection: Document,

@@ -63,7 +63,7 @@ pub enum UriError {
         /// `mongodb` or `mongodb+srv`.
         scheme: String,
     },
-    /// More than one `@`, so that it cannot be told where the credentials end.
+    /// More than one `@`, so that the end of the credentials is not known.
     #[error("the {scheme} URI has more than one `@`; write %40 for those in a user name, password or option")]
     Ambiguous {
         /// `mongodb` or `mongodb+srv`.

@@ -25,7 +25,7 @@ pub enum ChangeKind {
 }
 
 impl ChangeKind {
-    /// The word for it.
+    /// Its name.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -79,14 +79,14 @@ pub struct Waiting {
     pub bytes: u64,
 }
 
-/// What waiting for a change gave.
+/// The result of waiting for a change.
 #[derive(Debug)]
 pub enum Next {
     /// A change.
     Change(Box<Change>),
     /// None came in time.
     Nothing,
-    /// The store cannot be reached; to ask again connects again, and misses nothing.
+    /// The store cannot be reached; the next call connects again, and no change is lost.
     Interrupted(StoreError),
 }
 
@@ -95,19 +95,19 @@ pub trait Changes {
     /// The next change, or nothing if none comes within `timeout`.
     ///
     /// # Errors
-    /// Where nothing more will come: the position is lost, or somebody else has
-    /// taken its name.
+    /// Where nothing more will come: the position is lost, or another process has
+    /// taken the name.
     fn next(&mut self, timeout: Duration) -> Result<Next, StoreError>;
 
-    /// Says that all changes given so far are dealt with: who follows them by the same
-    /// name later goes on behind them.
+    /// Records that the application is done with all changes returned so far: the next
+    /// process with the same name starts behind them.
     ///
     /// # Errors
     /// As [`Changes::next`].
     fn done(&mut self) -> Result<(), StoreError>;
 
-    /// Shows that this process lives, while it is busy with a change; to be called
-    /// every few seconds.
+    /// Records that this process is running. To be called every few seconds while it is
+    /// busy with a change.
     ///
     /// # Errors
     /// As [`Changes::next`].

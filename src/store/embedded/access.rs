@@ -45,19 +45,19 @@ pub(super) struct Listing {
     pub(super) backwards: bool,
 }
 
-/// A way, and what is to be told of it.
+/// An access path, with what is known of it.
 pub(super) struct Chosen {
     pub(super) way: Way,
     /// Whether it gives documents in the order of the sort.
     pub(super) is_sorted: bool,
-    /// What `explain` says of it; empty unless it was asked for.
-    pub(super) account: Document,
+    /// Its explanation, for `explain`; empty otherwise.
+    pub(super) explanation: Document,
     /// How many keys were read to find it.
     pub(super) keys: u64,
 }
 
 impl Embedded {
-    /// Chooses a way to what a filter may match. `is_explained` gives an account of it.
+    /// Chooses a way to what a filter may match. With `is_explained`, explains it.
     pub(super) fn choose(
         &self,
         collection: Collection,
@@ -79,7 +79,7 @@ impl Embedded {
             Some(index) => index.table(),
             None => collection.table(),
         };
-        let account = |access: &Access<'_>| match is_explained {
+        let explanation = |access: &Access<'_>| match is_explained {
             false => Document::new(),
             true => {
                 let index = access.candidate.checked_sub(1).and_then(|nth| kept.get(nth));
@@ -92,28 +92,29 @@ impl Embedded {
         };
         let found = ways(filter, sort, &candidates);
         if let Some(access) = self.best(found, table)? {
-            let (account, table, is_sorted) = (account(&access), table(access.candidate), access.sorted.is_some());
+            let (explanation, table, is_sorted) =
+                (explanation(&access), table(access.candidate), access.sorted.is_some());
             let backwards = access.sorted.unwrap_or(false);
             if access.is_natural && sort.is_empty() || is_sorted && !sort.is_empty() {
                 let listing = Listing { table, ranges: in_turn(access.ranges, backwards), backwards };
-                return Ok(Chosen { way: Way::Listed(listing), is_sorted, account, keys: 0 });
+                return Ok(Chosen { way: Way::Listed(listing), is_sorted, explanation, keys: 0 });
             }
-            return self.positions(&[(table, access.ranges)], account, sort.is_empty());
+            return self.positions(&[(table, access.ranges)], explanation, sort.is_empty());
         }
         let Some(parts) = alternatives(filter, &candidates) else {
-            let account = if is_explained {
+            let explanation = if is_explained {
                 doc! { "index": Bson::Null }
             } else {
                 Document::new()
             };
-            return Ok(Chosen { way: Way::Walk, is_sorted: sort.is_empty(), account, keys: 0 });
+            return Ok(Chosen { way: Way::Walk, is_sorted: sort.is_empty(), explanation, keys: 0 });
         };
-        let account = match is_explained {
-            true => doc! { "any": parts.iter().map(account).collect::<Vec<_>>() },
+        let explanation = match is_explained {
+            true => doc! { "any": parts.iter().map(explanation).collect::<Vec<_>>() },
             false => Document::new(),
         };
         let parts: Vec<_> = parts.into_iter().map(|access| (table(access.candidate), access.ranges)).collect();
-        self.positions(&parts, account, sort.is_empty())
+        self.positions(&parts, explanation, sort.is_empty())
     }
 
     /// The one of several ways with the fewest keys.
@@ -161,14 +162,14 @@ impl Embedded {
     fn positions(
         &self,
         parts: &[(String, Vec<Range>)],
-        account: Document,
+        explanation: Document,
         is_sorted: bool,
     ) -> Result<Chosen, StoreError> {
         let mut positions: Vec<i64> = Vec::new();
         for (table, ranges) in parts {
             match self.list(table, ranges, &mut positions) {
                 Err(error) if failure::is_gone(&error) => {
-                    return Ok(Chosen { way: Way::Walk, is_sorted, account, keys: 0 });
+                    return Ok(Chosen { way: Way::Walk, is_sorted, explanation, keys: 0 });
                 }
                 listed => listed.map_err(|e| self.explain(&e))?,
             }
@@ -176,7 +177,7 @@ impl Embedded {
         let keys = positions.len() as u64;
         positions.sort_unstable();
         positions.dedup();
-        Ok(Chosen { way: Way::Positions(positions.into()), is_sorted, account, keys })
+        Ok(Chosen { way: Way::Positions(positions.into()), is_sorted, explanation, keys })
     }
 
     fn list(&self, table: &str, ranges: &[Range], positions: &mut Vec<i64>) -> rusqlite::Result<()> {

@@ -6,8 +6,8 @@ use bson::{Bson, DateTime, Document, doc};
 
 use super::Embedded;
 use super::indexed::decay;
-use super::moment::Moment;
 use super::scan::{Scan, sharpen};
+use super::snapshot::Snapshot;
 use crate::query::{self, Filter, Projection, QueryError, Sort};
 use crate::store::{Documents, Find, Namespace, StoreError, metadata};
 
@@ -19,14 +19,14 @@ impl Embedded {
             true => None,
             false => Some(Projection::parse(&find.projection)?),
         };
-        let moment = Moment::begin(&self.connection).map_err(|e| self.explain(&e))?;
+        let snapshot = Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))?;
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
         let scan = Scan::sorted(self, collection, &mut filter, &sort)?;
         let is_sorted = scan.in_order();
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
         let scan = if is_sorted { scan.at_most(skip.saturating_add(limit)) } else { scan };
         let scan = scan.begun()?;
-        drop(moment);
+        drop(snapshot);
         let matches = scan.map(|found| found.map(|found| found.body));
         let ordered: Documents<'_> = match is_sorted {
             true => Box::new(matches),
@@ -38,14 +38,14 @@ impl Embedded {
         Ok(Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))))
     }
 
-    /// Answers a query to say how it is answered.
-    pub(super) fn account(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+    /// Answers a query to explain how it is answered.
+    pub(super) fn explained(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
         let mut filter = Rc::new(Filter::parse(&find.filter)?);
         let sort = Sort::parse(&find.sort)?;
         let Some(collection) = self.collection(ns)? else {
             return Ok(doc! { "index": Bson::Null, "keys_examined": 0, "documents_examined": 0, "returned": 0 });
         };
-        let (scan, mut account) = Scan::explained(self, collection, &mut filter, &sort)?;
+        let (scan, mut explanation) = Scan::explained(self, collection, &mut filter, &sort)?;
         let (examined, is_sorted) = (scan.examined(), scan.in_order());
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
         let most = if is_sorted { skip.saturating_add(limit) } else { usize::MAX };
@@ -55,7 +55,7 @@ impl Embedded {
             matches += 1;
         }
         if !find.sort.is_empty() {
-            account.insert("sort", if is_sorted { "index" } else { "memory" });
+            explanation.insert("sort", if is_sorted { "index" } else { "memory" });
         }
         let returned = matches.saturating_sub(skip).min(limit);
         let numbers = [
@@ -63,8 +63,8 @@ impl Embedded {
             ("documents_examined", examined.documents.get()),
             ("returned", returned as u64),
         ];
-        account.extend(numbers.map(|(name, number)| (name.to_owned(), number.cast_signed().into())));
-        Ok(account)
+        explanation.extend(numbers.map(|(name, number)| (name.to_owned(), number.cast_signed().into())));
+        Ok(explanation)
     }
 
     pub(super) fn tally(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {

@@ -48,7 +48,7 @@ impl Embedded {
 
     /// Adds a settled document. In a write transaction only.
     ///
-    /// A key that only a document has which is due, and may be seen by nobody any more, is free.
+    /// A unique key of a document that has decayed or expired is free: such documents are removed first.
     pub(super) fn add(
         &self,
         ns: &Namespace,

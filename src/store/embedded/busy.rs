@@ -3,7 +3,7 @@
 //! SQLite's own busy handler sleeps in steps that grow to 100 ms, so a writer
 //! among writers stalls for much longer than any write takes. This one starts
 //! with a fraction of a write's duration and never sleeps longer than
-//! [`LONGEST`]; the jitter keeps two waiting processes out of step.
+//! [`LONGEST`]; random jitter keeps two waiting processes from retrying at the same times.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,29 +11,29 @@ use std::time::{Duration, Instant};
 
 use rusqlite::Connection;
 
-/// How long a process waits for its turn before it gives up.
+/// How long a write waits for the locks of other processes.
 pub(super) const LOCK_TIMEOUT: Duration = Duration::from_secs(30);
-/// How long one waits who has other things to do.
-const HURRY: Duration = Duration::from_millis(4);
+/// The same for best-effort writes, which are repeated later.
+const BRIEF_TIMEOUT: Duration = Duration::from_millis(4);
 const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_millis(8);
 
-/// Makes `connection` wait for locks of other processes, patiently and briefly; while
-/// `hurried` is set, not patiently.
-pub(super) fn teach(connection: &mut Connection, hurried: Arc<AtomicBool>) -> rusqlite::Result<()> {
+/// Makes `connection` wait for locks of other processes: for at most [`LOCK_TIMEOUT`], or,
+/// while `is_brief` is set, [`BRIEF_TIMEOUT`].
+pub(super) fn install(connection: &mut Connection, is_brief: Arc<AtomicBool>) -> rusqlite::Result<()> {
     let mut since = Instant::now();
     connection.busy_handler(Some(move |attempt: i32| {
         if attempt == 0 {
             since = Instant::now();
         }
-        let has_time = !hurried.load(Ordering::Relaxed) || since.elapsed() < HURRY;
+        let has_time = !is_brief.load(Ordering::Relaxed) || since.elapsed() < BRIEF_TIMEOUT;
         has_time && wait(since, attempt.unsigned_abs())
     }))
 }
 
-/// Runs `attempt` until it is not refused for a lock, within [`LOCK_TIMEOUT`].
+/// Repeats `attempt` while another process holds the lock, for at most [`LOCK_TIMEOUT`].
 ///
-/// For the few statements for which SQLite asks no busy handler, such as the
+/// For the few statements for which SQLite calls no busy handler, such as the
 /// change of the journal mode.
 pub(super) fn retry<T>(mut attempt: impl FnMut() -> rusqlite::Result<T>) -> rusqlite::Result<T> {
     let since = Instant::now();
@@ -46,13 +46,13 @@ pub(super) fn retry<T>(mut attempt: impl FnMut() -> rusqlite::Result<T>) -> rusq
     }
 }
 
-/// Whether another process has the lock.
+/// Whether another process holds the lock.
 pub(super) fn is_busy(error: &rusqlite::Error) -> bool {
     use rusqlite::ErrorCode::{DatabaseBusy, DatabaseLocked};
     matches!(error.sqlite_error_code(), Some(DatabaseBusy | DatabaseLocked))
 }
 
-/// Sleeps a little before the next attempt; false once timeout has run out.
+/// Sleeps before the next attempt; returns false after [`LOCK_TIMEOUT`].
 fn wait(since: Instant, attempt: u32) -> bool {
     let waited = since.elapsed();
     if waited >= LOCK_TIMEOUT {
@@ -63,7 +63,7 @@ fn wait(since: Instant, attempt: u32) -> bool {
     true
 }
 
-/// A number below 1 that two processes hardly share: the noise of the clock.
+/// A pseudo-random number below 1, from the clock and the process id.
 fn jitter(waited: Duration) -> f64 {
     let noise = waited.subsec_nanos() ^ std::process::id().wrapping_mul(0x9E37_79B9);
     f64::from(noise.wrapping_mul(0x85EB_CA6B) >> 16) / f64::from(1 << 16)
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn gives_up_when_patience_has_run_out() {
+    fn gives_up_after_the_lock_timeout() {
         let Some(long_ago) = Instant::now().checked_sub(LOCK_TIMEOUT) else { return };
         assert!(!wait(long_ago, 3));
         assert!(wait(Instant::now(), 3));

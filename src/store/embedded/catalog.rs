@@ -1,4 +1,4 @@
-//! Which collections there are.
+//! The table of collections.
 
 use rusqlite::{Connection, OptionalExtension as _, Result, params};
 
@@ -8,7 +8,7 @@ use crate::store::Namespace;
 /// A collection of an embedded store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Collection {
-    /// The number its table is called by.
+    /// The number in the name of its table.
     pub(super) id: i64,
     /// Grows with every change of its indexes.
     pub(super) generation: i64,
@@ -53,7 +53,7 @@ impl Collection {
             .map(|_| ())
     }
 
-    /// Whether nobody dropped it meanwhile.
+    /// Whether it still exists.
     pub(super) fn is_there(self, connection: &Connection) -> Result<bool> {
         connection.prepare_cached("SELECT 1 FROM collections WHERE id = ?")?.exists([self.id])
     }
@@ -66,7 +66,7 @@ impl Collection {
         Ok(Self { generation, ..self })
     }
 
-    /// Gives the collection another name, which is free. In a write transaction only.
+    /// Returns the collection another name, which is free. In a write transaction only.
     pub(super) fn rename(self, connection: &Connection, to: &Namespace) -> Result<()> {
         connection
             .prepare_cached("UPDATE collections SET database = ?, name = ? WHERE id = ?")?

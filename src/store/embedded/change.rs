@@ -183,7 +183,7 @@ impl Embedded {
     }
 }
 
-/// An update request, understood.
+/// A parsed update request.
 struct Change {
     filter: Rc<Filter>,
     update: Update,
@@ -210,7 +210,7 @@ impl Change {
         Ok(Self { filter, update, now: timestamp.unwrap_or_else(DateTime::now), timestamp })
     }
 
-    /// What it does to a document, for those who watch.
+    /// The kind of change, for watchers.
     fn kind(&self) -> ChangeKind {
         if self.update.is_replacement() { ChangeKind::Replace } else { ChangeKind::Update }
     }

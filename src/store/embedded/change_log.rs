@@ -11,22 +11,22 @@ use rusqlite::{Connection, OptionalExtension as _, params};
 
 use crate::store::{ChangeKind, Namespace};
 
-/// At most so many bytes of changes wait for those who watch.
+/// The most bytes of changes that are kept for watchers.
 pub(super) const LARGEST: i64 = 256 << 20;
 
-/// What a noted change costs beyond its documents.
+/// The bytes that a change takes beside its documents.
 const OVERHEAD: usize = 64;
 
-/// What the write transaction in progress knows of the log.
+/// The state of the log in the current write transaction.
 #[derive(Default)]
 pub(super) struct Log {
-    /// The collections that are watched, once somebody asked.
+    /// The watched collections, read once per transaction.
     pub(super) watched: RefCell<Option<Vec<Namespace>>>,
-    /// Whether something was noted.
+    /// Whether a change was appended.
     pub(super) noted: Cell<bool>,
 }
 
-/// A change that is being made.
+/// A change to be appended.
 #[derive(Clone, Copy)]
 pub(super) struct Noted<'a> {
     pub(super) kind: ChangeKind,
@@ -68,7 +68,7 @@ pub(super) fn append(connection: &Connection, ns: &Namespace, noted: Noted<'_>) 
 }
 
 /// Removes the oldest changes where there are more than `most` bytes of them, and
-/// marks the watchers that have missed some by that.
+/// marks the watchers that had not taken them.
 pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> {
     let sql = "SELECT max(volume) - min(volume) FROM (
                    SELECT * FROM (SELECT volume FROM changes ORDER BY sequence LIMIT 1)
@@ -77,7 +77,7 @@ pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> 
     if kept.is_none_or(|kept| kept <= most) {
         return Ok(());
     }
-    // A quarter goes at once, so that this is not done for every change.
+    // A quarter is removed at once, so that this is not done for every change.
     let sql = "SELECT sequence FROM changes WHERE volume < (SELECT max(volume) FROM changes) - ?
                ORDER BY sequence DESC LIMIT 1";
     let last: Option<i64> = connection.query_row(sql, [most / 4 * 3], |row| row.get(0)).optional()?;
@@ -91,7 +91,7 @@ pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> 
     connection.execute("DELETE FROM changes WHERE sequence <= ?", [last]).map(|_| ())
 }
 
-/// Removes the changes of a collection that nobody waits for.
+/// Removes the changes of a collection that all its watchers are done with.
 pub(super) fn trim(connection: &Connection, ns: &Namespace) -> rusqlite::Result<()> {
     let sql = "DELETE FROM changes WHERE database = ?1 AND collection = ?2 AND sequence <= coalesce((
                    SELECT min(position) FROM watchers WHERE database = ?1 AND collection = ?2 AND missed = 0),
@@ -99,7 +99,7 @@ pub(super) fn trim(connection: &Connection, ns: &Namespace) -> rusqlite::Result<
     connection.prepare_cached(sql)?.execute(params![ns.database, ns.collection]).map(|_| ())
 }
 
-/// The number of the last change that was ever noted.
+/// The number of the last change that was ever appended.
 pub(super) fn last(connection: &Connection) -> rusqlite::Result<i64> {
     let sql = "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'changes'), 0)";
     connection.prepare_cached(sql)?.query_row([], |row| row.get(0))
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_that_is_too_large_loses_its_oldest_changes_and_says_who_missed_them() {
+    fn a_log_that_is_too_large_loses_its_oldest_changes_and_marks_the_watchers_that_missed_them() {
         let store = crate::store::Embedded::in_memory().unwrap();
         let ns = |name: &str| Namespace { database: "a".into(), collection: name.into() };
         for (name, position) in [("slow", 0), ("quick", 9), ("slow of another", 0)] {

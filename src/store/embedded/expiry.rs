@@ -1,8 +1,8 @@
-//! Removing what is due: documents behind the date that a TTL index gives them, and what has decayed.
+//! Removing documents that have decayed or that a TTL index has expired.
 //!
-//! Nobody is there to do it while nothing happens, so writers do: each, before
-//! it stores or changes something, removes a few of the longest due documents
-//! of its collection. (Not when it deletes, which counts what it removes.)
+//! There is no background process, so writers do it: each insert and update first removes
+//! a few of the longest expired documents of its collection. (A delete does not, since it
+//! counts what it removes.)
 
 use bson::{Bson, DateTime, RawDocumentBuf, doc};
 use rusqlite::params;
@@ -15,16 +15,16 @@ use crate::query::index::{Candidate, Range, ways};
 use crate::query::{Filter, QueryError, Sort};
 use crate::store::{Namespace, StoreError};
 
-/// A writer removes at most so many documents of others, for each index.
+/// How many expired documents a write removes at most, for each index.
 const AT_ONCE: usize = 64;
 
 impl Embedded {
-    /// Removes some of what is due. In a write transaction only, before what is to be written.
+    /// Removes some expired documents. In a write transaction only, before what is to be written.
     pub(super) fn sweep(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
         self.remove_due(ns, collection).map(drop)
     }
 
-    /// Removes all that is due; says whether that was anything. In a write transaction only.
+    /// Removes all expired documents; returns whether there were any. In a write transaction only.
     pub(super) fn sweep_all(&self, ns: &Namespace, collection: Collection) -> Result<bool, StoreError> {
         let mut removed = false;
         while self.remove_due(ns, collection)? {
@@ -33,7 +33,7 @@ impl Embedded {
         Ok(removed)
     }
 
-    /// Removes the longest due documents by each index; says whether there were any.
+    /// Removes the longest expired documents by each index; returns whether there were any.
     fn remove_due(&self, ns: &Namespace, collection: Collection) -> Result<bool, StoreError> {
         let mut removed = false;
         for index in self.indexes_of(collection)?.iter().filter(|index| index.is_kept()) {

@@ -1,4 +1,4 @@
-//! SQLite's errors in the user's words: what happened where, and what to do.
+//! SQLite's errors as errors of a store: what is wrong, where, and what to do.
 
 use rusqlite::{Error, ErrorCode, ffi};
 
@@ -6,7 +6,7 @@ use super::busy::LOCK_TIMEOUT;
 use super::place::Place;
 use crate::store::StoreError;
 
-/// Puts what SQLite says into words.
+/// Returns the error of a store for one of SQLite.
 pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
     let reason = match error.sqlite_error_code() {
         Some(ErrorCode::NotADatabase) => "is not an rmem memory; name another file".to_owned(),
@@ -35,7 +35,7 @@ fn unreachable(place: &Place, reason: String) -> StoreError {
     StoreError::Unreachable { address: place.to_string(), reason }
 }
 
-/// Asks the file system why SQLite could not open the file.
+/// Finds out from the file system why SQLite could not open the file.
 fn cannot_open(place: &Place) -> String {
     let Place::File(path) = place else { return "out of memory".to_owned() };
     if path.is_dir() {
@@ -61,7 +61,7 @@ pub(super) fn is_gone(error: &Error) -> bool {
         || matches!(error, Error::SqlInputError { msg, .. } if msg.starts_with("no such table"))
 }
 
-/// Whether a unique key is taken.
+/// Whether a statement failed because a unique key is taken.
 pub(super) fn is_duplicate(error: &Error) -> bool {
     matches!(error.sqlite_error(), Some(ffi::Error { extended_code: ffi::SQLITE_CONSTRAINT_UNIQUE, .. }))
 }

@@ -1,4 +1,4 @@
-//! Following the change log: what a watcher has not seen, in order.
+//! Delivering the changes that a watcher has not taken yet, in order.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -19,11 +19,11 @@ use crate::store::{Change, Changes, Name, Namespace, Next, StoreError};
 const PAGE: usize = 256;
 /// … or about so many bytes.
 const PAGE_BYTES: usize = 1 << 20;
-/// How often a watcher without a name says how far it is, and each says that it lives.
-const PULSE: Duration = Duration::from_secs(15);
-/// How long a position may wait to be written while others are writing all the time.
+/// How often a watcher records that its process is running, and one without a name its position.
+const HEARTBEAT: Duration = Duration::from_secs(15);
+/// How long the position may stay unwritten while other processes write all the time.
 const DEFERRAL: Duration = Duration::from_secs(5);
-/// After so many changes, a watcher without a name says how far it is.
+/// After this many changes, a watcher without a name records its position.
 const STRIDE: i64 = 1_000;
 
 /// The changes of a collection for one watcher.
@@ -31,19 +31,19 @@ struct Feed<'a> {
     store: &'a Embedded,
     namespace: Namespace,
     name: Option<String>,
-    /// What is written in the file of how far this is.
+    /// The watcher as it is recorded in the file.
     noted: Watcher,
-    /// The last change that was given.
+    /// The last change that was delivered.
     given: i64,
-    /// The last change that is dealt with.
+    /// The last change that the application is done with.
     settled: i64,
-    /// Since when the position waits to be written.
+    /// Since when the position is to be written.
     waiting: Option<Instant>,
     page: VecDeque<(i64, Change)>,
     notifier: Notifier,
-    pulse: Instant,
+    heartbeat: Instant,
     path: &'a Path,
-    /// Which file it is, told by the system; the path may come to name another one.
+    /// Device and inode of the file: the path may come to name another file.
     file: Option<(u64, u64)>,
 }
 
@@ -51,7 +51,7 @@ impl Embedded {
     /// Follows the changes of a collection, by a name or until the process ends.
     pub(super) fn follow(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
         let Place::File(path) = &self.place else {
-            let reason = "nobody else can change a memory in this process, so there is nothing to watch; \
+            let reason = "no other process can change a memory in this process, so there is nothing to watch; \
                           use file:PATH or mongodb://…";
             return Err(StoreError::Unfit { address: self.place.to_string(), reason: reason.to_owned() });
         };
@@ -70,7 +70,7 @@ impl Embedded {
             noted,
             page: VecDeque::new(),
             notifier,
-            pulse: Instant::now(),
+            heartbeat: Instant::now(),
             path,
             file: identity(path),
         };
@@ -78,12 +78,12 @@ impl Embedded {
         Ok(Box::new(feed))
     }
 
-    /// The names, and what is kept for each.
+    /// Returns the names, with the changes kept for each.
     pub(super) fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
         watcher::names(&self.connection).map_err(|e| self.explain(&e))
     }
 
-    /// Forgets how far a name is; says whether there was one.
+    /// Removes a name with its position; returns whether it existed.
     pub(super) fn forget_name(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         match self.write(|| watcher::forget(&self.connection, ns, name).map_err(|e| self.explain(&e)))? {
             None => Ok(false),
@@ -99,25 +99,25 @@ fn refusal(taken: &Taken, name: &str) -> StoreError {
         Taken::Held(process) => {
             StoreError::Held { what: format!("process {process} follows changes by the name `{name}`; end it first") }
         }
-        // What is one's own is not refused.
+        // Not reached: a watcher of this process is not refused.
         Taken::Mine(_) => StoreError::Held { what: format!("the name `{name}` is in use") },
     }
 }
 
-/// Which file a path names.
+/// Returns device and inode of the file that a path names.
 fn identity(path: &Path) -> Option<(u64, u64)> {
     use std::os::unix::fs::MetadataExt as _;
     std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()))
 }
 
 impl Feed<'_> {
-    /// Reads the next page, and makes sure that nothing is missing before it.
+    /// Reads the next page, and checks that no change before it was lost.
     fn turn(&mut self) -> Result<(), StoreError> {
-        let page = self.read().map_err(|trouble| match trouble {
+        let page = self.read().map_err(|error| match error {
             PageError::Store(error) => self.store.explain(&error),
             PageError::Query(error) => error.into(),
         })?;
-        // The log may be cut at any moment: what is asked last is true of what was read first.
+        // The log may be shortened at any moment, so the state is read after the page.
         match self.noted.state(&self.store.connection).map_err(|e| self.store.explain(&e))? {
             State::Good => {
                 self.page = page;
@@ -125,7 +125,7 @@ impl Feed<'_> {
             }
             State::Missed => Err(self.missed()),
             State::Gone => {
-                let what = format!("somebody else has taken over, or forgotten, this watch of {}", self.namespace);
+                let what = format!("another process has taken over, or removed, this watch of {}", self.namespace);
                 Err(StoreError::Held { what })
             }
         }
@@ -164,8 +164,8 @@ impl Feed<'_> {
         StoreError::Failed { address: self.store.place.to_string(), reason }
     }
 
-    /// Writes down how far this is, and that the process lives. While others write all the
-    /// time that is put off for a while, so that changes are given meanwhile.
+    /// Records the position, and that the process is running. While other processes write all
+    /// the time, this is deferred for up to [`DEFERRAL`], so that changes are still delivered.
     fn advance(&mut self) -> Result<(), StoreError> {
         let watcher = Watcher { position: self.settled, ..self.noted.clone() };
         let store = self.store;
@@ -176,11 +176,11 @@ impl Feed<'_> {
             self.waiting.get_or_insert_with(Instant::now);
             return Ok(());
         }
-        (self.noted, self.waiting, self.pulse) = (watcher, None, Instant::now());
+        (self.noted, self.waiting, self.heartbeat) = (watcher, None, Instant::now());
         Ok(())
     }
 
-    /// A file that was removed, or replaced by another, is written by nobody any more.
+    /// Refuses to go on where the file was removed or replaced: no process writes to it any more.
     fn check_file(&self) -> Result<(), StoreError> {
         if identity(self.path) == self.file {
             return Ok(());
@@ -215,12 +215,12 @@ impl Changes for Feed<'_> {
     fn done(&mut self) -> Result<(), StoreError> {
         self.settled = self.given;
         let ahead = self.settled - self.noted.position;
-        let due = ahead > 0 && (self.name.is_some() || ahead >= STRIDE || self.pulse.elapsed() >= PULSE);
+        let due = ahead > 0 && (self.name.is_some() || ahead >= STRIDE || self.heartbeat.elapsed() >= HEARTBEAT);
         if due { self.advance() } else { Ok(()) }
     }
 
     fn renew(&mut self) -> Result<(), StoreError> {
-        if self.pulse.elapsed() < PULSE { Ok(()) } else { self.advance() }
+        if self.heartbeat.elapsed() < HEARTBEAT { Ok(()) } else { self.advance() }
     }
 }
 
@@ -229,7 +229,7 @@ impl Drop for Feed<'_> {
         let store = self.store;
         let named = self.name.is_some();
         self.noted.position = self.settled;
-        // What cannot be released now is released by whoever finds this process gone.
+        // If it cannot be released now, the next process that finds this one ended releases it.
         let _ = store
             .write(|| self.noted.release(&store.connection, &self.namespace, named).map_err(|e| store.explain(&e)));
     }

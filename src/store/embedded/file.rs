@@ -1,4 +1,4 @@
-//! The file: how it is told from other files, opened, and laid out.
+//! The file: identified, opened, and laid out.
 //!
 //! `application_id` says that an SQLite file is a memory, `user_version` which
 //! layout it has. The layout of version 1:
@@ -12,8 +12,8 @@
 //! - `indexes`: one row per index: its definition as BSON, as MongoDB lists it,
 //!   and which of its paths run through arrays, as bits.
 //! - `entries_ID`, one per index: the keys, each with the position of its document.
-//! - `watchers`: who watches which collection, and how far they are (`watcher`).
-//! - `changes`: what they have not seen (`log`); numbers are never used again.
+//! - `watchers`: the watchers of collections, with their positions (`watcher`).
+//! - `changes`: the changes that watchers have not taken (`change_log`); numbers are never used again.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -99,8 +99,8 @@ impl Embedded {
         Self::prepare(connection, place)
     }
 
-    /// Opens a file that only others may change. While they have it open, their log is read with
-    /// it; else it is read as it is, and nothing is made beside it that would be in their way.
+    /// Opens a file that this process may not write. If it has a write-ahead log, the log is read
+    /// as well; otherwise no file is created beside it that its owner could not open.
     fn open_of_others(path: &Path, place: Place) -> Result<Self, StoreError> {
         if !has_log(path) {
             return Self::open_unchanging(path, place);
@@ -111,7 +111,7 @@ impl Embedded {
         Self::prepare(connection, place)
     }
 
-    /// Opens a file that nobody changes: readers need no log beside it then.
+    /// Opens a file that does not change, so that it is read without a log beside it.
     fn open_unchanging(path: &Path, place: Place) -> Result<Self, StoreError> {
         if has_log(path) {
             return Err(StoreError::Failed {
@@ -130,7 +130,7 @@ impl Embedded {
         Self::prepare(connection, place)
     }
 
-    /// A memory that is gone when it is dropped.
+    /// A memory without a file, which ends with the store.
     ///
     /// # Errors
     /// Where there is not enough memory.
@@ -141,8 +141,8 @@ impl Embedded {
 
     fn prepare(mut connection: Connection, place: Place) -> Result<Self, StoreError> {
         let explain = |error| failure::explain(&place, &error);
-        let hurried = Arc::new(AtomicBool::new(false));
-        busy::teach(&mut connection, Arc::clone(&hurried)).map_err(explain)?;
+        let is_brief = Arc::new(AtomicBool::new(false));
+        busy::install(&mut connection, Arc::clone(&is_brief)).map_err(explain)?;
         connection.set_prepared_statement_cache_capacity(64);
         match busy::retry(|| Marks::read(&connection)).map_err(explain)? {
             Marks { application: APPLICATION, version: VERSION, .. } => {}
@@ -151,7 +151,7 @@ impl Embedded {
             _ => return Err(foreign(&place)),
         }
         tune(&connection).map_err(explain)?;
-        Ok(Self { connection, place, indexes: Remembered::default(), log: Log::default(), hurried })
+        Ok(Self { connection, place, indexes: Remembered::default(), log: Log::default(), is_brief })
     }
 }
 
@@ -189,7 +189,7 @@ fn unchanging(path: &Path) -> String {
     uri
 }
 
-/// What tells a memory from other files, read at one moment.
+/// The marks of a memory in an SQLite file.
 struct Marks {
     application: i32,
     version: i32,
@@ -224,9 +224,8 @@ fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
 /// Settings of a connection; those of the file are set once, in [`lay_out`].
 ///
 /// FULL makes every commit wait for the disk, so that not even a loss of power
-/// takes back what was acknowledged. The log is folded into the file every
-/// 1000 pages by whoever commits then, and cut to 64 MiB after a long reader
-/// let it grow. The cache holds some hundred thousand small documents.
+/// takes back what was acknowledged. The commit that fills 1000 pages of the log folds
+/// them into the file, and the log is cut to 64 MiB after a long reader let it grow. The cache holds some hundred thousand small documents.
 fn tune(connection: &Connection) -> rusqlite::Result<()> {
     be_durable(connection, true)?;
     connection.pragma_update(None, "journal_size_limit", 64 << 20)?;
@@ -234,7 +233,7 @@ fn tune(connection: &Connection) -> rusqlite::Result<()> {
     connection.pragma_update(None, "trusted_schema", "OFF")
 }
 
-/// Whether a commit waits for the disk. Without, it outlives the process and not a loss of power.
+/// Sets whether a commit waits for the disk. Without, it survives the process but not a loss of power.
 pub(super) fn be_durable(connection: &Connection, durable: bool) -> rusqlite::Result<()> {
     connection.pragma_update(None, "synchronous", if durable { "FULL" } else { "NORMAL" })
 }

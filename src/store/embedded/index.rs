@@ -3,7 +3,7 @@
 //! An index is a table of its own, `entries_ID`: keys, each with the position
 //! of its document. It is changed in the transaction that changes the document.
 //! Every collection has a generation, which grows with each change of its
-//! indexes; by it a store knows whether what it remembers of them still holds.
+//! indexes; a store compares it with the generation of its cached indexes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -191,7 +191,7 @@ impl Embedded {
         self.indexes_of(collection)
     }
 
-    /// Makes an index, where there is none like it; says whether it is new.
+    /// Makes an index, where there is none like it; returns whether it is new.
     pub(super) fn create(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
         Pattern::parse_with(&index.keys, &index.other)?;
         check(index)?;
@@ -250,7 +250,7 @@ impl Embedded {
         Ok(())
     }
 
-    /// Removes an index; says whether it was there.
+    /// Removes an index; returns whether it was there.
     pub(super) fn discard(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         check_droppable(name)?;
         self.write(|| {

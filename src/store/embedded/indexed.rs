@@ -1,4 +1,4 @@
-//! An index as a store uses it, and what a store remembers of its indexes.
+//! An index as a store uses it, and the cache of indexes.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,17 +24,17 @@ pub(super) struct Indexed {
 /// The indexes of one collection.
 pub(super) type Indexes = Arc<Vec<Indexed>>;
 
-/// What a store remembers of its indexes: by collection, with their generation.
+/// The cached indexes, by collection, with their generation.
 #[derive(Debug, Default)]
 pub(super) struct Remembered(Mutex<HashMap<i64, (i64, Indexes)>>);
 
 impl Remembered {
-    /// Forgets everything: a transaction that may have changed it was undone.
+    /// Clears the cache, after a transaction that may have changed it was rolled back.
     pub(super) fn clear(&self) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// What is remembered of this generation or, by this store's own transaction, of a later one.
+    /// The cached indexes of this generation or, in this store's own transaction, of a later one.
     pub(super) fn get(&self, collection: Collection) -> Option<Indexes> {
         let remembered = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let (generation, indexes) = remembered.get(&collection.id)?;

@@ -16,8 +16,7 @@ use crate::query::Filter;
 use crate::store::{Namespace, StoreError};
 
 impl Embedded {
-    /// Notes a change where somebody watches the collection. Every write path
-    /// calls this, in its transaction.
+    /// Appends a change where the collection is watched. Every write calls this, in its transaction.
     pub(super) fn note(&self, ns: &Namespace, noted: Noted<'_>) -> Result<(), StoreError> {
         if !self.is_watched(ns)? {
             return Ok(());
@@ -26,8 +25,8 @@ impl Embedded {
         change_log::append(&self.connection, ns, noted).map_err(|e| self.explain(&e))
     }
 
-    /// Notes that a collection takes the place of another: its old name is empty then,
-    /// and those who watch the new one are given its documents.
+    /// Appends the changes of a rename: a drop of the old name, and for watchers of the new
+    /// name a drop and an insert of each document.
     pub(super) fn note_rename(
         &self,
         collection: Collection,
@@ -45,7 +44,7 @@ impl Embedded {
         Ok(())
     }
 
-    /// Whether somebody watches the collection. In a write transaction only.
+    /// Whether the collection is watched. In a write transaction only.
     pub(super) fn is_watched(&self, ns: &Namespace) -> Result<bool, StoreError> {
         if self.place == Place::Memory {
             return Ok(false);
@@ -57,13 +56,13 @@ impl Embedded {
         Ok(watched.as_ref().is_some_and(|watched| watched.contains(ns)))
     }
 
-    /// To be called when a write transaction begins.
+    /// Resets the log. Called when a write transaction begins.
     pub(super) fn open_log(&self) {
         self.log.watched.replace(None);
         self.log.noted.set(false);
     }
 
-    /// To be called before a write transaction is committed.
+    /// Bounds the size of the log. Called before a write transaction is committed.
     pub(super) fn bound_log(&self) -> Result<(), StoreError> {
         match self.log.noted.get() {
             true => change_log::bound(&self.connection, LARGEST).map_err(|e| self.explain(&e)),
@@ -71,10 +70,10 @@ impl Embedded {
         }
     }
 
-    /// To be called after a write transaction was committed.
+    /// Notifies watchers. Called after a write transaction was committed.
     pub(super) fn publish_log(&self) {
         if let (true, Place::File(path)) = (self.log.noted.replace(false), &self.place) {
-            notifier::call(path);
+            notifier::notify(path);
         }
     }
 }

@@ -1,8 +1,8 @@
-//! The embedded store: a durable file of this machine, no server.
+//! The embedded store: a file on this machine, without a server.
 //!
 //! Documents are kept as BSON in an SQLite database, one table per collection,
 //! and are matched without decoding them. Several processes use one file at
-//! the same time: writers take turns (see `timeout`), readers never wait for
+//! the same time: writers wait for each other (see `busy`), readers never wait for
 //! writers. A write is on the disk when it returns.
 
 mod access;
@@ -19,7 +19,6 @@ mod file;
 mod index;
 mod indexed;
 mod log;
-mod moment;
 mod near;
 mod notifier;
 mod output;
@@ -27,6 +26,7 @@ mod page;
 mod pipeline;
 mod place;
 mod scan;
+mod snapshot;
 mod verbs;
 mod watcher;
 
@@ -50,6 +50,6 @@ pub struct Embedded {
     place: Place,
     indexes: Remembered,
     log: Log,
-    /// Whether it waits for other writers only briefly, at the moment.
-    hurried: Arc<AtomicBool>,
+    /// Whether a write waits only briefly for other writers.
+    is_brief: Arc<AtomicBool>,
 }

@@ -1,4 +1,4 @@
-//! What is near: answered by a scan, but only where there is an index for it, as in MongoDB.
+//! `$near` and `$geoNear`: answered by a scan, but only with a geospatial index, as in MongoDB.
 
 use std::rc::Rc;
 
@@ -38,8 +38,8 @@ impl Embedded {
         }
         placed.sort_by(|a, b| a.0.total_cmp(&b.0));
         let positions = placed.into_iter().map(|(_, position)| position).collect();
-        let account = doc! { "index": index, "near": near.path() };
-        Ok(Chosen { way: Way::Positions(positions), is_sorted: sort.is_empty(), account, keys: 0 })
+        let explanation = doc! { "index": index, "near": near.path() };
+        Ok(Chosen { way: Way::Positions(positions), is_sorted: sort.is_empty(), explanation, keys: 0 })
     }
 
     /// Checks that there is an index which MongoDB could answer with, and gives its name.

@@ -1,4 +1,4 @@
-//! Aggregation: a collection through a pipeline.
+//! Aggregation.
 
 use std::rc::Rc;
 
@@ -9,12 +9,12 @@ use super::scan::Scan;
 use crate::query::{Filter, Origin, Pipeline};
 use crate::store::{Documents, Namespace, StoreError};
 
-/// So many documents at a time go through a pipeline that allows it.
+/// How many documents at a time go through a pipeline whose stages allow it.
 const PIECE: usize = 256;
 
 impl Embedded {
-    /// Runs a pipeline: piece by piece, as its results are asked for, where it allows that,
-    /// else to its end, with the results held in memory. What they are made from is not.
+    /// Runs a pipeline. Where its stages allow it, results are computed as they are read;
+    /// otherwise they are held in memory, but the documents they are computed from are not.
     pub(super) fn run_pipeline(&self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'_>, StoreError> {
         let stages = &self.with_near_key(ns, stages)?;
         let pipeline = Pipeline::parse(stages)?;

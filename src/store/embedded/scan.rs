@@ -1,13 +1,13 @@
-//! Walking over a collection or an index, page by page.
+//! Scanning a collection or an index, page by page.
 //!
 //! Each page is a statement of its own that goes on after the last position.
-//! So a reader that takes its time holds no read transaction, which would keep
+//! So a slow reader holds no read transaction, which would keep
 //! the write-ahead log growing; memory stays flat; and an answer may be read
 //! while the same store writes. A document is seen at most once, in the state
 //! it has when its page is read, as with MongoDB's cursors; what is stored
-//! after the walk began is not seen, so that it ends. An index, in which writers
-//! move documents about, is read at one moment: what does not fit in the first
-//! page is remembered by its positions.
+//! after the scan began is not seen, so that it ends. In an index, writers
+//! move documents, so its first page and the positions of the rest are read in one
+//! transaction.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -19,17 +19,17 @@ use rusqlite::params;
 use super::access::{Chosen, Listing, Way};
 use super::catalog::Collection;
 use super::indexed::{Indexes, decay};
-use super::moment::Moment;
 use super::page::PageError;
+use super::snapshot::Snapshot;
 use super::{Embedded, failure};
 use crate::query::{Filter, Sort};
 use crate::store::{StoreError, metadata};
 
-/// At most so many bytes of documents wait to be taken.
+/// The most bytes of documents in a page.
 const PAGE_BYTES: usize = 256 << 10;
-/// At most so many documents wait to be taken.
+/// The most documents in a page.
 const PAGE_DOCUMENTS: usize = 512;
-/// After so many documents, matching or not, a page ends.
+/// The most documents examined for a page, matching or not.
 const PAGE_ROWS: usize = 20_000;
 
 /// A stored document and where it is.
@@ -102,7 +102,7 @@ impl<'a> Scan<'a> {
         Ok(Self::choose(store, collection, filter, sort, false)?.0)
     }
 
-    /// The same with an account of the way that is taken.
+    /// The same, with an explanation of the access path.
     pub(super) fn explained(
         store: &'a Embedded,
         collection: Collection,
@@ -125,8 +125,8 @@ impl<'a> Scan<'a> {
             Some(near) => store.by_distance(collection, &indexes, filter, near, sort)?,
             None => store.choose(collection, &indexes, filter, sort, is_explained)?,
         };
-        let account = std::mem::take(&mut chosen.account);
-        Ok((Self::along(store, collection, filter, chosen)?, account))
+        let explanation = std::mem::take(&mut chosen.explanation);
+        Ok((Self::along(store, collection, filter, chosen)?, explanation))
     }
 
     /// The matches by a way that was chosen.
@@ -148,7 +148,7 @@ impl<'a> Scan<'a> {
             store,
             collection,
             filter: Rc::clone(filter),
-            // What does not fit in the first page of an index is listed before anybody asks for it.
+            // The rest of an index is listed with the first page, so that page is large.
             page_documents: if matches!(rest, Rest::Listed(..)) { PAGE_DOCUMENTS } else { 1 },
             rest,
             page: VecDeque::new(),
@@ -219,7 +219,7 @@ impl<'a> Scan<'a> {
         };
         self.rest = match read {
             Err(PageError::Store(error)) if failure::is_gone(&error) => {
-                // Of a collection that another process dropped nothing is left.
+                // A collection that another process dropped has no documents.
                 if was_listed && self.collection.is_there(&self.store.connection).map_err(|e| self.store.explain(&e))? {
                     return Err(self.store.fail("an index was dropped while it was read; repeat the query"));
                 }
@@ -247,7 +247,7 @@ impl<'a> Scan<'a> {
             let body = document(row.get_ref(0)?)?;
             let is_match = self.filter.matches(body)?;
             Examined::add(&self.examined.documents, 1);
-            // Where a document is, is asked only where it matters: that takes time, too.
+            // The position is read only for matches: reading it costs time, too.
             if !is_match && nth < PAGE_ROWS {
                 continue;
             }
@@ -267,8 +267,8 @@ impl<'a> Scan<'a> {
         mut positions: VecDeque<i64>,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
     ) -> Result<Rest, PageError> {
-        // To begin and end a reading for each document takes longer than to read it.
-        let _moment = (positions.len() > 1).then(|| Moment::begin(&self.store.connection)).transpose()?;
+        // A transaction for each document would take longer than reading it.
+        let _snapshot = (positions.len() > 1).then(|| Snapshot::begin(&self.store.connection)).transpose()?;
         let sql = format!("SELECT body FROM {} WHERE position = ?", self.collection.table());
         let mut statement = self.store.connection.prepare_cached(&sql)?;
         for _ in 0..PAGE_ROWS {
@@ -291,7 +291,7 @@ impl<'a> Scan<'a> {
         last: i64,
         take: &mut dyn FnMut(i64, &RawDocument) -> Room,
     ) -> Result<Rest, PageError> {
-        let _moment = Moment::begin(&self.store.connection)?;
+        let _snapshot = Snapshot::begin(&self.store.connection)?;
         let sql = listing.documents_sql(&self.collection.table());
         let mut statement = self.store.connection.prepare_cached(&sql)?;
         let mut taken = 0;
@@ -383,7 +383,7 @@ impl Iterator for Scan<'_> {
     }
 }
 
-/// Leaves out of a filter what holds of every document while none decays.
+/// Removes the condition on decay from a filter where the collection has no decaying documents.
 pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
     if let (None, Some(filter)) = (decay(indexes), Rc::get_mut(filter)) {
         filter.assume_missing(metadata::DECAY_PATH);

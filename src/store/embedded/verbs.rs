@@ -25,7 +25,7 @@ impl Store for Embedded {
     }
 
     fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        self.account(ns, find)
+        self.explained(ns, find)
     }
 
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
@@ -137,9 +137,9 @@ impl Embedded {
             return Ok(None);
         }
         file::be_durable(&self.connection, false).map_err(|e| self.explain(&e))?;
-        self.hurried.store(true, Ordering::Relaxed);
+        self.is_brief.store(true, Ordering::Relaxed);
         let begun = self.run("BEGIN IMMEDIATE");
-        self.hurried.store(false, Ordering::Relaxed);
+        self.is_brief.store(false, Ordering::Relaxed);
         let written = match begun {
             Ok(()) => self.finish(work).map(Some),
             Err(error) if busy::is_busy(&error) => Ok(None),

@@ -1,6 +1,6 @@
-//! Who watches: a row for each watcher, which keeps changes in the log until it is done with them.
+//! The table of watchers. A row keeps changes in the log until its watcher is done with them.
 //!
-//! A watcher with a name stays when its process has ended; one without goes with it.
+//! A watcher with a name stays when its process has ended; one without a name is removed.
 
 use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
@@ -10,8 +10,8 @@ use crate::store::Namespace;
 use crate::store::holder::{Holder, Life};
 use crate::store::watch::{Name, Waiting};
 
-/// A process that cannot be seen from here counts as alive for so long after it was heard of.
-const SILENCE: i64 = 60_000;
+/// How long, in milliseconds, a process of another container counts as running after its last heartbeat.
+const UNSEEN_TIMEOUT: i64 = 60_000;
 
 /// A watcher that is being followed by this process.
 #[derive(Clone)]
@@ -23,24 +23,24 @@ pub(super) struct Watcher {
     pub(super) position: i64,
 }
 
-/// What came of taking a name.
+/// The result of taking a name.
 pub(super) enum Taken {
-    /// It is this process's.
+    /// It belongs to this process.
     Mine(Watcher),
-    /// Another process has it: its id.
+    /// Another process follows it: the process id.
     Held(u32),
     /// It belongs to another collection.
     Other(Namespace),
 }
 
-/// How it stands with a watcher.
+/// The state of a watcher.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum State {
-    /// It is this process's, and has missed nothing.
+    /// It belongs to this process, and no change was lost.
     Good,
-    /// Changes are gone that it had not seen.
+    /// Changes that it had not taken were removed.
     Missed,
-    /// It is there no more, or another process has it.
+    /// It was removed, or another process has taken it.
     Gone,
 }
 
@@ -53,14 +53,14 @@ struct Row {
 }
 
 impl Row {
-    /// The process that follows the watcher, where one does.
+    /// The running process that follows the watcher, if any.
     fn holder(&self) -> Option<Holder> {
         let holder: Holder = self.holder.as_ref()?.parse().ok()?;
         let is_alive = match holder.life() {
             Life::Running => true,
-            // One file is used by the processes of one kernel only.
+            // All processes that use a file run on one kernel.
             Life::Over | Life::Elsewhere => false,
-            Life::Unseen => now() - self.beat < SILENCE,
+            Life::Unseen => now() - self.beat < UNSEEN_TIMEOUT,
         };
         is_alive.then_some(holder)
     }
@@ -75,7 +75,7 @@ fn row(row: &rusqlite::Row<'_>) -> rusqlite::Result<Row> {
     Ok(Row { id: row.get(0)?, namespace, position: row.get(3)?, holder: row.get(4)?, beat: row.get(5)? })
 }
 
-/// The collections that somebody watches. Removes watchers without a name whose
+/// The watched collections. Removes watchers without a name whose
 /// process has ended. In a write transaction only.
 pub(super) fn watched(connection: &Connection) -> rusqlite::Result<Vec<Namespace>> {
     let sql = "SELECT id, database, collection, position, holder, beat, name IS NULL FROM watchers WHERE missed = 0";
@@ -95,9 +95,9 @@ pub(super) fn watched(connection: &Connection) -> rusqlite::Result<Vec<Namespace
     Ok(watched)
 }
 
-/// Begins to watch, or goes on by a name that there is. In a write transaction only.
+/// Adds a watcher, or takes over an existing name. In a write transaction only.
 pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) -> rusqlite::Result<Taken> {
-    // Who has ended keeps nothing.
+    // Watchers of ended processes keep no changes.
     watched(connection)?;
     let myself = Holder::myself().to_string();
     if let Some(found) = name.map(|name| find(connection, name)).transpose()?.flatten() {
@@ -124,7 +124,7 @@ fn find(connection: &Connection, name: &str) -> rusqlite::Result<Option<Row>> {
     connection.prepare_cached(sql)?.query_row([name], row).optional()
 }
 
-/// The names, and what is kept for each.
+/// Returns the names, with the changes kept for each.
 pub(super) fn names(connection: &Connection) -> rusqlite::Result<Vec<Name>> {
     let sql = "SELECT id, database, collection, position, holder, beat, name, missed,
                    (SELECT count(*) FROM changes WHERE database = watchers.database
@@ -177,14 +177,14 @@ impl Watcher {
         })
     }
 
-    /// Notes that the process lives, and how far it is. In a write transaction only.
+    /// Records that the process is running, and its position. In a write transaction only.
     pub(super) fn advance(&self, connection: &Connection, ns: &Namespace) -> rusqlite::Result<()> {
         let sql = "UPDATE watchers SET position = ?, beat = ? WHERE id = ?";
         connection.prepare_cached(sql)?.execute([self.position, now(), self.id])?;
         change_log::trim(connection, ns)
     }
 
-    /// Lets go: a name stays for who takes it next. In a write transaction only.
+    /// Releases the watcher: a name stays for the next process that takes it. In a write transaction only.
     pub(super) fn release(&self, connection: &Connection, ns: &Namespace, named: bool) -> rusqlite::Result<()> {
         if !named {
             return remove(connection, ns, self.id);

@@ -1,4 +1,4 @@
-//! One server, spoken to directly about itself: what it is, and the replica set it belongs to.
+//! Administration of one server: its state, and the replica set it belongs to.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -35,12 +35,12 @@ pub enum AdminError {
     },
 }
 
-/// What a server says of its place in a replica set.
+/// The role of a server in a replica set, as it reports it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Hello {
     /// The set's name, once the server is a member of one.
     pub set: Option<String>,
-    /// Who takes writes, as far as the server knows: `host:port`.
+    /// The primary, as far as the server knows: `host:port`.
     pub primary: Option<String>,
     /// It takes writes.
     pub is_primary: bool,
@@ -200,7 +200,7 @@ impl Admin {
         self.run("admin", doc! { "replSetInitiate": config }).map(|_| ())
     }
 
-    /// Gives the set another configuration; with `force`, also where the server is not its primary.
+    /// Returns the set another configuration; with `force`, also where the server is not its primary.
     ///
     /// # Errors
     /// Where it does not answer, or refuses.

@@ -11,14 +11,13 @@ use super::{MongoDb, failure};
 use crate::store::uri::Role;
 use crate::store::{Namespace, StoreError};
 
-/// How long a server is looked for, unless the URI says otherwise.
-const SELECTION: Duration = Duration::from_secs(4);
-/// How often a server is asked whether it is there, unless the URI says
-/// otherwise. Where it does not answer within this and [`SELECTION`], the
+/// How long the driver looks for a server, unless the URI sets it.
+const SELECTION_TIMEOUT: Duration = Duration::from_secs(4);
+/// How often the driver checks a server, unless the URI sets it. Where it does not answer within this and [`SELECTION_TIMEOUT`], the
 /// driver ends the operations that wait for it.
 const HEARTBEAT: Duration = Duration::from_secs(2);
-/// How long a write waits for a majority, unless the URI says otherwise.
-const MAJORITY: Duration = Duration::from_secs(10);
+/// How long a write waits for a majority, unless the URI sets it.
+const MAJORITY_TIMEOUT: Duration = Duration::from_secs(10);
 
 impl MongoDb {
     /// A store over the server or replica set at `uri`; `address` is what messages call it.
@@ -48,11 +47,11 @@ impl MongoDb {
     }
 }
 
-/// What the URI asks for, and rmem's own ways where it does not say.
+/// The options of the URI, completed with rmem's defaults.
 fn completed(mut options: ClientOptions, role: Role) -> ClientOptions {
     options.app_name.get_or_insert_with(|| "rmem".to_owned());
-    options.server_selection_timeout.get_or_insert(SELECTION);
-    options.connect_timeout.get_or_insert(SELECTION);
+    options.server_selection_timeout.get_or_insert(SELECTION_TIMEOUT);
+    options.connect_timeout.get_or_insert(SELECTION_TIMEOUT);
     options.heartbeat_freq.get_or_insert(HEARTBEAT);
     options.write_concern = Some(durable(options.write_concern.take()));
     if role == Role::Shared {
@@ -66,7 +65,7 @@ fn durable(asked: Option<WriteConcern>) -> WriteConcern {
     let mut concern = asked.unwrap_or_default();
     concern.w.get_or_insert(Acknowledgment::Majority);
     concern.journal.get_or_insert(true);
-    concern.w_timeout.get_or_insert(MAJORITY);
+    concern.w_timeout.get_or_insert(MAJORITY_TIMEOUT);
     concern
 }
 
@@ -79,10 +78,10 @@ fn parse(uri: &str, address: &str) -> Result<ClientOptions, StoreError> {
     let (sender, receiver) = mpsc::channel();
     let asked = uri.to_owned();
     std::thread::spawn(move || {
-        // Nobody listens any more where the time was up.
+        // After the timeout nothing receives the result.
         let _ = sender.send(ClientOptions::parse(asked).run());
     });
-    match receiver.recv_timeout(SELECTION) {
+    match receiver.recv_timeout(SELECTION_TIMEOUT) {
         Ok(Ok(options)) => Ok(options),
         Ok(Err(error)) => Err(StoreError::Unreachable {
             address: address.to_owned(),
@@ -95,7 +94,7 @@ fn parse(uri: &str, address: &str) -> Result<ClientOptions, StoreError> {
         }),
         Err(_) => Err(StoreError::Unreachable {
             address: address.to_owned(),
-            reason: format!("the name service did not answer within {} s", SELECTION.as_secs()),
+            reason: format!("the name service did not answer within {} s", SELECTION_TIMEOUT.as_secs()),
         }),
     }
 }

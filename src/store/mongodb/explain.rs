@@ -50,7 +50,7 @@ fn condensed(answer: &Document, is_sorting: bool) -> Document {
     account
 }
 
-/// Collects the scans of indexes; says whether documents are sorted in memory.
+/// Collects the scans of indexes; returns whether documents are sorted in memory.
 fn stages(stage: &Document, scans: &mut Vec<Document>) -> bool {
     let name = stage.get_str("stage").unwrap_or_default();
     if let Ok(index) = stage.get_str("indexName") {

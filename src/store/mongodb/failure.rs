@@ -9,7 +9,7 @@ use crate::store::{Namespace, StoreError};
 /// The server's code for a taken unique key.
 const DUPLICATE: i32 = 11000;
 
-/// Codes that speak of the server's state, not of what it was asked.
+/// Codes for the server's state, not for a mistake in the request.
 const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
 
 /// The server's code for a change stream of a server that is not replicated.
@@ -19,11 +19,11 @@ pub(super) const NO_STREAMS: i32 = 40_573;
 pub(super) const HISTORY_LOST: [i32; 3] = [136, 280, 286];
 
 /// What to do about a server that is not replicated.
-pub(super) const STANDALONE: &str = "this server is not a member of a replica set, and only replica sets tell of \
+pub(super) const STANDALONE: &str = "this server is not a member of a replica set, and only replica sets report \
      changes; start mongod with --replSet NAME and run rs.initiate() once (one member is enough)";
 
-/// Codes that pass when a member is elected, started again, or found: the server says
-/// so of itself, or that it has lost a cursor.
+/// Codes of temporary errors, which end when a member is elected, restarted or found, or
+/// which say that a cursor was lost.
 const PASSING: [i32; 19] =
     [6, 7, 43, 63, 64, 89, 91, 133, 134, 150, 189, 234, 246, 262, 9001, 10107, 11600, 11602, 13435];
 
@@ -93,7 +93,7 @@ pub(super) fn explain_write(address: &str, ns: &Namespace, error: &Error) -> Sto
 }
 
 /// Puts the error of an ordered insert of documents with `ids` into words.
-/// Where the server was lost, nobody knows which of them it stored.
+/// Where the connection was lost, it is not known which of them the server stored.
 pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error: &Error) -> StoreError {
     let ErrorKind::InsertMany(many) = error.kind.as_ref() else {
         return match explain_write(address, ns, error) {
@@ -195,14 +195,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_key_is_found_in_the_servers_words() {
+    fn the_key_is_found_in_the_servers_message() {
         let message = "E11000 duplicate key error collection: a.b index: name_1 dup key: { name: \"x}\" }";
         assert_eq!(key(message), "name: \"x}\" (unique index name_1)");
         assert_eq!(key("E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: {} }"), "_id: {}");
     }
 
     #[test]
-    fn without_a_primary_it_is_said_what_to_do() {
+    fn without_a_primary_the_error_suggests_what_to_do() {
         let message = "Server selection timeout: None of the available servers suitable for criteria Write. Topology: \
             { Type: ReplicaSetNoPrimary, Set Name: shared, Servers: [ { Address: 127.0.0.1:1, Type: Unknown, Error: Kind: \
             I/O error: Connection refused (os error 111), labels: {} }, { Address: 127.0.0.1:2, Type: RsSecondary } ] }";
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cause_is_found_in_the_drivers_words() {
+    fn the_cause_is_found_in_the_drivers_message() {
         let message = "Server selection timeout: No available servers. Topology: { Type: Unknown, Servers: [ { \
             Address: 127.0.0.1:1, Type: Unknown, Error: Kind: I/O error: Connection refused (os error 111), labels: {} } ] }";
         assert_eq!(selection(message), "no server answers (Connection refused (os error 111)); is it running?");

@@ -1,5 +1,5 @@
 //! Images of documents before and after changes, which servers from version 6 on keep for
-//! collections that are told to.
+//! collections with that option.
 
 use bson::{Document, doc};
 
@@ -13,7 +13,7 @@ const MISSING: i32 = 26;
 /// … and for one that is.
 const PRESENT: i32 = 48;
 
-/// What a server can do for those who watch.
+/// What a server offers to watchers.
 pub(super) struct Server {
     /// Whether it keeps images.
     pub(super) images: bool,
@@ -24,7 +24,8 @@ impl MongoDb {
     pub(super) fn examine(&self) -> Result<Server, StoreError> {
         let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
         let hello = hello.map_err(|e| self.explain(&e))?;
-        let replicated = hello.contains_key("setName") || hello.get_str("msg").is_ok_and(|said| said == "isdbgrid");
+        let replicated =
+            hello.contains_key("setName") || hello.get_str("msg").is_ok_and(|message| message == "isdbgrid");
         if !replicated {
             return Err(self.fail(failure::STANDALONE));
         }
@@ -32,7 +33,7 @@ impl MongoDb {
     }
 
     /// Makes the server keep images of the collection, which is made where it is
-    /// missing. Where that is not allowed, changes are told without what was before.
+    /// missing. Where that is not allowed, changes come without the document before.
     pub(super) fn keep_images(&self, ns: &Namespace, create: bool) -> Result<(), StoreError> {
         let database = self.client().database(&ns.database);
         let images = doc! { "enabled": true };

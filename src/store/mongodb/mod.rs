@@ -1,7 +1,7 @@
 //! The MongoDB store: a server or replica set, through the official driver.
 //!
-//! The only room that names the driver. Operations go to the server as they
-//! are, so the languages mean what the server says they mean. Writes are
+//! The only module that uses the driver. Operations go to the server as they
+//! are, so the server decides what they mean. Writes are
 //! acknowledged by a majority, with journal.
 
 pub mod admin;

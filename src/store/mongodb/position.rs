@@ -2,8 +2,8 @@
 //! one of those that a memory does not show.
 //!
 //! `{_id: NAME, namespace, token, holder, until}`: the token of the last change that is
-//! done, which process has the name, and until when it is believed to live where nobody
-//! can see whether it does. What time it is says the server.
+//! done, the process that has the name, and the end of its lease, which counts where other
+//! processes cannot see whether it is running. Times are the server's.
 
 use std::time::{Duration, Instant};
 
@@ -18,10 +18,10 @@ use crate::store::{Namespace, Store as _, StoreError};
 
 /// The collection of names.
 pub(super) const COLLECTION: &str = "rmem.watchers";
-/// How long a process that cannot be seen is believed to live, in milliseconds.
+/// The lease of a process that cannot be seen from here, in milliseconds.
 const LEASE: i64 = 15_000;
-/// How often it says that it lives.
-const PULSE: Duration = Duration::from_secs(4);
+/// How often the lease is renewed.
+const HEARTBEAT: Duration = Duration::from_secs(4);
 /// The server's code for a taken `_id`.
 const DUPLICATE: i32 = 11_000;
 
@@ -32,7 +32,7 @@ pub(super) struct Position {
     myself: String,
     /// What is kept.
     token: Option<ResumeToken>,
-    pulse: Instant,
+    heartbeat: Instant,
 }
 
 impl Position {
@@ -40,7 +40,7 @@ impl Position {
     pub(super) fn take(store: &MongoDb, ns: &Namespace, name: &str) -> Result<(Self, Option<ResumeToken>), StoreError> {
         let names = store.client().database(&ns.database).collection(COLLECTION);
         let myself = Holder::myself().to_string();
-        let mut position = Self { names, name: name.to_owned(), myself, token: None, pulse: Instant::now() };
+        let mut position = Self { names, name: name.to_owned(), myself, token: None, heartbeat: Instant::now() };
         loop {
             let found = position.names.find_one(doc! { "_id": name }).run().map_err(|e| store.explain(&e))?;
             let Some(found) = found else {
@@ -70,7 +70,7 @@ impl Position {
         }
     }
 
-    /// Makes the name; says whether nobody was faster.
+    /// Creates the name; returns false where another process was faster.
     fn create(&self, store: &MongoDb, ns: &Namespace) -> Result<bool, StoreError> {
         let new = doc! {
             "namespace": { "$literal": ns.to_string() }, "holder": { "$literal": &self.myself }, "until": until(),
@@ -99,9 +99,9 @@ impl Position {
         Ok(())
     }
 
-    /// Says that this process lives, where it has not done so for a while.
+    /// Renews the lease, if the last renewal is a while ago.
     pub(super) fn renew(&mut self, store: &MongoDb) -> Result<(), StoreError> {
-        if self.pulse.elapsed() < PULSE { Ok(()) } else { self.write(store, doc! { "until": until() }) }
+        if self.heartbeat.elapsed() < HEARTBEAT { Ok(()) } else { self.write(store, doc! { "until": until() }) }
     }
 
     fn write(&mut self, store: &MongoDb, set: Document) -> Result<(), StoreError> {
@@ -112,20 +112,20 @@ impl Position {
                 what: format!("another process has taken over, or forgotten, the name `{}`", self.name),
             });
         }
-        self.pulse = Instant::now();
+        self.heartbeat = Instant::now();
         Ok(())
     }
 
-    /// Lets go of the name, for whoever takes it next.
+    /// Releases the name.
     pub(super) fn release(&self) {
-        // What cannot be released now is free when its process is seen to have ended, or its lease is over.
+        // If it cannot be released now, it is free once its process has ended or its lease is over.
         let mine = doc! { "_id": &self.name, "holder": &self.myself };
         let _ = self.names.update_one(mine, doc! { "$unset": { "holder": 1, "until": 1 } }).run();
     }
 }
 
 impl MongoDb {
-    /// Forgets a name; says whether there was one.
+    /// Forgets a name; returns whether there was one.
     pub(super) fn forget_name(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         let names: Collection<Document> = self.client().database(&ns.database).collection(COLLECTION);
         let found = names.find_one(doc! { "_id": name }).run().map_err(|e| self.explain(&e))?;
@@ -139,7 +139,7 @@ impl MongoDb {
 }
 
 impl MongoDb {
-    /// The names, and who follows each.
+    /// The names, with the process that follows each.
     pub(super) fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
         let mut names = Vec::new();
         for place in self.collections()?.into_iter().filter(|place| place.collection == COLLECTION) {

@@ -1,4 +1,4 @@
-//! A server through the driver alone: what a memory is measured against.
+//! A server through the driver alone: the reference of the benchmark.
 
 use bson::{Document, RawDocumentBuf, doc};
 use mongodb::options::{Acknowledgment, ClientOptions, WriteConcern};

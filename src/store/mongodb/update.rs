@@ -1,16 +1,15 @@
-//! Updates that write their stamps where something changed, and only there.
+//! Updates that write their metadata only to documents that change.
 //!
-//! The server has no update that says "and this, where that changed anything".
-//! So the documents that match are looked up first, and rmem foresees which of
-//! them the update changes; those the server updates, by its own rules, with the
-//! stamp in the same step; the others without, since somebody may have changed
-//! them meanwhile. Each document is changed in one atomic step, and no update of
-//! others is lost. Only where nothing can be foreseen, or where the server changes
-//! what was to stay the same, does the stamp follow in a step of its own.
-//! (To stamp always would count and note changes that are none; to compute the
-//! change here would not be the server's.)
+//! The server has no update that sets a field only where another field changes. So the
+//! matching documents are read first, and rmem predicts which of them the update changes.
+//! The server updates those with their metadata in the same step, and the others without,
+//! since another client may have changed them meanwhile. Each document is changed in one
+//! atomic step, and no update of another client is lost. Only where nothing can be
+//! predicted, or where the server changes a document that was to stay the same, is the
+//! metadata written in a second step. (Metadata in every update would report documents as
+//! changed that are not; a change computed here would not be the server's.)
 //!
-//! An upsert that inserts writes its stamps at once.
+//! An upsert that inserts writes its metadata in the same step.
 
 use std::collections::HashMap;
 
@@ -24,7 +23,7 @@ use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, Updat
 
 /// How many documents are updated by one command.
 const CHUNK: usize = 1_000;
-/// How often a document that somebody else was faster with is looked for again.
+/// How often the first match is looked for again after another client changed it.
 const ATTEMPTS: usize = 16;
 
 /// The documents of a chunk as they were, by `_id`.
@@ -80,8 +79,8 @@ impl MongoDb {
         Ok(done)
     }
 
-    /// Updates those of the documents that still match, with the stamp where it is
-    /// foreseen that they change.
+    /// Updates those of the documents that still match, with the metadata where it is
+    /// predicted that they change.
     fn update_chunk(
         &self,
         ns: &Namespace,
@@ -90,7 +89,7 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         let plain = without_metadata(&request.update, &before, at)?;
-        let Some(changes) = foresee(&plain, request, &before, at) else {
+        let Some(changes) = predict(&plain, request, &before, at) else {
             return self.update_then_metadata(ns, request, plain, &before, at);
         };
         let (mut changing, mut rest) = (Before::new(), Before::new());
@@ -108,8 +107,8 @@ impl MongoDb {
         Ok(done)
     }
 
-    /// Updates those of the documents that still match, and then stamps those that
-    /// are different, also where the update fails in the middle.
+    /// Updates those of the documents that still match, and then writes the metadata of those
+    /// that changed, also where the update fails in the middle.
     fn update_then_metadata(
         &self,
         ns: &Namespace,
@@ -163,9 +162,9 @@ fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result
     })
 }
 
-/// Which of the documents an update changes; nothing where that is the server's secret,
-/// or its error to tell.
-fn foresee(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<bool>> {
+/// Which of the documents an update changes; nothing where only the
+/// server can tell, or refuses the update.
+fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<bool>> {
     let update = match plain {
         UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
         UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => return None,
@@ -209,7 +208,7 @@ fn with_ids(documents: crate::store::Documents<'_>) -> Result<Before, StoreError
         .collect()
 }
 
-/// A filter with the mistakes of another, that nothing matches.
+/// A filter that matches nothing and contains another, so that the server checks it.
 fn none_of(filter: &Document) -> Document {
     doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
 }
@@ -257,8 +256,8 @@ fn without_metadata(update: &UpdateSpec, before: &Before, at: DateTime) -> Resul
     }
 }
 
-/// What has to be true of a document for its stamps to be known: a replacement says when
-/// its predecessor was inserted, and that may be another by now.
+/// The condition that the dates of a document are the known ones: a replacement keeps when its
+/// predecessor was inserted, and another client may have replaced that.
 fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document, QueryError> {
     match (update, before.as_slice()) {
         (UpdateSpec::Document(document), [(_, old)]) if is_replacement(document) => {
@@ -269,7 +268,7 @@ fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document, QueryErro
     }
 }
 
-/// The stamps of a document.
+/// The dates of a document.
 fn dates(document: &RawDocumentBuf) -> Result<Document, QueryError> {
     let info = document.get(INFO)?.and_then(|info| info.as_document());
     let mut dates = Document::new();
@@ -281,7 +280,7 @@ fn dates(document: &RawDocumentBuf) -> Result<Document, QueryError> {
     Ok(dates)
 }
 
-/// A replacement without its metadata, and of that what is the application's.
+/// A replacement without its metadata, and the application's part of the metadata.
 fn apart(document: &Document) -> (Document, Document) {
     let mut document = document.clone();
     let mut own = match document.remove(INFO) {
@@ -293,7 +292,7 @@ fn apart(document: &Document) -> (Document, Document) {
     (document, own)
 }
 
-/// The update with its stamps, for a document that is inserted by it. A
+/// The update with its metadata, for a document that is inserted by it. A
 /// replacement becomes a pipeline, because it has to keep when its predecessor
 /// was inserted, should there be one by then.
 fn with_metadata_of(update: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
@@ -314,7 +313,7 @@ fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError>
     Ok(update)
 }
 
-/// Adds a stamp to the fields of an operator.
+/// Adds a date to the fields of an operator.
 fn add_field(update: &mut Document, operator: &str, key: &str, at: DateTime) -> Result<(), QueryError> {
     match update.entry(operator.to_owned()).or_insert_with(|| Bson::Document(Document::new())) {
         Bson::Document(fields) => {

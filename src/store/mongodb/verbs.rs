@@ -217,7 +217,7 @@ fn with_metadata(documents: &[Document], timestamp: Option<DateTime>) -> Result<
 }
 
 impl MongoDb {
-    /// Replaces the document that has the `_id` of this one; says how many changed.
+    /// Replaces the document that has the `_id` of this one; returns how many changed.
     fn put_over(&self, ns: &Namespace, document: Document, timestamp: Option<DateTime>) -> Result<u64, StoreError> {
         let id = document.get("_id").cloned().unwrap_or(Bson::Null);
         let request = UpdateRequest {

@@ -22,7 +22,7 @@ use crate::query::QueryError;
 use crate::store::metadata::{INFO, INSERTED, UPDATED};
 use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError};
 
-/// How long the server waits for changes before it says that there are none.
+/// How long the server waits for changes before it returns none.
 const AWAIT: Duration = Duration::from_millis(200);
 
 type Event = ChangeStreamEvent<RawDocumentBuf>;
@@ -33,7 +33,7 @@ struct Stream<'a> {
     namespace: Namespace,
     position: Option<Position>,
     images: bool,
-    /// Whether the collection may be another than the one that was told to keep images.
+    /// Whether the collection may be another than the one that keeps images.
     renewed: bool,
     stream: Option<ChangeStream<Event>>,
     /// Where to open the stream again.
@@ -124,7 +124,7 @@ impl Stream<'_> {
         Ok(event)
     }
 
-    /// What an event of the server is to those who watch.
+    /// The change that an event of the server is, for a watcher.
     fn understand(&mut self, event: Event) -> Result<Option<Change>, StoreError> {
         let kind = match &event.operation_type {
             OperationType::Insert => ChangeKind::Insert,
@@ -154,7 +154,7 @@ impl Stream<'_> {
         let id = event.document_key.as_ref().and_then(|key| key.get("_id")).cloned();
         let after = match (kind, event.full_document, &id) {
             (ChangeKind::Update, None, Some(id)) => match self.look_up(id)? {
-                // It was removed by now, which is told next.
+                // The document was removed meanwhile; that is the next event.
                 None => return Ok(None),
                 found => found,
             },
@@ -272,7 +272,7 @@ impl Stream<'_> {
 /// What one look at the stream gave.
 enum Step {
     Change(Change),
-    /// Something that is none of those who watch.
+    /// An event that is no change for a watcher.
     Passed,
     Nothing,
     Lost(StoreError),

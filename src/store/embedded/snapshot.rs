@@ -1,12 +1,12 @@
-//! Reading a store as it is at one moment, in several statements.
+//! A read transaction: several statements see the same state of the store.
 
 use rusqlite::{Connection, Result};
 
-/// While it lives, what others write is not seen.
-pub(super) struct Moment<'a>(Option<&'a Connection>);
+/// While it exists, writes of other processes are not seen.
+pub(super) struct Snapshot<'a>(Option<&'a Connection>);
 
-impl<'a> Moment<'a> {
-    /// Begins one, unless there is a transaction, which is one too.
+impl<'a> Snapshot<'a> {
+    /// Begins a read transaction, unless a transaction is open.
     pub(super) fn begin(connection: &'a Connection) -> Result<Self> {
         if !connection.is_autocommit() {
             return Ok(Self(None));
@@ -16,10 +16,10 @@ impl<'a> Moment<'a> {
     }
 }
 
-impl Drop for Moment<'_> {
+impl Drop for Snapshot<'_> {
     fn drop(&mut self) {
         if let Some(connection) = self.0 {
-            // What was only read has nothing that could be lost.
+            // A failed end of a read transaction loses nothing.
             let _ = connection.prepare_cached("COMMIT").and_then(|mut end| end.execute([]));
         }
     }
