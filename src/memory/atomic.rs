@@ -4,8 +4,8 @@ use super::Memory;
 use crate::store::{Namespace, Store, StoreError};
 
 impl Memory {
-    /// Runs operations on some collections as one, as far as their stores can; `work` is
-    /// told whether all of them do. Where it fails, it has done nothing then.
+    /// Runs operations on some collections as one, as far as their stores can; `work` gets
+    /// whether all of them are atomic. Where it is, a failure undoes everything.
     ///
     /// # Errors
     /// What `work` fails with; what a store fails with at the end goes through `failed`.

@@ -1,4 +1,4 @@
-//! What time it is: a value, so that the same input gives the same bytes.
+//! The clock, which can be stopped, so that the same input gives the same bytes.
 
 use bson::DateTime;
 

@@ -1,8 +1,8 @@
-//! Removing what is no longer to be remembered.
+//! Removing expired documents.
 //!
-//! What has decayed is invisible at once; here it is removed. So is what a
-//! computable made and may not be used any more, what is due by a TTL index
-//! and, at a restart, what was stored as not persistent.
+//! A decayed document is invisible at once; here it is removed. So are computed documents
+//! whose cache time is over, documents that a TTL index has expired and, at a restart,
+//! documents that are not persistent.
 
 use bson::{DateTime, Document, doc};
 
@@ -23,8 +23,8 @@ pub struct Expired {
 }
 
 impl Memory {
-    /// Removes what is no longer to be remembered; with `restart`, also what is
-    /// not persistent. Tells of each collection of which something was removed.
+    /// Removes expired documents; with `restart`, also those that are not persistent. Returns
+    /// the collections of which documents were removed.
     ///
     /// # Errors
     /// Where a store fails; what was removed before stays removed.

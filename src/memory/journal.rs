@@ -1,4 +1,4 @@
-//! What the memory did, operation by operation: for `-v` and `--log`.
+//! Reports of operations, for `-v` and `--log`.
 
 use std::borrow::Cow;
 use std::rc::Rc;
@@ -19,7 +19,7 @@ pub struct Operation {
     pub took: Duration,
 }
 
-/// Told of each operation when it is over.
+/// Called with each operation when it is over.
 pub type Observer = Rc<dyn Fn(&Operation)>;
 
 /// The observer of a memory, if there is one.
@@ -31,7 +31,7 @@ impl Journal {
         Self(Some(observer))
     }
 
-    /// Does something and notes it; `count` tells the size of its result.
+    /// Runs an operation and reports it; `count` returns the size of its result.
     pub(super) fn note<T>(
         &self,
         name: &'static str,
@@ -47,14 +47,14 @@ impl Journal {
         result
     }
 
-    /// Notes what is over.
-    pub(super) fn tell(&self, operation: &Operation) {
+    /// Reports an operation that is over.
+    pub(super) fn report(&self, operation: &Operation) {
         if let Some(observer) = &self.0 {
             observer(operation);
         }
     }
 
-    /// Notes a query when its documents are dropped.
+    /// Reports a query when its documents are dropped.
     pub(super) fn watch<'a>(
         &self,
         name: &'static str,

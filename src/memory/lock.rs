@@ -2,9 +2,9 @@
 //!
 //! A mutex is a document `{_id: NAME, locked, "locked-by", "lock-time"}`, with
 //! `lock-until` where the lock expires. Taking it is one conditional update,
-//! which the store does for one of those who try at the same time. What time
-//! it is says the store, not the robot, so that robots whose clocks differ
-//! agree on what has expired.
+//! which succeeds for one of the processes that try at the same time. Times are the
+//! store's, not the robot's, so that robots whose clocks differ agree on what has
+//! expired.
 
 use std::time::{Duration, Instant};
 
@@ -14,23 +14,23 @@ use super::Memory;
 use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
-/// How long those who wait sleep at first …
+/// How long a waiting process sleeps at first …
 const SHORTEST: Duration = Duration::from_millis(5);
 /// … and at most.
 const LONGEST: Duration = Duration::from_millis(250);
 
-/// A mutex, and who asks for it.
+/// A mutex, and the owner that asks for it.
 #[derive(Debug, Clone)]
 pub struct Mutex {
     /// The collection of mutexes.
     pub namespace: Namespace,
     /// Which one.
     pub name: String,
-    /// Who locks it; the same owner may lock it again.
+    /// The owner that locks it; the same owner may lock it again.
     pub owner: String,
 }
 
-/// Who holds a mutex.
+/// The holder of a mutex.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder {
     /// The owner.
@@ -41,14 +41,14 @@ pub struct Holder {
     pub until: Option<DateTime>,
 }
 
-/// What trying to lock or unlock gave.
+/// The result of trying to lock or unlock.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Tried {
     /// It is done; the document of the mutex.
     Done(Document),
-    /// Somebody else holds it.
+    /// Another owner holds it.
     Held(Holder),
-    /// To unlock: nobody holds it.
+    /// It is not locked (when unlocking).
     Free,
 }
 
@@ -70,7 +70,7 @@ impl Mutex {
                 Some(document) if document.get_bool("locked").unwrap_or(false) => {
                     return Ok(Tried::Held(Holder::of(&document)));
                 }
-                // Whoever held it has just let it go.
+                // The holder has just unlocked it.
                 _ => std::thread::sleep(SHORTEST),
             }
         }
@@ -93,7 +93,7 @@ impl Mutex {
         }
     }
 
-    /// Lets go, where this owner holds the mutex, expired or not.
+    /// Unlocks the mutex if this owner holds it, expired or not.
     ///
     /// # Errors
     /// Where the store fails.
@@ -129,8 +129,8 @@ impl Mutex {
         request(filter, UpdateSpec::Pipeline(vec![doc! { "$set": taken }]), false)
     }
 
-    /// Makes the mutex where there is none; says whether it did. Of several
-    /// who try at the same time, one does.
+    /// Creates the mutex where there is none; returns whether it did. Of several processes
+    /// at the same time, one does.
     fn create(&self, memory: &Memory) -> Result<bool, StoreError> {
         let free = UpdateSpec::Document(doc! { "$setOnInsert": { "locked": false } });
         match memory.update(&self.namespace, &request(doc! { "_id": &self.name }, free, true)) {
@@ -152,7 +152,7 @@ impl Mutex {
 impl Holder {
     fn of(document: &Document) -> Self {
         Self {
-            owner: document.get_str("locked-by").unwrap_or("somebody unnamed").to_owned(),
+            owner: document.get_str("locked-by").unwrap_or("an unnamed owner").to_owned(),
             since: document.get_datetime("lock-time").ok().copied(),
             until: document.get_datetime("lock-until").ok().copied(),
         }

@@ -1,9 +1,9 @@
 //! The memory: what an application talks to.
 //!
 //! Operations with metadata, routed to the local or the shared store by the
-//! database's name. Nothing falls through to the other store, and a store is
+//! database's name. No operation falls back to the other store, and a store is
 //! opened by the first operation that needs it, so that a robot without a
-//! network works with what is its own.
+//! network works with its local databases.
 
 mod atomic;
 mod clock;

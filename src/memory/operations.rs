@@ -43,14 +43,14 @@ impl Memory {
         Self { clock, ..self }
     }
 
-    /// The same memory, whose operations are told to `observer` as they end.
+    /// The same memory, which calls `observer` with each operation as it ends.
     #[must_use]
     pub fn with_observer(self, observer: Observer) -> Self {
         Self { journal: Journal::new(observer), ..self }
     }
 
-    /// The same memory, where a file that is not there is no empty memory to what only
-    /// reads, but an error: whoever named it may have named it wrongly.
+    /// The same memory, where reading from a file that does not exist is an error, and not an
+    /// empty memory: the path may be mistyped.
     #[must_use]
     pub fn expecting_files(self) -> Self {
         self.routes.expect();
@@ -82,8 +82,8 @@ impl Memory {
         )
     }
 
-    /// Opens the file that a collection is in before something is done there. Where that fails, it fails again when
-    /// something is. A server is not asked: it may take long to say nothing.
+    /// Opens the file that a collection is in before something is done there. Where that fails, the
+    /// operation fails again. A server is not contacted: it may take long to answer.
     pub fn prepare(&self, ns: &Namespace) {
         if self.routes.is_in_file(ns) {
             let _ = self.routes.reading(ns).and_then(|store| store.indexes(ns));
@@ -234,7 +234,7 @@ impl Memory {
     /// What was computed, or found in the cache, for the last query, count or pipeline.
     #[must_use]
     pub fn computed(&self) -> Vec<Computed> {
-        self.computables.told()
+        self.computables.computed()
     }
 
     /// Gives a collection the name of another, in its place; see [`Store::rename`].

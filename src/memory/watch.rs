@@ -49,7 +49,7 @@ impl Memory {
         Ok(Watch { trigger, filter, changes })
     }
 
-    /// Whether a query sees all that was written before it, by whomever. The nearest member of a
+    /// Whether a query sees everything that was written before it, by any client. The nearest member of a
     /// replica set may be behind; [`Memory::watch`] is exact on every store.
     ///
     /// # Errors
@@ -58,7 +58,7 @@ impl Memory {
         Ok(self.store(ns)?.is_atomic())
     }
 
-    /// Forgets the name of a watch; says whether there was one.
+    /// Removes the name of a watch; returns whether it existed.
     ///
     /// # Errors
     /// Where a process watches by it, or it belongs to another collection.
@@ -98,7 +98,7 @@ impl Watch<'_> {
         }
     }
 
-    /// Says that all changes given so far are dealt with.
+    /// Records that the application is done with all changes returned so far.
     ///
     /// # Errors
     /// See [`Changes::done`].
@@ -106,7 +106,7 @@ impl Watch<'_> {
         self.changes.done()
     }
 
-    /// Shows that this process lives, while it is busy with a change.
+    /// Records that this process is running, while it is busy with a change.
     ///
     /// # Errors
     /// See [`Changes::renew`].

@@ -26,7 +26,7 @@ const BATCH: usize = 1_000;
 /// How long a body without a limit is waited for by other processes, and how
 /// long storing may take.
 const COMPUTE_TIMEOUT: Duration = Duration::from_secs(30);
-/// How long those who wait sleep at first …
+/// How long a waiting process sleeps at first …
 const SHORTEST: Duration = Duration::from_millis(2);
 /// … and at most.
 const LONGEST: Duration = Duration::from_millis(50);
@@ -54,7 +54,7 @@ impl Source for Memory {
 
 impl Memory {
     /// Does `work` once all that the questions need is computed. Where it is
-    /// `repeatable`, it is done again when documents were replaced under its hands.
+    /// `repeatable`, it is repeated when computed documents were replaced meanwhile.
     pub(in crate::memory) fn answer<T>(
         &self,
         questions: &[(&Namespace, &Document)],
@@ -63,7 +63,7 @@ impl Memory {
     ) -> Result<T, StoreError> {
         let wanted = self.computables.wanted(questions)?;
         if self.computables.running.borrow().is_empty() {
-            self.computables.told.borrow_mut().clear();
+            self.computables.computed.borrow_mut().clear();
         }
         if wanted.is_empty() {
             return work(&self.computables.view(self.clock.now()));
@@ -102,7 +102,7 @@ impl Memory {
         }
     }
 
-    /// Whether all that an answer was made of was there all the time. What was not is let go.
+    /// Whether all computed documents of an answer existed all the time. Removes the others from `held`.
     fn still_holds(&self, held: &mut Vec<Held>) -> Result<bool, StoreError> {
         let now = self.clock.now();
         let mut current = Vec::new();
@@ -127,7 +127,7 @@ impl Memory {
     fn obtain(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<Held, StoreError> {
         let start = Instant::now();
         let definition = &wanted.computable.definition;
-        // What is computed needs nothing that is stored.
+        // A computable needs no stored documents, so the file need not exist.
         self.routes.excuse(&definition.namespace);
         let (held, cached, documents) = match definition.cache {
             Some(cache) => self.obtain_cached(wanted, rest, cache)?,
@@ -140,13 +140,13 @@ impl Memory {
             documents,
             took: start.elapsed(),
         };
-        self.journal.tell(&Operation {
+        self.journal.report(&Operation {
             name: format!("{} {}", if cached { "cached" } else { "compute" }, computed.name).into(),
             namespace: Some(computed.namespace.clone()),
             count: Some(computed.documents),
             took: computed.took,
         });
-        self.computables.told.borrow_mut().push(computed);
+        self.computables.computed.borrow_mut().push(computed);
         Ok(held)
     }
 
@@ -204,7 +204,7 @@ impl Memory {
                         entry.sweep(now)?;
                         return Ok((held(token, until), false, ids.len() as u64));
                     }
-                    // Somebody lost timeout with this process, and computes anew.
+                    // Another process has claimed the entry, because this one took too long.
                     remove(store, ns, &ids, token)?;
                 }
             }
@@ -268,7 +268,7 @@ impl Memory {
         Err(failed(wanted, Box::new(Cycle(QueryError::bad_value(reason)))))
     }
 
-    /// Stores what a body gave; gives the `_id`s.
+    /// Stores what a body gave; returns the `_id`s.
     fn publish(
         &self,
         store: &dyn Store,
@@ -329,7 +329,7 @@ fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> R
 #[error("{0}")]
 struct Cycle(#[source] QueryError);
 
-/// A cycle is told once, not by every computable on it.
+/// A cycle is reported once, and not by every computable in it.
 fn is_cycle(error: &StoreError) -> bool {
     matches!(error, StoreError::Computable { source, .. } if source.is::<Cycle>())
 }

@@ -1,4 +1,4 @@
-//! What computes.
+//! The bodies of computables.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -44,7 +44,7 @@ impl Builtin {
     }
 }
 
-/// The question that a body answers.
+/// The query that a body answers.
 pub(super) struct Asked<'a> {
     /// The memory, for the documents that the answer depends on. A query on it runs
     /// the computables that it needs.
@@ -55,14 +55,13 @@ pub(super) struct Asked<'a> {
     pub(super) query: &'a Document,
 }
 
-/// What computes documents. The query is answered over all documents
-/// afterwards: to give more than it asks for is wasteful, but not wrong, and
-/// what does not match the query is not seen by it.
+/// Computes documents. The query is answered over all documents afterwards, so a body may
+/// return documents that do not match it; they are not part of the answer.
 pub(super) trait Body {
     /// The documents. One without an `_id` gets one.
     ///
     /// # Errors
-    /// Where there are none to be had; nothing is stored then.
+    /// Where they cannot be computed; nothing is stored then.
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError>;
 
     /// What it is, in a line.
@@ -87,7 +86,7 @@ pub(super) enum ComputeError {
     /// The asked query, or a document that it is about, is not as it has to be.
     #[error(transparent)]
     Query(#[from] QueryError),
-    /// A program printed what are no documents.
+    /// The output of a program is not documents.
     #[error("{0}")]
     Unreadable(String, #[source] Diagnostic),
     /// Anything else, in a sentence.

@@ -1,8 +1,8 @@
 //! The cache: what was computed for which query, and until when it is good.
 //!
 //! It is a collection of the database whose documents are computed, so that all
-//! processes share it: an entry for each computable and query. Whoever computes
-//! claims the entry first, by one conditional update; others wait, for a claim
+//! processes share it: an entry for each computable and query. A process that
+//! computes claims the entry first, by one conditional update; others wait. A claim
 //! lasts no longer than the computation may. Each computation has a token,
 //! which its documents bear; the entry names the token that counts. So an
 //! answer is made of the documents of one computation, or is made again.
@@ -50,7 +50,7 @@ pub(super) struct Entry<'a> {
 pub(super) enum State {
     /// What this computation gave is good until then.
     Good { token: ObjectId, until: DateTime, documents: u64 },
-    /// Somebody computes, and has to be done by then.
+    /// A process computes it, until then at most.
     Busy { until: DateTime },
     /// It has to be computed; what was computed before goes.
     Stale(Option<Former>),
@@ -67,7 +67,7 @@ pub(super) struct Former {
     documents: u64,
     /// Their `_id`s, where there are not too many.
     ids: Vec<Bson>,
-    /// Whether whoever had the entry died over its computation, and may have left documents.
+    /// Whether the process that had the entry ended during its computation, and may have left documents.
     is_abandoned: bool,
 }
 
@@ -103,7 +103,7 @@ impl<'a> Entry<'a> {
         Ok(self.store.count(self.asked, &unchanged)? == made.documents)
     }
 
-    /// Claims the entry for a computation, until a time; says whether that succeeded.
+    /// Claims the entry for a computation, until a time; returns whether that succeeded.
     pub(super) fn claim(
         &self,
         former: Option<&Former>,
@@ -140,7 +140,7 @@ impl<'a> Entry<'a> {
         remove(self.store, self.asked, former)
     }
 
-    /// Says that a computation is done; false where somebody else has the entry by now.
+    /// Records that a computation is done; returns false where another process has the entry.
     pub(super) fn finish(&self, token: ObjectId, ids: &[Bson], until: DateTime) -> Result<bool, StoreError> {
         let listed = if ids.len() > MOST_IDS { &[] } else { ids };
         let set = doc! {
@@ -153,7 +153,7 @@ impl<'a> Entry<'a> {
         self.change(token, doc! { "$set": set, "$unset": { "busy_until": "", "holder": "" } })
     }
 
-    /// Gives the entry free without a result.
+    /// Returns the entry free without a result.
     pub(super) fn release(&self, token: ObjectId, now: DateTime) -> Result<bool, StoreError> {
         self.change(
             token,
@@ -170,7 +170,7 @@ impl<'a> Entry<'a> {
         for entry in entries {
             let entry = Document::try_from(&*entry).map_err(QueryError::from)?;
             let (Some(id), State::Stale(Some(former))) = (entry.get("_id"), state(&entry, now)) else { continue };
-            // Whoever reads what it is about sees by the entry that it is gone.
+            // A process that reads these documents sees by the missing entry that they are removed.
             if self.store.delete(&self.records, &doc! { "_id": id, "token": former.token }, true)? > 0 {
                 let collection = entry.get_str("collection").unwrap_or(&self.asked.collection).to_owned();
                 let asked = Namespace { database: self.asked.database.clone(), collection };

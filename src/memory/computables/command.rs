@@ -1,10 +1,10 @@
-//! A body that is a program of the user's.
+//! A body that is a program of the user.
 //!
 //! It runs in its folder, without a shell, in a process group of its own that
 //! is gone when the body is done. It reads the query as one line of Extended
 //! JSON, relaxed, on standard input, and writes documents to standard output:
-//! JSON lines, or whatever rmem reads as documents. An exit code other than 0
-//! means that there are none.
+//! JSON lines, or any other text that rmem reads as documents. An exit code other than 0
+//! is an error.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ const MOST_OUTPUT: u64 = 64 << 20;
 /// How many of its last lines on standard error a message repeats.
 const TAIL: usize = 6;
 
-/// A program of the user's.
+/// A program of the user.
 pub(super) struct Command {
     pub(super) words: Vec<String>,
     pub(super) folder: PathBuf,

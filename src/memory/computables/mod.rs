@@ -2,20 +2,20 @@
 //!
 //! A computable has a *spec*, a query that is matched against the asked query
 //! as a document ([`spec`]). The [`registry`] knows which of them a query needs,
-//! and in which order; that costs no way to a store. Each has a [`body`], one
+//! and in which order; without asking a store. Each has a [`body`], one
 //! file per kind: [`pipeline`], [`command`], [`transform`], [`nearest`]. What a
 //! body gives is stored beside the other documents, with an entry in the
 //! [`cache`] that all processes share; then the query is answered over all of
 //! them ([`answer`]).
 //!
-//! Rules that are easy to miss:
+//! Rules:
 //!
 //! - Of the documents of a computable that a query needs, it sees those that
 //!   were computed for it (or for an equal query), and no others: what was
 //!   computed for another query does not come twice. A query that does not need
 //!   a computable sees its documents as it sees all others.
-//! - A body may ask the memory, and what it asks may need other computables. It
-//!   does not see what its own computable made, unless it asks for that.
+//! - A body may query the memory, and its queries may need other computables. It
+//!   does not see the documents of its own computable, unless its query needs that.
 //! - Without a cache time, documents are removed when the query is answered.
 //! - The cache holds as long as the documents are as they were computed: where
 //!   some were removed or changed, the next query computes them anew, and what

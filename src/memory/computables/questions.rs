@@ -1,4 +1,4 @@
-//! What a pipeline asks: of its own collection, and of those it looks up.
+//! The queries of a pipeline: on its own collection, and on those it looks up.
 
 use bson::{Bson, Document, doc};
 

@@ -1,4 +1,4 @@
-//! What the documents of a collection come from: for those who wait for them to change.
+//! The collections that the documents of a collection are computed from.
 
 use std::time::Duration;
 

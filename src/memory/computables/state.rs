@@ -11,14 +11,14 @@ use super::report::Computed;
 use super::view::View;
 use crate::store::{Namespace, StoreError};
 
-/// The computables of a memory at work.
+/// The computables of a memory.
 #[derive(Default)]
 pub(in crate::memory) struct Computables {
     pub(super) registry: Registry,
-    /// Those whose bodies are at work, each for what the one before asked.
+    /// Those whose bodies are running, each for a query of the one before.
     pub(super) running: RefCell<Vec<Running>>,
-    /// What was done for the last operation.
-    pub(super) told: RefCell<Vec<Computed>>,
+    /// What was computed for the last operation.
+    pub(super) computed: RefCell<Vec<Computed>>,
 }
 
 /// A computable that a query needs.
@@ -28,13 +28,13 @@ pub(super) struct Wanted<'a> {
     pub(super) key: String,
 }
 
-/// A computable whose body is at work.
+/// A computable whose body is running.
 pub(super) struct Running {
     pub(super) name: String,
     pub(super) namespace: Namespace,
     pub(super) key: String,
-    /// Those of the namespace that are due after it for the same question: what its body
-    /// asks does not run them, for it is they who see what it gives.
+    /// Those of the namespace that run after it for the same query. A query of its body does
+    /// not run them: they see its documents, and not the other way round.
     pub(super) later: Vec<String>,
 }
 
@@ -44,8 +44,8 @@ impl Computables {
     }
 
     /// What was computed, or found in the cache, for the last operation.
-    pub(in crate::memory) fn told(&self) -> Vec<Computed> {
-        self.told.borrow().clone()
+    pub(in crate::memory) fn computed(&self) -> Vec<Computed> {
+        self.computed.borrow().clone()
     }
 
     /// All that the questions need, in the order in which it runs.
@@ -66,13 +66,13 @@ impl Computables {
         Ok(wanted)
     }
 
-    /// Whether a computable is due after one whose body is at work.
+    /// Whether a computable runs after one whose body is running.
     fn is_due(&self, definition: &Definition) -> bool {
         let running = self.running.borrow();
         running.iter().any(|at| at.namespace == definition.namespace && at.later.contains(&definition.name))
     }
 
-    /// What is visible now to a body at work, or to anybody else.
+    /// What is visible now, to a running body or to an application.
     pub(super) fn view(&self, now: DateTime) -> View {
         let mut view = View::at(now);
         for running in self.running.borrow().iter() {

@@ -57,14 +57,14 @@ type Keyed = (Vec<u8>, RawDocumentBuf);
 type Pair = (Option<RawDocumentBuf>, Option<RawDocumentBuf>);
 type Ordered<'a> = Peekable<Box<dyn Iterator<Item = Result<Keyed, DiffError>> + 'a>>;
 
-/// Tells each difference, in the order of namespaces and `_id`s; gives how many there are.
+/// Reports each difference, in the order of namespaces and `_id`s; returns how many there are.
 ///
 /// # Errors
-/// Where one of the two cannot be read, or `tell` fails.
+/// Where one of the two cannot be read, or `report` fails.
 pub fn compare<E: From<DiffError>>(
     first: &Side,
     second: &Side,
-    mut tell: impl FnMut(&Namespace, Difference) -> Result<(), E>,
+    mut report: impl FnMut(&Namespace, Difference) -> Result<(), E>,
 ) -> Result<u64, E> {
     let mut namespaces = first.namespaces()?;
     namespaces.extend(second.namespaces()?);
@@ -75,7 +75,7 @@ pub fn compare<E: From<DiffError>>(
         let (mut first, mut second) = (first.documents(ns)?, second.documents(ns)?);
         while let Some(pair) = pair(&mut first, &mut second)? {
             if let Some(difference) = difference(pair).map_err(DiffError::from)? {
-                tell(ns, difference)?;
+                report(ns, difference)?;
                 count += 1;
             }
         }

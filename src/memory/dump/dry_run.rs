@@ -1,4 +1,4 @@
-//! Whether a restore would meet a unique key that is taken, tried out where it does no harm.
+//! Whether a restore would violate a unique index, found out in a temporary store.
 //!
 //! The documents of a collection that has, or gets, unique indexes are put into a
 //! store of their own, in the order in which a restore would do it.
@@ -39,7 +39,7 @@ fn unique(indexes: Vec<Index>) -> Vec<Index> {
     indexes.into_iter().filter(|index| index.unique && index.name != index::ID).collect()
 }
 
-/// What is tried out.
+/// A restore that is tried out.
 struct RestorePlan<'a> {
     /// What would be restored.
     part: &'a Part,
@@ -69,14 +69,14 @@ impl<'a> TrialStore<'a> {
         Ok(Self { store, namespace, _folder: folder })
     }
 
-    /// All in one transaction, which nobody needs on the disk.
+    /// Stores everything in one transaction, which is rolled back.
     fn run(&self, plan: &RestorePlan<'_>) -> Result<(), RestoreError> {
         let mut outcome = None;
         let kept = self.store.atomically(&mut || {
             outcome = Some(self.fill(plan));
             Err(StoreError::Failed { address: self.store.describe(), reason: "nothing is kept".to_owned() })
         });
-        // Where it never began, the store says why.
+        // Where the work did not begin, the error is the store's.
         outcome.unwrap_or_else(|| kept.map_err(|error| unchanged(self.namespace, error)))
     }
 

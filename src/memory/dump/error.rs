@@ -9,7 +9,7 @@ pub enum RestoreError {
     /// The dump cannot be read.
     #[error(transparent)]
     Dump(#[from] ReadError),
-    /// It was told to stop; nothing was changed.
+    /// It was interrupted; nothing was changed.
     #[error("interrupted; nothing was changed")]
     Interrupted,
     /// The store fails.

@@ -1,4 +1,4 @@
-//! World models out and in: written, read, restored, compared.
+//! Dumps of world models: written, read, restored, compared.
 //!
 //! A dump is a world file ([`world_file`]), or a folder or an archive as `mongodump` writes it ([`write`]); [`read`] reads
 //! all of them alike.

@@ -1,9 +1,9 @@
-//! What a dump holds, whoever wrote it and however: its namespaces, and their
-//! documents, from the beginning as often as they are asked for.
+//! Reading dumps of every format: their namespaces, and the documents of each, which can be
+//! read several times.
 //!
 //! A world file, a folder as `mongodump` writes it, the folder of one database
-//! in it, one `.bson` file, or an archive; each may be packed with gzip. They are told
-//! apart by what is in them, not by their names.
+//! in it, one `.bson` file, or an archive; each may be packed with gzip. The format is
+//! recognised by the content, not by the name.
 
 use std::fs::{self, File};
 use std::io::{BufRead as _, Read as _};
@@ -17,7 +17,7 @@ use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, CollectionKind, Damage, MAGIC, Metadata, decode_document};
 use crate::store::{Index, Namespace, document};
 
-/// So many bytes tell a text from what is none.
+/// How many bytes are examined to recognise a text.
 const LOOK: usize = 512;
 
 /// The documents of a dump, each checked.
@@ -37,7 +37,7 @@ pub struct Dump {
 pub struct Part {
     /// Where its documents belong.
     pub namespace: Namespace,
-    /// Its indexes, but the one on `_id`; nothing where the dump does not tell of indexes.
+    /// Its indexes, but the one on `_id`; `None` where the dump has no indexes.
     pub indexes: Option<Vec<Index>>,
     content: Content,
 }
@@ -59,7 +59,7 @@ pub enum ReadError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A file is truncated or damaged, or a document in it cannot be stored.
@@ -73,7 +73,7 @@ pub enum ReadError {
     /// A file is not what it should be.
     #[error(transparent)]
     Text(#[from] WorldError),
-    /// A file's name tells no namespace, or there is nothing to be read.
+    /// A file's name does not give a namespace, or there is nothing to be read.
     #[error("{}: {reason}", path.display())]
     Name {
         /// The file or folder.
@@ -94,7 +94,7 @@ impl Dump {
         }
         let mut file = unpacked(path)?;
         let head = file.fill_buf().map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
-        // A document shorter than 2^24 bytes has a zero (or a one) where no text has it.
+        // The fourth byte of a BSON document below 2^25 bytes is 0 or 1, which no text has.
         if head.get(3).is_some_and(|byte| *byte <= 1) || (head.is_empty() && stem(path).is_some()) {
             let mut dump = Self { parts: Vec::new(), notes: Vec::new() };
             dump.add(path)?;
@@ -222,7 +222,7 @@ impl Dump {
         }
     }
 
-    /// Reads everything through; gives how many documents each collection has.
+    /// Reads everything through; returns how many documents each collection has.
     ///
     /// # Errors
     /// The first thing that is wrong.

@@ -2,18 +2,18 @@
 //!
 //! Without `drop`, documents are put into their collections: new ones are
 //! added, those whose `_id` is taken replace what is there, equal ones are
-//! passed over, and what is only in the memory stays. With it, each collection
+//! skipped, and documents that are only in the memory stay. With it, each collection
 //! is staged beside the one it replaces, in its database, and all are swapped
 //! once everything is stored.
 //!
 //! On an embedded store either is one step: a process that fails or is killed
-//! leaves what was there. MongoDB has no step of that size: there a killed
-//! process may have put some of the documents, each whole; with `drop`, it may
+//! leaves what was there. On MongoDB it is not: there a killed
+//! process may have stored some of the documents, each whole; with `drop`, it may
 //! have swapped some of the collections, each whole. What it staged is removed
 //! by the next restore.
 //!
-//! Its indexes are made where the dump tells of them; of a world file, which
-//! does not, those stay that were there.
+//! Indexes are created where the dump has them. A world file has none; the existing
+//! indexes stay then.
 //!
 //! The metadata of a dump is kept, but for its dates: a document is inserted
 //! when it is restored, and equal to one that was inserted at another time.
@@ -62,7 +62,7 @@ pub struct RestoreOptions<'a> {
     pub stop: Option<&'a AtomicBool>,
 }
 
-/// Restores a dump; tells for each collection what was done.
+/// Restores a dump; returns what was done for each collection.
 ///
 /// # Errors
 /// Where the dump is not well throughout (nothing is changed then), or a store fails.
@@ -121,7 +121,7 @@ fn put(memory: &Memory, dump: &Dump, dry_run: bool, whole: bool) -> Result<Vec<R
     Ok(done)
 }
 
-/// Makes indexes; tells of those that the store cannot have.
+/// Creates indexes; returns notes on those that the store does not support.
 fn index(memory: &Memory, ns: &Namespace, indexes: &[Index]) -> Result<Vec<String>, StoreError> {
     let mut without = Vec::new();
     for index in indexes {
@@ -189,7 +189,7 @@ fn same(document: &Document, stored: &RawDocumentBuf) -> Result<bool, QueryError
     Ok(RawDocumentBuf::try_from(&document)?.as_bytes() == RawDocumentBuf::try_from(&stored)?.as_bytes())
 }
 
-/// What replacing whole collections would do.
+/// The outcome of replacing whole collections.
 fn foresee(memory: &Memory, dump: &Dump, counts: &[u64]) -> Result<Vec<Restored>, RestoreError> {
     let parts = dump.parts.iter().zip(counts);
     let foreseen = parts.map(|(part, inserted)| {
@@ -225,7 +225,7 @@ fn replace(memory: &Memory, dump: &Dump, stop: Option<&AtomicBool>) -> Result<Ve
             None => Ok(()),
         };
         if let Err(error) = stored {
-            // What cannot be removed either is told by the error that is given.
+            // The error that is returned also explains why these could not be removed.
             staged.iter().for_each(|staged| drop(memory.drop_collection(&staged.name)));
             return Err(error);
         }
@@ -238,7 +238,7 @@ fn replace(memory: &Memory, dump: &Dump, stop: Option<&AtomicBool>) -> Result<Ve
     swapped
 }
 
-/// Gives the staged collections their names, one after the other.
+/// Returns the staged collections their names, one after the other.
 fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restored>, RestoreError> {
     let mut done: Vec<Restored> = Vec::with_capacity(staged.len());
     for Staged { name, restored, is_empty } in staged {
@@ -273,7 +273,7 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
     let failed = |source| unchanged(&part.namespace, source);
     let indexes = match &part.indexes {
         Some(indexes) => indexes.clone(),
-        // What does not tell of indexes takes none away.
+        // A dump without indexes keeps the existing ones.
         None => memory.indexes(&part.namespace).map_err(failed)?,
     };
     let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();

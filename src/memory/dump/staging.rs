@@ -1,7 +1,7 @@
 //! Collections that wait to take the place of others.
 //!
-//! They are called `restoring_HOLDER_ID`; the holder says who fills them, so that what a
-//! process that was killed has left is told from what one is about to swap in.
+//! They are called `restoring_HOLDER_ID`. The holder is the process that fills them, so that
+//! collections of a killed process are recognised and removed.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::store::{Namespace, StoreError};
 
 const PREFIX: &str = "restoring_";
 
-/// What a process left whose life cannot be seen from here is litter after so long.
+/// When the collections of a process that cannot be seen from here are removed.
 const OLD: Duration = Duration::from_secs(24 * 3600);
 
 /// A new name for a collection that waits, in the database of `namespace`.
@@ -56,13 +56,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_nobody_will_swap_in_is_litter() {
+    fn only_collections_of_ended_processes_are_litter() {
         let mine = name(&Namespace::parse("a.b").unwrap()).collection;
         assert!(!is_litter(&mine));
         let (holder, id) = mine.rsplit_once('_').unwrap();
-        let (who, _) = holder.rsplit_once('_').unwrap();
+        let (process, _) = holder.rsplit_once('_').unwrap();
         // The same process id, started at another time.
-        assert!(is_litter(&format!("{who}_1_{id}")));
+        assert!(is_litter(&format!("{process}_1_{id}")));
         let elsewhere = format!("{PREFIX}another_pid:[1]_1_1");
         assert!(!is_litter(&format!("{elsewhere}_{id}")));
         assert!(is_litter(&format!("{elsewhere}_{}", "0".repeat(24))));

@@ -81,7 +81,7 @@ pub enum WorldError {
     Read {
         /// The file.
         name: String,
-        /// What the system says.
+        /// The system's error.
         reason: String,
     },
     /// A namespace could not be stored; those before it were.

@@ -34,7 +34,7 @@ pub enum DumpError {
     Write {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// The store fails.
@@ -47,7 +47,7 @@ pub enum DumpError {
     },
 }
 
-/// Writes the namespaces into the folder `path`, whole or not at all; gives
+/// Writes the namespaces into the folder `path`, whole or not at all; returns
 /// how many documents each has.
 ///
 /// # Errors
@@ -65,7 +65,7 @@ pub fn write_folder(
     check_place(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".rmem-").permissions(Permissions::from_mode(0o777));
-    // The name of the staged folder is nobody's business in a message.
+    // The error leaves out the name of the temporary folder.
     let staged = builder.tempdir_in(beside(path)).map_err(|error| failed(error.kind().into()))?;
     let namespaces = in_order(namespaces);
     let mut written = Vec::with_capacity(namespaces.len());
@@ -74,12 +74,12 @@ pub fn write_folder(
         written.push((namespace, count));
     }
     fs::rename(staged.path(), path).map_err(failed)?;
-    // The folder has its name now; there is nothing to be removed.
+    // The folder has its final name; nothing is to be removed.
     let _ = staged.keep();
     Ok(written)
 }
 
-/// Writes the namespaces into one file, an archive, whole or not at all; gives
+/// Writes the namespaces into one file, an archive, whole or not at all; returns
 /// how many documents each has.
 ///
 /// # Errors
