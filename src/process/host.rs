@@ -1,10 +1,10 @@
-//! What the run of a program may use, and what it is allowed.
+//! What a run may use, and its limits.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// What the process that runs programs lends them. The library reads no environment.
+/// What runs need from the calling process. The library reads no environment.
 #[derive(Debug, Clone)]
 pub struct Host<'a> {
     /// The rmem executable: it starts itself again as `__supervisor` and as `ff`.
@@ -23,7 +23,7 @@ impl Host<'_> {
     }
 }
 
-/// What a run is allowed.
+/// The limits of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Wall time.

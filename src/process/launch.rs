@@ -1,7 +1,7 @@
-//! The last step before a program runs: the process that becomes its program.
+//! The process that becomes the program.
 //!
-//! It is started by the supervisor, is a process of its own, and looks for the program where
-//! its environment says. Where the program is rmem, it is there already, and goes on as that.
+//! The supervisor starts it as a process of its own. It looks for the program in `PATH` of its
+//! environment and replaces itself with it. If the program is rmem itself, it continues in place.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -20,20 +20,20 @@ use super::usage;
 /// What the stack of the first thread may come to need, in bytes.
 const STACK: u64 = 8 << 20;
 
-/// How a process goes on that was started as a supervisor.
+/// How a process continues that was started as a supervisor.
 #[derive(Debug)]
 #[must_use]
 pub enum Next {
-    /// It exits. The code says nothing: what happened went over the lifeline.
+    /// It exits. The code has no meaning: the result was sent over the lifeline.
     Exit(i32),
-    /// It is the program, which is rmem, with this command line; limits and streams are its own by now.
+    /// It continues as the program, which is rmem, with this command line; limits and streams are set.
     Rmem(Vec<OsString>),
 }
 
-/// What the supervisor says when the program may run.
+/// The message of the supervisor that the program may run.
 pub(super) const GO: &[u8] = b"g";
 
-/// Becomes the program. Returns where that is rmem itself, at `own`, and where it fails, which it says on
+/// Becomes the program. Returns where that is rmem itself, at `own`, and where it fails, which it reports on
 /// standard input. The arguments are `--parent PID [--memory BYTES] [--input FILE] -- PROGRAM ARGUMENT…`.
 pub(super) fn run(arguments: impl Iterator<Item = OsString>, own: &Path) -> Next {
     let Ok(supervisor) = io::stdin().as_fd().try_clone_to_owned() else { return Next::Exit(2) };
@@ -60,7 +60,7 @@ fn become_program(
             Some("--memory") => memory = number(&mut arguments),
             Some("--input") => input = arguments.next(),
             Some("--") => break,
-            _ => return Err("failed to understand its order".to_owned()),
+            _ => return Err("failed to parse its arguments".to_owned()),
         }
     }
     let failed = |error: &dyn std::fmt::Display| format!("failed {error}");
@@ -73,7 +73,7 @@ fn become_program(
     let stdin = input.unwrap_or_else(|| "/dev/null".into());
     let stdin = OwnedFd::from(File::open(stdin).map_err(|error| failed(&error))?);
     let is_rmem = Path::new(&program) == own;
-    // A process that has more than it may already cannot even grow its stack.
+    // A process that is above the limit already could not grow its stack.
     if is_rmem && memory.is_some_and(|limit| usage::size(getpid()) * 1024 + STACK > limit) {
         return Err("starved".to_owned());
     }

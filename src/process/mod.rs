@@ -1,9 +1,9 @@
 //! Programs that rmem runs: under limits, with nothing left behind.
 //!
-//! Planners, computables and the commands of triggers are such programs. A [`Job`] says what is run, with
-//! which files; [`run()`] starts it through a [`supervisor`], waits for
-//! its end or brings that about at a limit, and gives what it left. Where what the program reads takes a while to
-//! make, the program gets ready meanwhile ([`Prepared`]).
+//! Planners, computables and the commands of triggers are such programs. A [`Job`] names the program and
+//! its files; [`run()`] starts it through a [`supervisor`], waits for its end, stops it at a
+//! limit, and returns its output. If the input takes a while to compute, the program can be
+//! started before it ([`Prepared`]).
 
 mod host;
 mod launch;

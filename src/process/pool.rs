@@ -1,9 +1,9 @@
-//! Memory that several runs at once share.
+//! A limit of memory that several runs share.
 
 use std::sync::Mutex;
 
-/// A limit of memory over several runs. Each says what it has; where that is too much together, who has most
-/// gives way.
+/// A limit of memory over several runs. Each run reports its use; where the sum is over the limit, the run with the most
+/// is stopped.
 #[derive(Debug)]
 pub(crate) struct Pool {
     limit: u64,
@@ -35,26 +35,26 @@ impl Share<'_> {
         self.pool.limit
     }
 
-    /// Notes that the run has so many bytes; says whether it has to give way.
-    pub(crate) fn gives_way(&self, bytes: u64) -> bool {
-        // What a panicked run noted last is as good as what it would have noted next.
+    /// Records that the run has so many bytes; returns whether it has to stop.
+    pub(crate) fn has_to_stop(&self, bytes: u64) -> bool {
+        // After a panic the last recorded sizes are still good.
         let mut used = self.pool.used.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some(own) = used.get_mut(self.place) {
             *own = bytes;
         }
         let all = used.iter().fold(0, |sum: u64, bytes| sum.saturating_add(*bytes));
         let most = used.iter().enumerate().max_by_key(|(_, bytes)| **bytes).map(|(place, _)| place);
-        let gives_way = all > self.pool.limit && most == Some(self.place);
-        if gives_way && let Some(own) = used.get_mut(self.place) {
-            // What it has is about to be free: nobody else has to go for it.
+        let has_to_stop = all > self.pool.limit && most == Some(self.place);
+        if has_to_stop && let Some(own) = used.get_mut(self.place) {
+            // Its memory is about to be free: no other run has to stop for it.
             *own = 0;
         }
-        gives_way
+        has_to_stop
     }
 
-    /// Notes that the run has ended.
+    /// Records that the run has ended.
     pub(crate) fn release(&self) {
-        self.gives_way(0);
+        self.has_to_stop(0);
     }
 }
 
@@ -63,15 +63,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_has_most_gives_way_where_all_have_too_much() {
+    fn the_largest_run_stops_where_all_together_are_over_the_limit() {
         let pool = Pool::new(100, 2);
         let (one, other) = (pool.share(0), pool.share(1));
-        assert!(!one.gives_way(90));
-        assert!(!other.gives_way(20), "the other one has more");
-        assert!(one.gives_way(90));
-        assert!(!other.gives_way(95), "one is enough");
+        assert!(!one.has_to_stop(90));
+        assert!(!other.has_to_stop(20), "the other one has more");
+        assert!(one.has_to_stop(90));
+        assert!(!other.has_to_stop(95), "one is enough");
         one.release();
-        assert!(!other.gives_way(100), "what has ended has nothing");
-        assert!(other.gives_way(101));
+        assert!(!other.has_to_stop(100), "what has ended has nothing");
+        assert!(other.has_to_stop(101));
     }
 }

@@ -1,4 +1,4 @@
-//! A run: a temporary directory, a supervisor, limits, what is left.
+//! A run of a program: its directory, its supervisor, its limits, and its result.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
@@ -24,17 +24,17 @@ use crate::formats::Source;
 /// The file in the run's directory that the program reads as standard input.
 pub(crate) const INPUT: &str = "stdin";
 
-/// How often interruption, time and output are looked at.
+/// How often interruption, time and output are checked.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// How long the supervisor may take beyond the grace before it is given up.
-const READ_TIMEOUT: Duration = Duration::from_secs(5);
+/// How long the supervisor may take to report beyond the grace, before it is killed.
+const REPORT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How long reading what a program left may take when the time of the run is over.
-const READING: Duration = Duration::from_secs(2);
+/// How long reading the result may take when the time of the run is over.
+const COLLECT_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// A limit of memory, in bytes, under which a program that dies of a signal died for want of
-/// it: it is not enough for a program and its libraries.
+/// A limit of memory, in bytes, under which death by a signal counts as lack of
+/// memory: it is not enough for a program and its libraries.
 const SMALL: u64 = 64 << 20;
 
 /// How much of a file is read or written between two looks at the clock.
@@ -55,18 +55,18 @@ pub(crate) struct Job<'a> {
     pub(crate) folder: Option<&'a Path>,
     /// The whole environment, where it is not rmem's.
     pub(crate) environment: Option<&'a [(&'a str, &'a str)]>,
-    /// On whose behalf it runs.
+    /// How it runs.
     pub(crate) mode: Mode<'a>,
     /// Which of the files it leaves are wanted: where one stands among them, by its name.
     pub(crate) wanted: fn(&str) -> Option<u64>,
 }
 
-/// On whose behalf a program runs.
+/// How a program runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Mode<'a> {
-    /// On rmem's: what it prints is captured, and nothing that it started outlives it.
+    /// For rmem: its output is captured, and nothing that it started outlives it.
     Captured,
-    /// On the user's: it prints where rmem does, has these variables as well, and may leave something in
+    /// For the user: it has rmem's standard streams and these additional variables, and may leave something in
     /// the background when it ends by itself.
     Attached(&'a [(&'a str, &'a str)]),
 }
@@ -98,11 +98,11 @@ pub(crate) struct Ended {
     /// The wanted files it left, in their order.
     pub(crate) files: Vec<Source>,
     pub(crate) wall: Duration,
-    /// The processor time of all its processes, where the supervisor lived to say it.
+    /// The processor time of all its processes, if the supervisor reported it.
     pub(crate) cpu: Option<Duration>,
     /// It ran into the limit of memory.
     pub(crate) out_of_memory: bool,
-    /// On its way out already; it is waited for in the end.
+    /// It is ending already, and is waited for on drop.
     supervisor: Option<Supervisor>,
 }
 
@@ -136,11 +136,11 @@ pub(crate) fn run(job: &Job<'_>, texts: &[(&str, &str)], limits: &Limits, host: 
     Prepared::new(job, limits, host).run(texts, None, host)
 }
 
-/// A program about to run: it waits for its texts, with its processes and its directory there. They go where
-/// this does.
+/// A program that waits for its input; its processes and its directory exist already, and
+/// are removed on drop.
 #[derive(Debug)]
 pub(crate) struct Prepared {
-    /// What keeps it from running is said when it is to run.
+    /// An error is reported when it is to run.
     supervisor: io::Result<Supervisor>,
     limits: Limits,
     wanted: fn(&str) -> Option<u64>,
@@ -173,7 +173,7 @@ impl Prepared {
         if let Some(share) = share {
             share.release();
         }
-        let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(READING));
+        let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(COLLECT_TIMEOUT));
         let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
         let mut ended = supervisor.collect(&limits, &reading, self.wanted)?;
         ended.wall = started.elapsed();
@@ -181,7 +181,7 @@ impl Prepared {
         let peak = usage.map_or(0, |usage| usage.peak);
         ended.out_of_memory =
             end == End::Starved || limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
-        // What was asked to stop has an end of its own; what was cut off in reading has not.
+        // Reading that was cut off has its own end; otherwise the program's end counts.
         ended.end = match ended.end {
             End::Failed(_) => end,
             cut => cut,
@@ -214,8 +214,8 @@ struct Supervisor {
     directory: Option<TempDir>,
 }
 
-/// What the supervisor has said.
-enum Word {
+/// A message of the supervisor.
+enum Message {
     Nothing,
     Ended(End, Usage),
 }
@@ -267,11 +267,11 @@ impl Supervisor {
 
     /// Lets the program run.
     fn release(&mut self) {
-        // A supervisor that is gone is noticed in waiting for it.
+        // If the supervisor has ended, waiting for it notices.
         let _ = self.lifeline.write_all(b"go\n");
     }
 
-    /// Waits for the end, and brings it about at a limit.
+    /// Waits for the end, and stops the program at a limit.
     fn wait(
         &mut self,
         limits: &Limits,
@@ -282,10 +282,10 @@ impl Supervisor {
         let mut stopped: Option<(End, Instant)> = None;
         loop {
             let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()));
-            let patience = rest.unwrap_or(LOOK).clamp(Duration::from_millis(1), LOOK);
-            match self.hear(patience) {
-                Ok(Word::Ended(end, usage)) => return (stopped.map_or(end, |(reason, _)| reason), Some(usage)),
-                Ok(Word::Nothing) => {}
+            let timeout = rest.unwrap_or(LOOK).clamp(Duration::from_millis(1), LOOK);
+            match self.receive(timeout) {
+                Ok(Message::Ended(end, usage)) => return (stopped.map_or(end, |(reason, _)| reason), Some(usage)),
+                Ok(Message::Nothing) => {}
                 Err(error) => {
                     self.abandon();
                     let gone = || End::Failed(format!("its supervisor is gone: {error}"));
@@ -300,7 +300,7 @@ impl Supervisor {
                         stopped = Some((reason, Instant::now()));
                     }
                 }
-                Some((reason, since)) if since.elapsed() > GRACE + READ_TIMEOUT => {
+                Some((reason, since)) if since.elapsed() > GRACE + REPORT_TIMEOUT => {
                     let reason = reason.clone();
                     self.abandon();
                     return (reason, None);
@@ -325,17 +325,17 @@ impl Supervisor {
             return Some(End::OutOfTime);
         }
         let has = |share: &Share<'_>| usage::resident(Pid::from_child(&self.process), self.group, share.limit());
-        if share.is_some_and(|share| share.gives_way(has(&share))) {
+        if share.is_some_and(|share| share.has_to_stop(has(&share))) {
             return Some(End::Starved);
         }
         let length = |name: &str| fs::metadata(self.place().join(name)).map_or(0, |file| file.len());
         (length("stdout").max(length("stderr")) > limits.output).then_some(End::TooMuchOutput)
     }
 
-    /// What the supervisor says within `patience`.
-    fn hear(&mut self, patience: Duration) -> io::Result<Word> {
+    /// The next message of the supervisor, waiting for at most `timeout`.
+    fn receive(&mut self, timeout: Duration) -> io::Result<Message> {
         if !self.pending.contains('\n') {
-            self.lifeline.set_read_timeout(Some(patience))?;
+            self.lifeline.set_read_timeout(Some(timeout))?;
             let mut buffer = [0; 256];
             match self.lifeline.read(&mut buffer) {
                 Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
@@ -346,18 +346,18 @@ impl Supervisor {
                         io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
                     ) =>
                 {
-                    return Ok(Word::Nothing);
+                    return Ok(Message::Nothing);
                 }
                 Err(error) => return Err(error),
             }
         }
-        let Some((line, rest)) = self.pending.split_once('\n') else { return Ok(Word::Nothing) };
+        let Some((line, rest)) = self.pending.split_once('\n') else { return Ok(Message::Nothing) };
         let (line, rest) = (line.to_owned(), rest.to_owned());
         self.pending = rest;
-        Ok(self.understand(&line))
+        Ok(self.parse(&line))
     }
 
-    fn understand(&mut self, line: &str) -> Word {
+    fn parse(&mut self, line: &str) -> Message {
         let (verb, rest) = line.split_once(' ').unwrap_or((line, ""));
         let mut numbers = rest.split(' ').map(|word| word.parse::<i64>().unwrap_or_default());
         let mut number = || numbers.next().unwrap_or_default();
@@ -368,18 +368,18 @@ impl Supervisor {
         match verb {
             "started" => {
                 self.group = i32::try_from(number()).ok().and_then(Pid::from_raw);
-                Word::Nothing
+                Message::Nothing
             }
-            "exited" => Word::Ended(End::Exited(number() as i32), usage(number(), number())),
-            "killed" => Word::Ended(End::Signalled(number() as i32), usage(number(), number())),
-            "starved" => Word::Ended(End::Starved, usage(number(), number())),
-            "missing" => Word::Ended(End::Missing, Usage::default()),
-            "interpreter" => Word::Ended(End::NoInterpreter(rest.to_owned()), Usage::default()),
-            _ => Word::Ended(End::Failed(rest.to_owned()), Usage::default()),
+            "exited" => Message::Ended(End::Exited(number() as i32), usage(number(), number())),
+            "killed" => Message::Ended(End::Signalled(number() as i32), usage(number(), number())),
+            "starved" => Message::Ended(End::Starved, usage(number(), number())),
+            "missing" => Message::Ended(End::Missing, Usage::default()),
+            "interpreter" => Message::Ended(End::NoInterpreter(rest.to_owned()), Usage::default()),
+            _ => Message::Ended(End::Failed(rest.to_owned()), Usage::default()),
         }
     }
 
-    /// The last resort, when the supervisor does not answer.
+    /// Kills the program and the supervisor, when that does not answer.
     fn abandon(&mut self) {
         if let Some(group) = self.group {
             let _ = kill_process_group(group, Signal::KILL);
@@ -387,7 +387,7 @@ impl Supervisor {
         let _ = kill_process_group(Pid::from_child(&self.process), Signal::KILL);
     }
 
-    /// Reads what the program left, removes it, and lets the supervisor go.
+    /// Reads the result, removes the directory, and releases the supervisor.
     fn collect(mut self, limits: &Limits, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> io::Result<Ended> {
         let mut ended = Ended::default();
         let stream = |name: &str| reading.text(self.place(), name, limits.output).unwrap_or_default();
@@ -401,7 +401,7 @@ impl Supervisor {
         Ok(ended)
     }
 
-    /// Removes the directory, and tells the supervisor that nothing more is needed.
+    /// Removes the directory, and sends the supervisor that nothing more is needed.
     fn dismiss(&mut self) -> io::Result<()> {
         let removed = self.directory.take().map_or(Ok(()), TempDir::close);
         let _ = self.lifeline.write_all(b"done\n");
@@ -505,7 +505,7 @@ fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
         "out of space",
         "not enough memory",
         "insufficient memory",
-        // The dynamic linker and the thread library have words of their own.
+        // Messages of the dynamic linker and the thread library.
         "failed to map segment",
         "cannot map zero-fill",
         "cannot create shared object descriptor",
@@ -524,8 +524,8 @@ fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
     };
     let failure = if let End::Failed(words) = end { words.to_lowercase() } else { String::new() };
     let words = format!("{}\n{}\n{failure}", tail(&ended.stdout), tail(&ended.stderr));
-    let said = COMPLAINTS.iter().any(|complaint| words.contains(complaint));
+    let complains = COMPLAINTS.iter().any(|complaint| words.contains(complaint));
     let close = matches!(end, End::Signalled(_)) && peak.saturating_mul(1024) >= limit / 10 * 8;
     let small = matches!(end, End::Signalled(_)) && limit < SMALL;
-    badly && (said || close || small)
+    badly && (complains || close || small)
 }

@@ -3,10 +3,10 @@
 //! rmem starts itself again as `rmem __supervisor [--memory BYTES] [--input FILE] [--folder DIR]
 //! [--attached] --directory DIR -- PROGRAM ARGUMENT…`, with one end of a socket pair as standard input,
 //! the *lifeline*. The supervisor starts the program in a process group of its own under
-//! limits, adopts whatever the program leaves behind (it is a subreaper), and says on
-//! the lifeline what happens, one line each:
+//! limits, adopts all processes that the program leaves behind (it is a subreaper), and
+//! reports on the lifeline what happens, one line each:
 //!
-//! | supervisor says | |
+//! | report | |
 //! |---|---|
 //! | `started PID` | the program is there, and waits for rmem's `go`; `PID` is its group |
 //! | `exited CODE PEAK CPU` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` ms of processors |
@@ -16,20 +16,19 @@
 //! | `interpreter PATH` | the program is a script, and its interpreter is not there |
 //! | `failed WORDS` | it could not be started |
 //!
-//! rmem says `go`, and the program runs; what the program reads may be written until then. Where rmem says anything
-//! else first, or is gone, the program never runs, and the supervisor removes the directory and ends without a word. A
-//! program that runs ends when rmem says `stop` (its group gets TERM, a grace, then KILL) or `starve` (KILL at once,
-//! because several runs together are over a limit of memory); `done` says that rmem has read what it wants. An end of
-//! the lifeline without `done` means that rmem died:
-//! the supervisor stops the program and removes the directory. When the supervisor reports
+//! On rmem's message `go` the program runs; its input may be written until then. On any other message, or when rmem
+//! has ended, the program does not run, and the supervisor removes the directory and ends without a report. `stop` ends
+//! a running program (its group gets TERM, a grace, then KILL), `starve` as well (KILL at once, because several runs
+//! together are over a limit of memory); `done` means that rmem has read what it needs. An end of the lifeline without
+//! `done` means that rmem has ended: the supervisor stops the program and removes the directory. When the supervisor reports
 //! the end, nothing that the program started is alive; but an *attached* program, one that
 //! the user gave, may leave something in the background when it ends by itself.
 //!
 //! The program is started through rmem once more, as `rmem __supervisor --exec …`: that
-//! process binds its life to the supervisor's, takes the limits upon itself, and becomes the
-//! program; where the program is rmem, by going on ([`Next::Rmem`]). So the program never
-//! runs without its limits, and dies when the supervisor is killed; rmem then ends what is left of its group. What has left the group as well (with
-//! `setsid`) survives a killed supervisor: nobody is there to know of it.
+//! process asks to be killed with the supervisor, sets its limits, and becomes the program; if
+//! the program is rmem, by continuing ([`Next::Rmem`]). So the program never runs without its
+//! limits, and is killed with the supervisor; rmem then kills the rest of its group. A process
+//! that has left the group as well (with `setsid`) survives a killed supervisor.
 //!
 //! The limit of memory is kept twice: no process gets more address space, and the supervisor
 //! adds up what all of them have resident.
@@ -60,8 +59,8 @@ pub(super) const GRACE: Duration = Duration::from_millis(500);
 /// The same for a program that the user gave, which may have a robot to stop.
 const LONG_GRACE: Duration = Duration::from_secs(2);
 
-/// How long the supervisor tries to bury what is left.
-const BURIAL: Duration = Duration::from_secs(3);
+/// How long the supervisor tries to reap the remaining processes.
+const REAP_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// How often the memory of the program's processes is looked at, where it is limited.
 const LOOK: Duration = Duration::from_millis(25);
@@ -85,11 +84,16 @@ fn guard(arguments: impl Iterator<Item = OsString>) -> i32 {
     let Some(instructions) = Instructions::read(arguments) else { return 2 };
     let Ok(lifeline) = io::stdin().as_fd().try_clone_to_owned() else { return 2 };
     let mut lifeline = Lifeline { stream: UnixStream::from(lifeline), pending: String::new(), lost: false };
-    let said = match instructions.start(&mut lifeline) {
+    let report = match instructions.start(&mut lifeline) {
         Ok(Started::Running(child)) => {
-            let ward =
-                Ward { child, attached: instructions.attached, stopped: false, limit: instructions.memory, peak: 0 };
-            ward.watch(&mut lifeline)
+            let supervised = Supervised {
+                child,
+                attached: instructions.attached,
+                stopped: false,
+                limit: instructions.memory,
+                peak: 0,
+            };
+            supervised.watch(&mut lifeline)
         }
         Ok(Started::Refused(words)) => words,
         Ok(Started::Forgone) => {
@@ -98,14 +102,14 @@ fn guard(arguments: impl Iterator<Item = OsString>) -> i32 {
         }
         Err(error) => format!("failed {error}"),
     };
-    lifeline.say(&said);
+    lifeline.send(&report);
     if !lifeline.released() {
         let _ = fs::remove_dir_all(&instructions.directory);
     }
     0
 }
 
-/// What the supervisor is told to do.
+/// The arguments of the supervisor.
 struct Instructions {
     /// The run's directory, removed when rmem is gone.
     directory: PathBuf,
@@ -159,31 +163,31 @@ impl Instructions {
         let mut child = command.spawn()?;
         drop(command);
         // The program does not run before rmem can know its group, whatever becomes of the supervisor.
-        lifeline.say(&format!("started {}", Pid::from_child(&child).as_raw_nonzero()));
-        if lifeline.hear().as_deref() != Some("go") {
+        lifeline.send(&format!("started {}", Pid::from_child(&child).as_raw_nonzero()));
+        if lifeline.receive().as_deref() != Some("go") {
             let _ = child.kill().and_then(|()| child.wait());
             return Ok(Started::Forgone);
         }
         let _ = ours.write_all(launch::GO);
-        // Silence is the sound of a program that has started.
+        // No message means that exec succeeded.
         let mut words = String::new();
-        let heard = ours.read_to_string(&mut words);
-        if words.is_empty() && heard.is_ok() {
+        let received = ours.read_to_string(&mut words);
+        if words.is_empty() && received.is_ok() {
             return Ok(Started::Running(child));
         }
         let _ = child.kill();
         child.wait()?;
-        heard?;
+        received?;
         Ok(Started::Refused(words))
     }
 }
 
-/// What became of an instructions.
+/// The result of starting the program.
 enum Started {
     Running(Child),
     /// The program is not wanted any more, or rmem is gone.
     Forgone,
-    /// It could not be carried out; what is to be said about it.
+    /// It could not be started; the report.
     Refused(String),
 }
 
@@ -196,14 +200,14 @@ struct Lifeline {
 }
 
 impl Lifeline {
-    fn say(&mut self, words: &str) {
+    fn send(&mut self, words: &str) {
         if self.stream.write_all(format!("{words}\n").as_bytes()).is_err() {
             self.lost = true;
         }
     }
 
-    /// The next word of rmem's, waiting for it; none when rmem is gone.
-    fn hear(&mut self) -> Option<String> {
+    /// Waits for the next message of rmem; none when rmem has ended.
+    fn receive(&mut self) -> Option<String> {
         loop {
             if let Some((word, rest)) = self.pending.split_once('\n') {
                 let word = word.to_owned();
@@ -222,29 +226,29 @@ impl Lifeline {
         None
     }
 
-    /// Waits until rmem says something, the program ends, or patience does; true where rmem
-    /// says something. Without `listening` it may say what it likes.
-    fn called(&self, program: Option<&OwnedFd>, patience: Option<Duration>, listening: bool) -> io::Result<bool> {
+    /// Waits until rmem sends a message, the program ends, or the timeout is over; returns whether
+    /// there is a message. Without `is_open`, messages are ignored.
+    fn has_message(&self, program: Option<&OwnedFd>, timeout: Option<Duration>, is_open: bool) -> io::Result<bool> {
         let mut waits = Vec::with_capacity(2);
         waits.extend(program.map(|program| PollFd::new(program, PollFlags::IN)));
-        if listening {
+        if is_open {
             waits.push(PollFd::new(&self.stream, PollFlags::IN));
         }
         // Without pidfds (old kernels) the program's end has to be looked for.
-        let patience = match program {
-            Some(_) => patience,
-            None => Some(patience.unwrap_or(LOOK).min(Duration::from_millis(2))),
+        let timeout = match program {
+            Some(_) => timeout,
+            None => Some(timeout.unwrap_or(LOOK).min(Duration::from_millis(2))),
         };
-        match poll(&mut waits, patience.and_then(|patience| Timespec::try_from(patience).ok()).as_ref()) {
+        match poll(&mut waits, timeout.and_then(|timeout| Timespec::try_from(timeout).ok()).as_ref()) {
             Ok(_) | Err(Errno::INTR) => {}
             Err(error) => return Err(error.into()),
         }
-        Ok(listening && waits.last().is_some_and(|lifeline| !lifeline.revents().is_empty()))
+        Ok(is_open && waits.last().is_some_and(|lifeline| !lifeline.revents().is_empty()))
     }
 
-    /// Waits until rmem needs nothing more; false when it died.
+    /// Waits until rmem needs nothing more; returns false when it has ended.
     fn released(&mut self) -> bool {
-        while let Some(word) = self.hear() {
+        while let Some(word) = self.receive() {
             if word == "done" {
                 return true;
             }
@@ -253,33 +257,33 @@ impl Lifeline {
     }
 }
 
-/// The program under watch.
-struct Ward {
+/// The supervised program.
+struct Supervised {
     child: Child,
     /// Whether what it leaves in the background may live.
     attached: bool,
-    /// Whether it was told to end.
+    /// Whether it was stopped.
     stopped: bool,
     /// The limit of memory, in bytes.
     limit: Option<u64>,
     peak: u64,
 }
 
-/// How the watch over a program ended.
+/// How a supervised program ended.
 enum Watched {
     Ended(ExitStatus),
     /// With more memory than it may have.
     Starved,
 }
 
-impl Ward {
-    /// Watches the program to its end and buries what it leaves; says how it ended.
+impl Supervised {
+    /// Waits for the end of the program and reaps what it leaves; returns the report.
     fn watch(mut self, lifeline: &mut Lifeline) -> String {
         let group = Pid::from_child(&self.child);
-        let status = self.outlive(group, lifeline);
+        let status = self.wait_for_end(group, lifeline);
         if !self.attached || self.stopped || !matches!(status, Ok(Watched::Ended(_))) {
             let _ = kill_process_group(group, Signal::KILL);
-            bury();
+            reap();
         }
         match status {
             Ok(Watched::Ended(status)) => match status.code() {
@@ -291,17 +295,17 @@ impl Ward {
         }
     }
 
-    /// Waits for the program, and stops it when rmem says so or is gone.
-    fn outlive(&mut self, group: Pid, lifeline: &mut Lifeline) -> io::Result<Watched> {
+    /// Waits for the program, and stops it on a message or when rmem has ended.
+    fn wait_for_end(&mut self, group: Pid, lifeline: &mut Lifeline) -> io::Result<Watched> {
         let pidfd = pidfd_open(group, PidfdFlags::empty()).ok();
         let mut deadline: Option<Instant> = None;
         loop {
             if let Some(status) = self.child.try_wait()? {
                 return Ok(Watched::Ended(status));
             }
-            let called = lifeline.called(pidfd.as_ref(), self.patience(deadline), deadline.is_none())?;
-            if called {
-                match lifeline.hear().as_deref() {
+            let has_message = lifeline.has_message(pidfd.as_ref(), self.timeout(deadline), deadline.is_none())?;
+            if has_message {
+                match lifeline.receive().as_deref() {
                     None | Some("stop") => {
                         let _ = kill_process_group(group, Signal::TERM);
                         self.stopped = true;
@@ -329,14 +333,14 @@ impl Ward {
     }
 
     /// How long to wait before looking again.
-    fn patience(&self, deadline: Option<Instant>) -> Option<Duration> {
+    fn timeout(&self, deadline: Option<Instant>) -> Option<Duration> {
         match deadline {
             Some(deadline) => Some(deadline.saturating_duration_since(Instant::now())),
             None => self.limit.map(|_| LOOK),
         }
     }
 
-    /// Notes how much address space the program has had at most; says whether all of its
+    /// Notes how much address space the program has had at most; returns whether all of its
     /// processes together have more than `limit` bytes resident.
     fn is_over(&mut self, limit: u64, program: Pid) -> bool {
         self.peak = self.peak.max(usage::peak(program));
@@ -347,8 +351,8 @@ impl Ward {
 
 /// Kills and reaps every child until there is none. What a child leaves behind when it
 /// dies becomes the supervisor's child in turn.
-fn bury() {
-    let deadline = Instant::now() + BURIAL;
+fn reap() {
+    let deadline = Instant::now() + REAP_TIMEOUT;
     let mut pause = Duration::from_micros(100);
     while Instant::now() < deadline {
         match wait(WaitOptions::NOHANG) {
@@ -397,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn an_order_names_directory_and_program() {
+    fn arguments_name_directory_and_program() {
         let instructions = instructions(&["--memory", "1000", "--directory", "/d", "--", "ff", "--memory"]).unwrap();
         assert_eq!(
             (instructions.memory, instructions.program.to_str(), instructions.arguments.len()),
@@ -406,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_order_is_refused() {
+    fn incomplete_arguments_are_refused() {
         for words in [&[][..], &["--"], &["--directory", "/d", "--"], &["--memory", "x", "--directory", "/", "--", "a"]]
         {
             assert!(instructions(words).is_none(), "{words:?}");

@@ -1,4 +1,4 @@
-//! What processes have of the machine, as `/proc` tells it.
+//! The memory of processes, from `/proc`.
 
 use std::fs;
 
