@@ -33,7 +33,7 @@ pub(super) fn failed(backend: &Backend, reason: impl Into<String>) -> BackendErr
     BackendError::Failed { backend: backend.name, source }
 }
 
-/// What the process itself said, or that it said nothing.
+/// The error for an answer of the process, or for none.
 pub(super) fn answered(backend: &Backend, error: AdminError) -> BackendError {
     BackendError::Failed { backend: backend.name, source: error.into() }
 }

@@ -1,4 +1,4 @@
-//! The process: started in the background by mongod itself, known by where its data and log are, stopped.
+//! A mongod process: started in the background, recognised by the paths of its data and log, stopped.
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Seek as _, SeekFrom};
@@ -15,17 +15,17 @@ use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, AdminError};
 
 /// How long a process may take to accept a connection, and to answer.
-const ANSWER: Duration = Duration::from_secs(3);
-/// How long a primary looks for another member to hand over to.
-const HANDOVER: Duration = Duration::from_secs(3);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
+/// How long a primary looks for another member to take over.
+const HANDOVER_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long a process has to end.
-const END: Duration = Duration::from_secs(60);
-/// How long a process that starts may do nothing that can be seen.
-const SILENCE: Duration = Duration::from_secs(20);
+const END_TIMEOUT: Duration = Duration::from_secs(60);
+/// How long a starting process may neither listen nor write to its log.
+const START_TIMEOUT: Duration = Duration::from_secs(20);
 /// How long a process that listens may take to go into the background.
-const LULL: Duration = Duration::from_secs(2);
+const FORK_TIMEOUT: Duration = Duration::from_secs(2);
 /// How often it is looked whether it has ended.
-const LOOK: Duration = Duration::from_millis(25);
+const POLL_INTERVAL: Duration = Duration::from_millis(25);
 
 /// A process that runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,7 +49,7 @@ pub enum Down {
     Foreign(Option<i64>),
 }
 
-/// Starts a process that does not run; says what runs now.
+/// Starts a process that does not run; returns what runs now.
 ///
 /// # Errors
 /// Where mongod is missing or does not start, or its port is taken by something else.
@@ -65,7 +65,7 @@ pub fn up(backend: &Backend) -> Result<Running, BackendError> {
     match look(backend, &data)? {
         Some(running) => {
             let pid = running.pid.map(|pid| pid.to_string()).unwrap_or_default();
-            // For people, and for a process that does not listen: the process itself says whose it is.
+            // For people, and for a process that does not listen; a listening process is asked itself.
             let _ = fs::write(beside(&data, "pid"), pid + "\n");
             Ok(Running { started: true, ..running })
         }
@@ -95,7 +95,7 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
     if !is_taken(&address) {
         return Ok(None);
     }
-    let admin = Admin::at(&address, ANSWER).map_err(|error| answered(backend, error))?;
+    let admin = Admin::at(&address, ANSWER_TIMEOUT).map_err(|error| answered(backend, error))?;
     let started = match admin.started() {
         Ok(started) => started,
         Err(AdminError::Silent(_)) => {
@@ -137,7 +137,7 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
 /// Whether something listens.
 fn is_taken(address: &str) -> bool {
     let mut addresses = address.to_socket_addrs().into_iter().flatten();
-    addresses.any(|address| TcpStream::connect_timeout(&address, ANSWER).is_ok())
+    addresses.any(|address| TcpStream::connect_timeout(&address, ANSWER_TIMEOUT).is_ok())
 }
 
 /// The process id that was noted when the process was started.
@@ -162,8 +162,8 @@ fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
     }
     let unstarted = |error: &io::Error| failed(backend, format!("cannot start {}: {error}", backend.mongod.display()));
     // A file, which is whole when the program has ended; a pipe is, once all that it left in the background has.
-    let said = tempfile::tempfile().map_err(|error| unstarted(&error))?;
-    let stream = || said.try_clone().map(Stdio::from).map_err(|error| unstarted(&error));
+    let output = tempfile::tempfile().map_err(|error| unstarted(&error))?;
+    let stream = || output.try_clone().map(Stdio::from).map_err(|error| unstarted(&error));
     command.stdin(Stdio::null()).stdout(stream()?).stderr(stream()?).process_group(0);
     let mut child = command.spawn().map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => {
@@ -176,18 +176,18 @@ fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
         Start::Silent => {
             let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
             let _ = child.wait();
-            format!("it neither listened nor wrote to its log for {} s", SILENCE.as_secs())
+            format!("it neither listened nor wrote to its log for {} s", START_TIMEOUT.as_secs())
         }
         Start::Failed(status) => {
-            let words = complaint(&log, before).or_else(|| printed(said));
-            words.unwrap_or_else(|| format!("it ended with {status} and said nothing"))
+            let words = logged_error(&log, before).or_else(|| printed(output));
+            words.unwrap_or_else(|| format!("it ended with {status} and printed nothing"))
         }
     };
     let program = backend.mongod.display();
     Err(failed(backend, format!("{program} did not start as a mongod: {reason}; its log is {}", log.display())))
 }
 
-/// What became of a start.
+/// The result of starting mongod.
 enum Start {
     /// It runs in the background.
     Done,
@@ -200,30 +200,30 @@ enum Start {
 /// Waits until mongod has gone into the background, or stays where it was started and listens.
 fn attend(backend: &Backend, data: &Path, child: &mut Child) -> io::Result<Start> {
     let log = beside(data, "log");
-    let (mut length, mut heard) = (0, Instant::now());
+    let (mut length, mut progress) = (0, Instant::now());
     loop {
         if let Some(status) = child.try_wait()? {
             return Ok(if status.success() { Start::Done } else { Start::Failed(status) });
         }
         let now = fs::metadata(&log).map_or(0, |found| found.len());
         if now != length {
-            (length, heard) = (now, Instant::now());
+            (length, progress) = (now, Instant::now());
         }
-        if heard.elapsed() > LULL && look(backend, data).is_ok_and(|running| running.is_some()) {
+        if progress.elapsed() > FORK_TIMEOUT && look(backend, data).is_ok_and(|running| running.is_some()) {
             // Some cannot go into the background by themselves.
             return Ok(Start::Done);
         }
-        if heard.elapsed() > SILENCE {
+        if progress.elapsed() > START_TIMEOUT {
             return Ok(Start::Silent);
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_INTERVAL);
     }
 }
 
 /// What a program that failed printed: the lines that speak of an error, or else the last.
-fn printed(mut said: File) -> Option<String> {
+fn printed(mut output: File) -> Option<String> {
     let mut bytes = Vec::new();
-    said.rewind().and_then(|()| said.read_to_end(&mut bytes)).ok()?;
+    output.rewind().and_then(|()| output.read_to_end(&mut bytes)).ok()?;
     let text = String::from_utf8_lossy(&bytes);
     let errors: Vec<&str> = text.lines().filter(|line| line.contains("rror")).collect();
     let last = text.lines().map(str::trim).rfind(|line| !line.is_empty());
@@ -231,7 +231,7 @@ fn printed(mut said: File) -> Option<String> {
 }
 
 /// The last error in what was added to a log of mongod.
-fn complaint(log: &Path, from: u64) -> Option<String> {
+fn logged_error(log: &Path, from: u64) -> Option<String> {
     let mut added = String::new();
     let mut file = File::open(log).ok()?;
     file.seek(SeekFrom::Start(from)).ok()?;
@@ -260,7 +260,7 @@ pub fn down(backend: &Backend) -> Result<Down, BackendError> {
         };
     };
     let Some(pid) = running.pid.filter(|_| running.ours) else { return Ok(Down::Foreign(running.pid)) };
-    let asked = Admin::at(&backend.address(), ANSWER).and_then(|admin| admin.shut_down(HANDOVER));
+    let asked = Admin::at(&backend.address(), ANSWER_TIMEOUT).and_then(|admin| admin.shut_down(HANDOVER_TIMEOUT));
     match asked {
         Ok(()) => wait(backend, &data, pid),
         Err(_) => terminate(backend, &data, pid),
@@ -279,11 +279,11 @@ fn terminate(backend: &Backend, data: &Path, pid: i64) -> Result<Down, BackendEr
 fn wait(backend: &Backend, data: &Path, pid: i64) -> Result<Down, BackendError> {
     let since = Instant::now();
     while is_mongod_of(pid, data) {
-        if since.elapsed() > END {
+        if since.elapsed() > END_TIMEOUT {
             let reason = format!("the process {pid} does not end; see {}", beside(data, "log").display());
             return Err(failed(backend, reason));
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_INTERVAL);
     }
     let _ = fs::remove_file(beside(data, "pid"));
     Ok(Down::Stopped(Some(pid)))

@@ -1,4 +1,4 @@
-//! A replica set: founded once, joined, and given the members that the settings have.
+//! A replica set: initiated once, joined, and given the members of the settings.
 
 use std::time::{Duration, Instant};
 
@@ -9,12 +9,12 @@ use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, AdminError, Hello};
 
 /// How long a member may take to answer.
-const ANSWER: Duration = Duration::from_secs(2);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long a set may take to be founded, to elect a primary, or to take a member in.
-const SETTLE: Duration = Duration::from_secs(60);
+const SETTLE_TIMEOUT: Duration = Duration::from_secs(60);
 /// How often it is looked whether it has.
-const LOOK: Duration = Duration::from_millis(200);
-/// The server's code for a set that somebody else founded meanwhile.
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
+/// The server's code for a set that another robot initiated meanwhile.
 const ALREADY_INITIALIZED: i32 = 23;
 
 /// How a set is, once nothing is left to be done from here.
@@ -51,9 +51,9 @@ pub fn settle(backend: &Backend) -> Result<Settled, BackendError> {
     let since = Instant::now();
     loop {
         match step(backend)? {
-            Step::Settled(Settled::Copying) if since.elapsed() < SETTLE => {}
+            Step::Settled(Settled::Copying) if since.elapsed() < SETTLE_TIMEOUT => {}
             Step::Settled(settled) => return Ok(settled),
-            Step::Again(missing) if since.elapsed() > SETTLE => {
+            Step::Again(missing) if since.elapsed() > SETTLE_TIMEOUT => {
                 let reason = format!(
                     "the replica set `{}` is not ready: {missing}; `rmem backend status` shows its members, and the \
                      log beside {} says more",
@@ -64,11 +64,11 @@ pub fn settle(backend: &Backend) -> Result<Settled, BackendError> {
             }
             Step::Again(_) => {}
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_INTERVAL);
     }
 }
 
-/// A member of the settings, and what it says.
+/// A member of the settings, and its answer.
 struct View<'a> {
     host: &'a str,
     hello: Option<Hello>,
@@ -117,7 +117,7 @@ fn step(backend: &Backend) -> Result<Step, BackendError> {
 }
 
 fn ask(host: &str) -> Result<Hello, AdminError> {
-    Admin::at(host, ANSWER)?.hello()
+    Admin::at(host, ANSWER_TIMEOUT)?.hello()
 }
 
 /// Asks all members at once.
@@ -128,12 +128,12 @@ fn views(members: &[String]) -> Vec<View<'_>> {
     })
 }
 
-/// The primary, as somebody knows it who answers.
+/// The primary, as the answering members know it.
 fn primary(views: &[View<'_>], own: &Hello) -> Option<Admin> {
     let writable = views.iter().find(|view| view.hello.as_ref().is_some_and(|hello| hello.is_primary));
     let known = || views.iter().filter_map(|view| view.hello.as_ref()?.primary.clone()).next();
     let host = writable.map(|view| view.host.to_owned()).or_else(|| own.primary.clone()).or_else(known)?;
-    let admin = Admin::at(&host, ANSWER).ok()?;
+    let admin = Admin::at(&host, ANSWER_TIMEOUT).ok()?;
     admin.hello().is_ok_and(|hello| hello.is_primary).then_some(admin)
 }
 
@@ -141,7 +141,7 @@ fn primary(views: &[View<'_>], own: &Hello) -> Option<Admin> {
 fn found(backend: &Backend, views: &[View<'_>]) -> Step {
     let answering: Vec<&str> = views.iter().filter(|view| view.hello.is_some()).map(|view| view.host).collect();
     let founder = answering.first().copied().unwrap_or_default();
-    let done = Admin::at(founder, ANSWER).and_then(|admin| admin.initiate(&backend.replica_set, &answering));
+    let done = Admin::at(founder, ANSWER_TIMEOUT).and_then(|admin| admin.initiate(&backend.replica_set, &answering));
     Step::Again(match done {
         Err(AdminError::Refused { code: ALREADY_INITIALIZED, .. }) | Ok(()) => "it has no primary".to_owned(),
         Err(error) => error.to_string(),
@@ -169,11 +169,11 @@ fn complete(backend: &Backend, primary: &Admin) -> Option<Step> {
     }))
 }
 
-/// A set of one that has got another address (a port was changed) is told so; `None`
-/// where there is nothing of the kind.
+/// Gives a set of one member its new address after a change of the port; `None` where the
+/// address is right.
 fn rename(backend: &Backend) -> Result<Option<Step>, BackendError> {
     let [host] = backend.members.as_slice() else { return Ok(None) };
-    let admin = Admin::at(&backend.address(), ANSWER).map_err(|error| answered(backend, error))?;
+    let admin = Admin::at(&backend.address(), ANSWER_TIMEOUT).map_err(|error| answered(backend, error))?;
     let Some(mut config) = admin.configuration().map_err(|error| answered(backend, error))? else { return Ok(None) };
     match config.get_array_mut("members").map(Vec::as_mut_slice) {
         Ok([Bson::Document(member)]) if member.get_str("host").ok() != Some(host.as_str()) => {
@@ -182,8 +182,8 @@ fn rename(backend: &Backend) -> Result<Option<Step>, BackendError> {
         _ => return Ok(Some(Step::Again("its only member does not find itself in it".to_owned()))),
     };
     next_version(&mut config);
-    let told = admin.reconfigure(config, true);
-    Ok(Some(Step::Again(told.map_or_else(|error| error.to_string(), |()| "it has no primary".to_owned()))))
+    let changed = admin.reconfigure(config, true);
+    Ok(Some(Step::Again(changed.map_or_else(|error| error.to_string(), |()| "it has no primary".to_owned()))))
 }
 
 fn host_of(member: &Bson) -> Option<&str> {

@@ -1,4 +1,4 @@
-//! What runs: each member of each set, its state, how far behind it is, how long it may be away.
+//! The state of the members of a set: role, lag, oplog window, version.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, MemberState};
 
 /// How long a member may take to answer.
-const ANSWER: Duration = Duration::from_secs(2);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A member of a replica set, as it is now.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -78,7 +78,7 @@ pub fn status(backend: &Backend) -> Result<Vec<Row>, BackendError> {
     Ok(names.iter().map(row).collect())
 }
 
-/// What a member says of itself.
+/// The answer of a member.
 #[derive(Debug, Default)]
 struct Answer {
     version: Option<String>,
@@ -86,7 +86,7 @@ struct Answer {
     oplog: Option<u32>,
 }
 
-/// Asks all at once, since those who are not there take as long to be silent.
+/// Asks all at once: a member that is down takes the whole timeout.
 fn ask<'a>(hosts: impl Iterator<Item = &'a str>) -> Vec<(String, Answer)> {
     std::thread::scope(|scope| {
         let asked: Vec<_> = hosts.map(|host| (host, scope.spawn(|| answer(host)))).collect();
@@ -95,7 +95,7 @@ fn ask<'a>(hosts: impl Iterator<Item = &'a str>) -> Vec<(String, Answer)> {
 }
 
 fn answer(host: &str) -> Answer {
-    let Ok(admin) = Admin::at(host, ANSWER) else { return Answer::default() };
+    let Ok(admin) = Admin::at(host, ANSWER_TIMEOUT) else { return Answer::default() };
     let Ok(version) = admin.version() else { return Answer::default() };
     Answer {
         version: Some(version),

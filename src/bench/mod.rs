@@ -1,11 +1,11 @@
-//! The benchmark of the memory: the same work on several subjects, side by side.
+//! The benchmark of the memory: the same work on several stores, side by side.
 //!
 //! The documents are those of a robot that tidies up: an object's unique name,
 //! where it is, and where it belongs; about one in a hundred is elsewhere. For
 //! each size, every kind of work is repeated, taking turns between the
 //! subjects, so that whatever else the machine does happens to all of them. A
 //! turn is a short series, as a program works with one memory and not with
-//! three; what is told is the median.
+//! three; the result is the median.
 
 mod figure;
 mod objects;

@@ -7,7 +7,7 @@ use super::work::Work;
 
 const WIDTH: f64 = 300.0;
 const HEIGHT: f64 = 200.0;
-/// Room around a panel for its words.
+/// The margin of a panel, for its labels.
 const MARGIN: f64 = 50.0;
 const COLUMNS: usize = 3;
 const COLOURS: [&str; 3] = ["#1b6ca8", "#c1440e", "#5b8c3e"];

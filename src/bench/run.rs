@@ -26,14 +26,14 @@ pub struct Extent {
     pub rounds: usize,
 }
 
-/// Measures all work at all sizes on empty subjects; tells each figure as it is known.
+/// Measures all work at all sizes on empty subjects; reports each figure as it is measured.
 ///
 /// # Errors
-/// The first failure of a subject, or of `tell`.
+/// The first failure of a subject, or of `report`.
 pub fn run<E: From<StoreError>>(
     subjects: &[&dyn Subject],
     extent: &Extent,
-    mut tell: impl FnMut(&Figure) -> Result<(), E>,
+    mut report: impl FnMut(&Figure) -> Result<(), E>,
 ) -> Result<Vec<Figure>, E> {
     let (mut figures, mut objects) = (Vec::new(), Objects::default());
     for size in &extent.documents {
@@ -47,7 +47,7 @@ pub fn run<E: From<StoreError>>(
             }
             let medians = repeat(subjects, work, extent.rounds, &mut objects)?;
             let figure = Figure { documents: *size, work, medians };
-            tell(&figure)?;
+            report(&figure)?;
             figures.push(figure);
         }
         subjects.iter().try_for_each(|subject| subject.drop_index())?;
@@ -63,7 +63,7 @@ fn repeat(
     objects: &mut Objects,
 ) -> Result<Vec<(&'static str, Duration)>, StoreError> {
     let mut times: Vec<Vec<Duration>> = vec![Vec::new(); subjects.len()];
-    // The first round is for caches, of all subjects; it tells how long a turn may be as well.
+    // The first round is for caches, of all subjects; it also shows how long a turn may be.
     let (task, start) = (work.task(objects), Instant::now());
     for subject in subjects {
         subject.time(&task)?;

@@ -1,4 +1,4 @@
-//! Whose speed is measured.
+//! The stores that are measured.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use crate::store::{Find, Index, Namespace, StoreError, UpdateRequest, UpdateSpec
 
 /// A memory or a database that does the work.
 pub trait Subject {
-    /// What it is called in figures.
+    /// Its name in figures.
     fn name(&self) -> &'static str;
 
     /// Stores documents.
@@ -19,7 +19,7 @@ pub trait Subject {
     /// Where it fails.
     fn insert(&self, documents: Vec<Document>) -> Result<(), StoreError>;
 
-    /// Reads all matches; tells how many there were.
+    /// Reads all matches; returns how many there were.
     ///
     /// # Errors
     /// Where it fails.
@@ -61,7 +61,7 @@ pub trait Subject {
 
 /// A memory as a subject.
 pub struct OfMemory<'a> {
-    /// What it is called in figures.
+    /// Its name in figures.
     pub name: &'static str,
     /// The memory.
     pub memory: &'a Memory,

@@ -43,7 +43,7 @@ impl Work {
         Self::UpdateByIndex,
     ];
 
-    /// What it is called in figures.
+    /// Its name in figures.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
