@@ -12,7 +12,7 @@ pub(super) struct Planning {
 }
 
 impl Planning {
-    /// Generates a problem; gives its text.
+    /// Generates a problem; returns its text.
     pub(super) fn generate(&self, request: Request, memory: &Memory) -> Result<String, ProblemError> {
         let generated = problem::generate(&request, memory)?;
         let text = generated.text.clone();

@@ -17,7 +17,7 @@ pub struct Job {
     pub cycles: Option<u64>,
     /// How long it may take.
     pub timeout: Option<Duration>,
-    /// Becomes true when somebody interrupts.
+    /// Becomes true on an interrupt.
     pub interrupted: &'static AtomicBool,
     /// The shared world model, which `synced-assert` and its like keep.
     pub world: Namespace,
@@ -36,14 +36,14 @@ pub struct Job {
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// No rule can fire, or enough did, or the program said `(halt)`.
+    /// No rule can fire, or enough did, or the program called `(halt)`.
     Well,
-    /// The program said `(exit CODE)`.
+    /// The program called `(exit CODE)`.
     Exited(i32),
-    /// An error ended the evaluation; CLIPS has said which.
+    /// An error ended the evaluation; CLIPS has printed it.
     Failed,
     /// The time was over.
     OutOfTime,
-    /// Somebody interrupted.
+    /// It was interrupted.
     Interrupted,
 }

@@ -10,7 +10,7 @@ use crate::memory::{Observer, Operation};
 /// How much is printed at once.
 const CHUNK: usize = 8 << 10;
 
-/// What the engine says to who runs it.
+/// A message of the engine to the thread that runs it.
 #[derive(Debug)]
 pub enum Message {
     /// For stdout.
@@ -23,11 +23,11 @@ pub enum Message {
     Operation(Operation),
     /// A line of stdin is wanted, with its end; none where there is no more.
     Read(SyncSender<Option<Vec<u8>>>),
-    /// Nothing more comes for now: what was printed should be seen.
+    /// Nothing more comes for now: output should be flushed.
     Pause,
 }
 
-/// The engine's end of the conversation.
+/// Sends the engine's messages.
 pub struct Sender {
     pub(super) sender: SyncSender<Message>,
     pub(super) out: RefCell<Vec<u8>>,
@@ -36,7 +36,7 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// Hears of what the memory does.
+    /// Returns an observer of the memory that sends its operations.
     #[must_use]
     pub fn observer(&self) -> Observer {
         let sender = self.sender.clone();
@@ -85,8 +85,8 @@ impl Sender {
         byte
     }
 
-    /// Where nobody listens any more, nothing is left to be said.
-    fn send(&self, said: Message) {
-        drop(self.sender.send(said));
+    /// Sends a message; a receiver that has ended needs none.
+    fn send(&self, message: Message) {
+        drop(self.sender.send(message));
     }
 }

@@ -2,14 +2,13 @@
 //!
 //! [`run`] gives programs a thread of their own ([`thread`]), because their functions may
 //! call themselves more deeply than any other stack has room for, and because one that cannot be
-//! stopped must not hold up who runs it. There a [`session`] loads them, asserts facts, and fires
+//! stopped must not block the caller. There a [`session`] loads them, asserts facts, and fires
 //! rules until nothing more can happen. [`native`] is CLIPS.
 
 mod exchange;
 mod functions;
 mod generated;
 mod job;
-mod listeners;
 mod message;
 mod model;
 mod native;
@@ -18,6 +17,7 @@ mod session;
 mod state;
 mod stop;
 mod subscription;
+mod subscriptions;
 mod table;
 mod thread;
 mod world;

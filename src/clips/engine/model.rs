@@ -29,13 +29,13 @@ pub(super) struct WorldModel {
     /// By what tells `_id`s apart.
     pub(super) known: RefCell<HashMap<Vec<u8>, Known>>,
     pub(super) keys: RefCell<HashMap<i64, Vec<u8>>>,
-    /// What was retracted here, and of which older changes may still come.
+    /// Facts that were retracted here, of which older changes may still come.
     pub(super) gone: RefCell<HashSet<Vec<u8>>>,
     pub(super) engine: String,
     pub(super) changes: Cell<u64>,
-    /// How many documents have come back from a roll call.
-    pub(super) called: Cell<u64>,
-    pub(super) call: RefCell<Option<String>>,
+    /// How many documents have come back from a resync.
+    pub(super) resynced: Cell<u64>,
+    pub(super) resync: RefCell<Option<String>>,
     /// Templates of documents that this engine does not know.
     pub(super) strange: RefCell<HashSet<String>>,
 }
@@ -50,8 +50,8 @@ impl WorldModel {
             gone: RefCell::default(),
             engine: ObjectId::new().to_hex(),
             changes: Cell::new(0),
-            called: Cell::new(0),
-            call: RefCell::default(),
+            resynced: Cell::new(0),
+            resync: RefCell::default(),
             strange: RefCell::default(),
         }
     }

@@ -20,7 +20,7 @@ use crate::store::{Namespace, metadata};
 
 /// Where plans are stored, as `rmem plan` does it.
 const PLANS: &str = "robmem.plans";
-/// How long a planner may take where nobody says.
+/// How long a planner may take by default.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);
 /// What a planner may print.
 const MOST_OUTPUT: u64 = 16 << 20;
@@ -33,7 +33,7 @@ pub(super) struct PlanRequest<'a> {
     pub(super) seconds: Option<u64>,
 }
 
-/// Finds a plan, stores it, and asserts its facts; gives its id. Where there is none, that is stored,
+/// Finds a plan, stores it, and asserts its facts; returns its id. Where there is none, that is stored,
 /// and said.
 pub(super) fn plan(wish: PlanRequest<'_>, state: &State<'_>, clips: &Environment) -> anyhow::Result<Option<Value>> {
     let last = state.planning.last.borrow();

@@ -44,7 +44,7 @@ pub(super) fn run(job: &Job, deadline: Option<Instant>, memory: &Memory, sender:
     ended
 }
 
-/// Loads the programs, all of them, so that all mistakes are told.
+/// Loads the programs, all of them, so that all mistakes are reported.
 fn load(programs: &[Source], clips: &Environment, state: &State<'_>) -> anyhow::Result<()> {
     let mut complaints = Vec::new();
     for program in programs {
@@ -69,7 +69,7 @@ fn load(programs: &[Source], clips: &Environment, state: &State<'_>) -> anyhow::
     if complaints.is_empty() { Ok(()) } else { Err(Diagnostics(complaints).into()) }
 }
 
-/// What CLIPS says of a mistake, without the construct that it repeats.
+/// The message of CLIPS on a mistake, without the construct that it repeats.
 fn sentence(text: &str) -> String {
     let text = text.split_once("\nERROR:").map_or(text, |(text, _)| text);
     text.split_whitespace().collect::<Vec<_>>().join(" ")
@@ -135,15 +135,15 @@ fn assert(texts: &[Source], clips: &Environment) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Fires rules, and asserts what the memory tells, until nothing more can happen.
+/// Fires rules, and asserts changes of the memory, until nothing more can happen.
 fn follow(cycles: Option<u64>, clips: &Environment, state: &State<'_>) -> anyhow::Result<Ended> {
     let (mut left, mut is_idle) = (cycles, false);
     loop {
         if let Some(ended) = verdict(clips, state) {
             return Ok(ended);
         }
-        let heard = state.hear(clips, is_idle)?;
-        let burst = if state.is_listening() { Some(BURST) } else { None };
+        let received = state.receive(clips, is_idle)?;
+        let burst = if state.is_subscribed() { Some(BURST) } else { None };
         let limit = [left, burst].into_iter().flatten().min();
         let fired = clips.run(limit);
         left = left.map(|left| left.saturating_sub(fired));
@@ -153,8 +153,8 @@ fn follow(cycles: Option<u64>, clips: &Environment, state: &State<'_>) -> anyhow
         if left == Some(0) || clips.is_halted() {
             return Ok(Ended::Well);
         }
-        is_idle = fired == 0 && !heard;
-        if is_idle && !state.is_listening() {
+        is_idle = fired == 0 && !received;
+        if is_idle && !state.is_subscribed() {
             return Ok(Ended::Well);
         }
         if is_idle {

@@ -4,15 +4,15 @@ use std::cell::{Cell, RefCell};
 
 use super::generated::Planning;
 use super::job::Job;
-use super::listeners::Listening;
 use super::message::Sender;
 use super::model::WorldModel;
 use super::native::{Host, Stream};
 use super::stop::Stop;
+use super::subscriptions::Subscriptions;
 use super::table::Table;
 use crate::memory::Memory;
 
-/// A mistake in a text that is being loaded: its line, whether it is only doubtful, what CLIPS says.
+/// A mistake in a text that is being loaded: its line, whether it is only doubtful, the message of CLIPS.
 pub(super) type Mistake = (usize, bool, String);
 
 /// What the functions of one run share.
@@ -20,7 +20,7 @@ pub(super) struct State<'m> {
     pub(super) memory: &'m Memory,
     pub(super) job: &'m Job,
     pub(super) table: RefCell<Table>,
-    pub(super) listening: Listening<'m>,
+    pub(super) subscriptions: Subscriptions<'m>,
     pub(super) world: WorldModel,
     pub(super) planning: Planning,
     sender: &'m Sender,
@@ -36,7 +36,7 @@ impl<'m> State<'m> {
             memory,
             job,
             table: RefCell::default(),
-            listening: Listening::default(),
+            subscriptions: Subscriptions::default(),
             world: WorldModel::new(job.world.clone()),
             planning: Planning::default(),
             sender,
@@ -55,12 +55,12 @@ impl<'m> State<'m> {
         &self.stop
     }
 
-    /// With which code the program wants to end.
+    /// The code that the program called `(exit)` with.
     pub(super) fn exited(&self) -> Option<i32> {
         self.exited.get()
     }
 
-    /// Loads something; what CLIPS says meanwhile is kept instead of printed.
+    /// Loads something; messages of CLIPS are kept and not printed.
     pub(super) fn while_loading<T>(&self, work: impl FnOnce() -> T) -> T {
         self.loading.set(true);
         let done = work();
@@ -68,7 +68,7 @@ impl<'m> State<'m> {
         done
     }
 
-    /// The mistakes that were found since this was asked last.
+    /// The mistakes found since the last call.
     pub(super) fn take_mistakes(&self) -> Vec<Mistake> {
         std::mem::take(&mut self.mistakes.borrow_mut())
     }
@@ -76,8 +76,8 @@ impl<'m> State<'m> {
 
 impl Host for State<'_> {
     fn write(&self, stream: Stream, bytes: &[u8]) {
-        // What is wrong with a text that is loaded is told otherwise, and who has said (exit) is done: CLIPS
-        // takes that for an error.
+        // Mistakes in a loaded text are reported with their place instead; and after (exit) CLIPS
+        // prints an error that is none.
         let is_kept = self.loading.get() && stream == Stream::Err;
         if !is_kept && self.exited.get().is_none() {
             self.sender.write(stream, bytes);

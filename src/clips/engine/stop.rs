@@ -1,4 +1,4 @@
-//! What ends a run from outside, or from within.
+//! What ends a run.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -21,7 +21,7 @@ impl Stop {
         self.exited.store(true, Ordering::Relaxed);
     }
 
-    /// Whether somebody interrupted.
+    /// Whether the run was interrupted.
     pub(super) fn is_interrupted(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed)
     }

@@ -5,9 +5,9 @@ use std::time::Duration;
 use bson::{Document, doc};
 
 use super::exchange;
-use super::listeners::{Listener, Who};
 use super::native::{Environment, Value};
 use super::state::State;
+use super::subscriptions::{Subscriber, Subscription};
 use super::table::Thing;
 use crate::clips::facts;
 use crate::memory::watch::{Trigger, event};
@@ -32,102 +32,115 @@ pub(super) const TEMPLATE: &str = "(deftemplate robmem-trigger
 ";
 
 impl<'m> State<'m> {
-    /// Begins to follow what a trigger wants; gives its number.
-    pub(super) fn listen_for_trigger(&self, ns: &Namespace, filter: Document, name: String) -> Result<u64, StoreError> {
-        let number = self.listening.number.get() + 1;
-        self.listening.number.set(number);
-        self.listen(Who::Trigger(number, name), ns, filter, false)?;
+    /// Subscribes a trigger; returns its number.
+    pub(super) fn subscribe_trigger(&self, ns: &Namespace, filter: Document, name: String) -> Result<u64, StoreError> {
+        let number = self.subscriptions.number.get() + 1;
+        self.subscriptions.number.set(number);
+        self.subscribe(Subscriber::Trigger(number, name), ns, filter, false)?;
         Ok(number)
     }
 
-    /// Begins to follow the shared world model.
-    pub(super) fn listen_for_world(&self, ns: &Namespace) -> Result<(), StoreError> {
-        self.listen(Who::WorldModel, ns, Document::new(), true)
+    /// Subscribes the shared world model.
+    pub(super) fn subscribe_world(&self, ns: &Namespace) -> Result<(), StoreError> {
+        self.subscribe(Subscriber::WorldModel, ns, Document::new(), true)
     }
 
-    fn listen(&self, who: Who, namespace: &Namespace, filter: Document, metadata: bool) -> Result<(), StoreError> {
+    fn subscribe(
+        &self,
+        subscriber: Subscriber,
+        namespace: &Namespace,
+        filter: Document,
+        metadata: bool,
+    ) -> Result<(), StoreError> {
         let trigger = Trigger { namespace: namespace.clone(), filter, name: None, computed: false, metadata };
         let watch = self.memory.watch(trigger)?;
-        let listener = Listener { who, namespace: namespace.clone(), watch, lost: false };
-        self.listening.listeners.borrow_mut().push(listener);
-        self.listening.count.set(self.listening.count.get() + 1);
+        let subscription = Subscription { subscriber, namespace: namespace.clone(), watch, lost: false };
+        self.subscriptions.all.borrow_mut().push(subscription);
+        self.subscriptions.count.set(self.subscriptions.count.get() + 1);
         Ok(())
     }
 
-    /// Follows a trigger no longer; says whether it was followed.
+    /// Ends the subscription of a trigger.
     pub(super) fn forget_trigger(&self, number: u64) {
-        self.listening.ended.borrow_mut().push(number);
+        self.subscriptions.ended.borrow_mut().push(number);
     }
 
-    /// Whether anything is followed.
-    pub(super) fn is_listening(&self) -> bool {
-        self.listening.count.get() > 0
+    /// Whether there are subscriptions.
+    pub(super) fn is_subscribed(&self) -> bool {
+        self.subscriptions.count.get() > 0
     }
 
-    /// Whether the last thing that happened was waiting.
+    /// Whether the last call of [`State::receive`] waited for nothing.
     pub(super) fn is_resting(&self) -> bool {
-        self.listening.resting.get()
+        self.subscriptions.resting.get()
     }
 
-    /// Tells CLIPS what has changed, waiting for it where `wait` says so; says whether anything has.
+    /// Delivers changes to CLIPS, with `wait` after waiting for them; returns whether there were any.
     ///
     /// # Errors
     /// Where nothing more will come from a store.
-    pub(super) fn hear(&self, clips: &Environment, wait: bool) -> anyhow::Result<bool> {
-        // Functions that are called meanwhile may add listeners.
-        let mut listeners = std::mem::take(&mut *self.listening.listeners.borrow_mut());
-        let heard = self.ask(&mut listeners, clips, wait);
-        let ended = std::mem::take(&mut *self.listening.ended.borrow_mut());
-        let mut added = self.listening.listeners.borrow_mut();
-        listeners.append(&mut added);
-        listeners.retain(|listener| !matches!(listener.who, Who::Trigger(number, _) if ended.contains(&number)));
-        self.listening.count.set(listeners.len());
-        *added = listeners;
-        let heard = heard?;
-        self.listening.resting.set(wait && !heard);
-        Ok(heard)
+    pub(super) fn receive(&self, clips: &Environment, wait: bool) -> anyhow::Result<bool> {
+        // Functions that are called meanwhile may add subscriptions.
+        let mut open = std::mem::take(&mut *self.subscriptions.all.borrow_mut());
+        let received = self.poll(&mut open, clips, wait);
+        let ended = std::mem::take(&mut *self.subscriptions.ended.borrow_mut());
+        let mut added = self.subscriptions.all.borrow_mut();
+        open.append(&mut added);
+        open.retain(|subscription| !matches!(subscription.subscriber, Subscriber::Trigger(number, _) if ended.contains(&number)));
+        self.subscriptions.count.set(open.len());
+        *added = open;
+        let received = received?;
+        self.subscriptions.resting.set(wait && !received);
+        Ok(received)
     }
 
-    fn ask(&self, listeners: &mut [Listener<'m>], clips: &Environment, wait: bool) -> anyhow::Result<bool> {
-        let count = u32::try_from(listeners.len()).unwrap_or(u32::MAX).max(1);
+    fn poll(&self, open: &mut [Subscription<'m>], clips: &Environment, wait: bool) -> anyhow::Result<bool> {
+        let count = u32::try_from(open.len()).unwrap_or(u32::MAX).max(1);
         let left = self
             .stop()
             .deadline()
             .map_or(POLL_INTERVAL, |deadline| deadline.saturating_duration_since(std::time::Instant::now()));
         let timeout = if wait { POLL_INTERVAL.min(left) / count } else { Duration::ZERO };
-        let mut heard = false;
-        for listener in listeners {
+        let mut received = false;
+        for subscription in open {
             let mut timeout = timeout;
-            let (mut taken, burst) = (0, if matches!(listener.who, Who::WorldModel) { BURST } else { 1 });
+            let (mut taken, burst) =
+                (0, if matches!(subscription.subscriber, Subscriber::WorldModel) { BURST } else { 1 });
             while taken < burst {
-                match listener.watch.next(timeout)? {
+                match subscription.watch.next(timeout)? {
                     Next::Nothing => break,
                     Next::Interrupted(error) => {
-                        if !std::mem::replace(&mut listener.lost, true) {
+                        if !std::mem::replace(&mut subscription.lost, true) {
                             clips.complain(&format!("[RMEM3] {error}; trying again"));
                         }
                         break;
                     }
                     Next::Change(change) => {
-                        listener.lost = false;
-                        self.tell(&listener.who, &listener.namespace, &change, clips)?;
+                        subscription.lost = false;
+                        self.deliver(&subscription.subscriber, &subscription.namespace, &change, clips)?;
                         taken += 1;
                     }
                 }
                 timeout = Duration::ZERO;
             }
             if taken > 0 || wait {
-                listener.watch.done()?;
+                subscription.watch.done()?;
             }
-            heard |= taken > 0;
+            received |= taken > 0;
         }
-        Ok(heard)
+        Ok(received)
     }
 
-    fn tell(&self, who: &Who, ns: &Namespace, change: &Change, clips: &Environment) -> anyhow::Result<()> {
-        match who {
-            Who::WorldModel => self.world.hear(change, self, clips),
-            Who::Trigger(_, name) => {
+    fn deliver(
+        &self,
+        subscriber: &Subscriber,
+        ns: &Namespace,
+        change: &Change,
+        clips: &Environment,
+    ) -> anyhow::Result<()> {
+        match subscriber {
+            Subscriber::WorldModel => self.world.receive(change, self, clips),
+            Subscriber::Trigger(_, name) => {
                 let event = event(ns, change)?;
                 if let Err(message) = self.assert_trigger(name, &event, change.kind, clips) {
                     clips.complain(&format!("[RMEM4] Trigger '{name}': {message}"));
@@ -145,10 +158,10 @@ impl<'m> State<'m> {
         kind: ChangeKind,
         clips: &Environment,
     ) -> Result<(), String> {
-        let told = facts::trigger(Some(name), event, facts::now()).map_err(|error| error.to_string())?;
+        let delivered = facts::trigger(Some(name), event, facts::now()).map_err(|error| error.to_string())?;
         let address = self.table.borrow_mut().add(Thing::Document(with_oplog(event, kind)));
         let schema = exchange::schema(clips, ["robmem-trigger"]);
-        for fact in &told {
+        for fact in &delivered {
             if fact.name != "robmem-trigger" {
                 exchange::assert(fact, clips)?;
                 continue;

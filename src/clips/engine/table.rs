@@ -44,7 +44,7 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Takes a thing in; gives its address.
+    /// Takes a thing in; returns its address.
     pub(super) fn add(&mut self, thing: Thing) -> u64 {
         let index = self.free.pop().unwrap_or_else(|| {
             self.places.push(Place::default());
@@ -112,7 +112,7 @@ impl Table {
         }
     }
 
-    /// Gives a place free; says whether something was there.
+    /// Gives a place free; returns whether something was there.
     pub(super) fn remove(&mut self, address: u64) -> bool {
         let Some((index, place)) = self.place(address) else { return false };
         let was = place.thing.take().is_some();

@@ -1,4 +1,4 @@
-//! Two threads: the engine's, and that of who runs it and does the talking.
+//! Two threads: CLIPS runs in one; the other reads its messages, prints, and stops it.
 
 use std::cell::RefCell;
 use std::sync::atomic::Ordering;
@@ -15,22 +15,22 @@ use crate::memory::Memory;
 
 /// The stack of the engine's thread; only what is used of it is real.
 const STACK: usize = 1 << 30;
-/// How long an engine that is told to end may take. One that matches a million facts with
-/// each other cannot be told; then it is left behind.
+/// How long CLIPS may take to stop. While it matches a million facts with each other it does
+/// not notice; then its thread is abandoned.
 const GRACE: Duration = Duration::from_secs(2);
 /// How often the time is looked at.
 const SLICE: Duration = Duration::from_millis(50);
-/// How many words may be on their way.
+/// How many messages may be queued.
 const QUEUE: usize = 256;
 
-/// Runs programs and hands on what they say. Their memory is opened in the engine's thread.
+/// Runs programs and hands on their messages. Their memory is opened in the engine's thread.
 ///
 /// # Errors
-/// What does not load, with its place; what `open` and `listen` fail with.
+/// What does not load, with its place; what `open` and `receive` fail with.
 pub fn run(
     job: Job,
     open: impl FnOnce(&Sender) -> anyhow::Result<Memory> + Send + 'static,
-    listen: &mut dyn FnMut(Message) -> anyhow::Result<()>,
+    receive: &mut dyn FnMut(Message) -> anyhow::Result<()>,
 ) -> anyhow::Result<Ended> {
     let deadline = job.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     let interrupted = job.interrupted;
@@ -46,7 +46,7 @@ pub fn run(
             ended
         })
         .context("cannot start a thread for CLIPS")?;
-    let mut told = None;
+    let mut stopped = None;
     loop {
         let stop = match (interrupted.load(Ordering::Relaxed), deadline) {
             (true, _) => Some(Ended::Interrupted),
@@ -54,12 +54,12 @@ pub fn run(
             _ => None,
         };
         if let Some(ended) = stop {
-            let since = *told.get_or_insert_with(Instant::now);
+            let since = *stopped.get_or_insert_with(Instant::now);
             if since.elapsed() >= GRACE {
                 return Ok(ended);
             }
         }
-        match next(&receiver, listen)? {
+        match next(&receiver, receive)? {
             Received::Something => {}
             Received::Over => return join(engine),
         }
@@ -71,21 +71,21 @@ enum Received {
     Over,
 }
 
-/// Hands on what is said, if it is said soon.
+/// Hands on what is message, if it is message soon.
 fn next(
     receiver: &Receiver<Message>,
-    listen: &mut dyn FnMut(Message) -> anyhow::Result<()>,
+    receive: &mut dyn FnMut(Message) -> anyhow::Result<()>,
 ) -> anyhow::Result<Received> {
-    let said = match receiver.try_recv() {
+    let message = match receiver.try_recv() {
         Err(TryRecvError::Empty) => {
-            listen(Message::Pause)?;
+            receive(Message::Pause)?;
             receiver.recv_timeout(SLICE)
         }
         Err(TryRecvError::Disconnected) => Err(RecvTimeoutError::Disconnected),
-        Ok(said) => Ok(said),
+        Ok(message) => Ok(message),
     };
-    match said {
-        Ok(said) => listen(said).map(|()| Received::Something),
+    match message {
+        Ok(message) => receive(message).map(|()| Received::Something),
         Err(RecvTimeoutError::Timeout) => Ok(Received::Something),
         Err(RecvTimeoutError::Disconnected) => Ok(Received::Over),
     }

@@ -1,13 +1,13 @@
 //! A world model that several engines keep together: facts with a `sync-id`, a document each.
 //!
-//! The memory is what counts. Who changes a fact changes its document first and then the fact; all
-//! others, and the engine itself, hear of it by the order in which the memory changed, and make their
-//! facts as the document then was. So all of them end with the same facts, whoever was first.
+//! The memory decides. An engine changes the document first and then its fact. All engines receive the
+//! changes in the order in which the memory made them, and set their facts to the document of each
+//! change. So all of them end with the same facts.
 //!
-//! What is older than an engine's own change of the same document would undo it for a moment, and is
-//! passed over: each change notes a mark under `_robmem_info.clips.by`, and until its mark comes
-//! back an engine waits for it. A change names only the slots that it is about, so that two engines
-//! that change different slots of one fact at the same time both keep theirs.
+//! A change that is older than an engine's own change of the same document would undo that for a moment,
+//! and is skipped: each change writes a mark under `_robmem_info.clips.by`, and until an engine receives
+//! its own mark it skips changes of that document. A change names only the slots that it is about, so
+//! two engines that change different slots of one fact at the same time both keep theirs.
 
 use std::time::{Duration, Instant};
 
@@ -26,7 +26,7 @@ use crate::store::{Change, ChangeKind, Find, StoreError, UpdateRequest, UpdateSp
 
 /// The slot, and the key of the document, that tells facts apart.
 pub(super) const SYNC_ID: &str = "sync-id";
-/// How long one waits for what the memory has when one begins.
+/// How long the start waits for the documents of the memory.
 const SYNC_TIMEOUT: Duration = Duration::from_secs(10);
 /// How many numbers are tried for a new fact; the second is hardly ever needed.
 const TRIES: usize = 5;
@@ -47,7 +47,7 @@ impl WorldModel {
         if self.started.replace(true) {
             return Ok(());
         }
-        state.listen_for_world(&self.namespace)?;
+        state.subscribe_world(&self.namespace)?;
         if state.memory.is_current(&self.namespace)? {
             let found = state.memory.find_with_metadata(&self.namespace, &Find::default())?;
             let documents = found.map(|document| Ok(Document::try_from(&*document?).map_err(QueryError::from)?));
@@ -56,20 +56,20 @@ impl WorldModel {
             }
             return Ok(());
         }
-        // The nearest member may be behind; what comes with the changes is not.
+        // The nearest member may be behind, so the documents are requested as changes.
         let mark = self.mark();
-        *self.call.borrow_mut() = Some(mark.clone());
+        *self.resync.borrow_mut() = Some(mark.clone());
         let everyone = request(Document::new(), vec![doc! { "$set": { mark_path(): &mark } }], true);
-        let called = state.memory.update(&self.namespace, &everyone)?.matched;
+        let resynced = state.memory.update(&self.namespace, &everyone)?.matched;
         let start = Instant::now();
-        while self.called.get() < called && start.elapsed() < SYNC_TIMEOUT && !state.stop().is_due() {
-            state.hear(clips, true)?;
+        while self.resynced.get() < resynced && start.elapsed() < SYNC_TIMEOUT && !state.stop().is_due() {
+            state.receive(clips, true)?;
         }
         Ok(())
     }
 
     /// Takes in a change of the memory.
-    pub(super) fn hear(&self, change: &Change, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
+    pub(super) fn receive(&self, change: &Change, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
         match (change.kind, &change.id, &change.after) {
             (ChangeKind::Delete, Some(id), _) => {
                 self.gone.borrow_mut().remove(&key(id));
@@ -82,8 +82,8 @@ impl WorldModel {
             }
             (_, _, Some(after)) => {
                 let document = Document::try_from(&**after).map_err(QueryError::from)?;
-                if self.call.borrow().as_deref().is_some_and(|call| mark_of(&document) == Some(call)) {
-                    self.called.set(self.called.get() + 1);
+                if self.resync.borrow().as_deref().is_some_and(|resync| mark_of(&document) == Some(resync)) {
+                    self.resynced.set(self.resynced.get() + 1);
                 }
                 self.take(&document, state, clips);
             }
@@ -285,11 +285,11 @@ impl WorldModel {
     }
 }
 
-/// What came of changing a fact.
+/// The result of changing a fact.
 pub(super) enum Modified {
     /// The fact as it is now.
     Fact(FactRef),
-    /// Somebody has retracted it.
+    /// Another engine has retracted it.
     Gone,
     /// It is not there, or not as it was expected to be.
     Differs,
@@ -363,7 +363,7 @@ fn integer(value: Option<&Bson>) -> Option<i64> {
     }
 }
 
-/// A number that hardly anybody has: positive, and exact in every language.
+/// A random number, positive and exact in every language.
 fn number() -> i64 {
     use std::hash::{BuildHasher as _, Hasher as _};
     let mut hasher = std::collections::hash_map::RandomState::new().build_hasher();

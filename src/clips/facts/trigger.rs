@@ -23,7 +23,7 @@ pub const TRIGGER: &str = "(deftemplate robmem-trigger
    (slot before (type STRING))
    (slot after (type STRING)))";
 
-/// The facts of one change, told as a document by [`crate::memory::watch::event`]: a
+/// The facts of one change, as the document of [`crate::memory::watch::event`]: a
 /// `robmem-trigger`, and where the trigger has a name that is a symbol, the ordered
 /// fact of that name. `received` is the time since 1970.
 ///

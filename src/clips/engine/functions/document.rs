@@ -48,7 +48,7 @@ fn with<T>(
     work(table.document(address).map_err(Failure::wrong)?)
 }
 
-/// As Fawkes does it, what is no document becomes an empty one, which is said.
+/// As in Fawkes, a text that is no document gives an empty one, with a message.
 fn read(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let document = match parse(arguments.text(1)?) {
         Err(Failure::Declined(message)) => {

@@ -40,7 +40,7 @@ fn write(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result
     Ok(Value::truth(true))
 }
 
-/// `(rm-restore PATH [NS])`; gives how many documents are new or other ones.
+/// `(rm-restore PATH [NS])`; returns how many documents are new or other ones.
 fn read(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let into = arguments.get(2).map(|_| arguments.namespace(2)).transpose()?;
     put(state, Path::new(arguments.text(1)?), into.as_ref())

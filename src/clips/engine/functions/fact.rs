@@ -23,7 +23,7 @@ fn to_document(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>)
     Ok(given(state, Thing::Document(document)))
 }
 
-/// Gives the fact.
+/// Returns the fact.
 fn assert(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let document = arguments.document(1, state)?;
     let name = document.get_str(crate::clips::facts::RELATION).unwrap_or_default();

@@ -32,7 +32,7 @@ fn mutex(state: &State<'_>, arguments: Arguments<'_>) -> Result<Mutex, Failure> 
 fn create(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let mutex = mutex(state, arguments)?;
     match state.memory.insert(&mutex.namespace, vec![doc! { "_id": &mutex.name, "locked": false }]) {
-        // It is there, whoever made it.
+        // It exists already.
         Ok(_) | Err(StoreError::Duplicate { .. }) => Ok(Value::truth(true)),
         Err(error) => Err(Failure::declined(error)),
     }
@@ -57,7 +57,7 @@ fn lock(state: &State<'_>, arguments: Arguments<'_>, again: bool) -> Result<Valu
     Ok(Value::truth(matches!(tried, Tried::Done(_))))
 }
 
-/// Locks whoever has it.
+/// Locks it whichever owner has it.
 fn force(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let mutex = mutex(state, arguments)?;
     let mine = doc! { "locked": true, "locked-by": { "$literal": &mutex.owner }, "lock-time": "$$NOW" };
@@ -73,14 +73,14 @@ fn unlock(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Resul
     Ok(Value::truth(matches!(tried, Tried::Done(_))))
 }
 
-/// Mutexes go by themselves so many seconds after they were locked.
+/// Lets mutexes expire so many seconds after they were locked.
 fn setup(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let index = Index { expire_after: Some(arguments.integer(1)?), ..Index::on(doc! { "lock-time": 1 }) };
     let made = state.memory.create_index(&state.job.mutexes, &index);
     made.map(|_| Value::truth(true)).map_err(Failure::declined)
 }
 
-/// Frees mutexes that were locked longer ago than so many seconds; gives how many.
+/// Frees mutexes that were locked longer ago than so many seconds; returns how many.
 fn expire(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let age = Duration::from_secs(u64::try_from(arguments.integer(1)?).unwrap_or_default());
     let age = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);

@@ -2,7 +2,7 @@
 //!
 //! Wrong arguments, and addresses of what was destroyed, end the evaluation, as in CLIPS' own
 //! functions. What can go wrong at any time (a store that is not reached, a key that is taken, a
-//! text that is no query) is said on `stderr`, and the function gives FALSE.
+//! text that is no query) is printed on `stderr`, and the function returns FALSE.
 
 mod arguments;
 mod cursor;

@@ -32,7 +32,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
     }),
 ];
 
-/// Gives the `_id`.
+/// Returns the `_id`.
 fn insert(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let (ns, document) = (arguments.namespace(1)?, arguments.document(2, state)?);
     let inserted = state.memory.insert(&ns, vec![document]).map_err(Failure::declined)?;
@@ -68,7 +68,7 @@ enum Replacement {
     Upsert,
 }
 
-/// Changes the first match; gives how many there were, with an upsert always 1.
+/// Changes the first match; returns how many there were, with an upsert always 1.
 fn change(state: &State<'_>, arguments: Arguments<'_>, replacement: Replacement) -> Result<Value, Failure> {
     let ns = arguments.namespace(1)?;
     let (document, filter) = (arguments.document(2, state)?, arguments.document(3, state)?);
@@ -84,7 +84,7 @@ fn change(state: &State<'_>, arguments: Arguments<'_>, replacement: Replacement)
     Ok(number(updated.matched + u64::from(updated.upserted.is_some())))
 }
 
-/// Removes all matches; gives how many.
+/// Removes all matches; returns how many.
 fn delete(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let (ns, filter) = (arguments.namespace(1)?, arguments.document(2, state)?);
     Ok(number(state.memory.delete(&ns, &filter, false).map_err(Failure::declined)?))

@@ -26,14 +26,14 @@ fn begin(state: &State<'_>, clips: &Environment) -> Result<(), Failure> {
     state.world.start(state, clips).map_err(|error| Failure::chained(&error))
 }
 
-/// Gives the fact.
+/// Returns the fact.
 fn assert(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     begin(state, clips)?;
     let text = arguments.text(1)?;
     state.world.assert(text, state, clips).map(Value::Fact).map_err(Failure::Declined)
 }
 
-/// Gives the fact as it is then, or FALSE where somebody has retracted it.
+/// Returns the fact as it is then, or FALSE where another engine has retracted it.
 fn modify(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     begin(state, clips)?;
     let fact = arguments.fact(1)?;
@@ -87,7 +87,7 @@ fn several(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>, add
             Modified::Differs => {}
         }
         // What the others did is on its way.
-        state.hear(clips, true).map_err(|error| Failure::chained(&error))?;
+        state.receive(clips, true).map_err(|error| Failure::chained(&error))?;
         match state.world.current(id, clips) {
             Some(current) => fact = current,
             None => return Ok(Value::truth(false)),

@@ -15,7 +15,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
 
 fn register(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let (ns, filter) = (arguments.namespace(1)?, arguments.document(2, state)?);
-    let number = state.listen_for_trigger(&ns, filter, arguments.text(3)?.to_owned()).map_err(Failure::declined)?;
+    let number = state.subscribe_trigger(&ns, filter, arguments.text(3)?.to_owned()).map_err(Failure::declined)?;
     Ok(given(state, Thing::Trigger(number)))
 }
 

@@ -16,7 +16,7 @@ pub(crate) enum CallError {
     Argument(u32, &'static str),
     /// Anything else, as a sentence.
     Failed(String),
-    /// An argument could not be evaluated; CLIPS has said why.
+    /// An argument could not be evaluated; CLIPS has printed why.
     Reported,
 }
 
@@ -44,8 +44,8 @@ pub(super) unsafe extern "C" fn called(
         (function.body)(environment, &arguments)
     }));
     let value = value.unwrap_or_else(|_| Err(CallError::Failed("it failed in a way that it should not".to_owned())));
-    let value = value.unwrap_or_else(|trouble| {
-        complain(function, &trouble);
+    let value = value.unwrap_or_else(|error| {
+        complain(function, &error);
         Value::truth(false)
     });
     let native = environment.to_native(&value);
@@ -86,10 +86,10 @@ unsafe fn arguments(environment: &Environment, context: *mut sys::UDFContext) ->
     }
 }
 
-/// Says what was wrong, as CLIPS does, and ends the evaluation.
-fn complain(function: &Function<'_>, trouble: &CallError) {
+/// Prints the error as CLIPS does, and ends the evaluation.
+fn complain(function: &Function<'_>, error: &CallError) {
     let environment = &function.environment;
-    match trouble {
+    match error {
         CallError::Reported => {}
         CallError::Argument(nth, expected) => {
             // SAFETY: the environment is alive, and the texts are only read.

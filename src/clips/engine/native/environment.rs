@@ -34,8 +34,8 @@ impl Environment {
         Self { raw: self.raw, alive: Rc::clone(&self.alive) }
     }
 
-    /// Loads constructs from a text; says whether all of them are good. The host is told what
-    /// is not.
+    /// Loads constructs from a text; returns whether all of them are correct. The host receives
+    /// the mistakes.
     pub(crate) fn load(&self, text: &str) -> bool {
         // SAFETY: the environment is alive; the text is read while it is loaded.
         unsafe { sys::LoadFromString(self.raw, text.as_ptr().cast::<c_char>(), size(text.len())) }
@@ -47,14 +47,14 @@ impl Environment {
         unsafe { sys::Reset(self.raw) };
     }
 
-    /// Fires at most so many rules, all that can fire where there is no limit; gives how many fired.
+    /// Fires at most so many rules, all that can fire where there is no limit; returns how many fired.
     pub(crate) fn run(&self, limit: Option<u64>) -> u64 {
         let limit = limit.map_or(-1, |limit| i64::try_from(limit).unwrap_or(i64::MAX));
         // SAFETY: the environment is alive.
         u64::try_from(unsafe { sys::Run(self.raw, limit) }).unwrap_or_default()
     }
 
-    /// Whether the last run ended because a program said `(halt)`.
+    /// Whether the last run ended because a program called `(halt)`.
     pub(crate) fn is_halted(&self) -> bool {
         // SAFETY: the environment is alive, and its context with it.
         unsafe { (*sys::GetEnvironmentContext(self.raw).cast::<Shared<'_>>()).halted.get() }

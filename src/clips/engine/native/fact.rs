@@ -8,7 +8,7 @@ use super::text::{c_text, text};
 use super::value::Value;
 
 impl Environment {
-    /// Asserts a fact that is spelled out; where CLIPS cannot, it has said why. The same fact
+    /// Asserts a fact that is spelled out; where CLIPS cannot, it has printed why. The same fact
     /// as one that is there is that one.
     pub(crate) fn assert_text(&self, text: &str) -> Option<FactRef> {
         // SAFETY: the environment is alive, and the text is copied.
@@ -25,7 +25,7 @@ impl Environment {
         self.build(template, slots, None)
     }
 
-    /// Changes some slots; gives the fact as it is then, which is another one. CLIPS 6.40 would do that
+    /// Changes some slots; returns the fact as it is then, which is another one. CLIPS 6.40 would do that
     /// itself, but frees the values of a multislot that it has just put there.
     ///
     /// # Errors
@@ -71,7 +71,7 @@ impl Environment {
         }
     }
 
-    /// Retracts a fact; says whether it was there.
+    /// Retracts a fact; returns whether it was there.
     pub(crate) fn retract(&self, fact: &FactRef) -> bool {
         let Some(pointer) = fact.pointer(self.alive()).filter(|_| self.exists(fact)) else { return false };
         // SAFETY: the environment is alive and the fact there.

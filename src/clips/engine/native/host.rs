@@ -23,17 +23,17 @@ impl Stream {
     }
 }
 
-/// Who an environment talks to.
+/// The program around an environment.
 pub(crate) trait Host {
-    /// A program prints.
+    /// Called when a program prints.
     fn write(&self, stream: Stream, bytes: &[u8]);
-    /// A program reads from stdin: the next byte, or nothing at its end.
+    /// Called when a program reads from stdin: returns the next byte, or nothing at its end.
     fn read(&self) -> Option<u8>;
-    /// A program wants to end with a code.
+    /// Called when a program exits with a code.
     fn exit(&self, code: i32);
-    /// Nothing knows this external address any more.
+    /// Called when CLIPS has no reference to this external address any more.
     fn discard(&self, handle: u64);
-    /// A text that is being loaded has a mistake, or something doubtful, at a line.
+    /// Called when a text that is being loaded has a mistake, or a warning, at a line.
     fn parsed(&self, line: usize, doubtful: bool, text: &str);
 }
 
@@ -42,6 +42,6 @@ pub(super) struct Shared<'h> {
     pub(super) host: Rc<dyn Host + 'h>,
     /// A character that was read too much.
     pub(super) unread: Cell<Option<c_int>>,
-    /// Whether the rule that fired last said `(halt)`.
+    /// Whether the rule that fired last called `(halt)`.
     pub(super) halted: Cell<bool>,
 }

@@ -89,6 +89,6 @@ unsafe extern "C" fn parsed(
     // SAFETY: as for `write`; one of the texts is null.
     let (shared, warning, error) = unsafe { (shared(raw), text(warning), text(error)) };
     let line = usize::try_from(line).unwrap_or_default();
-    let said = if error.is_empty() { (true, warning) } else { (false, error) };
-    let _ = catch_unwind(AssertUnwindSafe(|| shared.host.parsed(line, said.0, &said.1)));
+    let (doubtful, text) = if error.is_empty() { (true, warning) } else { (false, error) };
+    let _ = catch_unwind(AssertUnwindSafe(|| shared.host.parsed(line, doubtful, &text)));
 }

@@ -5,31 +5,31 @@ use std::cell::{Cell, RefCell};
 use crate::memory::watch::Watch;
 use crate::store::Namespace;
 
-/// Who wants to hear of changes.
+/// A subscriber to changes.
 #[derive(Debug, Clone)]
-pub(super) enum Who {
+pub(super) enum Subscriber {
     /// A trigger, by its number and name.
     Trigger(u64, String),
     /// The shared world model.
     WorldModel,
 }
 
-pub(super) struct Listener<'m> {
-    pub(super) who: Who,
+pub(super) struct Subscription<'m> {
+    pub(super) subscriber: Subscriber,
     pub(super) namespace: Namespace,
     pub(super) watch: Watch<'m>,
-    /// Whether the store is lost, which was said.
+    /// Whether the store is lost, which was reported.
     pub(super) lost: bool,
 }
 
-/// All that is followed.
+/// All subscriptions.
 #[derive(Default)]
-pub(super) struct Listening<'m> {
-    pub(super) listeners: RefCell<Vec<Listener<'m>>>,
-    /// Triggers that are no more.
+pub(super) struct Subscriptions<'m> {
+    pub(super) all: RefCell<Vec<Subscription<'m>>>,
+    /// Triggers that were destroyed.
     pub(super) ended: RefCell<Vec<u64>>,
     pub(super) number: Cell<u64>,
-    /// Whether there is anything to follow; the listeners may be away while they are asked.
+    /// How many there are; `all` is empty while they are polled.
     pub(super) count: Cell<usize>,
     pub(super) resting: Cell<bool>,
 }
