@@ -120,7 +120,7 @@ impl<'a> Lexer<'a> {
         Ok(text.split_whitespace().skip(3))
     }
 
-    /// Takes plain words up to the first that is none; says whether there were any.
+    /// Takes plain words up to the first that is none; returns whether there were any.
     fn skim(&mut self) -> bool {
         let (bytes, start) = (self.source.text().as_bytes(), self.offset);
         while self.offset - start < SKIMMED {

@@ -8,7 +8,7 @@ use super::template::{self, Template, local};
 use super::value::{Body, Fact, Filled, Value};
 use crate::formats::{Diagnostic, Source, Span};
 
-/// Constructs that are passed over.
+/// Constructs that are skipped.
 const SKIPPED: [&str; 9] = [
     "defrule",
     "deffunction",
@@ -21,7 +21,7 @@ const SKIPPED: [&str; 9] = [
     "defmethod",
 ];
 
-/// Commands that stand among constructs in batch files, and are passed over there.
+/// Commands that stand among constructs in batch files, and are skipped there.
 const COMMANDS: [&str; 20] = [
     "batch",
     "batch*",
@@ -52,7 +52,7 @@ pub enum Item {
     Fact(Fact),
     /// `(deftemplate …)`
     Template(Template),
-    /// What was passed over: `defrule`, say, and its name.
+    /// What was skipped: `defrule`, say, and its name.
     Skipped {
         /// The construct, or the command.
         kind: String,
@@ -77,7 +77,7 @@ pub struct Reader<'a> {
     templates: HashSet<String>,
     /// The `deffacts` or `assert` that is open.
     group: Option<Span>,
-    /// Whether everything but templates is passed over.
+    /// Whether everything but templates is skipped.
     templates_only: bool,
     /// Whether a construct was seen: then this is a program.
     program: bool,

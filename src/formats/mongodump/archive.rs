@@ -130,7 +130,7 @@ impl<R: BufRead> Segments<R> {
         self.inside = Some(is_wanted && !ends);
         if is_wanted && ends {
             self.complete = true;
-            if header.get_i64("CRC").is_ok_and(|told| told != self.checksum.value()) {
+            if header.get_i64("CRC").is_ok_and(|stated| stated != self.checksum.value()) {
                 let (database, collection) = &self.wanted;
                 let reason = format!("the checksum over the documents of {database}.{collection} is wrong");
                 return Err(Damage { offset, reason });
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn an_archive_cut_or_changed_anywhere_is_told() {
+    fn an_archive_cut_or_changed_anywhere_is_noticed() {
         let bytes = written();
         let last = bytes.len() - raw(&doc! { "db": "a", "collection": "none", "EOF": true, "CRC": 0_i64 }).len() - 4;
         for length in 0..last {

@@ -7,7 +7,7 @@ use crate::formats::{Diagnostic, Source, shell};
 /// What a dump says about a collection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Metadata {
-    /// Its name, where it is told.
+    /// Its name, if the dump has it.
     pub collection: Option<String>,
     /// What it is.
     pub kind: CollectionKind,

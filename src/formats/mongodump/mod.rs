@@ -4,8 +4,8 @@
 //!
 //! Source: the manual of MongoDB's database tools and their specification of archives, and the BSON specification
 //! (a document starts with its length, little-endian, and ends with a zero).
-//! Nothing here trusts a file: each length is checked before memory is asked
-//! for, and what is wrong is told with its place in bytes.
+//! Nothing here trusts a file: each length is checked before memory is
+//! allocated, and what is wrong is reported with its place in bytes.
 
 mod archive;
 mod checksum;

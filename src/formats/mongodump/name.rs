@@ -10,7 +10,7 @@ const LONGEST: usize = 238;
 const KEPT: usize = 200;
 
 /// The file name, without extension, for a collection. A name that is too long
-/// is cut, and told from others by a hash; its metadata has the whole one.
+/// is cut, and distinguished by a hash; its metadata has the whole one.
 #[must_use]
 pub fn encode(collection: &str) -> String {
     let mut name = String::with_capacity(collection.len());

@@ -1,4 +1,4 @@
-//! gzip around a file: written where it is asked for, told by content when read.
+//! gzip around a file: written on request, recognised by content when read.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 

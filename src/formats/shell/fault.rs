@@ -1,4 +1,4 @@
-//! Where a text stops to be a value, and what could have stood there.
+//! The first place where a text stops being a value, and what was expected there.
 //!
 //! pest reports the furthest place at which a whole rule failed, which is often
 //! the start of a value. This looks at a text that the parser has refused once

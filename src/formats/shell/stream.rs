@@ -18,7 +18,7 @@ pub enum ReadError {
     Io {
         /// The name of the stream.
         name: String,
-        /// What the system says.
+        /// The system's error.
         error: io::Error,
     },
     /// The text is not what it should be.
@@ -118,7 +118,7 @@ impl<R: BufRead> Reader<R> {
         false
     }
 
-    /// Reads one chunk and what is in it; says whether there was one.
+    /// Reads one chunk and what is in it; returns whether there was one.
     fn advance(&mut self) -> Result<bool, ReadError> {
         let Some(chunk) = self.chunk()? else {
             if self.array == Array::Open {

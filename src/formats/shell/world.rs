@@ -58,7 +58,7 @@ pub struct WorldReader<'a, R> {
 
 impl<'a, R: BufRead> WorldReader<'a, R> {
     /// A reader of `input`, which messages call `name`. Documents of namespaces that
-    /// are not `wanted` are passed over unread.
+    /// are not `wanted` are skipped unread.
     pub fn new(name: impl Into<Arc<str>>, input: R, wanted: impl Fn(&str) -> bool + 'a) -> Self {
         Self {
             name: name.into(),
@@ -96,7 +96,7 @@ impl<'a, R: BufRead> WorldReader<'a, R> {
         Ok(Some(bytes).filter(|bytes| !bytes.is_empty()))
     }
 
-    /// Reads one chunk and what is in it; says whether there was one.
+    /// Reads one chunk and what is in it; returns whether there was one.
     fn advance(&mut self) -> Result<bool, ReadError> {
         let first_line = self.lines + 1;
         let chunk = self.chunk()?;
@@ -170,7 +170,7 @@ impl Progress {
         Ok(())
     }
 
-    /// Takes what begins at `offset`; gives where it ends.
+    /// Takes what begins at `offset`; returns where it ends.
     fn step(
         &mut self,
         source: &Source,
