@@ -9,7 +9,6 @@ use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::ReadError;
 use crate::memory::dump::write::DumpError;
 use crate::output::WriteError;
-use crate::planner::Outcome;
 use crate::query::QueryError;
 use crate::store::{NamespaceError, StoreError};
 
@@ -114,7 +113,7 @@ impl Exit {
         {
             return Some(Self::BadInput);
         }
-        if cause.is::<UsageError>() || cause.is::<NamespaceError>() {
+        if cause.is::<UsageError>() || cause.is::<crate::planner::UnknownPlanner>() || cause.is::<NamespaceError>() {
             return Some(Self::Usage);
         }
         if cause.is::<ReadError>() || matches!(cause.downcast_ref(), Some(RestoreError::Dump(_))) {
@@ -124,22 +123,6 @@ impl Exit {
             Some(DumpError::Taken { .. }) => Some(Self::BadInput),
             Some(DumpError::Write { .. } | DumpError::Nowhere { .. }) => Some(Self::Store),
             _ => cause.is::<WriteError>().then_some(Self::Store),
-        }
-    }
-}
-
-impl From<&Outcome> for Exit {
-    fn from(outcome: &Outcome) -> Self {
-        match outcome {
-            Outcome::Plan(_) => Self::Done,
-            Outcome::Unsolvable => Self::Unsolvable,
-            Outcome::GaveUp => Self::GaveUp,
-            Outcome::OutOfMemory => Self::OutOfMemory,
-            Outcome::OutOfTime => Self::OutOfTime,
-            Outcome::Failed => Self::PlannerBroken,
-            Outcome::Unsupported => Self::Unsupported,
-            Outcome::NotFound => Self::PlannerNotFound,
-            Outcome::Interrupted => Self::Interrupted,
         }
     }
 }

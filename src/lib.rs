@@ -35,6 +35,8 @@ pub mod pddl;
 
 pub mod planner;
 
+pub mod planning;
+
 pub mod plan;
 
 pub mod process;
@@ -47,11 +49,11 @@ pub mod input;
 pub mod output;
 
 pub mod exit;
+pub mod interrupt;
 
 use std::ffi::OsString;
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use clap::FromArgMatches as _;
 
@@ -161,47 +163,4 @@ fn report(error: &anyhow::Error, output: &mut Output<'_>) -> Exit {
     }
     output.error(&text);
     Exit::of(error)
-}
-
-/// Whether the user interrupted the process.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// How many are at work that end by themselves when interrupted, because they have to clean up.
-static GUARDS: AtomicUsize = AtomicUsize::new(0);
-
-/// Notes an interruption. Gives the code to exit with at once, unless a command is
-/// cleaning up and will end by itself.
-pub fn interrupt() -> Option<Exit> {
-    let again = INTERRUPTED.swap(true, Ordering::SeqCst);
-    (again || GUARDS.load(Ordering::SeqCst) == 0).then_some(Exit::Interrupted)
-}
-
-/// While it lives, an interruption only sets a flag, and who holds it cleans up and ends.
-pub(crate) struct InterruptGuard(());
-
-impl InterruptGuard {
-    pub(crate) fn new() -> Self {
-        GUARDS.fetch_add(1, Ordering::SeqCst);
-        Self(())
-    }
-
-    /// Ends it where nobody looks at the flag from now on: an interruption that came meanwhile comes again.
-    pub(crate) fn end(self) {
-        drop(self);
-        if INTERRUPTED.load(Ordering::SeqCst) {
-            // Where it cannot be sent, the user will interrupt once more.
-            let _ = rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::INT);
-        }
-    }
-
-    /// The flag that [`interrupt`] sets.
-    pub(crate) fn interrupted(&self) -> &'static AtomicBool {
-        &INTERRUPTED
-    }
-}
-
-impl Drop for InterruptGuard {
-    fn drop(&mut self) {
-        GUARDS.fetch_sub(1, Ordering::SeqCst);
-    }
 }

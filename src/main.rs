@@ -7,9 +7,9 @@ fn main() -> ExitCode {
     // A supervisor, and what it becomes, has no thread beside it: it would take of the memory that is allowed.
     if std::env::args_os().nth(1).is_none_or(|word| word != rmem::process::supervisor::COMMAND) {
         let _ = ctrlc::set_handler(|| {
-            if let Some(exit) = rmem::interrupt() {
+            if rmem::interrupt::received() {
                 // Nothing is half-written at any moment: files appear by renaming, stores commit.
-                std::process::exit(exit.code().into());
+                std::process::exit(rmem::exit::Exit::Interrupted.code().into());
             }
         });
     }

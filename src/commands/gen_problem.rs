@@ -8,7 +8,6 @@ use super::{Context, WrongInput, explanation};
 use crate::cli::{Definition, GenProblem, TemplateOptions, TemplateSyntax};
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
-use crate::memory::Memory;
 use crate::pddl::Domain;
 use crate::problem::{self, Generated, Request, Syntax};
 
@@ -17,7 +16,8 @@ pub(super) fn run(args: &GenProblem, context: &mut Context<'_>) -> anyhow::Resul
     let template = context.read(&args.template)?;
     let memory = context.memory()?;
     let request = request(template, &args.options, context)?;
-    let generated = generate(&request, args.options.strict, &memory, context)?;
+    let generated = problem::generate(&request, &memory)?;
+    report(&generated, args.options.strict, context)?;
     if let Some(domain) = &domain {
         generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
     }
@@ -54,18 +54,6 @@ pub(super) fn request(
     })
 }
 
-/// Renders a template and tells how many documents each section matched.
-pub(super) fn generate(
-    request: &Request,
-    strict: bool,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> anyhow::Result<Generated> {
-    let generated = problem::generate(request, memory)?;
-    report(&generated, strict, context)?;
-    Ok(generated)
-}
-
 fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
     let value = if definition.typed {
         shell::parse_value(&Source::new(format!("-D {}", definition.name), definition.value.as_str()))?
@@ -75,8 +63,8 @@ fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
     Ok((definition.name.clone(), value))
 }
 
-/// Section by section, how many documents matched; none is a warning, or an error if `strict`.
-fn report(generated: &Generated, strict: bool, context: &mut Context<'_>) -> anyhow::Result<()> {
+/// Reports how many documents each section of a template matched; none is a warning, or an error if `strict`.
+pub(super) fn report(generated: &Generated, strict: bool, context: &mut Context<'_>) -> anyhow::Result<()> {
     let mut empty = Vec::new();
     for section in &generated.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };

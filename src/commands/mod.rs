@@ -15,6 +15,7 @@ mod distinct;
 mod doctor;
 mod drop;
 mod dump;
+mod error;
 mod exit_codes;
 mod expire;
 mod explanation;

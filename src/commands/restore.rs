@@ -55,8 +55,8 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> anyhow::Resu
     }
     let memory = context.memory_to_fill()?;
     // What is staged has to be removed again; what is merged stays as far as it got.
-    let guard = (args.drop && !args.dry_run).then(crate::InterruptGuard::new);
-    let stop = guard.as_ref().map(crate::InterruptGuard::interrupted);
+    let guard = (args.drop && !args.dry_run).then(crate::interrupt::InterruptGuard::new);
+    let stop = guard.as_ref().map(crate::interrupt::InterruptGuard::interrupted);
     let temporary = context.temporary();
     let options = RestoreOptions { drop: args.drop, dry_run: args.dry_run, temporary: Some(&temporary), stop };
     let restored = match restore(&memory, &dump, options) {

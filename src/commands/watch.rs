@@ -118,7 +118,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result
     if let (true, Some(name)) = (args.forget, &args.resume) {
         return Ok(if memory.forget_watch(namespace, name)? { Exit::Done } else { Exit::No });
     }
-    let timeout = crate::InterruptGuard::new();
+    let timeout = crate::interrupt::InterruptGuard::new();
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.tell_operations();
     context.output.note(&format!("watching {namespace}"));

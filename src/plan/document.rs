@@ -16,9 +16,8 @@
 
 use bson::{Array, Bson, Document, doc};
 
-use super::Plan;
 use crate::formats::pddl::ast::Domain;
-use crate::pddl::Step;
+use crate::pddl::{Plan, Step};
 
 /// How a plan is laid out in a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -9,7 +9,6 @@ use sha2::{Digest as _, Sha256};
 use super::{Input, TaskSource};
 use crate::formats::shell;
 use crate::pddl::{Problem, Why};
-use crate::planner::{Race, Run};
 use crate::problem::{SectionReport, names};
 
 /// What stands for the planner of a plan that came from a file.
@@ -122,7 +121,7 @@ impl Lineage {
     /// queries that its template asked.
     #[must_use]
     pub fn of(source: TaskSource, problem: &Problem, sections: &[SectionReport]) -> Self {
-        let request = match &source.task {
+        let request = match &source.input {
             Input::Template(request) => Some(request),
             Input::Problem(_) => None,
         };
@@ -136,37 +135,6 @@ impl Lineage {
             sources: Some(source),
             ..Self::default()
         }
-    }
-
-    /// Notes a planner's run.
-    #[must_use]
-    pub fn with_run(mut self, run: &Run) -> Self {
-        self.planner.clone_from(&run.planner);
-        self.version.clone_from(&run.version);
-        self.arguments.clone_from(&run.command);
-        run.outcome.word().clone_into(&mut self.outcome);
-        self.cost = run.outcome.plan().and_then(|plan| plan.cost);
-        self.length = run.outcome.plan().map(|plan| plan.steps.len());
-        self.is_spaced = run.is_spaced;
-        self.why.clone_from(&run.why);
-        self.times.push(("plan".to_owned(), run.time));
-        self
-    }
-
-    /// Notes what each planner of a race did.
-    #[must_use]
-    pub fn with_race(mut self, race: &Race) -> Self {
-        let racers = race.runs.iter().map(|run| Racer {
-            planner: run.planner.clone(),
-            version: run.version.clone(),
-            outcome: race.word(run).to_owned(),
-            time: run.time,
-            cpu: run.cpu,
-            length: run.outcome.plan().map(|plan| plan.steps.len()),
-            message: run.message.clone(),
-        });
-        self.race = if race.runs.len() > 1 { racers.collect() } else { Vec::new() };
-        self
     }
 
     /// The document; times are in milliseconds.

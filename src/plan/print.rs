@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use bson::{Bson, Document};
 
-use super::{Plan, Status, svg};
-use crate::pddl::Step;
+use super::{Status, svg};
+use crate::pddl::{Plan, Step};
 
 /// How a plan is printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -5,7 +5,8 @@ use bson::{Bson, DateTime, Document, doc};
 
 use super::document::{PlanDocumentError, Stored, from_document};
 use super::progress::{Progress, Status, mark, progress};
-use super::source::{RecipeError, TaskSource};
+use super::source::{SourceError, TaskSource};
+use crate::formats::shell;
 use crate::memory::Memory;
 use crate::problem::names;
 use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
@@ -18,14 +19,14 @@ const NAMED: usize = 5;
 
 /// The plans of a namespace.
 #[derive(Clone, Copy)]
-pub struct Archive<'a> {
+pub struct Repository<'a> {
     memory: &'a Memory,
     namespace: &'a Namespace,
 }
 
 /// Why a plan was not found or changed.
 #[derive(Debug, thiserror::Error)]
-pub enum ArchiveError {
+pub enum RepositoryError {
     /// No plan has the id.
     #[error("no plan in {namespace} has the id `{id}`; see rmem plan list, or say `last`")]
     Unknown {
@@ -67,11 +68,20 @@ pub struct Record {
     pub document: Document,
 }
 
-impl<'a> Archive<'a> {
+impl<'a> Repository<'a> {
     /// The plans of `namespace`.
     #[must_use]
     pub fn new(memory: &'a Memory, namespace: &'a Namespace) -> Self {
         Self { memory, namespace }
+    }
+
+    /// Stores a plan's document, with its metadata, and returns its id.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn store(&self, document: Document) -> Result<String, StoreError> {
+        let inserted = self.memory.insert(self.namespace, vec![document])?;
+        Ok(inserted.ids.first().map(readable).unwrap_or_default())
     }
 
     /// The newest plans, at most `limit`; 0 is all.
@@ -87,10 +97,10 @@ impl<'a> Archive<'a> {
     ///
     /// # Errors
     /// Where there is none or are several, or the store fails.
-    pub fn get(&self, id: &str) -> Result<Record, ArchiveError> {
+    pub fn get(&self, id: &str) -> Result<Record, RepositoryError> {
         if id == LAST {
             let found = self.newest(1)?.next().transpose()?;
-            return found.ok_or_else(|| ArchiveError::Empty(self.namespace.clone()));
+            return found.ok_or_else(|| RepositoryError::Empty(self.namespace.clone()));
         }
         let mut filters = vec![doc! { "_id": id }];
         if let Some([first, last]) = range(id) {
@@ -101,8 +111,8 @@ impl<'a> Archive<'a> {
         let mut found: Vec<Record> = found.collect::<Result<_, _>>()?;
         match found.len() {
             1 => Ok(found.remove(0)),
-            0 => Err(ArchiveError::Unknown { id: id.to_owned(), namespace: self.namespace.clone() }),
-            _ => Err(ArchiveError::Ambiguous {
+            0 => Err(RepositoryError::Unknown { id: id.to_owned(), namespace: self.namespace.clone() }),
+            _ => Err(RepositoryError::Ambiguous {
                 id: id.to_owned(),
                 namespace: self.namespace.clone(),
                 known: found.iter().take(NAMED).map(Record::id).collect(),
@@ -114,9 +124,9 @@ impl<'a> Archive<'a> {
     ///
     /// # Errors
     /// Where the plan has no such step, is gone, or the store fails.
-    pub fn mark(&self, plan: &Record, number: usize, status: Status, at: DateTime) -> Result<(), ArchiveError> {
+    pub fn mark(&self, plan: &Record, number: usize, status: Status, at: DateTime) -> Result<(), RepositoryError> {
         let count = plan.progress().len();
-        let update = mark(&plan.document, number, status, at).ok_or(ArchiveError::NoStep { number, count })?;
+        let update = mark(&plan.document, number, status, at).ok_or(RepositoryError::NoStep { number, count })?;
         let request = UpdateRequest {
             filter: doc! { "_id": plan.document.get("_id").cloned().unwrap_or(Bson::Null) },
             update: UpdateSpec::Document(update),
@@ -125,7 +135,7 @@ impl<'a> Archive<'a> {
             upsert: false,
         };
         match self.memory.update(self.namespace, &request)?.matched {
-            0 => Err(ArchiveError::Unknown { id: plan.id(), namespace: self.namespace.clone() }),
+            0 => Err(RepositoryError::Unknown { id: plan.id(), namespace: self.namespace.clone() }),
             _ => Ok(()),
         }
     }
@@ -146,6 +156,15 @@ impl<'a> Archive<'a> {
     }
 }
 
+/// An id as people write it.
+fn readable(id: &Bson) -> String {
+    match id {
+        Bson::ObjectId(id) => id.to_hex(),
+        Bson::String(id) => id.clone(),
+        other => shell::relaxed_value(other),
+    }
+}
+
 /// The first and the last id that begin with some hexadecimal digits.
 fn range(prefix: &str) -> Option<[ObjectId; 2]> {
     let digits = !prefix.is_empty() && prefix.bytes().all(|byte| byte.is_ascii_hexdigit());
@@ -161,12 +180,7 @@ impl Record {
     /// The id as people say it.
     #[must_use]
     pub fn id(&self) -> String {
-        match self.document.get("_id") {
-            Some(Bson::ObjectId(id)) => id.to_hex(),
-            Some(Bson::String(id)) => id.clone(),
-            Some(other) => crate::formats::shell::relaxed_value(other),
-            None => String::new(),
-        }
+        self.document.get("_id").map(readable).unwrap_or_default()
     }
 
     /// The plan, or that there is none. `name` gives the problem's name for a value.
@@ -195,9 +209,9 @@ impl Record {
     ///
     /// # Errors
     /// What is missing.
-    pub fn recipe(&self) -> Result<TaskSource, RecipeError> {
+    pub fn source(&self) -> Result<TaskSource, SourceError> {
         let sources = self.lineage().and_then(|lineage| lineage.get_document("sources").ok());
-        TaskSource::from_document(sources.ok_or(RecipeError::Missing("sources"))?)
+        TaskSource::from_document(sources.ok_or(SourceError::Missing("sources"))?)
     }
 }
 
@@ -207,9 +221,7 @@ pub fn spelled(value: &Bson) -> Option<String> {
     match value {
         Bson::String(text) => Some(names::mangle(text)),
         Bson::ObjectId(id) => Some(names::mangle(&id.to_hex())),
-        Bson::Int32(_) | Bson::Int64(_) | Bson::Double(_) | Bson::Boolean(_) => {
-            Some(crate::formats::shell::relaxed_value(value))
-        }
+        Bson::Int32(_) | Bson::Int64(_) | Bson::Double(_) | Bson::Boolean(_) => Some(shell::relaxed_value(value)),
         _ => None,
     }
 }

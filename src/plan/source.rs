@@ -1,4 +1,4 @@
-//! What a plan was made from, kept with it, so that its problem can be posed again.
+//! What a plan was made from, kept with it, so that its problem can be instantiated again.
 //!
 //! Texts are kept, not only where they were: an executive may ask from another folder or
 //! machine, and the files may have changed since. Under `_robmem_info.lineage.sources`:
@@ -13,7 +13,9 @@
 
 use bson::{Bson, Document, doc};
 
-use crate::formats::Source;
+use crate::formats::pddl::Dialect;
+use crate::formats::{Diagnostics, Source};
+use crate::pddl::Domain;
 use crate::problem::{Request, Syntax};
 use crate::store::Namespace;
 
@@ -26,7 +28,7 @@ pub struct TaskSource {
     /// The domain's text.
     pub domain: Source,
     /// The problem, or what generates it.
-    pub task: Input,
+    pub input: Input,
     /// Whether `//` is a comment, as `--lenient` says.
     pub lenient: bool,
 }
@@ -40,29 +42,48 @@ pub enum Input {
     Template(Box<Request>),
 }
 
-/// Why a stored plan's problem cannot be posed again.
+/// Why a stored plan's problem cannot be instantiated again.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum RecipeError {
+pub enum SourceError {
     /// A text or a setting is not there.
-    #[error("the plan does not say its {0}, from which the problem could be posed again")]
+    #[error("the plan does not say its {0}, which is needed to instantiate its problem again")]
     Missing(&'static str),
     /// A text was longer than what is kept.
     #[error("the plan's {0} was longer than {limit} MiB and is not kept with it", limit = LONGEST >> 20)]
     TooLong(&'static str),
 }
 
+impl Input {
+    /// The text of the problem, or of the template.
+    #[must_use]
+    pub fn text(&self) -> &Source {
+        match self {
+            Self::Problem(problem) => problem,
+            Self::Template(request) => &request.template,
+        }
+    }
+}
+
 impl TaskSource {
+    /// Reads and checks the domain.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn read_domain(&self) -> Result<Domain, Diagnostics> {
+        Domain::read(&self.domain, Dialect { lenient: self.lenient }).map_err(Diagnostics)
+    }
+
     /// Whether the problem comes from the memory.
     #[must_use]
     pub fn is_template(&self) -> bool {
-        matches!(self.task, Input::Template(_))
+        matches!(self.input, Input::Template(_))
     }
 
     /// The document.
     #[must_use]
     pub fn to_document(&self) -> Document {
         let mut document = doc! { "domain": kept(&self.domain) };
-        match &self.task {
+        match &self.input {
             Input::Problem(problem) => {
                 document.insert("problem", kept(problem));
             }
@@ -84,23 +105,23 @@ impl TaskSource {
     ///
     /// # Errors
     /// What is missing.
-    pub fn from_document(document: &Document) -> Result<Self, RecipeError> {
+    pub fn from_document(document: &Document) -> Result<Self, SourceError> {
         let lenient = document.get_bool("lenient").unwrap_or_default();
         let domain = read(document, "domain")?;
         if document.contains_key("problem") {
-            return Ok(Self { domain, task: Input::Problem(read(document, "problem")?), lenient });
+            return Ok(Self { domain, input: Input::Problem(read(document, "problem")?), lenient });
         }
         let collection = document.get_str("collection").ok().and_then(|name| Namespace::parse(name).ok());
-        let parameters = document.get_document("parameters").map_err(|_| RecipeError::Missing("parameters"))?;
+        let parameters = document.get_document("parameters").map_err(|_| SourceError::Missing("parameters"))?;
         let request = Request {
             template: read(document, "template")?,
-            syntax: document.get_str("syntax").ok().and_then(syntax).ok_or(RecipeError::Missing("syntax"))?,
-            collection: collection.ok_or(RecipeError::Missing("collection"))?,
+            syntax: document.get_str("syntax").ok().and_then(syntax).ok_or(SourceError::Missing("syntax"))?,
+            collection: collection.ok_or(SourceError::Missing("collection"))?,
             goal: document.get_str("goal").ok().map(str::to_owned),
             parameters: parameters.iter().map(|(name, value)| (name.clone(), value.clone())).collect(),
             lenient,
         };
-        Ok(Self { domain, task: Input::Template(Box::new(request)), lenient })
+        Ok(Self { domain, input: Input::Template(Box::new(request)), lenient })
     }
 }
 
@@ -112,10 +133,10 @@ fn kept(source: &Source) -> Bson {
     kept.into()
 }
 
-fn read(document: &Document, what: &'static str) -> Result<Source, RecipeError> {
-    let kept = document.get_document(what).map_err(|_| RecipeError::Missing(what))?;
-    let name = kept.get_str("name").map_err(|_| RecipeError::Missing(what))?;
-    let text = kept.get_str("text").map_err(|_| RecipeError::TooLong(what))?;
+fn read(document: &Document, what: &'static str) -> Result<Source, SourceError> {
+    let kept = document.get_document(what).map_err(|_| SourceError::Missing(what))?;
+    let name = kept.get_str("name").map_err(|_| SourceError::Missing(what))?;
+    let text = kept.get_str("text").map_err(|_| SourceError::TooLong(what))?;
     Ok(Source::new(name, text))
 }
 
@@ -145,19 +166,19 @@ mod tests {
             lenient: true,
         };
         let domain = Source::new("d.pddl", "(define (domain d))");
-        let template = TaskSource { domain: domain.clone(), task: Input::Template(Box::new(request)), lenient: true };
-        let problem = TaskSource { domain, task: Input::Problem(Source::new("-", "(define)")), lenient: false };
-        for recipe in [template, problem] {
-            assert_eq!(TaskSource::from_document(&recipe.to_document()), Ok(recipe));
+        let template = TaskSource { domain: domain.clone(), input: Input::Template(Box::new(request)), lenient: true };
+        let problem = TaskSource { domain, input: Input::Problem(Source::new("-", "(define)")), lenient: false };
+        for source in [template, problem] {
+            assert_eq!(TaskSource::from_document(&source.to_document()), Ok(source));
         }
     }
 
     #[test]
     fn a_text_that_is_too_long_is_left_out_and_missed() {
         let long = Source::new("p.pddl", "x".repeat(LONGEST + 1));
-        let recipe = TaskSource { domain: Source::new("d", ""), task: Input::Problem(long), lenient: false };
-        let read = TaskSource::from_document(&recipe.to_document());
-        assert_eq!(read, Err(RecipeError::TooLong("problem")));
-        assert_eq!(TaskSource::from_document(&doc! {}), Err(RecipeError::Missing("domain")));
+        let source = TaskSource { domain: Source::new("d", ""), input: Input::Problem(long), lenient: false };
+        let read = TaskSource::from_document(&source.to_document());
+        assert_eq!(read, Err(SourceError::TooLong("problem")));
+        assert_eq!(TaskSource::from_document(&doc! {}), Err(SourceError::Missing("domain")));
     }
 }

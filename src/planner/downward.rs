@@ -52,6 +52,16 @@ impl Default for FastDownward {
     }
 }
 
+impl FastDownward {
+    /// With `lama-first`, or with `lama`, which improves its plan until the limit of time.
+    pub(super) fn configured(anytime: bool) -> Self {
+        match anytime {
+            true => Self { alias: "lama".to_owned(), ..Self::default() },
+            false => Self::default(),
+        }
+    }
+}
+
 impl Planner for FastDownward {
     fn name(&self) -> &str {
         "fast-downward"

@@ -15,6 +15,7 @@ mod ff;
 mod files;
 mod outcome;
 mod race;
+mod registry;
 mod run;
 mod sizes;
 
@@ -25,5 +26,6 @@ pub use downward::FastDownward;
 pub use ff::Ff;
 pub use outcome::Outcome;
 pub use race::{Portfolio, Race};
-pub use run::{Output, Planner, Run, Task, by_name, run};
+pub use registry::{Registry, UnknownPlanner};
+pub use run::{Output, Planner, Run, Task, run};
 pub use sizes::Sizes;

@@ -1,6 +1,6 @@
 //! How a planner's run ended.
 
-use crate::plan::Plan;
+use crate::pddl::Plan;
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq)]

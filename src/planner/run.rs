@@ -7,12 +7,10 @@ use std::time::{Duration, Instant};
 use super::files::{self, DOMAIN, DOMAIN_FILE, PLAN, PROBLEM, PROBLEM_FILE};
 use super::outcome::Outcome;
 use super::sizes::Sizes;
-use super::{Builtin, FastDownward, Ff};
 use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
-use crate::pddl::{Domain, Feature, Problem, Validation, Why, validate, why};
-use crate::plan::Plan;
+use crate::pddl::{Domain, Feature, Plan, Problem, Step, Validation, Why, validate, why};
 use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, Share};
 
 /// How many of a planner's last lines an error message repeats.
@@ -185,21 +183,6 @@ fn spaced(plan: &Plan, task: &Task<'_>) -> Option<(Plan, Validation)> {
     let spaced = plan.spaced(&task.problem.timed().collect::<Vec<f64>>())?;
     let verdict = validate(task.domain, task.problem, &spaced.steps);
     matches!(verdict, Validation::Valid { .. }).then_some((spaced, verdict))
-}
-
-/// One of the planners that need no configuration: `builtin`, `ff`, `fast-downward`. With
-/// `anytime` it improves its plan until the limit of time, where it can.
-#[must_use]
-pub fn by_name(name: &str, anytime: bool) -> Option<Box<dyn Planner>> {
-    match name {
-        "builtin" => Some(Box::new(Builtin { anytime })),
-        "ff" => Some(Box::new(Ff::default())),
-        "fast-downward" if anytime => {
-            Some(Box::new(FastDownward { alias: "lama".to_owned(), ..FastDownward::default() }))
-        }
-        "fast-downward" => Some(Box::new(FastDownward::default())),
-        _ => None,
-    }
 }
 
 /// Runs a planner on a task. What it cannot do is refused before the run.
@@ -400,7 +383,7 @@ fn crash(end: &End) -> Option<String> {
 }
 
 fn restored(answer: Transcript, sent: &Sent) -> Plan {
-    let mut steps: Vec<_> = answer.actions.iter().map(|action| sent.restore(action)).collect();
+    let mut steps: Vec<_> = answer.actions.iter().map(|action| Step::from(sent.restore(action))).collect();
     steps.sort_by(|a, b| a.start.unwrap_or_default().total_cmp(&b.start.unwrap_or_default()));
     Plan { steps, cost: answer.cost }
 }

@@ -101,7 +101,7 @@ impl File {
                 .ok_or_else(|| (database.span(), format!("`{name}` is not the name of a database")))?;
         }
         for (name, table) in &self.planner {
-            if crate::planner::by_name(name.get_ref(), false).is_some() {
+            if crate::planner::Registry::is_own(name.get_ref()) {
                 return Err((
                     name.span(),
                     format!("`{}` is a planner of rmem's own; name yours otherwise", name.get_ref()),

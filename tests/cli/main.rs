@@ -3,6 +3,8 @@
 mod lab;
 
 mod clips;
+#[cfg(feature = "clips-engine")]
+mod clips_plans;
 mod computables;
 mod docs;
 mod documents;

@@ -61,7 +61,7 @@ fn a_plan_whose_objects_are_gone_does_not_hold() {
     plan(&lab, &["-q"]).success();
     lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}"]).success();
     let run = lab.rmem(&["plan", "check", "last"]).exits(1);
-    assert!(run.stdout.contains("cannot be posed any more") && run.stdout.contains("C"), "{run}");
+    assert!(run.stdout.contains("cannot be instantiated any more") && run.stdout.contains("C"), "{run}");
 }
 
 #[test]

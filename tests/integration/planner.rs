@@ -11,7 +11,7 @@ use rmem::exit::Exit;
 use rmem::formats::Source;
 use rmem::formats::pddl::Dialect;
 use rmem::pddl::{Domain, Problem};
-use rmem::planner::{Host, Limits, Run, Task, by_name, run};
+use rmem::planner::{Host, Limits, Registry, Run, Task, run};
 
 /// Task, and the exit code of its outcome.
 const OUTCOMES: [(&str, &str, u8); 8] = [
@@ -148,7 +148,7 @@ fn plan(planner: &str, domain: &str, problem: &str) -> Result<Run, Failed> {
         interrupted: &interrupted,
     };
     let limits = Limits { time: Some(Duration::from_secs(30)), ..Limits::default() };
-    let planner = by_name(planner, false).ok_or("no such planner")?;
+    let planner = Registry::default().get(planner, false)?;
     let run = run(planner.as_ref(), &task, &limits, &host);
     match fs::read_dir(temporary.path())?.count() {
         0 => Ok(run),

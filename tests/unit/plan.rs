@@ -4,9 +4,9 @@ use bson::{Bson, Document, doc};
 use rmem::formats::Source;
 use rmem::formats::pddl::{Dialect, ast, read_domain, read_problem};
 use rmem::formats::plan::{Spelling, read_plan};
-use rmem::pddl::Step;
+use rmem::pddl::{Plan, Step};
 use rmem::plan::{
-    Answered, Format, Layout, Lineage, Plan, PrintError, PrintedPlan, Status, Stored, failure, from_document, hash,
+    Answered, Format, Layout, Lineage, PrintError, PrintedPlan, Status, Stored, failure, from_document, hash,
     to_document,
 };
 

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use crate::formats::Source;
-use crate::planner::{Configured, Host};
+use crate::planner::{Host, Registry};
 use crate::store::Namespace;
 
 /// What is to be run.
@@ -27,8 +27,8 @@ pub struct Job {
     pub collection: Namespace,
     /// Where mutexes are.
     pub mutexes: Namespace,
-    /// The planners of the settings.
-    pub planners: Vec<Configured>,
+    /// The planners that programs may name.
+    pub planners: Registry,
     /// What planners are run with.
     pub host: Host<'static>,
 }

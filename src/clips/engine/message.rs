@@ -19,6 +19,8 @@ pub enum Message {
     Err(Vec<u8>),
     /// What is worth a note.
     Note(String),
+    /// What the user should be careful about.
+    Warning(String),
     /// What the memory did.
     Operation(Operation),
     /// A line of stdin is wanted, with its end; none where there is no more.
@@ -46,6 +48,11 @@ impl Sender {
     pub(super) fn note(&self, text: String) {
         self.flush();
         self.send(Message::Note(text));
+    }
+
+    pub(super) fn warn(&self, text: String) {
+        self.flush();
+        self.send(Message::Warning(text));
     }
 
     pub(super) fn write(&self, stream: Stream, bytes: &[u8]) {

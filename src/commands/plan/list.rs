@@ -5,12 +5,12 @@ use bson::{Bson, Document};
 use crate::cli::PlanList;
 use crate::commands::Context;
 use crate::exit::Exit;
-use crate::plan::{Archive, Record, Status};
+use crate::plan::{Record, Repository, Status};
 use crate::store::metadata;
 
 pub(super) fn run(args: &PlanList, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
-    let plans = Archive::new(&memory, &args.namespace).newest(args.limit)?;
+    let plans = Repository::new(&memory, &args.namespace).newest(args.limit)?;
     context.print_documents(plans.map(|plan| Ok(line(&plan?))))?;
     Ok(Exit::Done)
 }

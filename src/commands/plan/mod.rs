@@ -3,14 +3,16 @@
 mod check;
 mod import;
 mod list;
-mod pose;
 mod rerun;
-mod run;
+mod search;
 mod show;
+mod source;
 mod step;
 mod stored;
 mod watch;
 mod why;
+
+pub(super) use search::registry;
 
 use super::Context;
 use crate::cli::{Plan, PlanCommand};
@@ -18,7 +20,7 @@ use crate::exit::Exit;
 
 pub(super) fn run(args: &Plan, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     match args {
-        Plan::Search(search) => run::run(search, context),
+        Plan::Search(search) => search::run(search, context),
         Plan::Stored(PlanCommand::Check(args)) => check::run(args, context),
         Plan::Stored(PlanCommand::Import(args)) => import::run(args, context),
         Plan::Stored(PlanCommand::List(args)) => list::run(args, context),

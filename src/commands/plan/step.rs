@@ -6,11 +6,11 @@ use super::stored;
 use crate::cli::{PlanState, PlanStep};
 use crate::commands::{Context, UsageError};
 use crate::exit::Exit;
-use crate::plan::{Archive, Record, Status};
+use crate::plan::{Record, Repository, Status};
 
 pub(super) fn run(args: &PlanStep, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
-    let archive = Archive::new(&memory, &args.namespace);
+    let archive = Repository::new(&memory, &args.namespace);
     let plan = archive.get(&args.id).map_err(stored::explain)?;
     let number = number(&args.step, &plan)?;
     archive.mark(&plan, number, status(args.state), DateTime::now()).map_err(stored::explain)?;

@@ -2,18 +2,18 @@
 
 use crate::commands::{UsageError, WrongInput};
 use crate::memory::Memory;
-use crate::plan::{Archive, ArchiveError, PlanDocumentError, Record};
+use crate::plan::{PlanDocumentError, Record, Repository, RepositoryError};
 use crate::store::Namespace;
 
 /// The plan with an id.
 pub(super) fn get(id: &str, namespace: &Namespace, memory: &Memory) -> anyhow::Result<Record> {
-    Archive::new(memory, namespace).get(id).map_err(explain)
+    Repository::new(memory, namespace).get(id).map_err(explain)
 }
 
 /// An id that names no plan is a mistake of the command line.
-pub(super) fn explain(error: ArchiveError) -> anyhow::Error {
+pub(super) fn explain(error: RepositoryError) -> anyhow::Error {
     match error {
-        ArchiveError::Store(error) => error.into(),
+        RepositoryError::Store(error) => error.into(),
         error => UsageError::new(error.to_string()).into(),
     }
 }

@@ -16,7 +16,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::formats::pddl::ast::{Domain, Init, Problem};
 use crate::formats::plan::Action;
-use crate::pddl::Step;
 
 /// The longest name that is sent; some planners have buffers of fixed size.
 const LONGEST: usize = 100;
@@ -84,15 +83,16 @@ impl Sent {
     /// An action of the planner's in the task's own spelling. A name that was never sent
     /// stays as it is.
     #[must_use]
-    pub fn restore(&self, action: &Action) -> Step {
+    pub fn restore(&self, action: &Action) -> Action {
         let back = |names: &HashMap<String, String>, name: &String| {
             names.get(&name.to_lowercase()).cloned().unwrap_or_else(|| name.clone())
         };
-        Step {
-            action: back(&self.actions, &action.name),
+        Action {
+            name: back(&self.actions, &action.name),
             arguments: action.arguments.iter().map(|argument| back(&self.objects, argument)).collect(),
             start: action.start,
             duration: action.duration,
+            line: action.line,
         }
     }
 }
@@ -427,7 +427,7 @@ mod tests {
             line: 1,
         };
         let step = sent.restore(&action("GO-TO", "G-H"));
-        assert_eq!((step.action.as_str(), step.arguments[0].as_str()), ("Go-To", "G-h"));
+        assert_eq!((step.name.as_str(), step.arguments[0].as_str()), ("Go-To", "G-h"));
         assert_eq!(sent.restore(&action("go-to", "x_y")).arguments, ["x.y"]);
         assert_eq!(sent.restore(&action("go-to", "BASE")).arguments, ["Base"]);
         assert_eq!(sent.restore(&action("go-to", "NEVER")).arguments, ["NEVER"]);

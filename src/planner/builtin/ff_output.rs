@@ -65,7 +65,7 @@ fn words(step: &Step, sent: Option<&Sent>) -> String {
     };
     let (name, arguments) = (step.action.clone(), step.args.clone());
     let step = sent.restore(&Action { name, arguments, start: None, duration: None, line: 0 });
-    std::iter::once(step.action).chain(step.arguments).collect::<Vec<_>>().join(" ")
+    std::iter::once(step.name).chain(step.arguments).collect::<Vec<_>>().join(" ")
 }
 
 /// What there is to say when there is no plan, and the exit code for it.

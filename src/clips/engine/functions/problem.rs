@@ -6,7 +6,7 @@ use super::arguments::Arguments;
 use super::failure::Failure;
 use super::function::{Function, function, open};
 use crate::clips::engine::native::{Environment, Value};
-use crate::clips::engine::planning::{self, PlanRequest};
+use crate::clips::engine::planning::{self, PlanCall};
 use crate::clips::engine::state::State;
 use crate::formats::Source;
 use crate::problem::{Request, Syntax};
@@ -50,8 +50,8 @@ fn plan(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Res
     };
     let planner = arguments.get(3).map(|_| arguments.text(3)).transpose()?.unwrap_or("builtin");
     let seconds = arguments.get(4).map(|_| arguments.integer(4)).transpose()?;
-    let wish =
-        PlanRequest { domain, problem, planner, seconds: seconds.and_then(|seconds| u64::try_from(seconds).ok()) };
-    let found = planning::plan(wish, state, clips).map_err(|error| Failure::chained(&error))?;
+    let seconds = seconds.and_then(|seconds| u64::try_from(seconds).ok());
+    let found = planning::plan(PlanCall { domain, problem, planner, seconds }, state, clips)
+        .map_err(|error| Failure::chained(&error))?;
     Ok(found.unwrap_or_else(|| Value::truth(false)))
 }

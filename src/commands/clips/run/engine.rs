@@ -4,7 +4,7 @@ use anyhow::Context as _;
 
 use super::{RunArgs, WORLD};
 use crate::clips::engine::{self, Ended, Job, Message, Sender};
-use crate::commands::{Context, lock};
+use crate::commands::{Context, lock, plan};
 use crate::exit::Exit;
 use crate::formats::Source;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
@@ -14,7 +14,7 @@ use crate::store::Namespace;
 pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let programs = args.programs.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
     let facts = args.facts.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
-    let guard = crate::InterruptGuard::new();
+    let guard = crate::interrupt::InterruptGuard::new();
     let job = Job {
         programs,
         facts,
@@ -25,7 +25,7 @@ pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>)
         is_synced: args.sync.is_some(),
         collection: context.settings.collection.value.clone(),
         mutexes: lock::mutexes(context)?,
-        planners: context.settings.planners.clone(),
+        planners: plan::registry(context),
         host: Host { interrupted: guard.interrupted(), ..context.host() },
     };
     let (opening, worlds) = (context.opening(), worlds(context)?);
@@ -67,6 +67,7 @@ fn listen(said: Message, context: &mut Context<'_>) -> anyhow::Result<()> {
             context.output.pass_on(&text);
         }
         Message::Note(text) => context.output.note(&text),
+        Message::Warning(text) => context.output.warn(&text),
         Message::Operation(operation) => {
             if let Some(observer) = context.output.observer() {
                 observer(&operation);

@@ -4,8 +4,7 @@
 //! print fewer digits of their times than they planned with. What happens at one moment must not interfere (PDDL 2.1),
 //! and nothing can build on what happens with it, so that such a plan is not valid, though its order is right.
 
-use super::Plan;
-use crate::pddl::Step;
+use super::{Plan, Step};
 
 /// How far apart planners set moments that are to come one after the other.
 const APART: f64 = 0.001;

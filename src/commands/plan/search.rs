@@ -1,0 +1,116 @@
+//! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
+
+use super::source::{self, SectionCounts};
+use super::{show, watch};
+use crate::cli::{self, PlanEffort, PlanSearch};
+use crate::commands::Context;
+use crate::exit::Exit;
+use crate::interrupt::InterruptGuard;
+use crate::memory::Memory;
+use crate::plan::Layout;
+use crate::planner::{Host, Planner, Registry};
+use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch, SearchOptions};
+use crate::store::Namespace;
+
+pub(super) fn run(args: &PlanSearch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    context.format(&show::FORMATS)?;
+    let planners = choose(&args.effort.planner, args.effort.anytime, context)?;
+    let source = source::read(&args.task, context)?;
+    let request = PlanRequest::new(source, planners, options(&args.effort))?;
+    let memory = context.memory()?;
+    let sections = SectionCounts::from(&args.task.options);
+    match args.watch {
+        true => watch::run(request, sections, &memory, context),
+        false => Ok(find(&request, sections, &memory, context)?.exit),
+    }
+}
+
+/// What a search gave.
+pub(super) struct Found {
+    pub(super) exit: Exit,
+    /// The id of the stored plan, or of the stored failure.
+    pub(super) id: Option<String>,
+    /// What the problem was made from.
+    pub(super) namespaces: Vec<Namespace>,
+}
+
+/// Instantiates the problem, finds a plan, stores it, prints it.
+pub(super) fn find(
+    request: &PlanRequest,
+    sections: SectionCounts,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> anyhow::Result<Found> {
+    let prepared = planning::prepare(request, memory, &context.host())?;
+    sections.report(prepared.task(), context)?;
+    let result = search(prepared, memory, context)?;
+    report(&result, context);
+    let id = result.store(memory)?;
+    if let (Some(id), Some(into)) = (&id, &request.options.into) {
+        context.output.note(&format!("stored in {into} as {id}"));
+    }
+    let exit = print(&result, id.as_deref(), context)?;
+    let generated = result.task().generated.as_ref();
+    let namespaces = generated.map(|generated| generated.namespaces.clone()).unwrap_or_default();
+    Ok(Found { exit, id, namespaces })
+}
+
+/// The planners with these names.
+pub(super) fn choose(names: &[String], anytime: bool, context: &Context<'_>) -> anyhow::Result<Vec<Box<dyn Planner>>> {
+    let registry = registry(context);
+    names.iter().map(|name| Ok(registry.get(name, anytime)?)).collect()
+}
+
+/// The planners that the settings and the search path give.
+pub(in crate::commands) fn registry(context: &Context<'_>) -> Registry {
+    Registry::new(context.settings.planners.clone(), context.program("ff"))
+}
+
+fn options(effort: &PlanEffort) -> SearchOptions {
+    SearchOptions {
+        anytime: effort.anytime,
+        timeout: effort.timeout,
+        memory_limit: effort.memory_limit,
+        into: (!effort.no_store).then(|| effort.into.clone()),
+        layout: layout(effort.layout),
+    }
+}
+
+pub(super) fn layout(layout: cli::Layout) -> Layout {
+    match layout {
+        cli::Layout::Numbered => Layout::Numbered,
+        cli::Layout::Fawkes => Layout::Fawkes,
+    }
+}
+
+/// Runs the planners; while they run, an interruption ends them.
+fn search<'a>(prepared: PreparedSearch<'a>, memory: &Memory, context: &Context<'_>) -> anyhow::Result<PlanResult<'a>> {
+    let guard = InterruptGuard::new();
+    let host = Host { interrupted: guard.interrupted(), ..context.host() };
+    Ok(prepared.search(memory, &host)?)
+}
+
+fn report(result: &PlanResult<'_>, context: &mut Context<'_>) {
+    let run = result.run();
+    context.output.operation("plan", &run.planner, run.outcome.word(), result.time());
+    for note in result.notes() {
+        match note {
+            Note::Info(text) => context.output.note(&text),
+            Note::Warning(text) => context.output.warn(&text),
+        }
+    }
+}
+
+/// Prints the plan; reports why there is none.
+fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    if let Some(failure) = result.failure() {
+        context.output.error(&failure);
+    }
+    if let Some(why) = result.why() {
+        context.output.note(&why);
+    }
+    if let Some(printed) = result.printed(id.unwrap_or("plan"), &|name| result.task().value(name)) {
+        show::print(&printed, context)?;
+    }
+    Ok(Exit::from(&result.run().outcome))
+}

@@ -1,0 +1,48 @@
+//! Ctrl-C: ends the process at once, unless something has to be cleaned up first.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Whether the user interrupted the process.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// How many guards there are.
+static GUARDS: AtomicUsize = AtomicUsize::new(0);
+
+/// Notes an interruption. Returns whether the process should end at once: it should not while a guard lives,
+/// unless the user interrupts again.
+pub fn received() -> bool {
+    let again = INTERRUPTED.swap(true, Ordering::SeqCst);
+    again || GUARDS.load(Ordering::SeqCst) == 0
+}
+
+/// While it lives, an interruption only sets a flag; its holder looks at the flag, cleans up and ends.
+#[derive(Debug)]
+pub(crate) struct InterruptGuard(());
+
+impl InterruptGuard {
+    pub(crate) fn new() -> Self {
+        GUARDS.fetch_add(1, Ordering::SeqCst);
+        Self(())
+    }
+
+    /// Ends the guard where the flag is not looked at any more. An interruption that came meanwhile is sent
+    /// again, unless another guard lives.
+    pub(crate) fn end(self) {
+        drop(self);
+        if INTERRUPTED.load(Ordering::SeqCst) && GUARDS.load(Ordering::SeqCst) == 0 {
+            // Where it cannot be sent, the user will interrupt once more.
+            let _ = rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::INT);
+        }
+    }
+
+    /// The flag that [`received`] sets.
+    pub(crate) fn interrupted(&self) -> &'static AtomicBool {
+        &INTERRUPTED
+    }
+}
+
+impl Drop for InterruptGuard {
+    fn drop(&mut self) {
+        GUARDS.fetch_sub(1, Ordering::SeqCst);
+    }
+}

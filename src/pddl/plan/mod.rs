@@ -1,0 +1,48 @@
+//! Plans: sequences of ground actions, with or without times.
+
+mod spacing;
+mod spelling;
+
+use crate::formats::plan::{Action, PlanFile};
+
+/// One ground action of a plan, as a planner or a file named it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// The action's name; PDDL names are compared without regard to case.
+    pub action: String,
+    /// The arguments, in the order of the action's parameters.
+    pub arguments: Vec<String>,
+    /// When it starts, in the plan's time unit, for temporal plans.
+    pub start: Option<f64>,
+    /// How long it takes, for durative actions.
+    pub duration: Option<f64>,
+}
+
+impl From<Action> for Step {
+    fn from(action: Action) -> Self {
+        Self { action: action.name, arguments: action.arguments, start: action.start, duration: action.duration }
+    }
+}
+
+/// A sequence of ground actions that reaches a goal, with the names of the problem.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Plan {
+    /// The actions; sequential plans in order, temporal plans by start time.
+    pub steps: Vec<Step>,
+    /// Its cost, as the planner or the validator computed it.
+    pub cost: Option<f64>,
+}
+
+impl Plan {
+    /// Whether its actions have times.
+    #[must_use]
+    pub fn is_temporal(&self) -> bool {
+        self.steps.iter().any(|step| step.start.is_some())
+    }
+}
+
+impl From<PlanFile> for Plan {
+    fn from(file: PlanFile) -> Self {
+        Self { steps: file.actions.into_iter().map(Step::from).collect(), cost: file.cost }
+    }
+}

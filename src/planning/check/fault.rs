@@ -1,0 +1,102 @@
+//! What is wrong with the rest of a plan, and which part of the memory is the reason.
+
+use bson::Bson;
+
+use crate::pddl::{Failure, Repair, Step};
+use crate::planning::PlanningTask;
+use crate::problem::{Explanation, Part, names};
+use crate::store::Namespace;
+
+/// What is wrong with the rest of a plan, in the memory's names.
+#[derive(Debug, Default)]
+pub struct Fault {
+    /// The first broken step, counted from 1 over the whole plan; none where the goal is missed.
+    pub step: Option<usize>,
+    /// The broken step's action, as PDDL.
+    pub action: Option<String>,
+    /// What is wrong.
+    pub message: String,
+    /// The conditions that are false, as PDDL.
+    pub missing: Vec<String>,
+    /// Where missing facts would come from, and where facts come from that should not hold.
+    pub origins: Vec<Origin>,
+    /// What would make the plan valid again.
+    pub repairs: Vec<Repair>,
+}
+
+/// Where a fact of the problem comes from, or would come from.
+#[derive(Debug)]
+pub struct Origin {
+    /// What is to be said of it.
+    pub what: String,
+    /// The place in the template.
+    pub template: String,
+    /// The document that says it.
+    pub document: Option<(Namespace, Bson)>,
+}
+
+impl Fault {
+    /// Of a failure of `steps`, which are those of the whole plan at the places `left`.
+    pub(super) fn new(failure: &Failure, left: &[usize], steps: &[Step], task: &PlanningTask) -> Self {
+        let step = failure.step();
+        let text = failure.to_string();
+        let message = match step.and_then(|step| text.strip_prefix(&format!("step {}: ", step + 1))) {
+            Some(rest) => rest.to_owned(),
+            None => text.clone(),
+        };
+        let missing = match failure {
+            Failure::Precondition { condition, .. } => vec![condition.clone()],
+            Failure::Goal { conditions } => conditions.clone(),
+            _ => Vec::new(),
+        };
+        Self {
+            step: step.and_then(|step| left.get(step)).map(|index| index + 1),
+            action: step.and_then(|step| steps.get(step)).map(readable),
+            message: names::restore(&message),
+            origins: missing.iter().flat_map(|condition| origins(condition, task)).collect(),
+            missing: missing.iter().map(|condition| names::restore(condition)).collect(),
+            repairs: Vec::new(),
+        }
+    }
+}
+
+/// A step as PDDL, in the memory's names.
+fn readable(step: &Step) -> String {
+    let words: Vec<&str> = std::iter::once(&step.action).chain(&step.arguments).map(String::as_str).collect();
+    names::restore(&format!("({})", words.join(" ")))
+}
+
+/// Where the template would write a missing fact, or which document says what should not hold.
+fn origins(condition: &str, task: &PlanningTask) -> Vec<Origin> {
+    let Some(generated) = &task.generated else { return Vec::new() };
+    let template = generated.template().name();
+    let negated = condition.strip_prefix("(not ").and_then(|rest| rest.strip_suffix(')'));
+    let atom = negated.unwrap_or(condition);
+    let found = generated.explain_atom(task.problem.tree(), atom);
+    let found: Vec<Explanation> = found.into_iter().filter(|found| found.part == Part::Init).collect();
+    if negated.is_none() && found.is_empty() {
+        let predicate = atom.trim_start_matches('(').split([' ', ')']).next().unwrap_or_default();
+        let writers = generated.writers(predicate).into_iter();
+        return writers.map(|(line, text)| unwritten(&format!("{template}:{line}"), &text)).collect();
+    }
+    let reason = if negated.is_some() { "" } else { ", but no longer true after the steps before" };
+    found.into_iter().map(|found| written(template, found, reason)).collect()
+}
+
+/// The line of the template that would write a fact.
+fn unwritten(template: &str, text: &str) -> Origin {
+    Origin {
+        what: format!("nothing in the memory says so; it would be written by {text}"),
+        template: template.to_owned(),
+        document: None,
+    }
+}
+
+/// The place of the template that wrote a fact, and the document it is from.
+fn written(template: &str, found: Explanation, reason: &str) -> Origin {
+    Origin {
+        what: format!("{} is in the memory{reason}", found.text),
+        template: format!("{template}:{}:{}", found.origin.line, found.origin.column),
+        document: found.documents.into_iter().next(),
+    }
+}

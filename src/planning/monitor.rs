@@ -1,0 +1,169 @@
+//! Watching the memory for changes that may break a plan.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use bson::{Document, doc};
+
+use super::{Check, PlanningError, check};
+use crate::memory::Memory;
+use crate::memory::watch::{Trigger, Watch};
+use crate::plan::{Repository, RepositoryError, Status};
+use crate::store::{Namespace, Next, StoreError};
+
+/// How long to wait for a change before looking at the interruption flag.
+const POLL_INTERVAL: Duration = Duration::from_millis(250);
+/// How long nothing may change before the plan is checked: an action changes more than one document.
+const QUIET_TIME: Duration = Duration::from_millis(150);
+/// After this time the plan is checked even if changes go on.
+const MAX_DELAY: Duration = Duration::from_secs(2);
+/// The pause before a store that failed is asked again.
+const RETRY_DELAY: Duration = Duration::from_millis(500);
+
+/// What is known of a plan under execution.
+#[derive(Debug)]
+pub enum PlanState {
+    /// It still reaches its goal.
+    Holds,
+    /// A step is under way: the world is neither as before it nor as after it.
+    Running,
+    /// It does not reach its goal any more.
+    Broken(Box<Check>),
+    /// It is not in the memory any more.
+    Gone(RepositoryError),
+}
+
+impl PlanState {
+    /// The state of a stored plan.
+    ///
+    /// # Errors
+    /// Where the plan cannot be checked, or a store fails.
+    pub fn of(id: &str, plans: &Namespace, memory: &Memory) -> Result<Self, PlanningError> {
+        let record = match Repository::new(memory, plans).get(id) {
+            Ok(record) => record,
+            Err(RepositoryError::Store(error)) => return Err(error.into()),
+            Err(gone) => return Ok(Self::Gone(gone)),
+        };
+        if record.progress().iter().any(|step| step.status == Status::Running) {
+            return Ok(Self::Running);
+        }
+        let check = check(&record, None, memory)?;
+        Ok(if check.holds() { Self::Holds } else { Self::Broken(Box::new(check)) })
+    }
+}
+
+/// Waits for changes of the collections that a problem is made from, and of the plan's own steps.
+pub struct Monitor<'a> {
+    memory: &'a Memory,
+    /// Changes of stored plans: steps that begin or end.
+    plans: Watch<'a>,
+    /// The collections that the problem is made from.
+    sources: Vec<(Namespace, Watch<'a>)>,
+    /// How long caches of computables may hold what was there before a change.
+    delay: Duration,
+    /// When to check again although nothing more has changed, the last first.
+    checks: Vec<Instant>,
+}
+
+impl<'a> Monitor<'a> {
+    /// Watches the plans in a namespace.
+    ///
+    /// # Errors
+    /// Where the store cannot be watched.
+    pub fn new(plans: &Namespace, memory: &'a Memory) -> Result<Self, StoreError> {
+        // A failure has no steps.
+        let plans = watch(plans, doc! { "plan": { "$nin": ["fail", 0] } }, memory)?;
+        Ok(Self { memory, plans, sources: Vec::new(), delay: Duration::ZERO, checks: Vec::new() })
+    }
+
+    /// Watches collections from now on as well. Returns whether one of them was not watched before.
+    ///
+    /// # Errors
+    /// Where the store cannot be watched.
+    pub fn add(&mut self, namespaces: &[Namespace]) -> Result<bool, StoreError> {
+        let before = self.sources.len();
+        let sources = self.memory.sources(namespaces);
+        for namespace in sources.namespaces {
+            if !self.sources.iter().any(|(other, _)| *other == namespace) {
+                let watch = watch(&namespace, Document::new(), self.memory)?;
+                self.sources.push((namespace, watch));
+            }
+        }
+        self.delay = self.delay.max(sources.delay);
+        Ok(self.sources.len() > before)
+    }
+
+    /// Waits until something has changed and nothing changes any more. Returns false where it was interrupted.
+    /// `retried` gets the errors of stores that are asked again.
+    ///
+    /// # Errors
+    /// Where a store fails for good.
+    pub fn wait(&mut self, interrupted: &AtomicBool, retried: &mut dyn FnMut(&StoreError)) -> Result<bool, StoreError> {
+        let is_over = || interrupted.load(Ordering::Relaxed);
+        while !self.changes_within(POLL_INTERVAL, retried)? {
+            if is_over() {
+                return Ok(false);
+            }
+            if self.is_due() {
+                return Ok(true);
+            }
+        }
+        self.schedule_checks();
+        let start = Instant::now();
+        while start.elapsed() < MAX_DELAY && !is_over() && self.changes_within(QUIET_TIME, retried)? {}
+        Ok(!is_over())
+    }
+
+    /// Plans to check again when the caches of computables have expired: once for what is computed from the
+    /// change, and once for what is computed from that.
+    fn schedule_checks(&mut self) {
+        if !self.delay.is_zero() {
+            let now = Instant::now();
+            let checks = [2, 1].iter().filter_map(|times| now.checked_add(self.delay * *times + QUIET_TIME));
+            self.checks = checks.collect();
+        }
+    }
+
+    /// Whether it is time for a check that was scheduled.
+    fn is_due(&mut self) -> bool {
+        let is_due = self.checks.last().is_some_and(|time| Instant::now() >= *time);
+        if is_due {
+            self.checks.pop();
+        }
+        is_due
+    }
+
+    /// Whether something changes within a time, which the watches share.
+    fn changes_within(&mut self, time: Duration, retried: &mut dyn FnMut(&StoreError)) -> Result<bool, StoreError> {
+        let share = time / u32::try_from(self.sources.len() + 1).unwrap_or(u32::MAX);
+        let mut any = false;
+        for watch in self.sources.iter_mut().map(|(_, watch)| watch).chain([&mut self.plans]) {
+            any |= drain(watch, share, retried)?;
+        }
+        Ok(any)
+    }
+}
+
+/// Takes the changes that come within a time, and those that are there already. Returns whether there were any.
+fn drain(watch: &mut Watch<'_>, mut time: Duration, retried: &mut dyn FnMut(&StoreError)) -> Result<bool, StoreError> {
+    let mut any = false;
+    loop {
+        match watch.next(time)? {
+            Next::Change(_) => any = true,
+            Next::Nothing => break,
+            Next::Interrupted(error) => {
+                retried(&error);
+                std::thread::sleep(RETRY_DELAY);
+                break;
+            }
+        }
+        time = Duration::ZERO;
+    }
+    watch.done()?;
+    Ok(any)
+}
+
+/// Watches every change of a collection except those that computables make.
+fn watch<'a>(namespace: &Namespace, filter: Document, memory: &'a Memory) -> Result<Watch<'a>, StoreError> {
+    memory.watch(Trigger { namespace: namespace.clone(), filter, name: None, computed: false, metadata: false })
+}

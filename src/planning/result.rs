@@ -1,0 +1,135 @@
+//! What a search for a plan gave: the plan, or why there is none, and how it is stored.
+
+use std::time::Duration;
+
+use bson::{Bson, Document, doc};
+
+use super::lineage::lineage;
+use super::{PlanRequest, PlanningError, PlanningTask};
+use crate::memory::Memory;
+use crate::plan::{self, PrintedPlan, Repository};
+use crate::planner::{Outcome, Race, Run};
+use crate::problem::names;
+use crate::store::metadata;
+
+/// What a search gave.
+pub struct PlanResult<'a> {
+    request: &'a PlanRequest,
+    task: PlanningTask,
+    race: Race,
+    run: Run,
+    time: Duration,
+    document: Document,
+}
+
+/// What is worth telling the user about a search, beside its result.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Note {
+    /// How it went.
+    Info(String),
+    /// What the user should be careful about.
+    Warning(String),
+}
+
+impl<'a> PlanResult<'a> {
+    pub(super) fn new(request: &'a PlanRequest, task: PlanningTask, race: Race, run: Run, time: Duration) -> Self {
+        let layout = request.options.layout;
+        let document = match &run.outcome {
+            Outcome::Plan(plan) => plan::to_document(plan, request.domain.tree(), layout, &|name| task.value(name)),
+            other => plan::failure(other.word(), layout),
+        };
+        Self { request, task, race, run, time, document }
+    }
+
+    /// The problem that was planned for.
+    #[must_use]
+    pub fn task(&self) -> &PlanningTask {
+        &self.task
+    }
+
+    /// The run whose outcome counts.
+    #[must_use]
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// Wall time of the search.
+    #[must_use]
+    pub fn time(&self) -> Duration {
+        self.time
+    }
+
+    /// The plan's document, or the document of a failure, without metadata.
+    #[must_use]
+    pub fn document(&self) -> &Document {
+        &self.document
+    }
+
+    /// What is worth telling beside the result: what each of several planners did, whether the plan was not
+    /// simulated, whether its actions were moved apart.
+    #[must_use]
+    pub fn notes(&self) -> Vec<Note> {
+        let race = (self.race.runs.len() > 1).then(|| Note::Info(self.race.to_string()));
+        let unjudged = self.run.unjudged.as_ref();
+        let unjudged = unjudged.map(|reason| Note::Warning(format!("the plan was not simulated: {reason}")));
+        let spaced = || Note::Info(format!("{} lets actions touch; the plan has them apart", self.run.planner));
+        race.into_iter().chain(unjudged).chain(self.run.is_spaced.then(spaced)).collect()
+    }
+
+    /// Stores the document with its lineage and returns its id. A search that was interrupted says nothing about
+    /// the task, and is not stored; nor is anything where the request does not say where.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn store(&self, memory: &Memory) -> Result<Option<String>, PlanningError> {
+        let Some(into) = &self.request.options.into else { return Ok(None) };
+        if self.run.outcome == Outcome::Interrupted {
+            return Ok(None);
+        }
+        let lineage = lineage(self.request, &self.task, &self.race, &self.run);
+        let mut document = self.document.clone();
+        document.insert(metadata::INFO, doc! { "lineage": lineage.to_document() });
+        Repository::new(memory, into).store(document).map(Some).map_err(PlanningError::Storing)
+    }
+
+    /// The plan as it is printed, where there is one. `value` is [`PlanningTask::value`] of the task.
+    #[must_use]
+    pub fn printed<'b>(&'b self, id: &'b str, value: &'b dyn Fn(&str) -> Bson) -> Option<PrintedPlan<'b>> {
+        let plan = self.run.outcome.plan()?;
+        Some(PrintedPlan { plan, document: &self.document, statuses: &[], id, value })
+    }
+
+    /// Why there is no plan, in the memory's names: the outcome, the planner's words, and what keeps the goal from
+    /// being reached. None where there is a plan.
+    #[must_use]
+    pub fn failure(&self) -> Option<String> {
+        let run = &self.run;
+        let text = match (&run.outcome, run.message.as_str()) {
+            (Outcome::Plan(_), _) => return None,
+            (Outcome::Failed, message) if !message.is_empty() => format!("{}: {message}", run.planner),
+            (outcome, "") => format!("{}: {}", run.planner, outcome.sentence()),
+            (outcome, message) => format!("{}: {}: {message}", run.planner, outcome.sentence()),
+        };
+        let text = names::restore(&text);
+        let tail = run.tail();
+        Some(match run.outcome {
+            Outcome::Failed if !tail.is_empty() => format!("{text}\n  the last lines it printed:\n{}", indent(&tail)),
+            _ => text,
+        })
+    }
+
+    /// What keeps the goal from being reached, in the memory's names, where that was found.
+    #[must_use]
+    pub fn why(&self) -> Option<String> {
+        self.run.why.as_ref().map(|why| names::restore(&why.to_string()))
+    }
+}
+
+/// A planner's output with control characters made visible, so that they do not reach the terminal.
+fn indent(text: &str) -> String {
+    let visible = |c: char| if c.is_control() && c != '\t' { c.escape_debug().to_string() } else { c.to_string() };
+    text.lines()
+        .map(|line| format!("    {}", line.chars().map(visible).collect::<String>()))
+        .collect::<Vec<_>>()
+        .join("\n")
+}

@@ -1,0 +1,69 @@
+//! Running the planners on a task.
+
+use std::panic::resume_unwind;
+use std::thread;
+use std::time::Instant;
+
+use super::{PlanRequest, PlanResult, PlanningError, PlanningTask};
+use crate::interrupt::InterruptGuard;
+use crate::memory::Memory;
+use crate::planner::{Host, Portfolio, Task};
+
+/// A task, and the planners' programs, which have started and wait for it.
+pub struct PreparedSearch<'a> {
+    request: &'a PlanRequest,
+    portfolio: Portfolio<'a>,
+    task: PlanningTask,
+}
+
+/// Instantiates the task while the planners' programs start.
+///
+/// # Errors
+/// Where the problem cannot be had, or is wrong.
+pub fn prepare<'a>(
+    request: &'a PlanRequest,
+    memory: &Memory,
+    host: &Host<'_>,
+) -> Result<PreparedSearch<'a>, PlanningError> {
+    let (portfolio, task) = thread::scope(|scope| {
+        let starting = scope.spawn(|| {
+            // An interruption has to wait until the supervisors can clean up.
+            let guard = InterruptGuard::new();
+            let portfolio = Portfolio::new(&request.planners, &request.options.limits(), host);
+            guard.end();
+            portfolio
+        });
+        let task = PlanningTask::instantiate(&request.source, request.generated.clone(), &request.domain, memory);
+        (starting.join().unwrap_or_else(|panic| resume_unwind(panic)), task)
+    });
+    Ok(PreparedSearch { request, portfolio, task: task? })
+}
+
+impl<'a> PreparedSearch<'a> {
+    /// The task.
+    #[must_use]
+    pub fn task(&self) -> &PlanningTask {
+        &self.task
+    }
+
+    /// Runs the planners until one of them has won, or the limits end them. A plan that was found is simulated; where
+    /// there is none, the reason is looked for.
+    ///
+    /// # Errors
+    /// Where the request names no planner.
+    pub fn search(self, memory: &Memory, host: &Host<'_>) -> Result<PlanResult<'a>, PlanningError> {
+        let Self { request, portfolio, task } = self;
+        let pddl = Task { domain: &request.domain, problem: &task.problem };
+        let start = Instant::now();
+        let meanwhile = || {
+            if let Some(into) = &request.options.into {
+                memory.prepare(into);
+            }
+        };
+        let race = portfolio.race(&pddl, host, meanwhile).ok_or(PlanningError::NoPlanner)?;
+        let time = start.elapsed();
+        let mut run = race.winner().ok_or(PlanningError::NoPlanner)?.clone();
+        run.explain(&pddl);
+        Ok(PlanResult::new(request, task, race, run, time))
+    }
+}
