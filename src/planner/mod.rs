@@ -18,6 +18,7 @@ mod race;
 mod registry;
 mod run;
 mod sizes;
+mod task;
 
 pub use crate::process::{Host, Limits};
 pub use builtin::Builtin;
@@ -27,5 +28,6 @@ pub use ff::Ff;
 pub use outcome::Outcome;
 pub use race::{Portfolio, Race};
 pub use registry::{Registry, UnknownPlanner};
-pub use run::{Output, Planner, Run, Task, run};
+pub use run::{Output, Planner, Run, run};
 pub use sizes::Sizes;
+pub use task::Task;

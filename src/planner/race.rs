@@ -14,7 +14,8 @@ use std::thread;
 use std::time::Duration;
 
 use super::outcome::Outcome;
-use super::run::{Planner, PreparedPlanner, Run, Task};
+use super::run::{Planner, PreparedPlanner, Run};
+use super::task::Task;
 use crate::process::{Host, Limits, Pool};
 
 /// How often an interruption is looked for.

@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use super::files::{self, DOMAIN, DOMAIN_FILE, PLAN, PROBLEM, PROBLEM_FILE};
 use super::outcome::Outcome;
 use super::sizes::Sizes;
+use super::task::Task;
 use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
-use crate::pddl::{Domain, Feature, Plan, Problem, Step, Validation, Why, validate, why};
+use crate::pddl::{Feature, Plan, Step, Validation, Why, validate, why};
 use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, Share};
 
 /// How many of a planner's last lines an error message repeats.
@@ -91,15 +92,6 @@ pub struct Output {
     pub stderr: String,
     /// Plan files, the last of them the best.
     pub plans: Vec<Source>,
-}
-
-/// What is to be planned.
-#[derive(Debug, Clone, Copy)]
-pub struct Task<'a> {
-    /// The domain.
-    pub domain: &'a Domain,
-    /// The problem.
-    pub problem: &'a Problem,
 }
 
 /// A planner's run on a task.

@@ -1,6 +1,6 @@
 //! How large a task may be for a planner whose tables have fixed sizes.
 
-use super::run::Task;
+use super::task::Task;
 use crate::formats::pddl::ast::{Signature, Typed};
 use crate::formats::{Diagnostic, Source, Span};
 

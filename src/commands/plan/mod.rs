@@ -12,6 +12,7 @@ mod stored;
 mod watch;
 mod why;
 
+#[cfg(feature = "clips-engine")]
 pub(super) use search::registry;
 
 use super::Context;

@@ -22,7 +22,8 @@ use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
 use self::ff_output::NoPlan;
 use super::files::{DOMAIN, PROBLEM};
-use super::run::{Output, Planner, Task, refuse};
+use super::run::{Output, Planner, refuse};
+use super::task::Task;
 use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, ff};
 use crate::pddl::Feature;
