@@ -57,7 +57,7 @@ pub enum RepositoryError {
         count: usize,
     },
     /// The store failed.
-    #[error(transparent)]
+    #[error("{0}")]
     Store(#[from] StoreError),
 }
 

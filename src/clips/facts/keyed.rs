@@ -34,7 +34,7 @@ pub enum KeyError {
         value: String,
     },
     /// The store fails.
-    #[error(transparent)]
+    #[error("{0}")]
     Store(#[from] StoreError),
 }
 

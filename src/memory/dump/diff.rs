@@ -41,7 +41,7 @@ pub enum DiffError {
     #[error(transparent)]
     Dump(#[from] ReadError),
     /// A store fails.
-    #[error(transparent)]
+    #[error("{0}")]
     Store(#[from] StoreError),
 }
 

@@ -98,10 +98,10 @@ pub enum WorldError {
 #[derive(Debug, thiserror::Error)]
 pub enum WorldDumpError {
     /// The store fails.
-    #[error(transparent)]
+    #[error("{0}")]
     Store(#[from] StoreError),
     /// What it is written to fails.
-    #[error(transparent)]
+    #[error("{0}")]
     Write(#[from] io::Error),
 }
 

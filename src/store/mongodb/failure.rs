@@ -76,6 +76,18 @@ pub(super) fn explain(address: &str, error: &Error) -> StoreError {
     }
 }
 
+/// Puts the error of an update or a deletion in `ns` into words. Where the connection broke after
+/// the request was sent, the change may have been made.
+pub(super) fn explain_change(address: &str, ns: &Namespace, error: &Error) -> StoreError {
+    match explain_write(address, ns, error) {
+        StoreError::Unreachable { address, reason } if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) => {
+            let reason = format!("{reason}; whether the change of {ns} was made is not known");
+            StoreError::Unreachable { address, reason }
+        }
+        other => other,
+    }
+}
+
 /// Puts the error of a write to `ns` into words.
 pub(super) fn explain_write(address: &str, ns: &Namespace, error: &Error) -> StoreError {
     match error.kind.as_ref() {

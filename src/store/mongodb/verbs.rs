@@ -142,7 +142,7 @@ impl Store for MongoDb {
             true => collection.delete_one(filter.clone()).run(),
             false => collection.delete_many(filter.clone()).run(),
         };
-        deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_write(&self.address, ns, &e))
+        deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
@@ -255,7 +255,7 @@ impl MongoDb {
         if !update.array_filters.is_empty() {
             action = action.array_filters(update.array_filters.clone());
         }
-        action.upsert(update.upsert).run().map_err(|e| failure::explain_write(&self.address, ns, &e))
+        action.upsert(update.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 
     fn replace(
@@ -274,6 +274,6 @@ impl MongoDb {
             .replace_one(update.filter.clone(), body)
             .upsert(update.upsert)
             .run()
-            .map_err(|e| failure::explain_write(&self.address, ns, &e))
+            .map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 }
