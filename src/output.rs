@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Duration;
 
+use crate::formats::visible;
 use crate::memory::{Observer, Operation};
 
 /// How documents are printed.
@@ -160,7 +161,7 @@ impl<'a> Output<'a> {
     /// Says something worth a line.
     pub fn note(&mut self, text: &str) {
         if self.verbosity >= Verbosity::Normal {
-            self.say(text);
+            self.say("", text);
         }
     }
 
@@ -168,14 +169,14 @@ impl<'a> Output<'a> {
     pub fn warn(&mut self, text: &str) {
         if self.verbosity >= Verbosity::Normal {
             let label = self.paint("33", "warning:");
-            self.say(&format!("{label} {text}"));
+            self.say(&label, text);
         }
     }
 
     /// Reports an error; said even under `-q`.
     pub fn error(&mut self, text: &str) {
         let label = self.paint("31", "error:");
-        self.say(&format!("{label} {text}"));
+        self.say(&label, text);
     }
 
     /// Passes on what a program that is run on somebody's behalf says on stderr.
@@ -206,7 +207,7 @@ impl<'a> Output<'a> {
         let milliseconds = took.as_secs_f64() * 1e3;
         if self.verbosity >= Verbosity::Verbose {
             let gap = if subject.is_empty() { "" } else { " " };
-            self.say(&format!("{name}{gap}{subject}: {detail} in {milliseconds:.2} ms"));
+            self.say("", &format!("{name}{gap}{subject}: {detail} in {milliseconds:.2} ms"));
         }
         if let Some(log) = &mut self.log {
             let line = serde_json::json!({
@@ -221,9 +222,11 @@ impl<'a> Output<'a> {
         if self.color { format!("\u{1b}[1;{code}m{text}\u{1b}[0m") } else { text.to_owned() }
     }
 
-    /// stderr gone is no reason to fail.
-    fn say(&mut self, text: &str) {
-        let _ = writeln!(self.stderr, "{text}");
+    /// Writes a line to stderr, behind a label, with control characters of the text visible. A
+    /// closed stderr is no reason to fail.
+    fn say(&mut self, label: &str, text: &str) {
+        let gap = if label.is_empty() { "" } else { " " };
+        let _ = writeln!(self.stderr, "{label}{gap}{}", visible::lines(text));
     }
 
     /// Writes a product to a file, whole or not at all, or to stdout for `-`.

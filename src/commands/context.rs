@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use bson::Document;
 
-use crate::formats::{Source, shell};
+use crate::formats::{Source, shell, visible};
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Registry;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
@@ -204,14 +204,19 @@ impl<'a> Context<'a> {
                     let separator = if count == 0 { "[\n" } else { ",\n" };
                     write!(stdout, "{separator}{}", shell::pretty(&document.into()))?;
                 }
-                Format::Table => rows.push(document),
+                Format::Table => {
+                    rows.push(document);
+                    if rows.len() == TABLE_ROWS {
+                        print_table(&mut rows, count + 1 > TABLE_ROWS as u64, stdout)?;
+                    }
+                }
                 _ => writeln!(stdout, "{}", shell::relaxed(&document))?,
             }
             count += 1;
         }
         match format {
             Format::Json => writeln!(stdout, "{}", if count == 0 { "[]" } else { "\n]" })?,
-            Format::Table if !rows.is_empty() => writeln!(stdout, "{}", table(&rows)?)?,
+            Format::Table if !rows.is_empty() => print_table(&mut rows, count > TABLE_ROWS as u64, stdout)?,
             _ => {}
         }
         Ok(count)
@@ -271,6 +276,17 @@ fn open(settings: &Settings) -> anyhow::Result<Memory> {
     Ok(Memory::at(local, shared, settings.shared_databases.value.clone()))
 }
 
+/// How many rows a table has at most. More documents are printed as several tables, each with its
+/// own heading, so that memory stays bounded.
+const TABLE_ROWS: usize = 1_000;
+
+/// Prints the rows as a table, behind an empty line where it is not the first, and clears them.
+fn print_table(rows: &mut Vec<Document>, is_later: bool, out: &mut dyn std::io::Write) -> std::io::Result<()> {
+    writeln!(out, "{}{}", if is_later { "\n" } else { "" }, table(rows)?)?;
+    rows.clear();
+    Ok(())
+}
+
 /// Columns for people: a column a top-level key, in order of first appearance.
 fn table(rows: &[Document]) -> std::io::Result<String> {
     let mut keys: Vec<&str> = Vec::new();
@@ -279,7 +295,8 @@ fn table(rows: &[Document]) -> std::io::Result<String> {
             keys.push(key);
         }
     }
-    let mut text = keys.join("\t");
+    let headings: Vec<_> = keys.iter().map(|key| visible::line(key)).collect();
+    let mut text = headings.join("\t");
     for row in rows {
         let cells: Vec<String> = keys.iter().map(|key| row.get(key).map(cell).unwrap_or_default()).collect();
         text.push('\n');
@@ -296,14 +313,8 @@ fn table(rows: &[Document]) -> std::io::Result<String> {
 /// A value in a table: strings bare, the rest as JSON, line breaks and escapes made visible.
 fn cell(value: &bson::Bson) -> String {
     match value {
-        bson::Bson::String(text) => text
-            .chars()
-            .flat_map(|c| {
-                let escaped: Vec<char> = if c.is_control() { c.escape_default().collect() } else { vec![c] };
-                escaped
-            })
-            .collect(),
+        bson::Bson::String(text) => visible::line(text).into_owned(),
         bson::Bson::ObjectId(id) => id.to_hex(),
-        other => shell::relaxed_value(other),
+        other => visible::line(&shell::relaxed_value(other)).into_owned(),
     }
 }

@@ -13,5 +13,6 @@ pub mod pddl;
 pub mod plan;
 pub mod quantity;
 pub mod shell;
+pub mod visible;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Source, Span};
