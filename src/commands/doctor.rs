@@ -4,13 +4,21 @@ use clap::Args;
 
 use super::Context;
 use crate::exit::Exit;
+use crate::store::Checked;
 
 /// Say whether store, planners and settings are in order
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem doctor")]
-pub struct DoctorArgs {}
+#[command(after_help = "Examples:\n  rmem doctor\n  rmem doctor --deep\n\n\
+--deep reads everything in the file of the memory: SQLite's own check, the checksum of every document,\n\
+every index against the documents, and the log of changes. Each damage is a line on stdout, and exits\n\
+with 4; `rmem repair` saves what can be saved. A MongoDB server checks itself (mongosh: db.c.validate()).")]
+pub struct DoctorArgs {
+    /// Read and check everything in the file of the memory
+    #[arg(long)]
+    pub deep: bool,
+}
 
-pub(super) fn run(_: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
     context.output.line(&format!("settings   {settings}"))?;
@@ -25,6 +33,10 @@ pub(super) fn run(_: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Result<E
     };
     context.output.line(&format!("memory     {address}: {state}"))?;
 
+    if args.deep && healthy {
+        healthy = deep(context)?;
+    }
+
     context.output.line("planner    builtin: ok")?;
     let mut programs =
         vec![("ff".to_owned(), "ff".to_owned()), ("fast-downward".to_owned(), "fast-downward".to_owned())];
@@ -38,4 +50,28 @@ pub(super) fn run(_: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Result<E
         context.output.line(&format!("planner    {name}: {state}"))?;
     }
     Ok(if healthy { Exit::Done } else { Exit::Store })
+}
+
+/// Checks the stores; says whether nothing is damaged.
+fn deep(context: &mut Context<'_>) -> anyhow::Result<bool> {
+    let memory = context.memory()?;
+    let mut damages = Vec::new();
+    let checked = memory.check(|damage| damages.push(damage.to_owned()));
+    for damage in &damages {
+        context.output.line(&format!("damage     {damage}"))?;
+    }
+    for (address, checked) in checked? {
+        let Some(checked) = checked else {
+            context.output.line(&format!("checked    {address}: not here; a server checks itself"))?;
+            continue;
+        };
+        let Checked { collections, documents, unsealed, indexes } = checked;
+        let old = match unsealed {
+            0 => String::new(),
+            count => format!(", {count} of them without a checksum (stored by an earlier rmem)"),
+        };
+        let counts = format!("{collections} collections, {documents} documents{old}, {indexes} indexes");
+        context.output.line(&format!("checked    {address}: {counts}"))?;
+    }
+    Ok(damages.is_empty())
 }

@@ -2,6 +2,7 @@
 
 mod aggregate;
 mod backend;
+mod backup;
 mod bench;
 mod clips;
 mod collections;
@@ -28,6 +29,7 @@ mod lock;
 mod man;
 mod plan;
 mod query;
+mod repair;
 mod restore;
 mod unlock;
 mod update;
@@ -60,6 +62,8 @@ pub enum Command {
     Drop(drop::DropArgs),
     Dump(dump::DumpArgs),
     Restore(restore::RestoreArgs),
+    Backup(backup::BackupArgs),
+    Repair(repair::RepairArgs),
     Diff(diff::DiffArgs),
     Lock(lock::LockArgs),
     Unlock(unlock::UnlockArgs),
@@ -110,6 +114,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
     match command {
         Command::Aggregate(args) => aggregate::run(args, context),
         Command::Backend(args) => backend::run(args, context),
+        Command::Backup(args) => backup::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Clips(args) => clips::run(args, context),
         Command::Collections(args) => collections::run(args, context),
@@ -134,6 +139,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Man(args) => man::run(args, context),
         Command::Plan(args) => plan::run(args, context),
         Command::Query(args) => query::run(args, context),
+        Command::Repair(args) => repair::run(args, context),
         Command::Restore(args) => restore::run(args, context),
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),

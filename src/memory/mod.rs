@@ -6,6 +6,7 @@
 //! network works with its local databases.
 
 mod atomic;
+mod check;
 mod clock;
 pub mod computables;
 pub mod dump;

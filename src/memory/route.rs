@@ -143,6 +143,16 @@ impl Routes {
         }
     }
 
+    /// The local store, for reading.
+    pub(super) fn local(&self) -> Result<&dyn Store, StoreError> {
+        self.local.reading()
+    }
+
+    /// The local store, and the shared one where it is another, for reading.
+    pub(super) fn stores(&self) -> Result<Vec<&dyn Store>, StoreError> {
+        [Some(&self.local), self.shared.as_ref()].into_iter().flatten().map(Lazy::reading).collect()
+    }
+
     /// All collections, each in the store its database belongs to, sorted.
     pub(super) fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         let mut all = self.local.reading()?.collections()?;

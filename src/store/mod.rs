@@ -26,9 +26,11 @@ pub use index::Index;
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
-pub use request::{Find, Inserted, Put, UpdateRequest, UpdateSpec, Updated};
+pub use request::{Checked, Find, Inserted, Put, UpdateRequest, UpdateSpec, Updated};
 pub use uri::{Role, StoreUri, UriError, open};
 pub use watch::{Change, ChangeKind, Changes, Name, Next};
+
+use std::path::Path;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
@@ -122,6 +124,20 @@ pub trait Store: Send {
     /// Whether [`Store::atomically`] is atomic.
     fn is_atomic(&self) -> bool {
         false
+    }
+
+    /// Checks everything that the store keeps; `report` gets each damage, as a sentence. `None`
+    /// where the store has no such check (a server checks itself).
+    fn check(&self, report: &mut dyn FnMut(&str)) -> Result<Option<Checked>, StoreError> {
+        let _ = report;
+        Ok(None)
+    }
+
+    /// Copies the whole store, as it is at one moment, into a new file, while other processes use it.
+    fn backup(&self, path: &Path) -> Result<(), StoreError> {
+        let _ = path;
+        let reason = "a server is not copied to a file; use `rmem dump --all`, or mongodump".to_owned();
+        Err(StoreError::Unfit { address: self.describe(), reason })
     }
 
     /// What the store is, for `-v` and `doctor`; never shows credentials.

@@ -59,6 +59,19 @@ pub struct Put {
     pub same: u64,
 }
 
+/// What a check of a store has looked at.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// How many collections.
+    pub collections: u64,
+    /// How many documents.
+    pub documents: u64,
+    /// How many documents have no checksum, because an earlier rmem stored them.
+    pub unsealed: u64,
+    /// How many indexes.
+    pub indexes: u64,
+}
+
 /// What an update did.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Updated {

@@ -6,6 +6,7 @@ mod clips;
 #[cfg(feature = "clips-engine")]
 mod clips_plans;
 mod computables;
+mod damage;
 mod docs;
 mod documents;
 #[cfg(feature = "clips-engine")]
@@ -20,5 +21,6 @@ mod problems;
 mod races;
 mod settings;
 mod stored;
+mod terminal;
 mod watch;
 mod worldmodels;

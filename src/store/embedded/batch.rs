@@ -5,7 +5,7 @@ use rusqlite::params;
 
 use super::catalog::Collection;
 use super::change_log::Noted;
-use super::{Embedded, failure};
+use super::{Embedded, body as stored, failure};
 use crate::query::key;
 use crate::store::{Inserted, Namespace, StoreError, document};
 
@@ -81,7 +81,7 @@ impl Embedded {
         let inserted = self
             .connection
             .prepare_cached(&sql)
-            .and_then(|mut statement| statement.execute(params![key, body.as_bytes()]));
+            .and_then(|mut statement| statement.execute(params![key, stored::seal(body)]));
         match inserted {
             Ok(_) => {
                 self.add_entries(collection, &indexes, self.connection.last_insert_rowid(), &entries)?;

@@ -58,6 +58,14 @@ impl Collection {
         connection.prepare_cached("SELECT 1 FROM collections WHERE id = ?")?.exists([self.id])
     }
 
+    /// The name of the collection, where it still exists.
+    pub(super) fn namespace(self, connection: &Connection) -> Result<Option<Namespace>> {
+        connection
+            .prepare_cached("SELECT database, name FROM collections WHERE id = ?")?
+            .query_row([self.id], |row| Ok(Namespace { database: row.get(0)?, collection: row.get(1)? }))
+            .optional()
+    }
+
     /// The same collection, of the generation it has now.
     pub(super) fn reread(self, connection: &Connection) -> Result<Self> {
         let generation = connection

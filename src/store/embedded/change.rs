@@ -5,10 +5,10 @@ use std::rc::Rc;
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
-use super::Embedded;
 use super::catalog::Collection;
 use super::change_log::Noted;
 use super::scan::{Found, Scan};
+use super::{Embedded, body as stored};
 use crate::query::{Filter, QueryError, Update, key};
 use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata};
 
@@ -134,7 +134,7 @@ impl Embedded {
             })
             .map_err(|e| self.explain(&e))?;
         let Some((position, bytes)) = row else { return Ok(None) };
-        Ok(Some(Found { position, body: RawDocumentBuf::from_bytes(bytes).map_err(QueryError::from)? }))
+        Ok(Some(Found { position, body: self.opened(collection, &bytes)? }))
     }
 
     /// Stores `body` in place of what was found. In a write transaction only.
@@ -151,7 +151,7 @@ impl Embedded {
         let sql = format!("UPDATE {} SET body = ? WHERE position = ?", collection.table());
         self.connection
             .prepare_cached(&sql)
-            .and_then(|mut statement| statement.execute(params![body.as_bytes(), found.position]))
+            .and_then(|mut statement| statement.execute(params![stored::seal(body), found.position]))
             .map_err(|e| self.explain(&e))?;
         self.change_entries(collection, &indexes, found.position, &found.body, &entries)?;
         self.note(ns, Noted { kind, before: Some(&found.body), after: Some(body) })

@@ -4,7 +4,7 @@
 //! a few of the longest expired documents of its collection. (A delete does not, since it
 //! counts what it removes.)
 
-use bson::{Bson, DateTime, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, doc};
 use rusqlite::params;
 
 use super::Embedded;
@@ -66,9 +66,7 @@ impl Embedded {
         };
         let rows = read().map_err(|e| self.explain(&e))?;
         rows.into_iter()
-            .map(|(position, body)| {
-                Ok(Found { position, body: RawDocumentBuf::from_bytes(body).map_err(QueryError::from)? })
-            })
+            .map(|(position, stored)| Ok(Found { position, body: self.opened(collection, &stored)? }))
             .collect()
     }
 }

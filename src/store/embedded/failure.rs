@@ -6,16 +6,19 @@ use super::busy::LOCK_TIMEOUT;
 use super::place::Place;
 use crate::store::StoreError;
 
+/// What is said, and to be done, when the disk is full.
+const DISK_FULL: &str = "the disk is full; make room and repeat, nothing of this write was kept";
+
 /// Returns the error of a store for one of SQLite.
 pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
     let reason = match error.sqlite_error_code() {
         Some(ErrorCode::NotADatabase) => "is not an rmem memory; name another file".to_owned(),
         Some(ErrorCode::DatabaseCorrupt) => {
-            format!("is damaged ({error}); restore it from a dump, or copy it and try `sqlite3 FILE .recover`")
+            format!(
+                "is damaged ({error}); list the damage with `rmem doctor --deep`, and copy what can be read into a new file with `rmem repair -o FILE`"
+            )
         }
-        Some(ErrorCode::DiskFull) => {
-            "the disk is full; make room and repeat, nothing of this write was kept".to_owned()
-        }
+        Some(ErrorCode::DiskFull) => DISK_FULL.to_owned(),
         Some(ErrorCode::ReadOnly) => {
             "cannot be written; check the permissions of the file and of its folder".to_owned()
         }
@@ -33,6 +36,14 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
 
 fn unreachable(place: &Place, reason: String) -> StoreError {
     StoreError::Unreachable { address: place.to_string(), reason }
+}
+
+/// Describes an error of the file system.
+pub(super) fn io(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => DISK_FULL.to_owned(),
+        _ => error.to_string(),
+    }
 }
 
 /// Finds out from the file system why SQLite could not open the file.

@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 use bson::{Bson, DateTime, RawDocumentBuf};
 use rusqlite::params;
 
+use super::damage::Damage;
 use super::notifier::Notifier;
 use super::page::PageError;
 use super::place::Place;
 use super::watcher::{self, State, Taken, Watcher};
-use super::{Embedded, change_log};
+use super::{Embedded, body, change_log};
 use crate::query::QueryError;
 use crate::store::{Change, Changes, Name, Namespace, Next, StoreError};
 
@@ -116,6 +117,9 @@ impl Feed<'_> {
         let page = self.read().map_err(|error| match error {
             PageError::Store(error) => self.store.explain(&error),
             PageError::Query(error) => error.into(),
+            PageError::Damaged(damage, _) => {
+                self.store.fail(&format!("a change of {} in the log is damaged: {}", self.namespace, damage.describe()))
+            }
         })?;
         // The log may be shortened at any moment, so the state is read after the page.
         match self.noted.state(&self.store.connection).map_err(|e| self.store.explain(&e))? {
@@ -238,7 +242,9 @@ impl Drop for Feed<'_> {
 fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
     let document = |column: &str| -> Result<Option<RawDocumentBuf>, PageError> {
         let bytes: Option<Vec<u8>> = row.get(column)?;
-        Ok(bytes.map(RawDocumentBuf::from_bytes).transpose().map_err(QueryError::from)?)
+        let Some(bytes) = bytes else { return Ok(None) };
+        let document = RawDocumentBuf::from_bytes(bytes).ok().filter(|document| body::is_well_formed(document));
+        document.map(Some).ok_or(PageError::Damaged(Damage::Structure, None))
     };
     let sequence: i64 = row.get("sequence")?;
     let (before, after) = (document("before")?, document("after")?);

@@ -1,13 +1,13 @@
 //! The file: identified, opened, and laid out.
 //!
 //! `application_id` says that an SQLite file is a memory, `user_version` which
-//! layout it has. The layout of version 1:
+//! layout it has. The layout of version 2:
 //!
 //! - `collections`: one row per collection; ids are never used again, the
 //!   generation grows with each change of its indexes.
 //! - `documents_ID`, one per collection: `position` (order of insertion, which
 //!   is MongoDB's natural order), `key` (the `_id` as comparable bytes, unique),
-//!   `body` (the document as BSON). A table of its own keeps a collection's
+//!   `body` (the document as BSON, with a checksum: `body`). A table of its own keeps a collection's
 //!   documents side by side on the disk, and dropping it is one step.
 //! - `indexes`: one row per index: its definition as BSON, as MongoDB lists it,
 //!   and which of its paths run through arrays, as bits.
@@ -28,7 +28,10 @@ use super::{Embedded, busy, failure};
 use crate::store::StoreError;
 
 /// The layout this rmem writes, and the newest it reads.
-pub const VERSION: i32 = 1;
+pub const VERSION: i32 = 2;
+/// The layout before: documents have no checksums. It is read, and marked as version 2 with the first
+/// opening that may write: documents get their checksums when they are changed.
+const UNSEALED: i32 = 1;
 /// `rmem` in ASCII: what `file` and SQLite show as the application id.
 const APPLICATION: i32 = 0x726D_656D;
 
@@ -146,6 +149,7 @@ impl Embedded {
         connection.set_prepared_statement_cache_capacity(64);
         match busy::retry(|| Marks::read(&connection)).map_err(explain)? {
             Marks { application: APPLICATION, version: VERSION, .. } => {}
+            Marks { application: APPLICATION, version: UNSEALED, .. } => upgrade(&connection).map_err(explain)?,
             Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
             Marks { application: 0, version: 0, blank: true } => lay_out(&connection).map_err(explain)?,
             _ => return Err(foreign(&place)),
@@ -219,6 +223,20 @@ fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
     });
     connection.execute_batch(if laid_out.is_ok() { "COMMIT" } else { "ROLLBACK" })?;
     laid_out
+}
+
+/// Marks a file of version 1 as one of version 2, where it may be written.
+fn upgrade(connection: &Connection) -> rusqlite::Result<()> {
+    if connection.is_readonly("main")? {
+        return Ok(());
+    }
+    connection.execute_batch("BEGIN IMMEDIATE")?;
+    let marked = match Marks::read(connection) {
+        Ok(Marks { version: UNSEALED, .. }) => connection.pragma_update(None, "user_version", VERSION),
+        marks => marks.map(|_| ()),
+    };
+    connection.execute_batch(if marked.is_ok() { "COMMIT" } else { "ROLLBACK" })?;
+    marked
 }
 
 /// Settings of a connection; those of the file are set once, in [`lay_out`].

@@ -12,9 +12,9 @@ use bson::raw::RawBsonRef;
 use bson::{Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
-use super::Embedded;
 use super::catalog::Collection;
 use super::indexed::{AllEntries, Indexed, Indexes, decay};
+use super::{Embedded, body};
 use crate::query::QueryError;
 use crate::query::index::{Entries, Pattern};
 use crate::store::{Index, Namespace, StoreError, index, metadata};
@@ -233,14 +233,15 @@ impl Embedded {
     }
 
     /// Notes the keys of all documents that are there.
-    fn fill(&self, ns: &Namespace, collection: Collection, index: &Indexed) -> Result<(), StoreError> {
+    pub(super) fn fill(&self, ns: &Namespace, collection: Collection, index: &Indexed) -> Result<(), StoreError> {
         let sql = format!("SELECT position, body FROM {} ORDER BY position", collection.table());
         let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
         let mut rows = statement.query([]).map_err(|e| self.explain(&e))?;
         while let Some(row) = rows.next().map_err(|e| self.explain(&e))? {
             let position: i64 = row.get(0).map_err(|e| self.explain(&e))?;
             let bytes = row.get_ref(1).and_then(|column| Ok(column.as_blob()?)).map_err(|e| self.explain(&e))?;
-            let body = RawDocument::from_bytes(bytes).map_err(QueryError::from)?;
+            let body =
+                body::open(bytes).map_err(|damage| self.damaged(collection, body::name(bytes).as_deref(), damage))?;
             let entries = index.entries(body)?;
             if index.definition.unique {
                 self.check_unique(ns, index, body, &entries, Some(position))?;

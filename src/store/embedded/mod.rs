@@ -7,11 +7,15 @@
 
 mod access;
 mod answer;
+mod backup;
 mod batch;
+mod body;
 mod busy;
 mod catalog;
 mod change;
 mod change_log;
+mod check;
+mod damage;
 mod expiry;
 mod failure;
 mod feed;
@@ -25,6 +29,7 @@ mod output;
 mod page;
 mod pipeline;
 mod place;
+mod repair;
 mod scan;
 mod snapshot;
 mod verbs;
@@ -40,6 +45,7 @@ use indexed::Remembered;
 use place::Place;
 
 pub use file::VERSION;
+pub use repair::Repaired;
 
 /// A memory in a file, or in this process only.
 ///

@@ -1,13 +1,16 @@
 //! What can go wrong while a page of documents or changes is read.
 
+use super::damage::Damage;
 use crate::query::QueryError;
 
 /// Why a page cannot be read.
 pub(super) enum PageError {
     /// SQLite failed.
     Store(rusqlite::Error),
-    /// A document is malformed, or an expression in the filter failed on it.
+    /// An expression in the filter failed on a document.
     Query(QueryError),
+    /// A document is damaged: how, and its `_id`, as far as it can be read.
+    Damaged(Damage, Option<String>),
 }
 
 impl From<rusqlite::Error> for PageError {

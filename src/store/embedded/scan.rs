@@ -21,7 +21,7 @@ use super::catalog::Collection;
 use super::indexed::{Indexes, decay};
 use super::page::PageError;
 use super::snapshot::Snapshot;
-use super::{Embedded, failure};
+use super::{Embedded, body, failure};
 use crate::query::{Filter, Sort};
 use crate::store::{StoreError, metadata};
 
@@ -227,9 +227,17 @@ impl<'a> Scan<'a> {
             }
             Err(PageError::Store(error)) => return Err(self.store.explain(&error)),
             Err(PageError::Query(error)) => return Err(error.into()),
+            Err(PageError::Damaged(damage, id)) => {
+                return Err(self.store.damaged(self.collection, id.as_deref(), damage));
+            }
             Ok(rest) => rest,
         };
         Ok(())
+    }
+
+    /// Whether the filter matches a document.
+    fn matches(&self, document: &RawDocument) -> Result<bool, PageError> {
+        self.filter.matches(document).map_err(PageError::Query)
     }
 
     fn read_between(
@@ -244,8 +252,8 @@ impl<'a> Scan<'a> {
         let mut rows = statement.query([position])?;
         for nth in 1..=PAGE_ROWS {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
-            let body = document(row.get_ref(0)?)?;
-            let is_match = self.filter.matches(body)?;
+            let body = body::of_column(row.get_ref(0)?)?;
+            let is_match = self.matches(body)?;
             Examined::add(&self.examined.documents, 1);
             // The position is read only for matches: reading it costs time, too.
             if !is_match && nth < PAGE_ROWS {
@@ -275,9 +283,9 @@ impl<'a> Scan<'a> {
             let Some(position) = positions.pop_front() else { return Ok(Rest::Nothing) };
             let mut rows = statement.query([position])?;
             let Some(row) = rows.next()? else { continue };
-            let body = document(row.get_ref(0)?)?;
+            let body = body::of_column(row.get_ref(0)?)?;
             Examined::add(&self.examined.documents, 1);
-            if self.filter.matches(body)? && !take(position, body) {
+            if self.matches(body)? && !take(position, body) {
                 break;
             }
         }
@@ -302,8 +310,8 @@ impl<'a> Scan<'a> {
                 Examined::add(&self.examined.keys, 1);
                 Examined::add(&self.examined.documents, 1);
                 let position = row.get(1)?;
-                let body = document(row.get_ref(2)?)?;
-                if !self.filter.matches(body)? {
+                let body = body::of_column(row.get_ref(2)?)?;
+                if !self.matches(body)? {
                     continue;
                 }
                 taken += 1;
@@ -388,10 +396,4 @@ pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
     if let (None, Some(filter)) = (decay(indexes), Rc::get_mut(filter)) {
         filter.assume_missing(metadata::DECAY_PATH);
     }
-}
-
-/// The document that a column holds.
-fn document(column: rusqlite::types::ValueRef<'_>) -> Result<&RawDocument, PageError> {
-    RawDocument::from_bytes(column.as_blob().map_err(rusqlite::Error::from)?)
-        .map_err(|error| PageError::Query(crate::query::QueryError::from(error)))
 }

@@ -1,5 +1,6 @@
 //! The operations of [`Store`], each in a few lines.
 
+use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use bson::{Bson, DateTime, Document};
@@ -8,7 +9,7 @@ use super::catalog::Collection;
 use super::change_log::Noted;
 use super::{Embedded, busy, failure, file};
 use crate::store::{
-    Changes, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
+    Changes, Checked, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
 };
 
 impl Store for Embedded {
@@ -112,6 +113,14 @@ impl Store for Embedded {
 
     fn is_atomic(&self) -> bool {
         true
+    }
+
+    fn check(&self, report: &mut dyn FnMut(&str)) -> Result<Option<Checked>, StoreError> {
+        self.check_all(report).map(Some)
+    }
+
+    fn backup(&self, path: &Path) -> Result<(), StoreError> {
+        self.copy_to(path)
     }
 
     fn describe(&self) -> String {

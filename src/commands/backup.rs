@@ -1,0 +1,28 @@
+//! `rmem backup FILE`: a copy of the memory's file while it is in use.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Context;
+use crate::exit::Exit;
+
+/// Copy the memory into a new file, while other programs use it
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem backup robot-2026-11-22.rmem\n\n\
+The copy is the memory as it is at one moment; other programs read and write meanwhile. It is a memory\n\
+itself: use it with --memory file:FILE. Do not copy the file of a memory that is in use with cp: its\n\
+latest writes are in FILE-wal beside it until they are folded into the file, which happens at the latest\n\
+when the last program closes it. A MongoDB server is backed up with `rmem dump --all`.")]
+pub struct BackupArgs {
+    /// The new file; it must not exist
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+}
+
+pub(super) fn run(args: &BackupArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let memory = context.memory()?;
+    memory.backup(&args.file)?;
+    context.output.note(&format!("copied {} to {}", memory.describe(), args.file.display()));
+    Ok(Exit::Done)
+}

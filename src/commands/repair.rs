@@ -1,0 +1,47 @@
+//! `rmem repair [-o FILE]`: what can be saved of a damaged file.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{Context, UsageError};
+use crate::exit::Exit;
+use crate::store::embedded::Repaired;
+use crate::store::{Embedded, StoreUri};
+
+/// Rebuild the indexes of the memory's file, or copy what can be read of it
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  rmem doctor --deep\n  rmem repair\n  rmem repair -o saved.rmem\n\n\
+Without -o, all indexes are made anew from the documents, in the file itself; a damaged document stops\n\
+that and nothing is changed. With -o, every document that can be read and whose checksum fits is copied\n\
+into a new memory, with the indexes, the names of watches and the log of changes; what is lost is listed,\n\
+which exits with 1. The damaged file stays as it is.")]
+pub struct RepairArgs {
+    /// Copy what can be read into this new file
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let uri = context.settings.memory.value.as_deref().map(StoreUri::parse).transpose();
+    let uri = uri.map_err(|error| UsageError::new(error.to_string()))?;
+    let path = uri
+        .as_ref()
+        .and_then(StoreUri::path)
+        .ok_or_else(|| UsageError::new("only the file of a memory can be repaired; expected --memory file:PATH"))?;
+    let repaired = match &args.output {
+        None => {
+            if !path.exists() {
+                return Err(UsageError::new(format!("there is no memory at {}", path.display())).into());
+            }
+            Embedded::open(path)?.rebuild_indexes()?
+        }
+        Some(output) => Embedded::salvage(path, output)?,
+    };
+    let Repaired { collections, documents, indexes, lost } = &repaired;
+    context.output.line(&format!("{collections} collections, {documents} documents, {indexes} indexes"))?;
+    for lost in lost {
+        context.output.line(&format!("lost: {lost}"))?;
+    }
+    Ok(if lost.is_empty() { Exit::Done } else { Exit::No })
+}

@@ -1,0 +1,240 @@
+//! Repairing a damaged file: `rmem repair`.
+//!
+//! In place, all indexes are made anew from the documents. Into a new file, every document that
+//! can be read is copied, with the indexes, the names of watches and the log of changes.
+
+use std::path::Path;
+
+use rusqlite::{Connection, OpenFlags, OptionalExtension as _, params};
+
+use super::catalog::Collection;
+use super::place::Place;
+use super::{Embedded, body, failure};
+use crate::query::QueryError;
+use crate::store::{Index, Namespace, StoreError, document};
+
+/// What a repair did.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Repaired {
+    /// The collections.
+    pub collections: u64,
+    /// The documents that were copied, or over which indexes were made.
+    pub documents: u64,
+    /// The indexes that were made.
+    pub indexes: u64,
+    /// What could not be saved, a sentence each.
+    pub lost: Vec<String>,
+}
+
+/// A row of the documents' table: position and stored bytes.
+type Row = (i64, Vec<u8>);
+
+impl Embedded {
+    /// Makes all indexes anew, in one transaction.
+    ///
+    /// # Errors
+    /// Where a document is damaged or the file cannot be written; nothing is changed then.
+    pub fn rebuild_indexes(&self) -> Result<Repaired, StoreError> {
+        self.write(|| {
+            let mut done = Repaired::default();
+            for ns in Collection::all(&self.connection).map_err(|e| self.explain(&e))? {
+                let Some(collection) = self.collection(&ns)? else { continue };
+                let reindex = format!("REINDEX {}", collection.table());
+                self.connection.execute_batch(&reindex).map_err(|e| self.explain(&e))?;
+                done.collections += 1;
+                done.documents += collection.size(&self.connection).map_err(|e| self.explain(&e))?;
+                done.indexes += self.refill_indexes(&ns, collection)?;
+            }
+            Ok(done)
+        })
+    }
+
+    /// Copies what can be read of the file at `from` into a new file at `to`.
+    ///
+    /// # Errors
+    /// Where the list of collections cannot be read, or the new file exists or cannot be written.
+    pub fn salvage(from: &Path, to: &Path) -> Result<Repaired, StoreError> {
+        let place = Place::File(from.to_owned());
+        let explain = |error: rusqlite::Error| failure::explain(&place, &error);
+        if to.try_exists().unwrap_or(true) {
+            let reason = "exists already; name a file that does not exist yet".to_owned();
+            return Err(StoreError::Failed { address: Place::File(to.to_owned()).to_string(), reason });
+        }
+        let flags =
+            OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_EXRESCODE;
+        let source = Connection::open_with_flags(from, flags).map_err(explain)?;
+        let collections = collections(&source).map_err(explain)?;
+        let target = Self::open(to)?;
+        let mut done = Repaired::default();
+        for (id, ns) in collections {
+            done.collections += 1;
+            target.write(|| target.salvage_collection(&source, id, &ns, &mut done))?;
+        }
+        target.write(|| {
+            if let Err(error) = target.salvage_watchers(&source) {
+                done.lost.push(format!("the names of watches and the log of changes: {error}"));
+            }
+            Ok(())
+        })?;
+        Ok(done)
+    }
+
+    fn salvage_collection(
+        &self,
+        source: &Connection,
+        id: i64,
+        ns: &Namespace,
+        done: &mut Repaired,
+    ) -> Result<(), StoreError> {
+        let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+        let from = Collection { id, generation: 0 };
+        let mut position = i64::MIN;
+        loop {
+            match next(source, from, position) {
+                Ok(None) => break,
+                Ok(Some((found, stored))) => {
+                    position = found;
+                    match self.salvage_document(ns, collection, &stored) {
+                        Ok(()) => done.documents += 1,
+                        Err(error) => done.lost.push(error),
+                    }
+                }
+                Err(_) => {
+                    let Some(behind) = behind_damage(source, from, position) else {
+                        done.lost.push(format!("{ns}: the documents behind position {}", position.max(0)));
+                        break;
+                    };
+                    let from = position.saturating_add(1).max(1);
+                    done.lost.push(format!("{ns}: the documents at positions {from} to {behind}"));
+                    position = behind;
+                }
+            }
+        }
+        for definition in definitions(source, id) {
+            let index = definition.ok_or_else(|| "a definition cannot be read".to_owned());
+            let made =
+                index.and_then(|index| self.create(ns, &index).map_err(|error| format!("{}: {error}", index.name)));
+            match made {
+                Ok(made) => done.indexes += u64::from(made),
+                Err(error) => done.lost.push(format!("{ns}: an index: {error}")),
+            }
+        }
+        Ok(())
+    }
+
+    /// Copies one document; the error says what is lost.
+    fn salvage_document(&self, ns: &Namespace, collection: Collection, stored: &[u8]) -> Result<(), String> {
+        let name =
+            || body::name(stored).map_or_else(|| "a document".to_owned(), |id| format!("the document with _id {id}"));
+        let document = body::open(stored).map_err(|damage| format!("{ns}: {}: {}", name(), damage.describe()))?;
+        let added =
+            document::vet(document).map_err(StoreError::from).and_then(|id| self.add(ns, collection, &id, document));
+        added.map_err(|error| format!("{ns}: {}: {error}", name()))
+    }
+
+    fn salvage_watchers(&self, source: &Connection) -> rusqlite::Result<()> {
+        copy(source, &self.connection, "watchers", "id, name, database, collection, position, missed, holder, beat")?;
+        copy(source, &self.connection, "changes", "sequence, database, collection, kind, time, before, after, volume")?;
+        let last: Option<i64> = source
+            .query_row("SELECT seq FROM sqlite_sequence WHERE name = 'changes'", [], |row| row.get(0))
+            .optional()?;
+        if let Some(last) = last {
+            self.connection.execute("DELETE FROM sqlite_sequence WHERE name = 'changes'", [])?;
+            self.connection.execute("INSERT INTO sqlite_sequence (name, seq) VALUES ('changes', ?)", [last])?;
+        }
+        Ok(())
+    }
+}
+
+fn collections(source: &Connection) -> rusqlite::Result<Vec<(i64, Namespace)>> {
+    let mut statement = source.prepare("SELECT id, database, name FROM collections ORDER BY id")?;
+    let rows = statement
+        .query_map([], |row| Ok((row.get(0)?, Namespace { database: row.get(1)?, collection: row.get(2)? })))?;
+    rows.collect()
+}
+
+/// The next document behind a position.
+fn next(source: &Connection, collection: Collection, position: i64) -> rusqlite::Result<Option<Row>> {
+    let table = collection.table();
+    let sql = format!("SELECT position, body FROM {table} NOT INDEXED WHERE position > ? ORDER BY position LIMIT 1");
+    source.prepare_cached(&sql)?.query_row([position], |row| Ok((row.get(0)?, row.get(1)?))).optional()
+}
+
+/// The last position of a damaged part that begins behind `position`: the smallest behind which a
+/// document can be read. `None` where none can.
+fn behind_damage(source: &Connection, collection: Collection, position: i64) -> Option<i64> {
+    let start = position.max(0);
+    let is_readable = |at: i64| matches!(next(source, collection, at), Ok(Some(_)));
+    let (mut damaged, mut step) = (start, 1_i64);
+    let mut readable = loop {
+        let at = start.checked_add(step)?;
+        if is_readable(at) {
+            break at;
+        }
+        if matches!(next(source, collection, at), Ok(None)) {
+            return None;
+        }
+        damaged = at;
+        step = step.checked_mul(2)?;
+    };
+    while readable - damaged > 1 {
+        let middle = damaged + (readable - damaged) / 2;
+        if is_readable(middle) { readable = middle } else { damaged = middle }
+    }
+    Some(readable)
+}
+
+/// The indexes of a collection, `None` for each that cannot be read.
+fn definitions(source: &Connection, id: i64) -> Vec<Option<Index>> {
+    let read = || -> rusqlite::Result<Vec<Vec<u8>>> {
+        let mut statement = source.prepare("SELECT definition FROM indexes WHERE collection = ? ORDER BY id")?;
+        statement.query_map([id], |row| row.get(0))?.collect()
+    };
+    let parse = |bytes: Vec<u8>| -> Option<Index> {
+        let definition = bson::RawDocumentBuf::from_bytes(bytes).ok().filter(|raw| body::is_well_formed(raw))?;
+        let definition = bson::Document::try_from(&*definition).map_err(QueryError::from).ok()?;
+        Index::parse(&definition).ok()
+    };
+    read().map_or_else(|_| vec![None], |all| all.into_iter().map(parse).collect())
+}
+
+/// Copies the rows of a table that can be read.
+fn copy(source: &Connection, target: &Connection, table: &str, columns: &str) -> rusqlite::Result<()> {
+    let count = columns.split(',').count();
+    let places = vec!["?"; count].join(", ");
+    let mut statement = source.prepare(&format!("SELECT {columns} FROM {table} ORDER BY 1"))?;
+    let mut insert = target.prepare(&format!("INSERT INTO {table} ({columns}) VALUES ({places})"))?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        let values = (0..count).map(|column| row.get::<_, rusqlite::types::Value>(column));
+        insert.execute(rusqlite::params_from_iter(values.collect::<rusqlite::Result<Vec<_>>>()?))?;
+    }
+    Ok(())
+}
+
+impl Embedded {
+    /// Empties the indexes of a collection and fills them from its documents; returns how many there are.
+    fn refill_indexes(&self, ns: &Namespace, collection: Collection) -> Result<u64, StoreError> {
+        let indexes = self.indexes_of(collection)?;
+        let mut made = 0;
+        for index in indexes.iter() {
+            made += 1;
+            if index.is_kept() {
+                let clear = format!("DELETE FROM {}", index.table());
+                self.connection
+                    .execute(&clear, [])
+                    .and_then(|_| {
+                        self.connection.execute("UPDATE indexes SET multikey = 0 WHERE id = ?", params![index.id])
+                    })
+                    .map_err(|e| self.explain(&e))?;
+            }
+        }
+        collection.advance(&self.connection).map_err(|e| self.explain(&e))?;
+        self.indexes.clear();
+        let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
+        for index in self.indexes_of(collection)?.iter() {
+            self.fill(ns, collection, index)?;
+        }
+        Ok(made)
+    }
+}
