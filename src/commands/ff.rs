@@ -7,14 +7,66 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use clap::Args;
+
 use super::Context;
-use crate::cli::Ff;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, Source, pddl::Dialect};
 use crate::pddl::{Domain, Problem};
 use crate::planner::{Task, builtin};
 
-pub(super) fn run(args: &Ff, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Run the built-in planner with the command line and the output of FF
+#[derive(Debug, Args)]
+#[command(disable_help_flag = true, after_help = "Example:\n  rmem ff -o domain.pddl -f problem.pddl")]
+pub struct FfArgs {
+    /// The domain (FF's operator file)
+    #[arg(short = 'o', value_name = "DOMAIN")]
+    pub domain: PathBuf,
+    /// The problem (FF's fact file)
+    #[arg(short = 'f', value_name = "PROBLEM")]
+    pub problem: PathBuf,
+    /// Prefix of both file names, like a folder with its `/`
+    #[arg(short = 'p', value_name = "PATH")]
+    pub path: Option<PathBuf>,
+    /// FF's level of information; ignored
+    #[arg(short = 'i', value_name = "N")]
+    pub information: Option<String>,
+    /// FF's search; ignored, the built-in planner has its own
+    #[arg(short = 's', value_name = "N")]
+    pub search: Option<String>,
+    /// FF's weight of the cost so far; ignored
+    #[arg(short = 'g', value_name = "N")]
+    pub so_far: Option<String>,
+    /// FF's weight of the estimate; ignored
+    #[arg(short = 'h', value_name = "N")]
+    pub estimate: Option<String>,
+    /// FF's weight of the search; ignored
+    #[arg(short = 'w', value_name = "N")]
+    pub weight: Option<String>,
+    /// FF's seed or restarts; ignored
+    #[arg(short = 'r', value_name = "N")]
+    pub restarts: Option<String>,
+    /// FF's switch of enforced hill-climbing; ignored
+    #[arg(short = 'E')]
+    pub climbing: bool,
+    /// FF's switch of its optimization criterion; ignored
+    #[arg(short = 'O')]
+    pub criterion: bool,
+    /// FF's switch of cost minimization; ignored
+    #[arg(short = 'C')]
+    pub costs: bool,
+    /// Print the first plan at once, then every better one
+    #[arg(long)]
+    pub anytime: bool,
+    /// The files are a task that rmem has checked and written
+    #[arg(long, hide = true)]
+    pub checked: bool,
+    /// Print help
+    #[arg(long, action = clap::ArgAction::HelpLong)]
+    pub help: Option<bool>,
+}
+
+pub(super) fn run(args: &FfArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let ignored = ignored(args);
     if !ignored.is_empty() {
         context.output.note(&format!("ff: the built-in planner searches in its own way; ignored: {ignored}"));
@@ -49,14 +101,14 @@ fn checked(
 }
 
 /// The path of a file: as FF does it, `-p` and the name without anything between them.
-fn prefixed(args: &Ff, name: &Path) -> PathBuf {
+fn prefixed(args: &FfArgs, name: &Path) -> PathBuf {
     let mut path = args.path.as_ref().map_or_else(OsString::new, |prefix| prefix.clone().into_os_string());
     path.push(name);
     path.into()
 }
 
 /// The search settings of FF's that were given.
-fn ignored(args: &Ff) -> String {
+fn ignored(args: &FfArgs) -> String {
     let valued = [
         ("-s", &args.search),
         ("-g", &args.so_far),

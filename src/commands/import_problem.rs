@@ -1,21 +1,61 @@
 //! `rmem import-problem PROBLEM --into NS`: a PDDL problem as documents, and a template for them.
 
-use bson::{Document, doc};
+use std::path::PathBuf;
 
-use super::gen_problem::read_domain;
+use bson::{Document, doc};
+use clap::Args;
+
+use super::template::read_domain;
 use super::{Context, WrongInput};
-use crate::cli::ImportProblem;
 use crate::exit::Exit;
 use crate::formats::Diagnostics;
 use crate::formats::pddl::{Dialect, read_problem};
 use crate::memory::Memory;
 use crate::pddl::Problem;
 use crate::problem::import::{RELATIONS, import};
+use crate::store::Namespace;
 
-/// How many documents are stored at once.
+/// How many documents are stored in one transaction.
 const BATCH: usize = 10_000;
 
-pub(super) fn run(args: &ImportProblem, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// What stands below the help of `import-problem`.
+const HELP: &str = "\
+Examples:
+  rmem import-problem problem.pddl --into robmem.worldmodel
+  rmem import-problem problem.pddl --into robmem.worldmodel --template problem.pddl.j2
+  rmem gen-problem --template problem.pddl.j2
+
+Objects, initial state, goal and metric become documents: {relation: 'domain-object', name, type},
+{relation: 'domain-fact', name, param_values}, 'domain-function' with a value, 'domain-timed-fact'
+with a time, 'domain-goal' with a condition, and 'domain-metric' with an expression. The template
+makes an equal problem of them, with the goal of --goal where one is given. Nothing is stored
+where the collection has such documents already, unless they are to be replaced.";
+
+/// Turn a PDDL problem into documents, and a template that makes an equal problem of them
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+pub struct ImportProblemArgs {
+    /// The problem; - is stdin
+    #[arg(value_name = "PROBLEM")]
+    pub problem: PathBuf,
+    /// Where the documents go
+    #[arg(long, value_name = "NS")]
+    pub into: Namespace,
+    /// Check the problem against this domain first
+    #[arg(short, long, value_name = "FILE")]
+    pub domain: Option<PathBuf>,
+    /// Write a template that makes an equal problem of the documents
+    #[arg(short, long, value_name = "FILE")]
+    pub template: Option<PathBuf>,
+    /// Remove what an earlier import stored there
+    #[arg(long)]
+    pub replace: bool,
+    /// Take `//` to the end of a line as a comment
+    #[arg(long)]
+    pub lenient: bool,
+}
+
+pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let dialect = Dialect { lenient: args.lenient };
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.lenient, context)).transpose()?;
     let source = context.read(&args.problem)?;
@@ -37,8 +77,8 @@ pub(super) fn run(args: &ImportProblem, context: &mut Context<'_>) -> anyhow::Re
     Ok(Exit::Done)
 }
 
-/// Two problems in one collection would be neither.
-fn make_room(args: &ImportProblem, memory: &Memory) -> anyhow::Result<()> {
+/// Removes an earlier import, or refuses: two problems in one collection cannot be distinguished.
+fn make_room(args: &ImportProblemArgs, memory: &Memory) -> anyhow::Result<()> {
     let ours: Document = doc! { "relation": { "$in": RELATIONS.to_vec() } };
     if args.replace {
         memory.delete(&args.into, &ours, false)?;

@@ -31,6 +31,7 @@ mod plan;
 mod query;
 mod repair;
 mod restore;
+mod template;
 mod unlock;
 mod update;
 mod validate;
@@ -70,32 +71,11 @@ pub enum Command {
     Watch(watch::WatchArgs),
     Backend(backend::BackendArgs),
     Computables(computables::ComputablesArgs),
-    /// Generate a PDDL problem from a template whose sections are queries
-    #[command(
-        after_help = "Examples:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl\n  rmem gen-problem --template problem.pddl.j2 --explain '(on A B)'\n\n\
---explain names the line of the template, the query and the document behind each place where the\n\
-problem says so; exits with 1 where it does not."
-    )]
-    GenProblem(crate::cli::GenProblem),
-    /// Turn a PDDL problem into documents, and a template that makes an equal problem of them
-    #[command(after_help = crate::cli::IMPORT_PROBLEM_HELP)]
-    ImportProblem(crate::cli::ImportProblem),
-    /// Find a plan, check it, store it, print it
-    #[command(
-        after_help = "Examples:\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  rmem gen-problem --template problem.pddl.j2 | rmem plan --domain domain.pddl --problem -\n  rmem plan --domain domain.pddl --template problem.pddl.j2 --watch\n\n\
-With --watch, rmem prints a plan and stays. When a collection changes that the template asks, or that\n\
-pipelines of its computables are made from, or a step is noted as ended, the steps that are not done\n\
-are simulated from the memory as it is then; a plan that holds is left alone, any other is replaced\n\
-by a new one, stored and printed. While a step is noted as begun (plan step ID N --started), the\n\
-world is in between, and nothing is done until it is noted as ended. Ends when it is interrupted."
-    )]
-    Plan(crate::cli::Plan),
-    /// Run the built-in planner, speaking FF
-    #[command(after_help = "Example:\n  rmem ff -o domain.pddl -f problem.pddl")]
-    Ff(crate::cli::Ff),
-    /// Check a domain, a problem, and simulate a plan
-    #[command(after_help = "Example:\n  rmem validate domain.pddl problem.pddl plan.txt")]
-    Validate(crate::cli::Validate),
+    GenProblem(gen_problem::GenProblemArgs),
+    ImportProblem(import_problem::ImportProblemArgs),
+    Plan(plan::PlanArgs),
+    Ff(ff::FfArgs),
+    Validate(validate::ValidateArgs),
     Clips(clips::ClipsArgs),
     Expire(expire::ExpireArgs),
     Bench(bench::BenchArgs),

@@ -1,12 +1,34 @@
 //! `rmem validate DOMAIN [PROBLEM [PLAN]]`: parse, check, and simulate a plan.
 
-use super::{Context, gen_problem::read_domain};
-use crate::cli::Validate;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Context;
+use super::template::read_domain;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect, plan::read_plan};
 use crate::pddl::{Problem, Step, Validation, repair, validate};
 
-pub(super) fn run(args: &Validate, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Check a domain and a problem, and simulate a plan
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem validate domain.pddl problem.pddl plan.txt")]
+pub struct ValidateArgs {
+    /// The domain
+    #[arg(value_name = "DOMAIN")]
+    pub domain: PathBuf,
+    /// A problem of it; - is stdin
+    #[arg(value_name = "PROBLEM")]
+    pub problem: Option<PathBuf>,
+    /// A plan for it; - is stdin
+    #[arg(value_name = "PLAN")]
+    pub plan: Option<PathBuf>,
+    /// Take `//` to the end of a line as a comment
+    #[arg(long)]
+    pub lenient: bool,
+}
+
+pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let domain = read_domain(&args.domain, args.lenient, context)?;
     let Some(problem) = &args.problem else {
         context.output.line(&format!("domain {} is valid", domain.name()))?;

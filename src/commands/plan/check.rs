@@ -1,14 +1,35 @@
 //! `rmem plan check ID`: does the rest of a stored plan still reach its goal?
 
-use super::stored;
-use crate::cli::PlanCheck;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::stored::{self, StoredArgs};
 use crate::commands::Context;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
 use crate::planning::{self, Check};
 
-pub(super) fn run(args: &PlanCheck, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Check whether the rest of a stored plan still reaches its goal, from the memory as it is now
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem plan check last\n  rmem plan check 65f0 --format json\n  rmem gen-problem -t now.j2 | rmem plan check last --problem -\n\n\
+Exits with 0 where it does, else with 1 and the first broken step and what is false there. The\n\
+problem is generated again from the domain, the template, the goal and the parameters that are\n\
+kept with the plan; steps that are done are not simulated. The plan of a problem that was a\n\
+file says nothing about the memory: give the present problem with --problem."
+)]
+pub struct CheckArgs {
+    /// The plan.
+    #[command(flatten)]
+    pub plan: StoredArgs,
+    /// The problem as it is now, instead of the memory; - is stdin
+    #[arg(short, long, value_name = "FILE")]
+    pub problem: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json])?;
     let now = args.problem.as_deref().map(|path| context.read(path)).transpose()?;
     let memory = context.memory()?;

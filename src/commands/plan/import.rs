@@ -1,11 +1,13 @@
 //! `rmem plan import FILE`: a plan that was found elsewhere, validated and stored.
 
+use std::path::PathBuf;
+
 use anyhow::Context as _;
 use bson::doc;
+use clap::Args;
 
-use super::search::layout;
-use super::source::{self, SectionCounts};
-use crate::cli::PlanImport;
+use super::layout::Layout;
+use super::source::{self, SectionCounts, TaskArgs};
 use crate::commands::Context;
 use crate::exit::Exit;
 use crate::formats::plan::read_plan;
@@ -13,9 +15,31 @@ use crate::pddl::{Plan, Validation, repair, validate};
 use crate::plan::{IMPORTED, Repository, to_document};
 use crate::planning::PlanningTask;
 use crate::problem::names;
-use crate::store::metadata;
+use crate::store::{Namespace, metadata};
 
-pub(super) fn run(args: &PlanImport, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Store a plan from a file, after it is validated
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem plan import plan.txt --domain domain.pddl --template problem.pddl.j2 --goal '(on A B)'\n  ff -o domain.pddl -f problem.pddl | rmem plan import - --domain domain.pddl --problem problem.pddl\n\n\
+Reads what FF prints, plans as in planning competitions, and temporal plans. A plan that does\n\
+not reach the goal is not stored; exits with 1 then."
+)]
+pub struct ImportArgs {
+    /// The plan; - is stdin
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// The task.
+    #[command(flatten)]
+    pub task: TaskArgs,
+    /// Collection in which the plan is stored
+    #[arg(long, value_name = "NS", default_value = "robmem.plans")]
+    pub into: Namespace,
+    /// Layout of the plan document: numbered, fawkes
+    #[arg(long, value_name = "LAYOUT", default_value = "numbered", hide_possible_values = true)]
+    pub layout: Layout,
+}
+
+pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let source = source::read(&args.task, context)?;
     let domain = source.read_domain()?;
     let file = context.read(&args.file)?;
@@ -41,7 +65,7 @@ pub(super) fn run(args: &PlanImport, context: &mut Context<'_>) -> anyhow::Resul
     lineage.outcome = "success".to_owned();
     lineage.cost = plan.cost;
     lineage.length = Some(plan.steps.len());
-    let mut document = to_document(&plan, domain.tree(), layout(args.layout), &|name| task.value(name));
+    let mut document = to_document(&plan, domain.tree(), args.layout.into(), &|name| task.value(name));
     document.insert(metadata::INFO, doc! { "lineage": lineage.to_document() });
     let id = Repository::new(&memory, &args.into).store(document).context("storing the plan")?;
     context.output.note(&format!("stored in {} as {id}", args.into));

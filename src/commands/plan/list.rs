@@ -1,14 +1,26 @@
 //! `rmem plan list`: the stored plans, the newest first.
 
 use bson::{Bson, Document};
+use clap::Args;
 
-use crate::cli::PlanList;
 use crate::commands::Context;
 use crate::exit::Exit;
 use crate::plan::{Record, Repository, Status};
-use crate::store::metadata;
+use crate::store::{Namespace, metadata};
 
-pub(super) fn run(args: &PlanList, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// List the stored plans, newest first
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem plan list --limit 5")]
+pub struct ListArgs {
+    /// Collection of the plans
+    #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]
+    pub namespace: Namespace,
+    /// List at most N plans; 0 lists all
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub limit: u64,
+}
+
+pub(super) fn run(args: &ListArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
     let plans = Repository::new(&memory, &args.namespace).newest(args.limit)?;
     context.print_documents(plans.map(|plan| Ok(line(&plan?))))?;

@@ -1,15 +1,40 @@
 //! `rmem plan rerun ID`: a plan for the same task, from the memory as it is now.
 
-use super::search::{choose, find};
+use std::time::Duration;
+
+use clap::Args;
+
+use super::find::{choose, find};
 use super::source::SectionCounts;
-use super::stored;
-use crate::cli::PlanRerun;
+use super::stored::{self, StoredArgs};
 use crate::commands::Context;
 use crate::exit::Exit;
+use crate::formats::quantity;
 use crate::plan::Record;
 use crate::planning::{PlanRequest, PlanningError, SearchOptions};
 
-pub(super) fn run(args: &PlanRerun, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Plan again for the task of a stored plan, from the memory as it is now
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  rmem plan rerun last\n  rmem plan rerun last --timeout 5s")]
+pub struct RerunArgs {
+    /// The plan.
+    #[command(flatten)]
+    pub plan: StoredArgs,
+    /// Planner to use instead of the plan's; several race each other
+    #[arg(long, value_name = "NAME")]
+    pub planner: Vec<String>,
+    /// Time limit instead of the plan's
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    pub timeout: Option<Duration>,
+    /// Memory limit instead of the plan's
+    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    pub memory_limit: Option<u64>,
+    /// Do not store the plan
+    #[arg(long)]
+    pub no_store: bool,
+}
+
+pub(super) fn run(args: &RerunArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let source = record.source().map_err(|error| PlanningError::NoSource { id: record.id(), error })?;
@@ -22,7 +47,7 @@ pub(super) fn run(args: &PlanRerun, context: &mut Context<'_>) -> anyhow::Result
 }
 
 /// The options of the plan, but for those that are given anew.
-fn options(args: &PlanRerun, record: &Record) -> SearchOptions {
+fn options(args: &RerunArgs, record: &Record) -> SearchOptions {
     let recorded = SearchOptions::recorded(record);
     SearchOptions {
         timeout: args.timeout.unwrap_or(recorded.timeout),

@@ -1,18 +1,60 @@
 //! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
 
-use super::source::{self, SectionCounts};
+use std::time::Duration;
+
+use clap::Args;
+
+use super::find::{choose, find};
+use super::layout::Layout;
+use super::source::{self, SectionCounts, TaskArgs};
 use super::{show, watch};
-use crate::cli::{self, PlanEffort, PlanSearch};
 use crate::commands::Context;
 use crate::exit::Exit;
-use crate::interrupt::InterruptGuard;
-use crate::memory::Memory;
-use crate::plan::Layout;
-use crate::planner::{Host, Planner, Registry};
-use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch, SearchOptions};
+use crate::formats::quantity;
+use crate::planning::{PlanRequest, SearchOptions};
 use crate::store::Namespace;
 
-pub(super) fn run(args: &PlanSearch, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Find a plan, check it, store it, print it
+#[derive(Debug, Args)]
+pub struct SearchArgs {
+    /// The task.
+    #[command(flatten)]
+    pub task: TaskArgs,
+    /// How to plan.
+    #[command(flatten)]
+    pub effort: EffortArgs,
+    /// Plan again whenever the memory changes so that the plan does not hold any more
+    #[arg(long, requires = "template", conflicts_with = "no_store")]
+    pub watch: bool,
+}
+
+/// How to plan, and where the plan goes.
+#[derive(Debug, Clone, Args)]
+pub struct EffortArgs {
+    /// Planner: builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml; several race each other
+    #[arg(long, value_name = "NAME", default_value = "builtin")]
+    pub planner: Vec<String>,
+    /// Time limit
+    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
+    pub timeout: Duration,
+    /// Use all of the time to find better plans, and take the best
+    #[arg(long)]
+    pub anytime: bool,
+    /// Memory limit
+    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    pub memory_limit: Option<u64>,
+    /// Collection in which the plan is stored
+    #[arg(long, value_name = "NS", default_value = "robmem.plans")]
+    pub into: Namespace,
+    /// Layout of the plan document: numbered, fawkes
+    #[arg(long, value_name = "LAYOUT", default_value = "numbered", hide_possible_values = true)]
+    pub layout: Layout,
+    /// Do not store the plan
+    #[arg(long)]
+    pub no_store: bool,
+}
+
+pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     context.format(&show::FORMATS)?;
     let planners = choose(&args.effort.planner, args.effort.anytime, context)?;
     let source = source::read(&args.task, context)?;
@@ -25,92 +67,12 @@ pub(super) fn run(args: &PlanSearch, context: &mut Context<'_>) -> anyhow::Resul
     }
 }
 
-/// What a search gave.
-pub(super) struct Found {
-    pub(super) exit: Exit,
-    /// The id of the stored plan, or of the stored failure.
-    pub(super) id: Option<String>,
-    /// What the problem was made from.
-    pub(super) namespaces: Vec<Namespace>,
-}
-
-/// Instantiates the problem, finds a plan, stores it, prints it.
-pub(super) fn find(
-    request: &PlanRequest,
-    sections: SectionCounts,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> anyhow::Result<Found> {
-    let prepared = planning::prepare(request, memory, &context.host())?;
-    sections.report(prepared.task(), context)?;
-    let result = search(prepared, memory, context)?;
-    report(&result, context);
-    let id = result.store(memory)?;
-    if let (Some(id), Some(into)) = (&id, &request.options.into) {
-        context.output.note(&format!("stored in {into} as {id}"));
-    }
-    let exit = print(&result, id.as_deref(), context)?;
-    let generated = result.task().generated.as_ref();
-    let namespaces = generated.map(|generated| generated.namespaces.clone()).unwrap_or_default();
-    Ok(Found { exit, id, namespaces })
-}
-
-/// The planners with these names.
-pub(super) fn choose(names: &[String], anytime: bool, context: &Context<'_>) -> anyhow::Result<Vec<Box<dyn Planner>>> {
-    let registry = registry(context);
-    names.iter().map(|name| Ok(registry.get(name, anytime)?)).collect()
-}
-
-/// The planners that the settings and the search path give.
-pub(in crate::commands) fn registry(context: &Context<'_>) -> Registry {
-    Registry::new(context.settings.planners.clone(), context.program("ff"))
-}
-
-fn options(effort: &PlanEffort) -> SearchOptions {
+fn options(effort: &EffortArgs) -> SearchOptions {
     SearchOptions {
         anytime: effort.anytime,
         timeout: effort.timeout,
         memory_limit: effort.memory_limit,
         into: (!effort.no_store).then(|| effort.into.clone()),
-        layout: layout(effort.layout),
+        layout: effort.layout.into(),
     }
-}
-
-pub(super) fn layout(layout: cli::Layout) -> Layout {
-    match layout {
-        cli::Layout::Numbered => Layout::Numbered,
-        cli::Layout::Fawkes => Layout::Fawkes,
-    }
-}
-
-/// Runs the planners; while they run, an interruption ends them.
-fn search<'a>(prepared: PreparedSearch<'a>, memory: &Memory, context: &Context<'_>) -> anyhow::Result<PlanResult<'a>> {
-    let guard = InterruptGuard::new();
-    let host = Host { interrupted: guard.interrupted(), ..context.host() };
-    Ok(prepared.search(memory, &host)?)
-}
-
-fn report(result: &PlanResult<'_>, context: &mut Context<'_>) {
-    let run = result.run();
-    context.output.operation("plan", &run.planner, run.outcome.word(), result.time());
-    for note in result.notes() {
-        match note {
-            Note::Info(text) => context.output.note(&text),
-            Note::Warning(text) => context.output.warn(&text),
-        }
-    }
-}
-
-/// Prints the plan; reports why there is none.
-fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    if let Some(failure) = result.failure() {
-        context.output.error(&failure);
-    }
-    if let Some(why) = result.why() {
-        context.output.note(&why);
-    }
-    if let Some(printed) = result.printed(id.unwrap_or("plan"), &|name| result.task().value(name)) {
-        show::print(&printed, context)?;
-    }
-    Ok(Exit::from(&result.run().outcome))
 }

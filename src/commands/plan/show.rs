@@ -5,9 +5,9 @@ use std::collections::HashMap;
 
 use anyhow::anyhow;
 use bson::Bson;
+use clap::Args;
 
-use super::stored;
-use crate::cli::PlanShow;
+use super::stored::{self, StoredArgs};
 use crate::commands::{Context, WrongInput};
 use crate::exit::Exit;
 use crate::formats::shell;
@@ -20,10 +20,22 @@ use crate::store::metadata;
 pub(super) const FORMATS: [Format; 6] =
     [Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
 
-pub(super) fn run(args: &PlanShow, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Print a stored plan
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg > plan.svg\n\n\
+Formats: text (as in planning competitions), json, dot, svg, clips, ff."
+)]
+pub struct ShowArgs {
+    /// The plan.
+    #[command(flatten)]
+    pub plan: StoredArgs,
+}
+
+pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let format = context.format(&FORMATS)?;
     let memory = context.memory()?;
-    let record = stored::get(&args.id, &args.namespace, &memory)?;
+    let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let id = record.id();
     let mut document = record.document.clone();
     document.remove(metadata::INFO);

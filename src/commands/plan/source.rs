@@ -1,20 +1,40 @@
 //! What the command line says a plan is for.
 
-use crate::cli;
-use crate::commands::gen_problem::{self, request};
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::commands::template::{self, TemplateArgs};
 use crate::commands::{Context, UsageError};
 use crate::plan::{Input, TaskSource};
 use crate::planning::PlanningTask;
 
+/// The task of a plan.
+#[derive(Debug, Clone, Args)]
+pub struct TaskArgs {
+    /// The domain
+    #[arg(short, long, value_name = "FILE")]
+    pub domain: PathBuf,
+    /// The problem; - is stdin
+    #[arg(short, long, value_name = "FILE", required_unless_present = "template", conflicts_with = "template")]
+    pub problem: Option<PathBuf>,
+    /// The template to generate the problem from; - is stdin
+    #[arg(short, long, value_name = "FILE")]
+    pub template: Option<PathBuf>,
+    /// The template's arguments.
+    #[command(flatten)]
+    pub options: TemplateArgs,
+}
+
 /// Reads what the command line names; the memory is not asked yet.
-pub(super) fn read(task: &cli::PlanTask, context: &mut Context<'_>) -> anyhow::Result<TaskSource> {
+pub(super) fn read(task: &TaskArgs, context: &mut Context<'_>) -> anyhow::Result<TaskSource> {
     let lenient = task.options.lenient;
     let domain = context.read(&task.domain)?;
     let input = match (&task.problem, &task.template) {
         (Some(path), _) => Input::Problem(context.read(path)?),
         (None, Some(path)) => {
-            let template = context.read(path)?;
-            Input::Template(Box::new(request(template, &task.options, context)?))
+            let text = context.read(path)?;
+            Input::Template(Box::new(template::request(text, &task.options, context)?))
         }
         (None, None) => return Err(UsageError::new("expected --problem or --template").into()),
     };
@@ -32,8 +52,8 @@ pub(super) enum SectionCounts {
     Required,
 }
 
-impl From<&cli::TemplateOptions> for SectionCounts {
-    fn from(options: &cli::TemplateOptions) -> Self {
+impl From<&TemplateArgs> for SectionCounts {
+    fn from(options: &TemplateArgs) -> Self {
         if options.strict { Self::Required } else { Self::Printed }
     }
 }
@@ -43,7 +63,7 @@ impl SectionCounts {
     pub(super) fn report(self, task: &PlanningTask, context: &mut Context<'_>) -> anyhow::Result<()> {
         match (&task.generated, self) {
             (None, _) | (_, Self::Silent) => Ok(()),
-            (Some(generated), _) => gen_problem::report(generated, self == Self::Required, context),
+            (Some(generated), _) => template::report(generated, self == Self::Required, context),
         }
     }
 }

@@ -1,14 +1,53 @@
 //! `rmem plan step ID N --done`: what became of a step.
 
 use bson::DateTime;
+use clap::Args;
 
 use super::stored;
-use crate::cli::{PlanState, PlanStep};
 use crate::commands::{Context, UsageError};
 use crate::exit::Exit;
 use crate::plan::{Record, Repository, Status};
+use crate::store::Namespace;
 
-pub(super) fn run(args: &PlanStep, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Record how the execution of a step went
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  rmem plan step last 1 --started\n  rmem plan step last 1 --done\n\n\
+Steps count from 1; `next` is the first that is not done. In the plan's document, the step gets\n\
+the keys _status (running, done, failed), _started and _ended (dates).")]
+pub struct StepArgs {
+    /// The plan: its id, a unique prefix of it, or last
+    #[arg(value_name = "ID")]
+    pub id: String,
+    /// The step, from 1; next is the first that is not done
+    #[arg(value_name = "N")]
+    pub step: String,
+    /// What became of it.
+    #[command(flatten)]
+    pub state: StateArgs,
+    /// Collection of the plans
+    #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]
+    pub namespace: Namespace,
+}
+
+/// What became of a step.
+#[derive(Debug, Clone, Copy, Args)]
+#[group(required = true, multiple = false)]
+pub struct StateArgs {
+    /// Mark it as begun
+    #[arg(long)]
+    pub started: bool,
+    /// Mark it as done
+    #[arg(long)]
+    pub done: bool,
+    /// Mark it as failed
+    #[arg(long)]
+    pub failed: bool,
+    /// Mark it as not begun
+    #[arg(long)]
+    pub open: bool,
+}
+
+pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
     let archive = Repository::new(&memory, &args.namespace);
     let plan = archive.get(&args.id).map_err(stored::explain)?;
@@ -18,11 +57,11 @@ pub(super) fn run(args: &PlanStep, context: &mut Context<'_>) -> anyhow::Result<
     Ok(Exit::Done)
 }
 
-fn status(state: PlanState) -> Status {
+fn status(state: StateArgs) -> Status {
     match state {
-        PlanState { done: true, .. } => Status::Done,
-        PlanState { failed: true, .. } => Status::Failed,
-        PlanState { started: true, .. } => Status::Running,
+        StateArgs { done: true, .. } => Status::Done,
+        StateArgs { failed: true, .. } => Status::Failed,
+        StateArgs { started: true, .. } => Status::Running,
         _ => Status::Open,
     }
 }

@@ -1,9 +1,22 @@
-//! What the commands about stored plans share: finding one, and what is wrong with one.
+//! Stored plans on the command line: which one, and why it is not found.
+
+use clap::Args;
 
 use crate::commands::{UsageError, WrongInput};
 use crate::memory::Memory;
 use crate::plan::{PlanDocumentError, Record, Repository, RepositoryError};
 use crate::store::Namespace;
+
+/// Which stored plan.
+#[derive(Debug, Clone, Args)]
+pub struct StoredArgs {
+    /// The plan: its id, a unique prefix of it, or last
+    #[arg(value_name = "ID")]
+    pub id: String,
+    /// Collection of the plans
+    #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]
+    pub namespace: Namespace,
+}
 
 /// The plan with an id.
 pub(super) fn get(id: &str, namespace: &Namespace, memory: &Memory) -> anyhow::Result<Record> {

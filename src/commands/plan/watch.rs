@@ -1,6 +1,6 @@
 //! `rmem plan --watch`: plans again when the memory has changed and the plan does not hold any more.
 
-use super::search::{Found, find};
+use super::find::{Found, find};
 use super::source::SectionCounts;
 use crate::commands::{Context, UsageError};
 use crate::exit::Exit;

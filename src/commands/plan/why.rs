@@ -1,9 +1,9 @@
 //! `rmem plan why ID`: where a stored plan comes from.
 
 use bson::{Bson, Document};
+use clap::Args;
 
-use super::stored;
-use crate::cli::PlanShow;
+use super::stored::{self, StoredArgs};
 use crate::commands::{Context, WrongInput};
 use crate::exit::Exit;
 use crate::formats::shell;
@@ -15,9 +15,18 @@ const WIDTH: usize = 12;
 /// How many digits of a hash tell enough.
 const DIGITS: usize = 12;
 
-pub(super) fn run(args: &PlanShow, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// Explain where a stored plan comes from
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem plan why last")]
+pub struct WhyArgs {
+    /// The plan.
+    #[command(flatten)]
+    pub plan: StoredArgs,
+}
+
+pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
-    let record = stored::get(&args.id, &args.namespace, &memory)?;
+    let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let lineage = record.lineage().ok_or_else(|| {
         WrongInput::new(format!("{} says nothing about where it comes from; rmem did not store it", record.id()))
     })?;

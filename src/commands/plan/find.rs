@@ -1,0 +1,84 @@
+//! Finding a plan for a request: the workflow, and what is printed of it.
+
+use super::show;
+use super::source::SectionCounts;
+use crate::commands::Context;
+use crate::exit::Exit;
+use crate::interrupt::InterruptGuard;
+use crate::memory::Memory;
+use crate::planner::{Host, Planner, Registry};
+use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
+use crate::store::Namespace;
+
+/// What a search gave.
+pub(super) struct Found {
+    pub(super) exit: Exit,
+    /// The id of the stored plan, or of the stored failure.
+    pub(super) id: Option<String>,
+    /// What the problem was made from.
+    pub(super) namespaces: Vec<Namespace>,
+}
+
+/// Instantiates the problem, finds a plan, stores it, prints it.
+pub(super) fn find(
+    request: &PlanRequest,
+    sections: SectionCounts,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> anyhow::Result<Found> {
+    let prepared = planning::prepare(request, memory, &context.host())?;
+    sections.report(prepared.task(), context)?;
+    let result = search(prepared, memory, context)?;
+    report(&result, context);
+    let id = result.store(memory)?;
+    if let (Some(id), Some(into)) = (&id, &request.options.into) {
+        context.output.note(&format!("stored in {into} as {id}"));
+    }
+    let exit = print(&result, id.as_deref(), context)?;
+    let generated = result.task().generated.as_ref();
+    let namespaces = generated.map(|generated| generated.namespaces.clone()).unwrap_or_default();
+    Ok(Found { exit, id, namespaces })
+}
+
+/// The planners with these names.
+pub(super) fn choose(names: &[String], anytime: bool, context: &Context<'_>) -> anyhow::Result<Vec<Box<dyn Planner>>> {
+    let registry = registry(context);
+    names.iter().map(|name| Ok(registry.get(name, anytime)?)).collect()
+}
+
+/// The planners that the settings and the search path give.
+pub(in crate::commands) fn registry(context: &Context<'_>) -> Registry {
+    Registry::new(context.settings.planners.clone(), context.program("ff"))
+}
+
+/// Runs the planners; while they run, an interruption ends them.
+fn search<'a>(prepared: PreparedSearch<'a>, memory: &Memory, context: &Context<'_>) -> anyhow::Result<PlanResult<'a>> {
+    let guard = InterruptGuard::new();
+    let host = Host { interrupted: guard.interrupted(), ..context.host() };
+    Ok(prepared.search(memory, &host)?)
+}
+
+fn report(result: &PlanResult<'_>, context: &mut Context<'_>) {
+    let run = result.run();
+    context.output.operation("plan", &run.planner, run.outcome.word(), result.time());
+    for note in result.notes() {
+        match note {
+            Note::Info(text) => context.output.note(&text),
+            Note::Warning(text) => context.output.warn(&text),
+        }
+    }
+}
+
+/// Prints the plan; reports why there is none.
+fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    if let Some(failure) = result.failure() {
+        context.output.error(&failure);
+    }
+    if let Some(why) = result.why() {
+        context.output.note(&why);
+    }
+    if let Some(printed) = result.printed(id.unwrap_or("plan"), &|name| result.task().value(name)) {
+        show::print(&printed, context)?;
+    }
+    Ok(Exit::from(&result.run().outcome))
+}

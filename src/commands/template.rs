@@ -1,0 +1,117 @@
+//! Templates on the command line: what they are given, and what is reported of their sections.
+
+use std::path::Path;
+
+use bson::Bson;
+use clap::{Args, ValueEnum};
+
+use super::{Context, WrongInput};
+use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
+use crate::pddl::Domain;
+use crate::problem::{Generated, Request, Syntax};
+
+/// The arguments of a template.
+#[derive(Debug, Clone, Default, Args)]
+pub struct TemplateArgs {
+    /// The problem's goal, as PDDL
+    #[arg(long, value_name = "GOAL", allow_hyphen_values = true)]
+    pub goal: Option<String>,
+    /// A parameter: NAME=TEXT, or NAME:=JSON for other types (can be repeated)
+    #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = definition)]
+    pub definitions: Vec<Definition>,
+    /// Syntax of the template: auto, minijinja, marker
+    #[arg(long, value_name = "SYNTAX", default_value = "auto", hide_possible_values = true)]
+    pub syntax: TemplateSyntax,
+    /// Accept what Fawkes accepted: unknown keys are empty, `//` begins a comment
+    #[arg(long)]
+    pub lenient: bool,
+    /// Fail where a section matches no document
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// The syntax of a template.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum TemplateSyntax {
+    /// By its content.
+    #[default]
+    Auto,
+    /// `{{ … }}`, `{% … %}`
+    Minijinja,
+    /// `<<#NAME|{query}>> … <</NAME>>`
+    Marker,
+}
+
+/// `-D NAME=TEXT` or `-D NAME:=JSON`
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Definition {
+    /// The parameter.
+    pub name: String,
+    /// Its value, as it was written.
+    pub value: String,
+    /// Whether the value is typed (`:=`).
+    pub typed: bool,
+}
+
+fn definition(text: &str) -> Result<Definition, String> {
+    let Some((name, value)) = text.split_once('=') else {
+        return Err("expected NAME=TEXT or NAME:=JSON".to_owned());
+    };
+    let (name, typed) = name.strip_suffix(':').map_or((name, false), |name| (name, true));
+    let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    if name.is_empty() || !name.chars().all(legal) || name.starts_with(|c: char| c.is_ascii_digit()) {
+        return Err(format!("`{name}` is not a parameter's name; expected letters, digits and _"));
+    }
+    Ok(Definition { name: name.to_owned(), value: value.to_owned(), typed })
+}
+
+/// Reads and checks a domain.
+pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>) -> anyhow::Result<Domain> {
+    let source = context.read(path)?;
+    Ok(Domain::read(&source, Dialect { lenient }).map_err(Diagnostics)?)
+}
+
+/// What a template is to be rendered with.
+pub(super) fn request(template: Source, options: &TemplateArgs, context: &Context<'_>) -> Result<Request, Diagnostic> {
+    Ok(Request {
+        template,
+        syntax: match options.syntax {
+            TemplateSyntax::Auto => Syntax::Auto,
+            TemplateSyntax::Minijinja => Syntax::Minijinja,
+            TemplateSyntax::Marker => Syntax::Marker,
+        },
+        collection: context.settings.collection.value.clone(),
+        goal: options.goal.clone(),
+        parameters: options.definitions.iter().map(parameter).collect::<Result<_, _>>()?,
+        lenient: options.lenient,
+    })
+}
+
+fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
+    let value = if definition.typed {
+        shell::parse_value(&Source::new(format!("-D {}", definition.name), definition.value.as_str()))?
+    } else {
+        Bson::String(definition.value.clone())
+    };
+    Ok((definition.name.clone(), value))
+}
+
+/// Reports how many documents each section of a template matched; none is a warning, or an error if `strict`.
+pub(super) fn report(generated: &Generated, strict: bool, context: &mut Context<'_>) -> anyhow::Result<()> {
+    let mut empty = Vec::new();
+    for section in &generated.sections {
+        let plural = if section.matched == 1 { "document" } else { "documents" };
+        let line =
+            format!("line {}: {} in {}: {} {plural}", section.line, section.name, section.namespace, section.matched);
+        if section.matched == 0 {
+            context.output.warn(&line);
+            empty.push(format!("line {}: {}", section.line, section.name));
+        } else {
+            context.output.note(&line);
+        }
+    }
+    if strict && !empty.is_empty() {
+        return Err(WrongInput::new(format!("sections that match no document: {}", empty.join("; "))).into());
+    }
+    Ok(())
+}
