@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use crate::formats::visible;
 use crate::memory::{Observer, Operation};
+use crate::process::litter;
 
 /// How documents are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, clap::ValueEnum)]
@@ -213,8 +214,11 @@ impl<'a> Output<'a> {
             let line = serde_json::json!({
                 "operation": name, "subject": subject, "detail": detail, "milliseconds": milliseconds,
             });
-            // A log that cannot be written must not fail the command.
-            let _ = writeln!(log, "{line}");
+            // A log that cannot be written must not fail the command; it is reported once.
+            if let Err(error) = writeln!(log, "{line}") {
+                self.log = None;
+                self.warn(&format!("the log cannot be written, and ends here: {error}"));
+            }
         }
     }
 
@@ -309,7 +313,8 @@ fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> anyhow::R
         _ => Path::new("."),
     };
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".rmem-");
+    let prefix = litter::prefix(folder, ".rmem-");
+    builder.prefix(&prefix);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::query::object_id;
 use anyhow::Context as _;
 use bson::Document;
-use bson::oid::ObjectId;
 use clap::Args;
 
 use super::context::memory_at;
@@ -110,7 +110,7 @@ impl Server {
         let memory = memory_at(uri)?;
         // Fails within seconds where nobody answers.
         memory.collections()?;
-        let database = format!("rmem_bench_{}", ObjectId::new().to_hex());
+        let database = format!("rmem_bench_{}", object_id::new().to_hex());
         Ok(Self {
             #[cfg(feature = "mongodb")]
             raw: crate::bench::Raw::open(uri, memory.describe(), &namespace(&database, "raw")?)?,

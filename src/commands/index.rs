@@ -17,7 +17,8 @@ use crate::store::{Index, Namespace};
     after_help = "Examples:\n  rmem index robmem.objects '{name: 1}' --unique\n  rmem index robmem.sightings '{seen: 1}' --ttl 1h\n  rmem index robmem.objects\n  rmem index robmem.objects '{name: 1}' --drop\n\n\
 Prints the name of the index. A unique index refuses documents whose key is taken (exit code 5), and\n\
 is not made where two documents have one already. What became due by --ttl is removed by later\n\
-writers and by rmem expire; on MongoDB, by the server."
+writers and by rmem expire; on MongoDB, by the server. The dates are compared with the clock at that\n\
+time: where it is set forward, documents are removed earlier; where it is set back, later."
 )]
 pub struct IndexArgs {
     /// Where: DATABASE.COLLECTION

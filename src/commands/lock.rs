@@ -19,7 +19,9 @@ The owner who holds the lock may lock again, which renews it. Where it is held b
 exits with 5. Without --owner it is $USER@$HOSTNAME from the environment, and where these are\n\
 not set, it has to be given; two processes with one owner do not exclude each other. Locks\n\
 are documents {_id: NAME, locked, \"locked-by\", \"lock-time\", \"lock-until\"} in the collection\n\
-mutexes of the first of shared_databases, or of robmem where none is shared."
+mutexes of the first of shared_databases, or of robmem where none is shared. Times are those of the\n\
+store: on MongoDB the primary's clock, in a file this machine's. Where that clock is set forward, a lock\n\
+with --ttl expires earlier; where it is set back, later, by as much as the clock jumped."
 )]
 pub struct LockArgs {
     /// What is locked

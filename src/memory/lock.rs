@@ -165,12 +165,22 @@ impl std::fmt::Display for Holder {
         let text = |date: DateTime| date.try_to_rfc3339_string().unwrap_or_else(|_| date.to_string());
         if let Some(since) = self.since {
             write!(f, " since {}", text(since))?;
+            if boot_time().is_some_and(|boot| since < boot) {
+                write!(f, " (before this machine was started, or its clock was set)")?;
+            }
         }
         match self.until {
             Some(until) => write!(f, " until {}", text(until)),
             None => write!(f, ", with no end"),
         }
     }
+}
+
+/// When this machine was started, by its clock now.
+fn boot_time() -> Option<DateTime> {
+    let stat = std::fs::read_to_string("/proc/stat").ok()?;
+    let line = stat.lines().find_map(|line| line.strip_prefix("btime "))?;
+    Some(DateTime::from_millis(line.trim().parse::<i64>().ok()?.checked_mul(1_000)?))
 }
 
 fn request(filter: Document, update: UpdateSpec, upsert: bool) -> UpdateRequest {

@@ -5,8 +5,10 @@
 //! limit, and returns its output. If the input takes a while to compute, the program can be
 //! started before it ([`Prepared`]).
 
+pub(crate) mod holder;
 mod host;
 mod launch;
+pub(crate) mod litter;
 mod pool;
 mod run;
 pub mod supervisor;

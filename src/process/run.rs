@@ -16,6 +16,7 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use tempfile::TempDir;
 
 use super::host::{Host, Limits};
+use super::litter;
 use super::pool::Share;
 use super::supervisor::GRACE;
 use super::usage;
@@ -39,6 +40,9 @@ const SMALL: u64 = 64 << 20;
 
 /// How much of a file is read or written between two looks at the clock.
 const PIECE: usize = 1 << 20;
+
+/// How much of the output of a program that printed too much is read, in bytes.
+const SAMPLE: u64 = 64 << 10;
 
 /// The largest file that is read, in bytes.
 const LARGEST_FILE: u64 = 16 << 20;
@@ -175,7 +179,8 @@ impl Prepared {
         }
         let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(COLLECT_TIMEOUT));
         let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
-        let mut ended = supervisor.collect(&limits, &reading, self.wanted)?;
+        let most = if end == End::TooMuchOutput { SAMPLE } else { limits.output };
+        let mut ended = supervisor.collect(most, &reading, self.wanted)?;
         ended.wall = started.elapsed();
         ended.cpu = usage.as_ref().map(|usage| usage.cpu);
         let peak = usage.map_or(0, |usage| usage.peak);
@@ -231,7 +236,9 @@ struct Usage {
 
 impl Supervisor {
     fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Self> {
-        let directory = tempfile::Builder::new().prefix("rmem-run-").tempdir_in(&host.temporary)?;
+        let directory = tempfile::Builder::new()
+            .prefix(&litter::prefix(&host.temporary, "rmem-run-"))
+            .tempdir_in(&host.temporary)?;
         let (ours, theirs) = UnixStream::pair()?;
         let mut command = Command::new(&host.exe);
         command.arg("__supervisor").arg("--directory").arg(directory.path());
@@ -388,9 +395,9 @@ impl Supervisor {
     }
 
     /// Reads the result, removes the directory, and releases the supervisor.
-    fn collect(mut self, limits: &Limits, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> io::Result<Ended> {
+    fn collect(mut self, most: u64, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> io::Result<Ended> {
         let mut ended = Ended::default();
-        let stream = |name: &str| reading.text(self.place(), name, limits.output).unwrap_or_default();
+        let stream = |name: &str| reading.text(self.place(), name, most).unwrap_or_default();
         (ended.stdout, ended.stderr) = (stream("stdout"), stream("stderr"));
         ended.files = files(self.place(), reading, wanted);
         self.dismiss()?;

@@ -19,6 +19,7 @@ pub mod key;
 mod keys;
 mod nesting;
 mod number;
+pub mod object_id;
 mod path;
 mod pipeline;
 mod projection;

@@ -2,11 +2,10 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use bson::oid::ObjectId;
 use bson::raw::{RawBsonRef, RawElement};
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, Timestamp};
 
-use crate::query::QueryError;
+use crate::query::{QueryError, object_id};
 
 /// The most bytes of a document, in BSON.
 pub const MAX_SIZE: usize = 16 << 20;
@@ -20,7 +19,7 @@ pub(crate) fn settle(mut document: Document) -> Result<(Bson, RawDocumentBuf), Q
     fill_timestamps(&mut document);
     let id = match document.get("_id") {
         Some(id) => id.clone(),
-        None => Bson::ObjectId(ObjectId::new()),
+        None => Bson::ObjectId(object_id::new()),
     };
     check_id(&id)?;
     let settled = with_id_first(document, &id);
@@ -68,7 +67,9 @@ pub(crate) fn fill_timestamps(document: &mut Document) {
     static INCREMENT: AtomicU32 = AtomicU32::new(0);
     let empty = Bson::Timestamp(Timestamp { time: 0, increment: 0 });
     for (_, value) in document.iter_mut().filter(|(name, value)| *name != "_id" && **value == empty) {
-        let time = u32::try_from(DateTime::now().timestamp_millis() / 1000).unwrap_or(0);
+        // A clock before 1970 or after 2106 gives the nearest time, which is not empty.
+        let seconds = (DateTime::now().timestamp_millis() / 1_000).clamp(1, i64::from(u32::MAX));
+        let time = u32::try_from(seconds).unwrap_or(u32::MAX);
         let increment = INCREMENT.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
         *value = Bson::Timestamp(Timestamp { time, increment });
     }

@@ -11,7 +11,6 @@ pub mod mongodb;
 
 pub(crate) mod document;
 mod error;
-pub(crate) mod holder;
 pub mod index;
 pub mod metadata;
 pub mod namespace;

@@ -3,7 +3,6 @@
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 
-use bson::oid::ObjectId;
 use bson::{Bson, Document};
 
 use super::native::{Environment, FactRef};
@@ -48,7 +47,7 @@ impl WorldModel {
             known: RefCell::default(),
             keys: RefCell::default(),
             gone: RefCell::default(),
-            engine: ObjectId::new().to_hex(),
+            engine: crate::query::object_id::new().to_hex(),
             changes: Cell::new(0),
             resynced: Cell::new(0),
             resync: RefCell::default(),

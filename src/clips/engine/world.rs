@@ -11,7 +11,6 @@
 
 use std::time::{Duration, Instant};
 
-use bson::oid::ObjectId;
 use bson::{Bson, Document, doc};
 
 use super::exchange;
@@ -21,7 +20,7 @@ use super::state::State;
 use crate::clips::facts::record;
 use crate::formats::clips::{Body, Fact, Item, Reader};
 use crate::formats::{Source, Span, shell};
-use crate::query::QueryError;
+use crate::query::{QueryError, object_id};
 use crate::store::{Change, ChangeKind, Find, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// The slot, and the key of the document, that tells facts apart.
@@ -367,7 +366,7 @@ fn integer(value: Option<&Bson>) -> Option<i64> {
 fn number() -> i64 {
     use std::hash::{BuildHasher as _, Hasher as _};
     let mut hasher = std::collections::hash_map::RandomState::new().build_hasher();
-    hasher.write(&ObjectId::new().bytes());
+    hasher.write(&object_id::new().bytes());
     i64::try_from(hasher.finish() >> 11).unwrap_or(1).max(1)
 }
 

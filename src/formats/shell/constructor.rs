@@ -71,7 +71,7 @@ fn date(arguments: &[Bson]) -> Option<Bson> {
 
 fn object_id(arguments: &[Bson]) -> Option<Bson> {
     match arguments {
-        [] => Some(Bson::ObjectId(ObjectId::new())),
+        [] => has_plain_clock().then(|| Bson::ObjectId(ObjectId::new())),
         [Bson::String(hex)] => ObjectId::parse_str(hex).ok().map(Bson::ObjectId),
         _ => None,
     }
@@ -185,4 +185,9 @@ fn reference(arguments: &[Bson]) -> Option<Bson> {
         document.insert("$db", database.as_str());
     }
     Some(Bson::Document(document))
+}
+
+/// Whether the clock is between 1970 and 2106: the driver makes no ObjectId at other times.
+fn has_plain_clock() -> bool {
+    u32::try_from(DateTime::now().timestamp_millis() / 1_000).is_ok()
 }

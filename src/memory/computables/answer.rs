@@ -12,7 +12,7 @@ use super::state::{Running, Wanted};
 use super::view::View;
 use crate::memory::journal::Operation;
 use crate::memory::operations::Memory;
-use crate::query::QueryError;
+use crate::query::{QueryError, object_id};
 use crate::store::{Documents, Find, Namespace, Store, StoreError, metadata};
 
 /// How often an answer is made again because its documents were replaced meanwhile.
@@ -165,7 +165,7 @@ impl Memory {
         let (started, mut pause) = (Instant::now(), SHORTEST);
         loop {
             let now = self.clock.now();
-            match entry.state(now)? {
+            match entry.state(now, good_for)? {
                 State::Good { token, until, documents } => return Ok((held(token, until), true, documents)),
                 State::Busy { .. } if started.elapsed() < timeout * 2 => {
                     self.check_cycle(wanted)?;
@@ -179,7 +179,7 @@ impl Memory {
                     ));
                 }
                 State::Stale(former) => {
-                    let token = ObjectId::new();
+                    let token = object_id::new();
                     let until = after(now, timeout);
                     if !entry
                         .claim(former.as_ref(), definition, wanted.query, token, until)
@@ -215,7 +215,7 @@ impl Memory {
     fn compute_once(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<(Held, bool, u64), StoreError> {
         let ns = &wanted.computable.definition.namespace;
         let documents = self.compute(wanted, rest)?;
-        let token = ObjectId::new();
+        let token = object_id::new();
         let until = after(self.clock.now(), COMPUTE_TIMEOUT);
         let ids = self.publish(self.routes.reading(ns)?, wanted, documents, token, until)?;
         let count = ids.len() as u64;

@@ -12,8 +12,8 @@ use bson::{Bson, DateTime, Document, doc};
 use std::time::Duration;
 
 use super::definition::Definition;
+use crate::process::holder::{Holder, Life};
 use crate::query::QueryError;
-use crate::store::holder::{Holder, Life};
 use crate::store::{Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// The collection of the entries.
@@ -76,12 +76,14 @@ impl<'a> Entry<'a> {
         Self { store, asked, records: records(asked), key }
     }
 
-    pub(super) fn state(&self, now: DateTime) -> Result<State, StoreError> {
+    /// How the entry stands at a time. What ends further ahead than `cache`, or than the timeout of a
+    /// computation, was written under another clock, and does not count.
+    pub(super) fn state(&self, now: DateTime, cache: Duration) -> Result<State, StoreError> {
         let find = Find { filter: doc! { "_id": &self.key }, ..Find::default() };
         let found = self.store.find(&self.records, &find)?.next().transpose()?;
         let Some(found) = found else { return Ok(State::Stale(None)) };
         let entry = Document::try_from(&*found).map_err(QueryError::from)?;
-        match state(&entry, now) {
+        match state(&entry, now, after(now, cache)) {
             good @ State::Good { .. } => {
                 let former = former(&entry);
                 Ok(if self.is_whole(&former)? { good } else { State::Stale(Some(former)) })
@@ -169,7 +171,9 @@ impl<'a> Entry<'a> {
         let entries = self.store.find(&self.records, &find)?.collect::<Result<Vec<_>, _>>()?;
         for entry in entries {
             let entry = Document::try_from(&*entry).map_err(QueryError::from)?;
-            let (Some(id), State::Stale(Some(former))) = (entry.get("_id"), state(&entry, now)) else { continue };
+            let (Some(id), State::Stale(Some(former))) = (entry.get("_id"), state(&entry, now, DateTime::MAX)) else {
+                continue;
+            };
             // A process that reads these documents sees by the missing entry that they are removed.
             if self.store.delete(&self.records, &doc! { "_id": id, "token": former.token }, true)? > 0 {
                 let collection = entry.get_str("collection").unwrap_or(&self.asked.collection).to_owned();
@@ -229,7 +233,8 @@ fn remove(store: &dyn Store, ns: &Namespace, former: &Former) -> Result<(), Stor
     Ok(())
 }
 
-fn state(entry: &Document, now: DateTime) -> State {
+/// How an entry stands at a time; what ends after `latest` does not count.
+fn state(entry: &Document, now: DateTime, latest: DateTime) -> State {
     let Ok(token) = entry.get_object_id("token") else { return State::Stale(None) };
     let claimed = entry.get_datetime("busy_until");
     if let Ok(until) = claimed
@@ -241,7 +246,7 @@ fn state(entry: &Document, now: DateTime) -> State {
     let former = former(entry);
     let until = entry.get_document(metadata::INFO).and_then(|info| info.get_datetime("cached_until"));
     match until {
-        Ok(until) if *until > now && entry.get_object_id("made").ok() == Some(token) => {
+        Ok(until) if *until > now && *until <= latest && entry.get_object_id("made").ok() == Some(token) => {
             State::Good { token, until: *until, documents: former.documents }
         }
         _ => State::Stale(Some(former)),

@@ -66,11 +66,9 @@ impl Memory {
         if !computable.spec.matches(query)? {
             return Ok(Verdict::Unneeded(computable.spec.missed(query)?));
         }
-        if computable.definition.cache.is_none() {
-            return Ok(Verdict::Runs);
-        }
+        let Some(cache) = computable.definition.cache else { return Ok(Verdict::Runs) };
         let entry = Entry::new(self.routes.reading(ns)?, ns, key::of(&computable.definition, query));
-        Ok(match entry.state(self.clock.now())? {
+        Ok(match entry.state(self.clock.now(), cache)? {
             State::Good { until, documents, .. } => Verdict::Cached { until, documents },
             State::Busy { .. } => Verdict::Busy,
             State::Stale(_) => Verdict::Runs,

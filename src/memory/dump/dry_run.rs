@@ -9,6 +9,7 @@ use super::batch::{batches, undated};
 use super::error::{RestoreError, unchanged};
 use super::read::{Dump, Part};
 use crate::memory::Memory;
+use crate::process::litter;
 use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
 
 /// How many documents are copied at once.
@@ -64,7 +65,10 @@ impl<'a> TrialStore<'a> {
             let (address, reason) = (temporary.display().to_string(), format!("cannot make a folder: {error}"));
             unchanged(namespace, StoreError::Failed { address, reason })
         };
-        let folder = tempfile::Builder::new().prefix(".rmem-").tempdir_in(temporary).map_err(failed)?;
+        let folder = tempfile::Builder::new()
+            .prefix(&litter::prefix(temporary, ".rmem-"))
+            .tempdir_in(temporary)
+            .map_err(failed)?;
         let store = Embedded::open(folder.path().join("trial.rmem")).map_err(|source| unchanged(namespace, source))?;
         Ok(Self { store, namespace, _folder: folder })
     }

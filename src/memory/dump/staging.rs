@@ -9,7 +9,8 @@ use bson::DateTime;
 use bson::oid::ObjectId;
 
 use crate::memory::Memory;
-use crate::store::holder::{Holder, Life};
+use crate::process::holder::{Holder, Life};
+use crate::query::object_id;
 use crate::store::{Namespace, StoreError};
 
 const PREFIX: &str = "restoring_";
@@ -20,7 +21,7 @@ const OLD: Duration = Duration::from_secs(24 * 3600);
 /// A new name for a collection that waits, in the database of `namespace`.
 pub(super) fn name(namespace: &Namespace) -> Namespace {
     let holder = Holder::myself().to_string().replace(' ', "_");
-    let collection = format!("{PREFIX}{holder}_{}", ObjectId::new().to_hex());
+    let collection = format!("{PREFIX}{holder}_{}", object_id::new().to_hex());
     Namespace { database: namespace.database.clone(), collection }
 }
 

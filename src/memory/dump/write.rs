@@ -12,7 +12,11 @@ use std::path::{Path, PathBuf};
 
 use crate::formats::mongodump::{ArchiveWriter, Metadata, Packer, encode};
 use crate::memory::Memory;
+use crate::process::litter;
 use crate::store::{Find, Index, Namespace, StoreError, index};
+
+/// The prefix of temporary files.
+const PREFIX: &str = ".rmem-";
 
 /// Why there is no dump. Nothing was left behind.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +68,8 @@ pub fn write_folder(
     }
     check_place(path)?;
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".rmem-").permissions(Permissions::from_mode(0o777));
+    let prefix = litter::prefix(beside(path), PREFIX);
+    builder.prefix(&prefix).permissions(Permissions::from_mode(0o777));
     // The error leaves out the name of the temporary folder.
     let staged = builder.tempdir_in(beside(path)).map_err(|error| failed(error.kind().into()))?;
     let namespaces = in_order(namespaces);
@@ -93,7 +98,8 @@ pub fn write_archive(
     let failed = |source| DumpError::Write { path: path.to_owned(), source };
     check_place(path)?;
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".rmem-").permissions(Permissions::from_mode(0o666));
+    let prefix = litter::prefix(beside(path), PREFIX);
+    builder.prefix(&prefix).permissions(Permissions::from_mode(0o666));
     let (file, staged) = builder.tempfile_in(beside(path)).map_err(failed)?.into_parts();
     let namespaces = in_order(namespaces);
     let described = namespaces.iter().map(|ns| metadata(memory, ns)).collect::<Result<Vec<_>, _>>()?;

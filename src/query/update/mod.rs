@@ -246,7 +246,7 @@ fn id_first(mut document: Document) -> Result<Document> {
             check_id(&id)?;
             id
         }
-        None => Bson::ObjectId(bson::oid::ObjectId::new()),
+        None => Bson::ObjectId(crate::query::object_id::new()),
     };
     let mut ordered = Document::new();
     ordered.insert("_id", id);

@@ -6,6 +6,7 @@ use rusqlite::Connection;
 
 use super::place::Place;
 use super::{Embedded, failure};
+use crate::process::litter;
 use crate::store::StoreError;
 
 impl Embedded {
@@ -21,7 +22,8 @@ impl Embedded {
             return Err(failed(format!("its folder {} does not exist; create it first", folder.display())));
         }
         let write = |error: std::io::Error| failed(failure::io(&error));
-        let staged = tempfile::Builder::new().prefix(".rmem-").tempfile_in(folder).map_err(write)?;
+        let staged =
+            tempfile::Builder::new().prefix(&litter::prefix(folder, ".rmem-")).tempfile_in(folder).map_err(write)?;
         let Some(name) = staged.path().to_str() else { return Err(failed("its path is not UTF-8".to_owned())) };
         self.connection
             .execute("VACUUM INTO ?", [name])

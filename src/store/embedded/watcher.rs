@@ -6,8 +6,8 @@ use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::change_log;
+use crate::process::holder::{Holder, Life};
 use crate::store::Namespace;
-use crate::store::holder::{Holder, Life};
 use crate::store::watch::{Name, Waiting};
 
 /// How long, in milliseconds, a process of another container counts as running after its last heartbeat.

@@ -12,7 +12,7 @@ use mongodb::change_stream::event::ResumeToken;
 use mongodb::sync::Collection;
 
 use super::{MongoDb, failure};
-use crate::store::holder::{Holder, Life};
+use crate::process::holder::{Holder, Life};
 use crate::store::watch::Name;
 use crate::store::{Namespace, Store as _, StoreError};
 

@@ -1,13 +1,12 @@
 //! The operations of [`Store`], each one call of the driver.
 
-use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
 use super::update::is_replacement;
 use super::{MongoDb, failure};
-use crate::query::QueryError;
+use crate::query::{QueryError, object_id};
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
@@ -50,7 +49,7 @@ impl Store for MongoDb {
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
         let identified = |document: Document| match document.contains_key("_id") {
             true => document,
-            false => with_id_first(document, &ObjectId::new().into()),
+            false => with_id_first(document, &object_id::new().into()),
         };
         let (mut done, mut rest): (_, Vec<_>) = (Put::default(), documents.into_iter().map(identified).collect());
         while !rest.is_empty() {

@@ -51,6 +51,25 @@ impl Holder {
         }
     }
 
+    /// The process as part of a file name: `BOOT.NAMESPACE.PID.START`, without characters that a file system refuses.
+    pub(crate) fn tag(&self) -> String {
+        format!("{}.{}.{}.{}", plain(&self.boot), plain(&self.space), self.process, plain(&self.started))
+    }
+
+    /// What is known of the process in a [`Holder::tag`]; nothing where the text is none.
+    pub(crate) fn life_of(tag: &str) -> Option<Life> {
+        let [boot, space, process, started] = tag.split('.').collect::<Vec<_>>().try_into().ok()?;
+        let myself = Self::myself();
+        let same = |part: &str, own: &str| if part == plain(own) { own.to_owned() } else { part.to_owned() };
+        let holder = Self {
+            boot: same(boot, &myself.boot),
+            space: same(space, &myself.space),
+            process: process.parse().ok()?,
+            started: started.to_owned(),
+        };
+        Some(holder.life())
+    }
+
     /// The process id in its own namespace.
     pub(crate) fn process(&self) -> u32 {
         self.process
@@ -71,6 +90,11 @@ impl FromStr for Holder {
         let process = process.parse().map_err(drop)?;
         Ok(Self { boot: boot.to_owned(), space: space.to_owned(), process, started: started.to_owned() })
     }
+}
+
+/// The letters and digits of a text.
+fn plain(text: &str) -> String {
+    text.chars().filter(char::is_ascii_alphanumeric).collect()
 }
 
 fn unknown() -> String {
