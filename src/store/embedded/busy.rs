@@ -5,6 +5,7 @@
 //! with a fraction of a write's duration and never sleeps longer than
 //! [`LONGEST`]; random jitter keeps two waiting processes from retrying at the same times.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -18,17 +19,38 @@ const BRIEF_TIMEOUT: Duration = Duration::from_millis(4);
 const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_millis(8);
 
-/// Makes `connection` wait for locks of other processes: for at most [`LOCK_TIMEOUT`], or,
-/// while `is_brief` is set, [`BRIEF_TIMEOUT`].
-pub(super) fn install(connection: &mut Connection, is_brief: Arc<AtomicBool>) -> rusqlite::Result<()> {
-    let mut since = Instant::now();
+/// Makes `connection` wait for locks of other processes: for [`LOCK_TIMEOUT`], and longer as long as
+/// the log at `log` grows; while `is_brief` is set, for [`BRIEF_TIMEOUT`].
+pub(super) fn install(
+    connection: &mut Connection,
+    is_brief: Arc<AtomicBool>,
+    log: Option<PathBuf>,
+) -> rusqlite::Result<()> {
+    let (mut since, mut progress) = (Instant::now(), Progress { log, length: None });
     connection.busy_handler(Some(move |attempt: i32| {
         if attempt == 0 {
             since = Instant::now();
         }
         let has_time = !is_brief.load(Ordering::Relaxed) || since.elapsed() < BRIEF_TIMEOUT;
+        if since.elapsed() >= LOCK_TIMEOUT && progress.is_made() {
+            since = Instant::now();
+        }
         has_time && wait(since, attempt.unsigned_abs())
     }))
+}
+
+/// The progress of the process that holds the lock: a long write makes the log grow.
+struct Progress {
+    log: Option<PathBuf>,
+    length: Option<u64>,
+}
+
+impl Progress {
+    /// Whether the log has changed since the last call.
+    fn is_made(&mut self) -> bool {
+        let length = self.log.as_ref().and_then(|log| std::fs::metadata(log).ok()).map(|log| log.len());
+        std::mem::replace(&mut self.length, length) != length
+    }
 }
 
 /// Repeats `attempt` while another process holds the lock, for at most [`LOCK_TIMEOUT`].

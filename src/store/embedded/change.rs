@@ -7,7 +7,7 @@ use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::change_log::Noted;
-use super::scan::{Found, Scan};
+use super::scan::Found;
 use super::{Embedded, body as stored};
 use crate::query::{Filter, QueryError, Update, key};
 use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata};
@@ -16,32 +16,36 @@ use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, Update
 const IMMUTABLE_FIELD: i32 = 66;
 
 impl Embedded {
-    /// Applies an update in one transaction: where one document cannot be
-    /// changed, none is. (MongoDB keeps what was changed before.)
+    /// Applies an update, in slices; where one document cannot be changed, those of its slice are not.
+    /// (MongoDB keeps what was changed before.)
     pub(super) fn change(
         &self,
         ns: &Namespace,
         request: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        let mut change = Change::parse(request, timestamp)?;
-        self.write(|| {
-            let collection = self.collection(ns)?;
-            let mut done = Updated::default();
-            if let Some(collection) = collection {
-                self.sweep(ns, collection)?;
-                let most = if request.many { usize::MAX } else { 1 };
-                let scan = Scan::new(self, collection, &mut change.filter)?.at_most(most);
-                for found in scan.take(most) {
-                    done.matched += 1;
-                    done.modified += u64::from(self.change_one(ns, collection, &found?, &change)?);
+        let change = Change::parse(request, timestamp)?;
+        let (mut modified, mut upserted) = (0, None);
+        let most = if request.many { u64::MAX } else { 1 };
+        // The scan may simplify its own filter.
+        let mut filter = Rc::new(Filter::parse(&request.filter)?);
+        let matched = self.each_match(
+            ns,
+            &mut filter,
+            most,
+            true,
+            &mut |collection, found| {
+                modified += u64::from(self.change_one(ns, collection, found, &change)?);
+                Ok(())
+            },
+            &mut || {
+                if request.upsert {
+                    upserted = Some(self.upsert(ns, request, &change)?);
                 }
-            }
-            if done.matched == 0 && request.upsert {
-                done.upserted = Some(self.upsert(ns, request, &change)?);
-            }
-            Ok(done)
-        })
+                Ok(())
+            },
+        )?;
+        Ok(Updated { matched, modified, upserted })
     }
 
     fn change_one(
@@ -170,16 +174,9 @@ impl Embedded {
 
     pub(super) fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
         let mut filter = Rc::new(Filter::parse(filter)?);
-        self.write(|| {
-            let Some(collection) = self.collection(ns)? else { return Ok(0) };
-            let mut deleted = 0;
-            let most = if first_only { 1 } else { usize::MAX };
-            for found in Scan::new(self, collection, &mut filter)?.at_most(most).take(most) {
-                self.erase(ns, collection, &found?)?;
-                deleted += 1;
-            }
-            Ok(deleted)
-        })
+        let most = if first_only { 1 } else { u64::MAX };
+        let erase = &mut |collection, found: &Found| self.erase(ns, collection, found);
+        self.each_match(ns, &mut filter, most, false, erase, &mut || Ok(()))
     }
 }
 

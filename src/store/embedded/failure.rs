@@ -23,6 +23,7 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
             "cannot be written; check the permissions of the file and of its folder".to_owned()
         }
         Some(ErrorCode::PermissionDenied) => "permission denied; check the file's owner and mode".to_owned(),
+        Some(ErrorCode::CannotOpen | ErrorCode::SystemIoFailure) if is_full(place) => DISK_FULL.to_owned(),
         Some(ErrorCode::CannotOpen) => return unreachable(place, cannot_open(place)),
         Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => {
             format!("another process has been writing for {} s; end it or try again", LOCK_TIMEOUT.as_secs())
@@ -36,6 +37,19 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
 
 fn unreachable(place: &Place, reason: String) -> StoreError {
     StoreError::Unreachable { address: place.to_string(), reason }
+}
+
+/// Whether the file system of the store has no space left: SQLite reports then that it cannot make
+/// or write its log.
+fn is_full(place: &Place) -> bool {
+    let Place::File(path) = place else { return false };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
+    rustix::fs::statvfs(folder).is_ok_and(|system| system.f_bavail == 0 || (system.f_favail == 0 && system.f_files > 0))
+}
+
+/// Whether an error of a store says that the disk is full.
+pub(super) fn is_of_full_disk(error: &StoreError) -> bool {
+    matches!(error, StoreError::Failed { reason, .. } if reason == DISK_FULL)
 }
 
 /// Describes an error of the file system.

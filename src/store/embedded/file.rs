@@ -82,16 +82,13 @@ impl Embedded {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, StoreError> {
         let path = path.as_ref();
         let place = Place::File(path.to_owned());
-        if path.is_dir() {
-            return Err(StoreError::Unreachable {
-                address: place.to_string(),
-                reason: "is a directory; name a file in it".to_owned(),
-            });
+        if let Some(reason) = special(path) {
+            return Err(StoreError::Unreachable { address: place.to_string(), reason: reason.to_owned() });
         }
         if is_read_only(path) {
             return Self::open_unchanging(path, place);
         }
-        if !may_write(path) {
+        if !may_write(path) || !may_log(path) {
             return Self::open_of_others(path, place);
         }
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
@@ -145,13 +142,15 @@ impl Embedded {
     fn prepare(mut connection: Connection, place: Place) -> Result<Self, StoreError> {
         let explain = |error| failure::explain(&place, &error);
         let is_brief = Arc::new(AtomicBool::new(false));
-        busy::install(&mut connection, Arc::clone(&is_brief)).map_err(explain)?;
+        busy::install(&mut connection, Arc::clone(&is_brief), place.log()).map_err(explain)?;
         connection.set_prepared_statement_cache_capacity(64);
         match busy::retry(|| Marks::read(&connection)).map_err(explain)? {
             Marks { application: APPLICATION, version: VERSION, .. } => {}
             Marks { application: APPLICATION, version: UNSEALED, .. } => upgrade(&connection).map_err(explain)?,
             Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
-            Marks { application: 0, version: 0, blank: true } => lay_out(&connection).map_err(explain)?,
+            Marks { application: 0, version: 0, blank: true } if is_ours(&connection).map_err(explain)? => {
+                lay_out(&connection).map_err(explain)?;
+            }
             _ => return Err(foreign(&place)),
         }
         tune(&connection).map_err(explain)?;
@@ -167,6 +166,36 @@ fn is_read_only(path: &Path) -> bool {
 /// Whether this process may write the file, or make it.
 fn may_write(path: &Path) -> bool {
     !path.exists() || rustix::fs::access(path, rustix::fs::Access::WRITE_OK).is_ok()
+}
+
+/// Whether this process may make a log beside the file, or write the one that exists.
+fn may_log(path: &Path) -> bool {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let may = |path: &Path| rustix::fs::access(path, rustix::fs::Access::WRITE_OK).is_ok();
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    !path.exists() || may(folder) || may(Path::new(&log))
+}
+
+/// Why something that is no file cannot be a memory.
+fn special(path: &Path) -> Option<&'static str> {
+    use std::os::unix::fs::FileTypeExt as _;
+    let kind = match std::fs::metadata(path) {
+        Ok(found) => found.file_type(),
+        Err(error) if rustix::io::Errno::from_io_error(&error) == Some(rustix::io::Errno::LOOP) => {
+            return Some("is a symbolic link that leads back to itself; name a file");
+        }
+        Err(_) => return None,
+    };
+    match kind {
+        kind if kind.is_dir() => Some("is a directory; name a file in it"),
+        kind if kind.is_fifo() => Some("is a pipe; name a file"),
+        kind if kind.is_socket() => Some("is a socket; name a file"),
+        kind if kind.is_char_device() || kind.is_block_device() => {
+            Some("is a device; name a file, or mem: for a memory without one")
+        }
+        _ => None,
+    }
 }
 
 /// Whether there are writes that are not folded into the file.
@@ -207,6 +236,14 @@ impl Marks {
         connection
             .query_row(sql, [], |row| Ok(Self { application: row.get(0)?, version: row.get(1)?, blank: row.get(2)? }))
     }
+}
+
+/// Whether a database without tables is an empty file, or one that another rmem is laying out. An
+/// empty database of another program has pages, and no write-ahead log.
+fn is_ours(connection: &Connection) -> rusqlite::Result<bool> {
+    let pages: i64 = connection.query_row("PRAGMA page_count", [], |row| row.get(0))?;
+    let mode: String = connection.query_row("PRAGMA journal_mode", [], |row| row.get(0))?;
+    Ok(pages == 0 || mode == "wal" || mode == "memory")
 }
 
 /// Makes a blank file a memory. Several processes may do so at the same time; one of them does.

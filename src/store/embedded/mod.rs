@@ -31,6 +31,7 @@ mod pipeline;
 mod place;
 mod repair;
 mod scan;
+mod slices;
 mod snapshot;
 mod verbs;
 mod watcher;

@@ -10,6 +10,16 @@ pub(super) enum Place {
     Memory,
 }
 
+impl Place {
+    /// The path of the write-ahead log.
+    pub(super) fn log(&self) -> Option<PathBuf> {
+        let Self::File(path) = self else { return None };
+        let mut log = path.clone().into_os_string();
+        log.push("-wal");
+        Some(log.into())
+    }
+}
+
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

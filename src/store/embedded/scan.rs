@@ -164,6 +164,17 @@ impl<'a> Scan<'a> {
         Self { most, page_documents, ..self }
     }
 
+    /// Gives back the page that was read and not taken, so that it is read again.
+    pub(super) fn unread(&mut self) {
+        let positions: Vec<i64> = self.page.drain(..).map(|found| found.position).collect();
+        let Some(first) = positions.first().copied() else { return };
+        match &mut self.rest {
+            Rest::Between(behind, _) => *behind = first - 1,
+            Rest::At(rest) => positions.into_iter().rev().for_each(|position| rest.push_front(position)),
+            rest @ (Rest::Nothing | Rest::Listed(..)) => *rest = Rest::At(positions.into()),
+        }
+    }
+
     /// Reads the first page now.
     pub(super) fn begun(mut self) -> Result<Self, StoreError> {
         if !matches!(self.rest, Rest::Nothing) {

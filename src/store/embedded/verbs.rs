@@ -170,8 +170,12 @@ impl Embedded {
             // A failing rollback leaves nothing to do: closing rolls back too.
             let _ = self.run("ROLLBACK");
         }
-        if result.is_err() {
+        if let Err(error) = &result {
             self.indexes.clear();
+            if failure::is_of_full_disk(error) {
+                // The log is folded into the file and cut, so that there is room to delete something.
+                let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
+            }
         }
         result
     }

@@ -1,0 +1,127 @@
+//! Updates and deletions of many documents, in slices that let other processes write in between.
+//!
+//! One transaction over a million documents would make all other writers wait for seconds. As on
+//! MongoDB, such an operation is atomic for each document, not as a whole: where it fails, the slices
+//! before stay. A slice begins with the documents as they are then, matched again.
+
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use super::Embedded;
+use super::catalog::Collection;
+use super::scan::{Found, Scan};
+use crate::query::Filter;
+use crate::store::{Namespace, StoreError};
+
+/// How long a slice takes.
+const SLICE: Duration = Duration::from_millis(100);
+/// The pause between two slices, in which every waiting writer tries once.
+const PAUSE: Duration = Duration::from_millis(15);
+
+/// What is done with a match.
+type Work<'a> = &'a mut dyn FnMut(Collection, &Found) -> Result<(), StoreError>;
+
+impl Embedded {
+    /// Does `work` with each match, of which there are at most `most`, or `otherwise` where there is none;
+    /// returns how many matched. Expired documents are removed before with `is_sweeping`. Within a
+    /// transaction, everything is part of it.
+    pub(super) fn each_match(
+        &self,
+        ns: &Namespace,
+        filter: &mut Rc<Filter>,
+        most: u64,
+        is_sweeping: bool,
+        work: Work<'_>,
+        otherwise: &mut dyn FnMut() -> Result<(), StoreError>,
+    ) -> Result<u64, StoreError> {
+        let is_sliced = self.connection.is_autocommit();
+        let (mut open, mut matched) = (None, 0);
+        loop {
+            let is_done = self.write(|| {
+                let start = Instant::now();
+                let Some(collection) = self.collection(ns)? else { return self.end(matched, otherwise) };
+                if open.is_none() && is_sweeping {
+                    self.sweep(ns, collection)?;
+                }
+                let (id, scan) = match &mut open {
+                    Some((id, scan)) => {
+                        Scan::unread(scan);
+                        (*id, scan)
+                    }
+                    None => {
+                        let most = usize::try_from(most).unwrap_or(usize::MAX);
+                        let scan = Scan::new(self, collection, filter)?.at_most(most);
+                        let (id, scan) = open.insert((collection.id, scan));
+                        (*id, scan)
+                    }
+                };
+                while matched < most && id == collection.id {
+                    let Some(found) = scan.next() else { break };
+                    matched += 1;
+                    work(collection, &found?)?;
+                    if is_sliced && start.elapsed() >= SLICE {
+                        return Ok(false);
+                    }
+                }
+                self.end(matched, otherwise)
+            })?;
+            if is_done {
+                return Ok(matched);
+            }
+            std::thread::sleep(PAUSE);
+        }
+    }
+
+    /// The end of the last slice.
+    fn end(&self, matched: u64, otherwise: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<bool, StoreError> {
+        if matched == 0 {
+            otherwise()?;
+        }
+        Ok(true)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Store as _, UpdateRequest, UpdateSpec};
+    use bson::doc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    #[test]
+    fn others_write_while_many_documents_are_changed_and_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        let (ns, other) = (Namespace::parse("a.b").unwrap(), Namespace::parse("a.c").unwrap());
+        let count = 40_000;
+        Embedded::open(&path).unwrap().insert(&ns, (0..count).map(|n| doc! { "_id": n }).collect()).unwrap();
+        let done = AtomicBool::new(false);
+        let written = std::thread::scope(|scope| {
+            let writer = scope.spawn(|| {
+                let store = Embedded::open(&path).unwrap();
+                let mut written = 0;
+                while !done.load(Ordering::Relaxed) {
+                    store.insert(&other, vec![doc! {}]).unwrap();
+                    // A document that is changed meanwhile is matched again.
+                    store.delete(&ns, &doc! { "_id": count - 1 - written }, true).unwrap();
+                    written += 1;
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+                written
+            });
+            let store = Embedded::open(&path).unwrap();
+            let update = UpdateSpec::Document(doc! { "$inc": { "n": 1 } });
+            let request =
+                UpdateRequest { filter: doc! {}, update, array_filters: Vec::new(), many: true, upsert: false };
+            let updated = store.update(&ns, &request, None).unwrap();
+            done.store(true, Ordering::Relaxed);
+            let written = writer.join().unwrap();
+            assert!(updated.matched <= u64::try_from(count).unwrap());
+            let left = store.count(&ns, &doc! {}).unwrap();
+            assert_eq!(store.count(&ns, &doc! { "n": 1 }).unwrap(), left, "each was changed once");
+            assert_eq!(store.delete(&ns, &doc! {}, false).unwrap(), left);
+            written
+        });
+        assert!(written > 3, "{written} writes in between");
+    }
+}
