@@ -58,7 +58,9 @@ pub enum UriError {
     #[error("`mem:` takes no path; for a file write file:PATH")]
     MemoryPath,
     /// `mongodb://` with nothing behind.
-    #[error("the URI names no server; write {scheme}://HOST:PORT")]
+    #[error(
+        "the URI names no server, or a port that is no number; write {scheme}://HOST:PORT, or {scheme}://USER:PASSWORD@HOST:PORT"
+    )]
     NoHost {
         /// `mongodb` or `mongodb+srv`.
         scheme: String,
@@ -152,7 +154,7 @@ fn open_server(uri: &StoreUri, _: &str, _: Role) -> Result<Box<dyn Store>, Store
 #[must_use]
 pub fn masked(text: &str) -> String {
     let shown = match text.rfind('@') {
-        None => text.to_owned(),
+        None => without_secret_port(text),
         Some(at) => {
             let before = text.get(..at).unwrap_or_default();
             let start = match (before.find(':'), before.find("//")) {
@@ -168,6 +170,20 @@ pub fn masked(text: &str) -> String {
     match shown.split_once('?') {
         Some((front, _)) if shown.contains("mongodb") => format!("{front}?…"),
         _ => shown,
+    }
+}
+
+/// A text without `@`, in which what stands where a port would, and is none, may be a password.
+fn without_secret_port(text: &str) -> String {
+    let Some((scheme, rest)) = text.split_once("//").filter(|_| text.contains("mongodb")) else {
+        return text.to_owned();
+    };
+    let hosts = hosts(rest);
+    match hosts.split_once(':') {
+        Some((host, _)) if !has_ports(hosts) => {
+            format!("{scheme}//{host}:…{}", rest.get(hosts.len()..).unwrap_or_default())
+        }
+        _ => text.to_owned(),
     }
 }
 
@@ -210,10 +226,21 @@ fn server(scheme: &str, rest: &str, text: &str) -> Result<StoreUri, UriError> {
     if rest.matches('@').count() > 1 {
         return Err(UriError::Ambiguous { scheme: scheme() });
     }
-    if hosts.is_empty() {
+    // Behind `user:secret` without `@HOST`, the secret stands where a port would.
+    if hosts.is_empty() || !has_ports(hosts) {
         return Err(UriError::NoHost { scheme: scheme() });
     }
     Ok(StoreUri(Location::Server(text.to_owned())))
+}
+
+/// Whether every host has a number for a port, or none.
+fn has_ports(hosts: &str) -> bool {
+    let is_port = |port: &str| port.parse::<u16>().is_ok();
+    hosts.split(',').all(|host| match host.rsplit_once(':') {
+        // An IPv6 address in brackets has colons of its own.
+        Some((_, port)) if !host.ends_with(']') => is_port(port),
+        _ => true,
+    })
 }
 
 /// What lies between credentials and path or options.

@@ -21,6 +21,7 @@ mod problems;
 mod races;
 mod settings;
 mod stored;
+mod surroundings;
 mod terminal;
 mod watch;
 mod worldmodels;
