@@ -4,7 +4,7 @@
 //! | fence | what happens |
 //! |---|---|
 //! | `console` | its commands run (`console.rs`); `needs=python3,mongod,clips-engine` says what has to be there |
-//! | any language and `file=NAME` | the file is written; the paragraph before names it |
+//! | any language and `file=NAME` | the file is written, or added to with `append=yes`; the paragraph before names it |
 //! | `jinja`, `marker` | the template is rendered, `with="OPTIONS"`, and compared with the block that follows: `pddl`, or `error` with what is said on stderr |
 //! | `toml` | `rmem config` accepts it |
 //! | `json` | it is JSON, or JSON lines |
@@ -32,6 +32,7 @@ macro_rules! pages {
 
 pages! {
     the_readme_is_true: "README.md" in Lab::new(),
+    the_guide_is_true: "docs/guide.md" in Lab::empty(),
     the_page_for_contributors_is_true: "CONTRIBUTING.md" in Lab::new(),
     the_page_on_the_examples_is_true: "examples/README.md" in Lab::new(),
     the_page_on_the_domains_is_true: "domains/README.md" in Lab::new(),
@@ -44,6 +45,12 @@ fn every_page_has_its_test() {
     for page in files.filter(|name| name.ends_with(".md")) {
         assert!(PAGES.contains(&page.as_str()), "add {page} to `pages!`");
     }
+}
+
+#[test]
+fn the_readme_has_at_most_600_words() {
+    let words = text("README.md").split_whitespace().count();
+    assert!(words <= 600, "{words} words");
 }
 
 /// The text of a page.
@@ -89,7 +96,10 @@ impl Page {
     fn write(&self, block: &Block, name: &str) {
         let place = self.place(block);
         assert!(block.before.contains(&format!("`{name}`")), "{place}: the paragraph before does not name `{name}`");
-        self.lab.write(name, &block.text);
+        let redirection = if block.attribute("append").is_some() { ">>" } else { ">" };
+        let command = format!("cat {redirection} '{name}' <<'END OF FILE'\n{}END OF FILE\n", block.text);
+        let run = self.lab.shell(&continued(&command));
+        assert_eq!(run.code, 0, "{place}:\n{run}");
     }
 
     fn console(&self, block: &Block) {
