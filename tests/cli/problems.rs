@@ -304,23 +304,23 @@ fn a_problem_becomes_documents_and_a_template_makes_it_again() {
 }
 
 /// The header of a template as an editor reads it: the program and its arguments.
-fn header(readme: &str) -> (String, Vec<String>) {
-    let line = readme.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
+fn header(page: &str) -> (String, Vec<String>) {
+    let line = page.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
     let command = line.split("command: \"").nth(1).unwrap().split('"').next().unwrap();
     let args = line.split("args: [").nth(1).unwrap().split(']').next().unwrap();
     (command.to_owned(), args.split(',').map(|word| word.trim().trim_matches('"').to_owned()).collect())
 }
 
 #[test]
-fn the_header_in_the_readme_makes_rmem_the_preprocessor_of_an_editor() {
-    let readme = std::fs::read_to_string(crate::lab::root().join("README.md")).unwrap();
-    let (command, args) = header(&readme);
+fn the_header_in_the_documentation_makes_rmem_the_preprocessor_of_an_editor() {
+    let page = std::fs::read_to_string(crate::lab::root().join("docs/templates.md")).unwrap();
+    let (command, args) = header(&page);
     assert_eq!(command, "rmem");
     let lab = Lab::new();
     lab.rmem(&["count", "robmem.worldmodel", "--load", "fixtures/blocksworld.json", "--memory", "file:robot.rmem"])
         .success();
     let template = lab.read("templates/blocksworld/problem.pddl.j2");
-    let line = readme.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
+    let line = page.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     // The editor sends the whole file, its header too, and takes what is printed.
     let problem = lab.rmem_with(&args, &format!("{template}{line}\n")).success();

@@ -52,7 +52,9 @@ pub(super) fn agrees(actual: &str, expected: &[&str]) -> bool {
 fn lines_agree(actual: &[&str], expected: &[&str]) -> bool {
     match expected.split_first() {
         None => actual.is_empty(),
-        Some((gap, rest)) if gap.trim() == "…" => (0..=actual.len()).any(|skipped| lines_agree(&actual[skipped..], rest)),
+        Some((gap, rest)) if gap.trim() == "…" => {
+            (0..=actual.len()).any(|skipped| lines_agree(&actual[skipped..], rest))
+        }
         Some((line, rest)) => match actual.split_first() {
             Some((first, others)) => line_agrees(first, line) && lines_agree(others, rest),
             None => false,

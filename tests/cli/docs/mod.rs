@@ -14,7 +14,7 @@ mod console;
 mod markdown;
 mod names;
 
-use crate::lab::{Lab, root};
+use crate::lab::{Finished, Lab, root};
 use markdown::{Block, blocks};
 
 /// One test for each page.
@@ -33,6 +33,7 @@ macro_rules! pages {
 pages! {
     the_readme_is_true: "README.md" in Lab::new(),
     the_guide_is_true: "docs/guide.md" in Lab::empty(),
+    the_page_on_templates_is_true: "docs/templates.md" in Lab::new(),
     the_page_for_contributors_is_true: "CONTRIBUTING.md" in Lab::new(),
     the_page_on_the_examples_is_true: "examples/README.md" in Lab::new(),
     the_page_on_the_domains_is_true: "domains/README.md" in Lab::new(),
@@ -97,9 +98,21 @@ impl Page {
         let place = self.place(block);
         assert!(block.before.contains(&format!("`{name}`")), "{place}: the paragraph before does not name `{name}`");
         let redirection = if block.attribute("append").is_some() { ">>" } else { ">" };
-        let command = format!("cat {redirection} '{name}' <<'END OF FILE'\n{}END OF FILE\n", block.text);
-        let run = self.lab.shell(&continued(&command));
-        assert_eq!(run.code, 0, "{place}:\n{run}");
+        self.save(redirection, name, &block.text);
+    }
+
+    /// Writes a file where the terminal is.
+    fn save(&self, redirection: &str, name: &str, text: &str) {
+        let run = self.shell(&format!("cat {redirection} '{name}' <<'END OF FILE'\n{text}END OF FILE\n"));
+        assert_eq!(run.code, 0, "{}: {name}:\n{run}", self.path);
+    }
+
+    /// Runs a command in the terminal of the commands before it: with what they exported, in their folder.
+    fn shell(&self, command: &str) -> Finished {
+        let file = "\"$HOME.session\"";
+        let before = format!("[ ! -e {file} ] || . {file}");
+        let after = format!("code=$?; {{ export -p; echo cd \"'$PWD'\"; }} >{file}; exit $code");
+        self.lab.shell(&format!("{before}\n{command}\n{after}"))
     }
 
     fn console(&self, block: &Block) {
@@ -113,7 +126,7 @@ impl Page {
                 names::assert_cargo_command(&command);
                 continue;
             }
-            let run = self.lab.shell(&continued(&command));
+            let run = self.shell(&command);
             let place = self.place(block);
             assert_eq!(run.code, 0, "{place}: $ {command}{run}");
             let expected = step.expected.join("\n");
@@ -131,8 +144,8 @@ impl Page {
         let options = block.attribute("with").unwrap_or_default();
         assert!(block.before.contains(options), "{place}: the paragraph before does not say `{options}`");
         let name = if block.language == "jinja" { "example.j2" } else { "example.tmpl" };
-        self.lab.write(name, &block.text);
-        let run = self.lab.shell(&format!("rmem gen-problem -q --template {name} {options}"));
+        self.save(">", name, &block.text);
+        let run = self.shell(&format!("rmem gen-problem -q --template {name} {options}"));
         let expected: Vec<&str> = result.text.lines().collect();
         let shown = match result.language.as_str() {
             "pddl" if run.code == 0 => &run.stdout,
@@ -143,8 +156,8 @@ impl Page {
     }
 
     fn settings(&self, block: &Block) {
-        self.lab.write("checked.toml", &block.text);
-        let run = self.lab.rmem(&["config", "--config", "checked.toml"]);
+        self.save(">", "checked.toml", &block.text);
+        let run = self.shell("rmem config --config checked.toml");
         assert_eq!(run.code, 0, "{}:\n{run}", self.place(block));
     }
 
@@ -152,12 +165,6 @@ impl Page {
         let is_json = |text: &str| serde_json::from_str::<serde_json::Value>(text).is_ok();
         assert!(is_json(&block.text) || block.text.lines().all(is_json), "{}: no JSON", self.place(block));
     }
-}
-
-/// The command as it runs in the terminal of the commands before it: with what they exported, in their folder.
-fn continued(command: &str) -> String {
-    let file = "\"$HOME.session\"";
-    format!("[ ! -e {file} ] || . {file}\n{command}\ncode=$?; {{ export -p; echo cd \"'$PWD'\"; }} >{file}; exit $code")
 }
 
 /// Whether what a block needs is there.
