@@ -13,6 +13,8 @@
 mod console;
 mod markdown;
 mod names;
+mod operators;
+mod settings;
 
 use crate::lab::{Finished, Lab, root};
 use markdown::{Block, blocks};
@@ -34,6 +36,16 @@ pages! {
     the_readme_is_true: "README.md" in Lab::new(),
     the_guide_is_true: "docs/guide.md" in Lab::empty(),
     the_page_on_templates_is_true: "docs/templates.md" in Lab::new(),
+    the_page_on_computables_is_true: "docs/computables.md" in Lab::new(),
+    the_page_on_sharing_is_true: "docs/sharing.md" in Lab::new(),
+    the_page_on_settings_is_true: "docs/settings.md" in Lab::new(),
+    the_page_on_mongodb_is_true: "docs/mongodb.md" in Lab::new(),
+    the_page_on_clips_is_true: "docs/clips.md" in Lab::new(),
+    the_page_on_planners_is_true: "docs/planners.md" in Lab::new(),
+    the_page_on_exit_codes_is_true: "docs/exit-codes.md" in Lab::new(),
+    the_page_on_architecture_is_true: "docs/architecture.md" in Lab::new(),
+    the_page_on_testing_is_true: "docs/testing.md" in Lab::new(),
+    the_page_on_benchmarks_is_true: "docs/benchmarks.md" in Lab::new(),
     the_page_for_contributors_is_true: "CONTRIBUTING.md" in Lab::new(),
     the_page_on_the_examples_is_true: "examples/README.md" in Lab::new(),
     the_page_on_the_domains_is_true: "domains/README.md" in Lab::new(),

@@ -12,7 +12,8 @@ const FOLDERS: [&str; 10] =
     ["src/", "tests/", "docs/", "examples/", "fixtures/", "domains/", "templates/", "grammars/", "benches/", "fuzz/"];
 
 /// Options of programs other than rmem that pages name.
-const FOREIGN: [&str; 11] = [
+const FOREIGN: [&str; 12] = [
+    "--bind_ip",
     "--release",
     "--test",
     "--bench",
@@ -91,6 +92,18 @@ fn environment_variables_that_pages_name_are_read_by_something() {
         let words = text.split(|c: char| !(c.is_ascii_uppercase() || c == '_'));
         for word in words.filter(|word| word.starts_with("RMEM_")) {
             assert!(sources.contains(word), "{page}: nothing reads {word}");
+        }
+    }
+}
+
+#[test]
+fn targets_and_tests_that_pages_name_are_there() {
+    for page in PAGES {
+        let prose = prose(&text(page));
+        for span in code_spans(&prose) {
+            let command = span.split("cargo test ").nth(1).map(|rest| format!("cargo test {rest}"));
+            let bench = span.split("cargo bench ").nth(1).map(|rest| format!("cargo bench {rest}"));
+            command.into_iter().chain(bench).for_each(|command| assert_cargo_command(&command));
         }
     }
 }

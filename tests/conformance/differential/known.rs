@@ -2,7 +2,7 @@
 //!
 //! mongod 6.0 has two engines that differ from each other, and its optimiser
 //! leaves work out or does it early; most of what is here comes of that.
-//! `CONTRIBUTING.md` lists what these say, which a test of this file checks.
+//! `docs/mongodb.md` lists what these say, which a test of this file checks.
 
 use bson::{Bson, Document};
 use libtest_mimic::Failed;
@@ -269,12 +269,12 @@ const DATES: [&str; 20] = [
     "$isoDayOfWeek",
 ];
 
-/// Fails where CONTRIBUTING.md does not list a known difference.
+/// Fails where docs/mongodb.md does not list a known difference.
 pub(super) fn are_documented() -> Result<(), Failed> {
     let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-    let text = words(&std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/CONTRIBUTING.md"))?);
+    let text = words(&std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/mongodb.md"))?);
     match KNOWN.iter().find(|known| !text.contains(&words(known.what))) {
-        Some(known) => Err(format!("CONTRIBUTING.md does not say: {}", words(known.what)).into()),
+        Some(known) => Err(format!("docs/mongodb.md does not say: {}", words(known.what)).into()),
         None => Ok(()),
     }
 }
