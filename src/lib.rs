@@ -1,19 +1,93 @@
 //! rmem: a document-oriented robot memory on the command line.
 //!
-//! The story, in the order data flows: a command line ([`cli`]) and settings
-//! ([`settings`]) become a command ([`commands`]). It asks a [`memory`], which
-//! routes operations to [`store`]s that answer MongoDB's languages ([`query`]);
-//! servers that a robot runs itself are started by `backend`.
-//! Templates whose sections are queries become PDDL problems ([`problem`]),
-//! checked against a domain ([`pddl`]); a [`planner`], a program run as a [`process`],
-//! turns a problem into a [`plan`], which is simulated, stored as a document and printed. Documents
-//! become [`facts`] of CLIPS, and facts documents; `engine` is a CLIPS that works on the memory by itself. Text on either side is read
-//! and written in [`formats`]. What rmem is given comes through [`input`], what
-//! the user sees goes through [`output`], and a command ends with a code of
-//! [`exit`].
+//! In the order data flows: a command line ([`cli`]) and settings ([`settings`]) become a command ([`commands`]). It uses a
+//! [`memory`], which routes operations to [`store`]s that answer MongoDB's languages ([`query`]). Templates whose sections
+//! are queries become PDDL problems ([`problem`]), checked against a domain ([`pddl`]). A [`planner`], a program run as a
+//! [`process`], turns a problem into a [`plan`], which is simulated, stored as a document and printed; [`planning`] is
+//! that workflow. [`clips`] turns documents into CLIPS facts and back. [`formats`] read and write all external texts. What
+//! rmem is given comes through [`input`], what the user sees goes through [`output`], and a command ends with a
+//! code of [`exit`].
 //!
-//! The library is silent: it prints, reads the environment and exits only
-//! through what [`run`] is given.
+//! The library is silent: it prints, reads the environment and exits only through what [`run`] is given.
+//!
+//! # A memory
+//!
+//! [`store::open`] opens a store by its URI, [`memory::Memory`] works on stores:
+//!
+//! ```
+//! use bson::doc;
+//! use rmem::memory::Memory;
+//! use rmem::store::{Find, Namespace, Role, StoreUri, open};
+//!
+//! let store = open(&StoreUri::parse("mem:")?, Role::Local)?;
+//! let memory = Memory::new(store, None, Vec::new());
+//! let blocks = Namespace::parse("robmem.blocks")?;
+//! memory.insert(&blocks, vec![doc! { "_id": 1, "name": "A", "on": "B" }, doc! { "_id": 2, "name": "B" }])?;
+//!
+//! let find = Find { filter: doc! { "on": { "$exists": true } }, ..Find::default() };
+//! for document in memory.find(&blocks, &find)? {
+//!     assert_eq!(document?.get_str("name")?, "A");
+//! }
+//! assert_eq!(memory.count(&blocks, &doc! {})?, 2);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # A problem from a template
+//!
+//! [`problem::generate`] renders a template over a memory:
+//!
+//! ```
+//! # use bson::doc;
+//! # use rmem::memory::Memory;
+//! # use rmem::store::{Namespace, Role, StoreUri, open};
+//! use rmem::formats::Source;
+//! use rmem::problem::{Request, Syntax, generate};
+//!
+//! # let memory = Memory::new(open(&StoreUri::parse("mem:")?, Role::Local)?, None, Vec::new());
+//! # let blocks = Namespace::parse("robmem.blocks")?;
+//! # memory.insert(&blocks, vec![doc! { "_id": 1, "name": "A", "on": "B" }, doc! { "_id": 2, "name": "B" }])?;
+//! let template = "{% for b in query('robmem.blocks', '{on: {$exists: true}}') %}(on {{ b.name }} {{ b.on }}){% endfor %}";
+//! let request = Request {
+//!     template: Source::new("example.j2", template),
+//!     syntax: Syntax::Auto,
+//!     collection: blocks,
+//!     goal: None,
+//!     parameters: Vec::new(),
+//!     lenient: false,
+//! };
+//! let generated = generate(&request, &memory)?;
+//! assert_eq!(generated.text, "(on A B)");
+//! assert_eq!(generated.sections[0].matched, 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # A plan, validated
+//!
+//! [`planner::builtin::solve`] is the built-in planner in this process, which prints as FF does; [`planner::run`] runs any planner
+//! in a process of its own, under limits. [`pddl::validate`] simulates a plan:
+//!
+//! ```
+//! use rmem::formats::{Source, pddl::Dialect, plan::ff};
+//! use rmem::pddl::{Domain, Problem, Step, Validation, validate};
+//! use rmem::planner::{Task, builtin};
+//!
+//! let domain = "(define (domain lamps) (:requirements :strips)
+//!   (:predicates (lit ?lamp))
+//!   (:action switch-on :parameters (?lamp) :precondition (and) :effect (lit ?lamp)))";
+//! let problem = "(define (problem evening) (:domain lamps) (:objects hall porch) (:init (lit hall)) (:goal (lit porch)))";
+//! let domain = Domain::read(&Source::new("domain.pddl", domain), Dialect::default()).unwrap();
+//! let problem = Problem::read(&Source::new("problem.pddl", problem), &domain, Dialect::default()).unwrap();
+//!
+//! let mut printed = String::new();
+//! let task = Task { domain: &domain, problem: &problem };
+//! let code = builtin::solve(&task, builtin::Options::default(), &mut |text| printed.push_str(text));
+//! assert_eq!(code, 0);
+//!
+//! let steps: Vec<Step> = ff::read(&printed, "").actions.into_iter().map(Step::from).collect();
+//! assert_eq!(steps.len(), 1);
+//! assert_eq!(validate(&domain, &problem, &steps), Validation::Valid { value: Some(1.0) });
+//! assert!(matches!(validate(&domain, &problem, &[]), Validation::Invalid(_)));
+//! ```
 
 pub mod cli;
 pub mod settings;
