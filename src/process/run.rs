@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::fs::OFlags;
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use tempfile::TempDir;
 
 use super::host::{Host, Limits};
@@ -292,7 +292,7 @@ impl Supervisor {
             let timeout = rest.unwrap_or(LOOK).clamp(Duration::from_millis(1), LOOK);
             match self.receive(timeout) {
                 Ok(Message::Ended(end, usage)) => return (stopped.map_or(end, |(reason, _)| reason), Some(usage)),
-                Ok(Message::Nothing) => {}
+                Ok(Message::Nothing) => self.resume(),
                 Err(error) => {
                     self.abandon();
                     let gone = || End::Failed(format!("its supervisor is gone: {error}"));
@@ -383,6 +383,14 @@ impl Supervisor {
             "missing" => Message::Ended(End::Missing, Usage::default()),
             "interpreter" => Message::Ended(End::NoInterpreter(rest.to_owned()), Usage::default()),
             _ => Message::Ended(End::Failed(rest.to_owned()), Usage::default()),
+        }
+    }
+
+    /// Continues a supervisor that was stopped (SIGSTOP): it could neither report nor enforce limits.
+    fn resume(&self) {
+        let supervisor = Pid::from_child(&self.process);
+        if usage::is_stopped(supervisor) {
+            let _ = kill_process(supervisor, Signal::CONT);
         }
     }
 

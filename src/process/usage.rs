@@ -20,6 +20,12 @@ pub(super) fn resident(keeper: Pid, program: Option<Pid>, limit: u64) -> u64 {
     }
 }
 
+/// Whether a process is stopped, by a signal and not by a debugger: the state behind the name in `stat`.
+pub(super) fn is_stopped(process: Pid) -> bool {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", process.as_raw_nonzero())).unwrap_or_default();
+    stat.rsplit_once(") ").is_some_and(|(_, fields)| fields.starts_with('T'))
+}
+
 /// How many KiB of address space a process has.
 pub(super) fn size(process: Pid) -> u64 {
     figure(process, "status", "VmSize:")

@@ -110,3 +110,16 @@ fn a_log_that_cannot_be_written_is_reported_once() {
     assert_eq!(finished.stderr.matches("the log cannot be written").count(), 1, "{finished}");
     finished.success();
 }
+
+#[test]
+fn a_supervisor_that_was_stopped_is_continued() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    // The parent of the program is its supervisor.
+    lab.write(
+        "rmem.toml",
+        "[[computable]]\nname = \"stop\"\ncollection = \"a.b\"\nspec = \"{compute: 'stop'}\"\n\
+         command = [\"sh\", \"-c\", \"kill -STOP $PPID; sleep 0.2; echo '{compute: \\\"stop\\\"}'\"]\n",
+    );
+    let answer = lab.rmem(&["count", "a.b", "{compute: 'stop'}"]).success();
+    assert_eq!(answer, "1\n");
+}

@@ -385,7 +385,7 @@ fn misbehave(mongod: &Path) -> Result<(), Failed> {
     let text = std::fs::read_to_string(&settings)?;
     let program = robots.path(0).join("program");
     for (script, words) in [
-        ("exit 1", "it ended with exit status: 1 and said nothing"),
+        ("exit 1", "it ended with exit status: 1 and printed nothing"),
         ("echo I am not what you think >&2; exit 3", "did not start as a mongod: I am not what you think"),
         ("sleep 600 & echo $$ > pid; wait", "neither listened nor wrote to its log for 20 s"),
     ] {

@@ -126,7 +126,12 @@ impl MongoDb {
         };
         let set = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
         let filter = doc! { "_id": { "$in": changed } };
-        self.apply(ns, &UpdateRequest { filter, update: set, array_filters: vec![], many: true, upsert: false })?;
+        let dates = UpdateRequest { filter, update: set, array_filters: vec![], many: true, upsert: false };
+        // The driver retries no update of many documents; the same dates may be set again.
+        match self.apply(ns, &dates) {
+            Err(StoreError::Unreachable { .. }) => self.apply(ns, &dates)?,
+            applied => applied?,
+        };
         done
     }
 
