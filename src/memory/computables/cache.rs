@@ -23,6 +23,9 @@ const MOST_IDS: usize = 10_000;
 /// At most so many entries are cleaned up at once.
 const SWEEP: u64 = 16;
 
+/// How much the clocks of robots may differ, and how long an entry may be on its way.
+const CLOCK_SKEW: Duration = Duration::from_secs(10);
+
 /// The entries of the computables of a namespace.
 pub(super) fn records(ns: &Namespace) -> Namespace {
     Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() }
@@ -76,14 +79,14 @@ impl<'a> Entry<'a> {
         Self { store, asked, records: records(asked), key }
     }
 
-    /// How the entry stands at a time. What ends further ahead than `cache`, or than the timeout of a
-    /// computation, was written under another clock, and does not count.
+    /// How the entry stands at a time. What ends further ahead than `cache`, by more than
+    /// [`CLOCK_SKEW`], was written under another clock, and does not count.
     pub(super) fn state(&self, now: DateTime, cache: Duration) -> Result<State, StoreError> {
         let find = Find { filter: doc! { "_id": &self.key }, ..Find::default() };
         let found = self.store.find(&self.records, &find)?.next().transpose()?;
         let Some(found) = found else { return Ok(State::Stale(None)) };
         let entry = Document::try_from(&*found).map_err(QueryError::from)?;
-        match state(&entry, now, after(now, cache)) {
+        match state(&entry, now, after(now, cache.saturating_add(CLOCK_SKEW))) {
             good @ State::Good { .. } => {
                 let former = former(&entry);
                 Ok(if self.is_whole(&former)? { good } else { State::Stale(Some(former)) })
