@@ -29,6 +29,8 @@ pub enum Format {
     Clips,
     /// What FF prints.
     Ff,
+    /// A stored document as it is, one line of JSON.
+    Document,
     /// A graph for Graphviz.
     Dot,
     /// A drawing.
@@ -47,6 +49,7 @@ impl Format {
             Self::Text => "text",
             Self::Clips => "clips",
             Self::Ff => "ff",
+            Self::Document => "document",
             Self::Dot => "dot",
             Self::Svg => "svg",
         }

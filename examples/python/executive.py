@@ -27,9 +27,8 @@ def plan(domain, template, goal, options):
     code, printed = rmem("plan", *task, *options, "--format", "json")
     if code != 0:
         sys.exit(code)
-    document = json.loads(printed)
-    steps = [step for number, step in document.items() if number.isdigit()]
-    return [[step.pop("action"), *step.values()] for step in steps]
+    report = json.loads(printed)
+    return [[step["action"], *map(str, step["list"])] for step in report["steps"]]
 
 
 def holds():

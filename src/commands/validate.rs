@@ -2,17 +2,23 @@
 
 use std::path::PathBuf;
 
+use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::Context;
 use super::template::read_domain;
 use crate::exit::Exit;
-use crate::formats::{Diagnostics, pddl::Dialect, plan::read_plan};
-use crate::pddl::{Problem, Step, Validation, repair, validate};
+use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_plan, shell};
+use crate::output::Format;
+use crate::pddl::{Domain, Plan, Problem, Repair, Validation, repair, validate};
+use crate::plan::rounded;
+use crate::problem::names;
 
 /// Check a domain and a problem, and simulate a plan
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem validate domain.pddl problem.pddl plan.txt")]
+#[command(
+    after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nOf several plans, the worst decides the exit code: 1 where one is invalid."
+)]
 pub struct ValidateArgs {
     /// The domain
     #[arg(value_name = "DOMAIN")]
@@ -20,15 +26,16 @@ pub struct ValidateArgs {
     /// A problem of it; - is stdin
     #[arg(value_name = "PROBLEM")]
     pub problem: Option<PathBuf>,
-    /// A plan for it; - is stdin
+    /// Plans for it; - is stdin
     #[arg(value_name = "PLAN")]
-    pub plan: Option<PathBuf>,
+    pub plans: Vec<PathBuf>,
     /// Take `//` to the end of a line as a comment
     #[arg(long)]
     pub lenient: bool,
 }
 
 pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let format = context.format(&[Format::Text, Format::Json])?;
     let domain = read_domain(&args.domain, args.lenient, context)?;
     let Some(problem) = &args.problem else {
         context.output.line(&format!("domain {} is valid", domain.name()))?;
@@ -36,21 +43,97 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> anyhow::Res
     };
     let source = context.read(problem)?;
     let problem = Problem::read(&source, &domain, Dialect { lenient: args.lenient }).map_err(Diagnostics)?;
-    let Some(plan) = &args.plan else {
+    if args.plans.is_empty() {
         context.output.line(&format!("problem {} is valid", problem.name()))?;
-        return Ok(Exit::Done);
-    };
-    let steps = read_plan(&context.read(plan)?)?.actions.into_iter().map(Step::from).collect::<Vec<_>>();
-    let verdict = validate(&domain, &problem, &steps);
-    context.output.line(&verdict.to_string())?;
-    if let Validation::Invalid(_) = verdict {
-        for repair in repair(&domain, &problem, &steps) {
-            repair.to_string().lines().try_for_each(|line| context.output.line(&format!("  {line}")))?;
+    }
+    let mut exits = Vec::new();
+    for path in &args.plans {
+        let judged = JudgedPlan::new(&context.read(path)?, &domain, &problem)?;
+        match format {
+            Format::Json => context.output.line(&shell::relaxed(&judged.to_document()))?,
+            _ => judged.lines(args.plans.len() > 1).iter().try_for_each(|line| context.output.line(line))?,
+        }
+        exits.push(judged.exit());
+    }
+    // Of several plans, the worst counts.
+    let worst = [Exit::No, Exit::Unsupported].into_iter().find(|exit| exits.contains(exit));
+    Ok(worst.unwrap_or(Exit::Done))
+}
+
+/// A plan, and what its simulation shows.
+struct JudgedPlan {
+    name: String,
+    plan: Plan,
+    verdict: Validation,
+    repairs: Vec<Repair>,
+}
+
+impl JudgedPlan {
+    fn new(file: &Source, domain: &Domain, problem: &Problem) -> Result<Self, Diagnostic> {
+        let text = Source::new(file.name(), names::spell_plan(file.text()));
+        let plan = Plan::from(read_plan(&text)?);
+        let verdict = validate(domain, problem, &plan.steps);
+        let repairs = match verdict {
+            Validation::Invalid(_) => repair(domain, problem, &plan.steps),
+            _ => Vec::new(),
+        };
+        Ok(Self { name: file.name().to_owned(), plan, verdict, repairs })
+    }
+
+    fn exit(&self) -> Exit {
+        match self.verdict {
+            Validation::Valid { .. } => Exit::Done,
+            Validation::Invalid(_) => Exit::No,
+            Validation::Unjudged(_) => Exit::Unsupported,
         }
     }
-    Ok(match verdict {
-        Validation::Valid { .. } => Exit::Done,
-        Validation::Invalid(_) => Exit::No,
-        Validation::Unjudged(_) => Exit::Unsupported,
-    })
+
+    /// The verdict for people, with the name of the file where there are several.
+    fn lines(&self, is_named: bool) -> Vec<String> {
+        let name = if is_named { format!("{}: ", self.name) } else { String::new() };
+        let makespan = self.plan.makespan().map(rounded);
+        let verdict = match (&self.verdict, makespan) {
+            (Validation::Valid { value }, Some(makespan)) => {
+                let other = value.map(rounded).filter(|value| *value != makespan && *value != self.length());
+                let value = other.map(|value| format!(", value {value}")).unwrap_or_default();
+                format!("the plan is valid, makespan {makespan}{value}")
+            }
+            (Validation::Valid { value: Some(value) }, None) => format!("the plan is valid, value {}", rounded(*value)),
+            (verdict, _) => names::restore(&verdict.to_string()),
+        };
+        let repairs = self.repairs.iter().map(|repair| names::restore(&repair.to_string()));
+        let repairs: Vec<String> =
+            repairs.flat_map(|text| text.lines().map(|line| format!("  {line}")).collect::<Vec<_>>()).collect();
+        std::iter::once(format!("{name}{verdict}")).chain(repairs).collect()
+    }
+
+    /// The verdict for programs.
+    fn to_document(&self) -> Document {
+        let value = match self.verdict {
+            Validation::Valid { value } => value.map(rounded),
+            _ => None,
+        };
+        let (step, message) = match &self.verdict {
+            Validation::Valid { .. } => (None, None),
+            Validation::Invalid(failure) => (failure.step(), Some(failure.to_string())),
+            Validation::Unjudged(reason) => (None, Some(reason.clone())),
+        };
+        doc! {
+            "plan": &self.name,
+            "valid": match self.verdict {
+                Validation::Unjudged(_) => Bson::Null,
+                ref verdict => Bson::Boolean(matches!(verdict, Validation::Valid { .. })),
+            },
+            "value": value,
+            "makespan": self.plan.makespan().map(rounded),
+            "steps": i64::try_from(self.plan.steps.len()).unwrap_or(i64::MAX),
+            "step": step.and_then(|step| i64::try_from(step + 1).ok()),
+            "message": message.map(|message| names::restore(&message)),
+            "repairs": self.repairs.iter().map(|repair| names::restore(&repair.to_string())).collect::<Vec<_>>(),
+        }
+    }
+
+    fn length(&self) -> f64 {
+        self.plan.steps.len() as f64
+    }
 }

@@ -35,6 +35,8 @@ pub struct Answered {
     pub query: String,
     /// How many documents answered.
     pub count: u64,
+    /// The line of the template that asks, from 1.
+    pub line: usize,
 }
 
 impl From<&SectionReport> for Answered {
@@ -44,6 +46,7 @@ impl From<&SectionReport> for Answered {
             namespace: section.namespace.to_string(),
             query: shell::relaxed(&section.query),
             count: section.matched,
+            line: section.line,
         }
     }
 }
@@ -88,8 +91,10 @@ pub struct Lineage {
     pub arguments: Vec<String>,
     /// The outcome's word.
     pub outcome: String,
-    /// The planner's word on the plan's cost.
+    /// The plan's cost.
     pub cost: Option<f64>,
+    /// What the cost counts, where the problem says so: an expression of PDDL, like `total-cost`.
+    pub metric: Option<String>,
     /// How many steps the plan has; none without a plan.
     pub length: Option<usize>,
     /// Whether the planner let actions touch, and the plan has them apart.
@@ -130,6 +135,7 @@ impl Lineage {
             domain: hash(source.domain.text()),
             problem: hash(problem.source().text()),
             template: request.map(|request| hash(request.template.text())),
+            metric: problem.tree().metric.as_ref().map(|metric| bare(&metric.expression.to_string())),
             goal: request.and_then(|request| request.goal.clone()).unwrap_or_else(goal),
             queries: sections.iter().map(Answered::from).collect(),
             sources: Some(source),
@@ -144,6 +150,7 @@ impl Lineage {
             let count = i64::try_from(asked.count).unwrap_or(i64::MAX);
             Bson::Document(doc! {
                 "name": &asked.name, "namespace": &asked.namespace, "query": &asked.query, "count": count,
+                "line": i64::try_from(asked.line).unwrap_or(i64::MAX),
             })
         });
         let mut document = doc! { "domain": &self.domain, "problem": &self.problem };
@@ -155,6 +162,7 @@ impl Lineage {
         document.insert("arguments", &self.arguments);
         document.insert("outcome", &self.outcome);
         insert(&mut document, "cost", self.cost);
+        insert(&mut document, "metric", self.metric.clone());
         insert(&mut document, "length", self.length.and_then(|length| i64::try_from(length).ok()));
         if self.is_spaced {
             document.insert("spaced", true);
@@ -208,6 +216,12 @@ fn reasons(why: &Why) -> Document {
         })
     });
     doc! { "unreachable": obstacles.collect::<Array>(), "unfilled": &why.unfilled }
+}
+
+/// `total-cost` for `(total-cost)`; an expression of several words stays.
+fn bare(expression: &str) -> String {
+    let inner = expression.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    inner.filter(|inner| !inner.contains([' ', '('])).unwrap_or(expression).to_owned()
 }
 
 fn insert(document: &mut Document, key: &str, value: Option<impl Into<Bson>>) {

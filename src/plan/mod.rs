@@ -8,6 +8,7 @@ mod document;
 mod lineage;
 mod print;
 mod progress;
+mod report;
 mod repository;
 mod source;
 mod svg;
@@ -16,5 +17,6 @@ pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to
 pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};
 pub use print::{Format, PrintError, PrintedPlan};
 pub use progress::{Progress, Status};
+pub use report::rounded;
 pub use repository::{LAST, Record, Repository, RepositoryError, spelled};
 pub use source::{Input, SourceError, TaskSource};

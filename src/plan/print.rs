@@ -4,8 +4,10 @@ use std::fmt::Write as _;
 
 use bson::{Bson, Document};
 
+use super::report::rounded;
 use super::{Status, svg};
 use crate::pddl::{Plan, Step};
+use crate::problem::names;
 
 /// How a plan is printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -14,7 +16,7 @@ pub enum Format {
     #[default]
     Text,
     /// The document, as one line of JSON.
-    Json,
+    Document,
     /// Facts `plan` and `plan-action`.
     Clips,
     /// As FF writes it: `step    0: unstack b a`.
@@ -38,7 +40,7 @@ pub enum PrintError {
 pub struct PrintedPlan<'a> {
     /// The plan, with the names of the problem.
     pub plan: &'a Plan,
-    /// Its document, which is what [`Format::Json`] prints.
+    /// Its document, which is what [`Format::Document`] prints.
     pub document: &'a Document,
     /// How far each step is; a step beyond them is open.
     pub statuses: &'a [Status],
@@ -58,7 +60,7 @@ impl PrintedPlan<'_> {
         match format {
             Format::Text => Ok(self.text()),
             // Documents become JSON without fail: their keys are strings.
-            Format::Json => Ok(serde_json::to_string(self.document).unwrap_or_default() + "\n"),
+            Format::Document => Ok(serde_json::to_string(self.document).unwrap_or_default() + "\n"),
             Format::Clips => self.clips(),
             Format::Ff => Ok(ff(self.plan)),
             Format::Dot => Ok(self.dot()),
@@ -81,20 +83,23 @@ impl PrintedPlan<'_> {
     fn text(&self) -> String {
         let mut text = String::new();
         for (index, step) in self.plan.steps.iter().enumerate() {
-            text.push_str(&line(step));
+            text.push_str(&names::readable(&line(step)));
             if self.status(index) != Status::Open {
                 let _ = write!(text, " ; {}", self.status(index));
             }
             text.push('\n');
         }
         let length = self.plan.steps.len() as f64;
-        let _ = match self.plan.cost {
-            // The number of steps is what a plan costs where nothing else was asked for, and says
-            // nothing about one with times.
-            Some(cost) if cost != length => writeln!(text, "; cost = {cost} (general cost)"),
-            _ if self.plan.is_temporal() => Ok(()),
+        let makespan = self.plan.makespan().map(rounded);
+        let _ = match self.plan.cost.map(rounded) {
+            // Without a metric, the cost is the number of steps, which says nothing about a plan with times.
+            Some(cost) if cost != length && Some(cost) != makespan => writeln!(text, "; cost = {cost} (general cost)"),
+            _ if makespan.is_some() => Ok(()),
             _ => writeln!(text, "; cost = {length} (unit cost)"),
         };
+        if let Some(makespan) = makespan {
+            let _ = writeln!(text, "; makespan = {makespan}");
+        }
         text
     }
 

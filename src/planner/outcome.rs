@@ -15,6 +15,8 @@ pub enum Outcome {
     OutOfMemory,
     /// It ran into the limit of time.
     OutOfTime,
+    /// It returned a plan that is not valid.
+    Invalid,
     /// It crashed, or returned what is not a plan.
     Failed,
     /// It cannot handle a feature that the task uses.
@@ -30,12 +32,13 @@ impl Outcome {
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
-            Self::Plan(_) => "plan",
+            Self::Plan(_) => "success",
             Self::Unsolvable => "unsolvable",
             Self::GaveUp => "gave-up",
-            Self::OutOfMemory => "out-of-memory",
-            Self::OutOfTime => "out-of-time",
-            Self::Failed => "failed",
+            Self::OutOfMemory => "memory",
+            Self::OutOfTime => "timeout",
+            Self::Invalid => "invalid",
+            Self::Failed => "crashed",
             Self::Unsupported => "unsupported",
             Self::NotFound => "not-found",
             Self::Interrupted => "interrupted",
@@ -51,6 +54,7 @@ impl Outcome {
             Self::GaveUp => "the planner gave up without proof",
             Self::OutOfMemory => "the planner ran out of memory",
             Self::OutOfTime => "the planner ran out of time",
+            Self::Invalid => "the planner returned a plan that is not valid",
             Self::Failed => "the planner crashed, or returned what is not a plan",
             Self::Unsupported => "the planner cannot handle the task",
             Self::NotFound => "the planner's program was not found",

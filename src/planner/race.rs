@@ -125,7 +125,7 @@ fn most_telling(runs: &[Run]) -> Option<usize> {
         Outcome::OutOfTime => 2,
         Outcome::OutOfMemory => 3,
         Outcome::GaveUp => 4,
-        Outcome::Failed => 5,
+        Outcome::Invalid | Outcome::Failed => 5,
         Outcome::Unsupported => 6,
         Outcome::NotFound => 7,
     };

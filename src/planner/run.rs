@@ -145,7 +145,7 @@ impl Run {
             Validation::Unjudged(reason) => self.unjudged = Some(reason),
             Validation::Invalid(_) => {
                 self.message = format!("it returned a plan that is not valid: {verdict}");
-                self.outcome = Outcome::Failed;
+                self.outcome = Outcome::Invalid;
             }
         }
     }

@@ -7,10 +7,10 @@ use bson::{Bson, Document, doc};
 use super::lineage::lineage;
 use super::{PlanRequest, PlanningError, PlanningTask};
 use crate::memory::Memory;
-use crate::plan::{self, PrintedPlan, Repository};
+use crate::plan::{self, PrintedPlan, Record, Repository};
 use crate::planner::{Outcome, Race, Run};
 use crate::problem::names;
-use crate::store::metadata;
+use crate::store::{Namespace, metadata};
 
 /// What a search gave.
 pub struct PlanResult<'a> {
@@ -45,6 +45,12 @@ impl<'a> PlanResult<'a> {
     #[must_use]
     pub fn task(&self) -> &PlanningTask {
         &self.task
+    }
+
+    /// Where the plan is stored, if it is.
+    #[must_use]
+    pub fn namespace(&self) -> Option<&Namespace> {
+        self.request.options.into.as_ref()
     }
 
     /// The run whose outcome counts.
@@ -86,10 +92,17 @@ impl<'a> PlanResult<'a> {
         if self.run.outcome == Outcome::Interrupted {
             return Ok(None);
         }
+        Repository::new(memory, into).store(self.record(None).document).map(Some).map_err(PlanningError::Storing)
+    }
+
+    /// The plan or the failure with its lineage, as it is stored under an id.
+    #[must_use]
+    pub fn record(&self, id: Option<&str>) -> Record {
         let lineage = lineage(self.request, &self.task, &self.race, &self.run);
-        let mut document = self.document.clone();
+        let mut document: Document = id.map(|id| ("_id".to_owned(), id.into())).into_iter().collect();
+        document.extend(self.document.clone());
         document.insert(metadata::INFO, doc! { "lineage": lineage.to_document() });
-        Repository::new(memory, into).store(document).map(Some).map_err(PlanningError::Storing)
+        Record { document }
     }
 
     /// The plan as it is printed, where there is one. `value` is [`PlanningTask::value`] of the task.
@@ -106,14 +119,18 @@ impl<'a> PlanResult<'a> {
         let run = &self.run;
         let text = match (&run.outcome, run.message.as_str()) {
             (Outcome::Plan(_), _) => return None,
-            (Outcome::Failed, message) if !message.is_empty() => format!("{}: {message}", run.planner),
+            (Outcome::Failed | Outcome::Invalid, message) if !message.is_empty() => {
+                format!("{}: {message}", run.planner)
+            }
             (outcome, "") => format!("{}: {}", run.planner, outcome.sentence()),
             (outcome, message) => format!("{}: {}: {message}", run.planner, outcome.sentence()),
         };
         let text = names::restore(&text);
         let tail = run.tail();
         Some(match run.outcome {
-            Outcome::Failed if !tail.is_empty() => format!("{text}\n  the last lines it printed:\n{}", indent(&tail)),
+            Outcome::Failed | Outcome::Invalid if !tail.is_empty() => {
+                format!("{text}\n  the last lines it printed:\n{}", indent(&tail))
+            }
             _ => text,
         })
     }

@@ -41,10 +41,10 @@ impl Generated {
     /// object like `A`; case does not count. Nothing where the problem does not say so.
     #[must_use]
     pub fn explain_atom(&self, problem: &Problem, atom: &str) -> Vec<Explanation> {
-        let wanted = words(atom);
+        let wanted = [words(atom), words(&names::spell(atom))];
         let mut found = Vec::new();
         let mut note = |part, text: String, spans: Vec<Span>, also: Option<String>| {
-            let is_it = |text: &str| words(text) == wanted || words(&restored(text)) == wanted;
+            let is_it = |text: &str| wanted.contains(&words(text)) || wanted.contains(&words(&restored(text)));
             if is_it(&text) || also.as_deref().is_some_and(is_it) {
                 found.push(self.explanation(part, text, &spans));
             }

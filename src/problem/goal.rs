@@ -1,11 +1,13 @@
 //! The goal: the one PDDL text that enters a problem from outside.
 
+use super::names;
 use crate::formats::{Diagnostic, Source, Span};
 
 /// Checks that the text is one or more expressions in parentheses and nothing
 /// else. One stays as it is; several are joined by `and`. Comments are dropped.
 pub(super) fn parse(text: &str) -> Result<String, Diagnostic> {
-    let source = Source::new("<goal>", text);
+    let text = &names::spell(text);
+    let source = Source::new("<goal>", text.as_str());
     let complain = |offset: usize, message: &str| Err(Diagnostic::new(&source, Span::at(offset), message));
     let (mut depth, mut expressions, mut comment) = (0_usize, 0, false);
     let mut goal = String::with_capacity(text.len());

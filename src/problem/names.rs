@@ -82,6 +82,106 @@ pub fn restore(name: &str) -> String {
     text
 }
 
+/// The text of a name as it can be written in an expression and read back by [`spell`]: in quotes where it has
+/// blanks, brackets or quotes.
+#[must_use]
+pub fn readable(expression: &str) -> String {
+    let delimiter = |c: char| c.is_whitespace() || "()".contains(c);
+    let word = |word: &str| {
+        let name = word.trim_end_matches(delimiter);
+        format!("{}{}", quoted(name), word.get(name.len()..).unwrap_or_default())
+    };
+    expression.split_inclusive(delimiter).map(word).collect()
+}
+
+fn quoted(name: &str) -> String {
+    let text = restore(name);
+    let is_special = |c: char| c.is_whitespace() || c.is_control() || "()\";\\".contains(c);
+    match text != name && (text.is_empty() || text.contains(is_special) || is_operator(&text) || is_number(&text)) {
+        true => format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"")),
+        false => text,
+    }
+}
+
+/// Writes an expression in names of PDDL: names may be given as the memory has them, in quotes where they have
+/// blanks or brackets, like `(on "box #18" box#17)`. Comments stay.
+#[must_use]
+pub fn spell(expression: &str) -> String {
+    let mut spelled = String::with_capacity(expression.len());
+    let mut rest = expression;
+    while let Some(first) = rest.chars().next() {
+        let (token, after) = rest.split_at(token_length(rest));
+        match first {
+            '"' => spelled.push_str(&mangle(&unquoted(token))),
+            ';' => spelled.push_str(token),
+            _ if is_delimiter(first) || is_syntax(token) => spelled.push_str(token),
+            _ => spelled.push_str(&mangle(token)),
+        }
+        rest = after;
+    }
+    spelled
+}
+
+/// Writes a plan in names of PDDL: on each line, what is in brackets is spelled as by [`spell`].
+#[must_use]
+pub fn spell_plan(text: &str) -> String {
+    let action = |line: &str| {
+        let (start, end) = (line.find('(')?, line.rfind(')')? + 1);
+        let (before, action, after) = (line.get(..start)?, line.get(start..end)?, line.get(end..)?);
+        (!before.contains(';')).then(|| format!("{before}{}{after}", spell(action)))
+    };
+    text.split_inclusive('\n').map(|line| action(line).unwrap_or_else(|| line.to_owned())).collect()
+}
+
+fn is_delimiter(c: char) -> bool {
+    c.is_whitespace() || c.is_control() || "()\";".contains(c)
+}
+
+/// The length of the token that a text starts with, in bytes: a delimiter, a quoted text, a comment, or a word.
+fn token_length(text: &str) -> usize {
+    let first = text.chars().next().map_or(0, char::len_utf8);
+    let until = |end: Option<usize>| end.unwrap_or(text.len());
+    match text.as_bytes().first() {
+        Some(b';') => until(text.find('\n')),
+        Some(b'"') => {
+            let mut is_escaped = false;
+            let end = text.char_indices().skip(1).find(|(_, c)| {
+                let is_end = *c == '"' && !is_escaped;
+                is_escaped = *c == '\\' && !is_escaped;
+                is_end
+            });
+            until(end.map(|(at, _)| at + 1))
+        }
+        _ if text.starts_with(is_delimiter) => first,
+        _ => until(text.find(is_delimiter)),
+    }
+}
+
+/// The text between quotes.
+fn unquoted(token: &str) -> String {
+    let inner = token.strip_prefix('"').unwrap_or(token);
+    let inner = inner.strip_suffix('"').unwrap_or(inner);
+    let (mut text, mut is_escaped) = (String::with_capacity(inner.len()), false);
+    for c in inner.chars() {
+        is_escaped = c == '\\' && !is_escaped;
+        if !is_escaped {
+            text.push(c);
+        }
+    }
+    text
+}
+
+/// Whether a word is PDDL as it is: a name, a number, a variable, a keyword or an operator.
+fn is_syntax(word: &str) -> bool {
+    let is_marked = |word: &str| word.strip_prefix(['?', ':']).is_some_and(is_inner);
+    let is_operator = ["=", "<", ">", "<=", ">=", "+", "-", "*", "/"].contains(&word);
+    is_legal(word) || is_number(word) || is_marked(word) || is_operator
+}
+
+fn is_number(word: &str) -> bool {
+    word.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && word.parse::<f64>().is_ok()
+}
+
 /// Decodes the mangled part that `text` starts with; returns what follows as well.
 fn decode(text: &str) -> Option<(String, &str)> {
     let body = text.get(OPEN.len()..).filter(|_| text[..OPEN.len()].eq_ignore_ascii_case(OPEN))?;
@@ -112,6 +212,26 @@ fn decode(text: &str) -> Option<(String, &str)> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn an_expression_may_have_the_memorys_names() {
+        assert_eq!(spell("(box-on box#18 packing)"), format!("(box-on {} packing)", mangle("box#18")));
+        assert_eq!(spell("(on \"box \\\"(1)\" B) ; a#b"), format!("(on {} B) ; a#b", mangle("box \"(1)")));
+        let syntax = "(and (>= (fuel ?x) -2.5) (forall (?y - block) (not (= ?y x--_31--x))))";
+        assert_eq!(spell(syntax), syntax);
+        for text in ["", "\"", "\"\\", ";", "ä(", "\u{0}#"] {
+            let _ = spell(text);
+        }
+    }
+
+    #[test]
+    fn a_readable_expression_is_spelled_back() {
+        let expression = format!("(on {} {}) ", mangle("box #18"), mangle("box#17"));
+        assert_eq!(readable(&expression), "(on \"box #18\" box#17) ");
+        assert_eq!(spell(&readable(&expression)), expression);
+        let number = format!("(at {})", mangle("3"));
+        assert_eq!(spell(&readable(&number)), number);
+    }
 
     #[test]
     fn legal_names_stay_and_others_say_what_they_stand_for() {

@@ -19,6 +19,7 @@ mod memories;
 mod plans;
 mod problems;
 mod races;
+mod reports;
 mod settings;
 mod stored;
 mod surroundings;

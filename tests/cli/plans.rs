@@ -23,8 +23,9 @@ fn the_plan_speaks_the_memorys_spelling() {
     assert!(text.contains(" A") && text.contains(" B"), "{text}");
     let document = plan(&lab, &["--format", "json"]).success();
     let document: serde_json::Value = serde_json::from_str(&document).unwrap();
-    let values: Vec<&str> = document["1"].as_object().unwrap().values().filter_map(|value| value.as_str()).collect();
-    assert!(values[1..].iter().all(|value| ["A", "B", "C", "D"].contains(value)), "{values:?}");
+    let values = document["steps"][0]["list"].as_array().unwrap();
+    let values: Vec<&str> = values.iter().filter_map(|value| value.as_str()).collect();
+    assert!(values.iter().all(|value| ["A", "B", "C", "D"].contains(value)), "{values:?}");
 }
 
 #[test]
@@ -71,7 +72,8 @@ fn every_printed_format_has_the_plan() {
     let lab = Lab::new();
     for (format, mark) in [
         ("text", "; cost ="),
-        ("json", "\"plan\""),
+        ("json", "\"outcome\":\"success\""),
+        ("document", "\"plan\""),
         ("clips", "(plan-action "),
         ("ff", "step    0: "),
         ("dot", "digraph"),

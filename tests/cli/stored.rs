@@ -108,7 +108,7 @@ fn steps_are_noted_with_their_times() {
 fn steps_of_the_other_layout_are_noted_too() {
     let lab = Lab::new();
     plan(&lab, &["-q", "--layout", "fawkes"]).success();
-    lab.rmem(&["plan", "step", "last", "2", "--done"]).success();
+    lab.rmem(&["plan", "step", "last", "2", "--done", "--out-of-order"]).success();
     let stored = lab.rmem(&["query", "robmem.plans", "{'actions.1.status': 'done'}"]).success();
     assert!(stored.contains("\"ended\""), "{stored}");
     assert!(lab.rmem(&["plan", "show", "last", "--format", "clips"]).success().contains("(status FINAL)"));
@@ -120,7 +120,8 @@ fn a_stored_plan_is_shown_in_every_format() {
     let text = plan(&lab, &["-q"]).success();
     assert_eq!(lab.rmem(&["plan", "show", "last"]).success(), text);
     for (format, mark) in [
-        ("json", "{\"_id\":"),
+        ("json", "{\"id\":"),
+        ("document", "{\"_id\":"),
         ("dot", "digraph"),
         ("svg", "<svg "),
         ("clips", "(name stack) (arguments B C) (status FORMULATED))"),

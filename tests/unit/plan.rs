@@ -151,12 +151,13 @@ fn text_is_what_the_planning_competitions_write() {
     assert_eq!(shown(&plan([step("unstack B A"), step("wait")])), "(unstack B A)\n(wait)\n; cost = 2 (unit cost)\n");
     assert_eq!(shown(&Plan { cost: Some(7.5), ..plan([step("wait")]) }), "(wait)\n; cost = 7.5 (general cost)\n");
     assert_eq!(shown(&Plan::default()), "; cost = 0 (unit cost)\n");
-    assert_eq!(shown(&plan([timed("move r1 a", 0.001, 5.0)])), "0.001: (move r1 a) [5.000]\n");
+    let text = "0.001: (move r1 a) [5.000]\n; makespan = 5.001\n";
+    assert_eq!(shown(&plan([timed("move r1 a", 0.001, 5.0)])), text);
     let counted = Plan { cost: Some(1.0), ..plan([timed("move r1 a", 0.001, 5.0)]) };
-    assert_eq!(shown(&counted), "0.001: (move r1 a) [5.000]\n");
+    assert_eq!(shown(&counted), text);
     let costly = Plan { cost: Some(5.001), ..counted };
-    assert_eq!(shown(&costly), "0.001: (move r1 a) [5.000]\n; cost = 5.001 (general cost)\n");
-    assert_eq!(shown(&plan([timed("move r1 a", 0.0002, 5.0)])), "0.0002: (move r1 a) [5.000]\n");
+    assert_eq!(shown(&costly), text);
+    assert_eq!(shown(&plan([timed("move r1 a", 0.0002, 5.0)])), "0.0002: (move r1 a) [5.000]\n; makespan = 5.0002\n");
 }
 
 #[test]
@@ -194,12 +195,12 @@ fn a_value_that_clips_would_cut_short_is_an_error() {
     let value = |_: &str| Bson::from("A\0B");
     let shown = |format| self::shown(&plan([step("putdown x")]), format, "p", &value);
     assert!(shown(Format::Clips).unwrap_err().to_string().contains("NUL"));
-    assert!(shown(Format::Json).unwrap().contains(r"A\u0000B"));
+    assert!(shown(Format::Document).unwrap().contains(r"A\u0000B"));
 }
 
 #[test]
 fn json_is_the_document_on_one_line() {
-    let text = print(&plan([step("putdown B")]), Format::Json, "p", &value);
+    let text = print(&plan([step("putdown B")]), Format::Document, "p", &value);
     assert_eq!(text, "{\"plan\":\"success\",\"1\":{\"action\":\"putdown\",\"x\":\"B\"}}\n");
 }
 
@@ -222,7 +223,7 @@ fn the_lineage_says_where_a_plan_comes_from() {
     let lineage = Lineage {
         domain: hash(""),
         goal: "(on a b)".to_owned(),
-        queries: vec![Answered { name: "ON".into(), namespace: "r.w".into(), query: "{}".into(), count: 3 }],
+        queries: vec![Answered { name: "ON".into(), namespace: "r.w".into(), query: "{}".into(), count: 3, line: 9 }],
         cost: Some(2.0),
         length: Some(2),
         ..Lineage::default()

@@ -6,6 +6,7 @@ use crate::commands::Context;
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
+use crate::output::Format;
 use crate::planner::{Host, Planner, Registry};
 use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
 use crate::store::Namespace;
@@ -77,8 +78,12 @@ fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -
     if let Some(why) = result.why() {
         context.output.note(&why);
     }
-    if let Some(printed) = result.printed(id.unwrap_or("plan"), &|name| result.task().value(name)) {
+    let exit = Exit::from(&result.run().outcome);
+    if context.format(&show::FORMATS)? == Format::Json {
+        let namespace = id.and(result.namespace());
+        show::report(&result.record(id), namespace, exit, context)?;
+    } else if let Some(printed) = result.printed(id.unwrap_or("plan"), &|name| result.task().value(name)) {
         show::print(&printed, context)?;
     }
-    Ok(Exit::from(&result.run().outcome))
+    Ok(exit)
 }

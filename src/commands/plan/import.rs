@@ -10,6 +10,7 @@ use super::layout::Layout;
 use super::source::{self, SectionCounts, TaskArgs};
 use crate::commands::Context;
 use crate::exit::Exit;
+use crate::formats::Source;
 use crate::formats::plan::read_plan;
 use crate::pddl::{Plan, Validation, repair, validate};
 use crate::plan::{IMPORTED, Repository, to_document};
@@ -43,7 +44,8 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Resul
     let source = source::read(&args.task, context)?;
     let domain = source.read_domain()?;
     let file = context.read(&args.file)?;
-    let plan = Plan::from(read_plan(&file)?);
+    let text = Source::new(file.name(), names::spell_plan(file.text()));
+    let plan = Plan::from(read_plan(&text)?);
     let memory = context.memory()?;
     let task = PlanningTask::instantiate(&source, None, &domain, &memory)?;
     SectionCounts::from(&args.task.options).report(&task, context)?;

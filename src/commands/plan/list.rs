@@ -6,6 +6,7 @@ use clap::Args;
 use crate::commands::Context;
 use crate::exit::Exit;
 use crate::plan::{Record, Repository, Status};
+use crate::problem::names;
 use crate::store::{Namespace, metadata};
 
 /// List the stored plans, newest first
@@ -27,10 +28,11 @@ pub(super) fn run(args: &ListArgs, context: &mut Context<'_>) -> anyhow::Result<
     Ok(Exit::Done)
 }
 
-/// What a list says of a plan.
+/// The row of a plan.
 fn line(plan: &Record) -> Document {
     let info = plan.document.get_document(metadata::INFO).ok();
     let of = |document: Option<&Document>, key: &str| document.and_then(|document| document.get(key)).cloned();
+    let report = plan.report(None, 0);
     let mut line = Document::new();
     let mut say = |key: &str, value: Option<Bson>| {
         if let Some(value) = value {
@@ -42,10 +44,13 @@ fn line(plan: &Record) -> Document {
     let number = |count: usize| i32::try_from(count).ok().map(Bson::Int32);
     say("_id", of(Some(&plan.document), "_id"));
     say("stored", of(info, metadata::INSERTED));
-    say("outcome", of(plan.lineage(), "outcome").or_else(|| of(Some(&plan.document), "plan")));
+    say("outcome", Some(plan.outcome().into()));
     say("steps", number(progress.len()));
     say("done", number(done));
-    say("planner", of(plan.lineage(), "planner"));
-    say("goal", of(plan.lineage(), "goal"));
+    for key in ["cost", "makespan", "seconds", "planner"] {
+        say(key, of(Some(&report), key).filter(|value| *value != Bson::Null));
+    }
+    let goal = plan.lineage().and_then(|lineage| lineage.get_str("goal").ok());
+    say("goal", goal.map(|goal| names::readable(goal).into()));
     line
 }

@@ -8,23 +8,24 @@ use bson::Bson;
 use clap::Args;
 
 use super::stored::{self, StoredArgs};
-use crate::commands::{Context, WrongInput};
+use crate::commands::{Context, WrongInput, error};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::plan::{self, PrintedPlan, Status, Stored};
+use crate::plan::{self, PrintedPlan, Record, Status, Stored};
 use crate::problem::names;
-use crate::store::metadata;
+use crate::store::{Namespace, metadata};
 
 /// The formats a plan is printed in; the first is the usual one.
-pub(super) const FORMATS: [Format; 6] =
-    [Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
+pub(super) const FORMATS: [Format; 7] =
+    [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
 
 /// Print a stored plan
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg > plan.svg\n\n\
-Formats: text (as in planning competitions), json, dot, svg, clips, ff."
+Formats: text (as in planning competitions), json (outcome, cost and steps for an executive),\n\
+document (as it is stored), dot, svg, clips, ff."
 )]
 pub struct ShowArgs {
     /// The plan.
@@ -39,8 +40,12 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<
     let id = record.id();
     let mut document = record.document.clone();
     document.remove(metadata::INFO);
+    if format == Format::Document {
+        context.output.line(&shell::relaxed(&document))?;
+        return Ok(Exit::Done);
+    }
     if format == Format::Json {
-        writeln!(context.output.stdout(), "{}", shell::relaxed(&document))?;
+        report(&record, Some(&args.plan.namespace), error::exit_of_word(&record.outcome()), context)?;
         return Ok(Exit::Done);
     }
     // The memory's own values, with their types, by the names that stand for them here.
@@ -64,11 +69,23 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<
     Ok(Exit::Done)
 }
 
+/// Prints the report of a plan or a failure, for programs.
+pub(super) fn report(
+    record: &Record,
+    namespace: Option<&Namespace>,
+    exit: Exit,
+    context: &mut Context<'_>,
+) -> anyhow::Result<()> {
+    let namespace = namespace.map(Namespace::to_string);
+    let report = record.report(namespace.as_deref(), exit.code());
+    Ok(context.output.line(&shell::relaxed(&report))?)
+}
+
 /// Prints a plan in the format in force.
 pub(super) fn print(page: &PrintedPlan<'_>, context: &mut Context<'_>) -> anyhow::Result<()> {
     let format = match context.format(&FORMATS)? {
         Format::Text => plan::Format::Text,
-        Format::Json => plan::Format::Json,
+        Format::Document => plan::Format::Document,
         Format::Clips => plan::Format::Clips,
         Format::Ff => plan::Format::Ff,
         Format::Dot => plan::Format::Dot,

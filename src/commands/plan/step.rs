@@ -24,6 +24,9 @@ pub struct StepArgs {
     /// What became of it.
     #[command(flatten)]
     pub state: StateArgs,
+    /// Allow --done although an earlier step is open or has failed
+    #[arg(long, requires = "done")]
+    pub out_of_order: bool,
     /// Collection of the plans
     #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]
     pub namespace: Namespace,
@@ -49,12 +52,29 @@ pub struct StateArgs {
 
 pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory()?;
-    let archive = Repository::new(&memory, &args.namespace);
-    let plan = archive.get(&args.id).map_err(stored::explain)?;
+    let repository = Repository::new(&memory, &args.namespace);
+    let plan = repository.get(&args.id).map_err(stored::explain)?;
     let number = number(&args.step, &plan)?;
-    archive.mark(&plan, number, status(args.state), DateTime::now()).map_err(stored::explain)?;
+    check_order(number, args, &plan)?;
+    repository.mark(&plan, number, status(args.state), DateTime::now()).map_err(stored::explain)?;
     context.output.note(&format!("step {number} of {} is {}", plan.id(), status(args.state)));
     Ok(Exit::Done)
+}
+
+/// Refuses a step that would be done before an earlier one.
+fn check_order(number: usize, args: &StepArgs, plan: &Record) -> Result<(), UsageError> {
+    let progress = plan.progress();
+    let is_waiting = |status: Status| matches!(status, Status::Open | Status::Failed);
+    let earlier = progress.iter().take(number.saturating_sub(1)).position(|step| is_waiting(step.status));
+    match earlier {
+        Some(index) if args.state.done && !args.out_of_order => {
+            let (step, status) = (index + 1, progress.get(index).map(|step| step.status).unwrap_or_default());
+            Err(UsageError::new(format!(
+                "step {number} cannot be done while step {step} is {status}; mark step {step} first, or give --out-of-order"
+            )))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn status(state: StateArgs) -> Status {

@@ -41,6 +41,15 @@ impl Plan {
     }
 }
 
+impl Plan {
+    /// Returns when the last action ends, for a plan with times.
+    #[must_use]
+    pub fn makespan(&self) -> Option<f64> {
+        let ends = self.steps.iter().filter_map(|step| Some(step.start? + step.duration.unwrap_or_default()));
+        ends.reduce(f64::max)
+    }
+}
+
 impl From<PlanFile> for Plan {
     fn from(file: PlanFile) -> Self {
         Self { steps: file.actions.into_iter().map(Step::from).collect(), cost: file.cost }

@@ -60,6 +60,14 @@ impl Fault {
     }
 }
 
+impl Fault {
+    /// Of a step that failed; steps count from 1.
+    pub(super) fn failed(step: usize) -> Self {
+        let message = "it failed, and was not begun again".to_owned();
+        Self { step: Some(step), message, ..Self::default() }
+    }
+}
+
 /// A step as PDDL, in the memory's names.
 fn readable(step: &Step) -> String {
     let words: Vec<&str> = std::iter::once(&step.action).chain(&step.arguments).map(String::as_str).collect();

@@ -45,7 +45,12 @@ pub fn check(record: &Record, now: Option<Source>, memory: &Memory) -> Result<Ch
     let is_left = |status: Status| is_from_file || status != Status::Done;
     let steps = progress.iter().enumerate();
     let left: Vec<usize> = steps.filter(|(_, step)| is_left(step.status)).map(|(index, _)| index).collect();
-    let (fault, unjudged) = match simulate(record, &source, &left, memory)? {
+    let failed = progress.iter().position(|step| step.status == Status::Failed);
+    let verdict = match failed {
+        Some(index) => Verdict::Broken(Fault::failed(index + 1)),
+        None => simulate(record, &source, &left, memory)?,
+    };
+    let (fault, unjudged) = match verdict {
         Verdict::Holds => (None, None),
         Verdict::Broken(fault) => (Some(fault), None),
         Verdict::Unjudged(reason) => (None, Some(reason)),

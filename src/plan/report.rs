@@ -1,0 +1,155 @@
+//! A stored plan as an executive reads it: one object, the same for a plan and for a failure.
+//!
+//! ```text
+//! { id, namespace, outcome, exit, planner, cost, metric, makespan, seconds,
+//!   steps: [{ index, action, args: {…}, list: […], start, duration, status }], why, sections: [{ line, query, documents }] }
+//! ```
+//!
+//! Every key is always there; what is not known is null.
+
+use bson::{Array, Bson, Document, doc};
+
+use super::Record;
+use super::progress::Progress;
+
+impl Record {
+    /// Returns the report of the plan. `namespace` is where it is stored, none where it is not; `exit` is the exit code of its outcome.
+    #[must_use]
+    pub fn report(&self, namespace: Option<&str>, exit: u8) -> Document {
+        let lineage = self.lineage();
+        let of = |key: &str| lineage.and_then(|lineage| lineage.get(key)).cloned().unwrap_or(Bson::Null);
+        let millis = lineage.and_then(|lineage| lineage.get_document("times").ok()?.get_f64("plan").ok());
+        let id = namespace.and_then(|_| self.document.get("_id")).map(|_| self.id());
+        let steps = self.steps();
+        doc! {
+            "id": id,
+            "namespace": namespace,
+            "outcome": self.outcome(),
+            "exit": i32::from(exit),
+            "planner": of("planner"),
+            "cost": number(&of("cost")),
+            "metric": of("metric"),
+            "makespan": steps.iter().filter_map(end).reduce(f64::max).map(|end| rounded(end).into()).unwrap_or(Bson::Null),
+            "seconds": millis.map(|millis| millis / 1000.0),
+            "steps": steps,
+            "why": of("why"),
+            "sections": self.sections(),
+        }
+    }
+
+    /// Returns the word for the outcome: `success`, or why there is no plan.
+    #[must_use]
+    pub fn outcome(&self) -> String {
+        let stored = self.lineage().and_then(|lineage| lineage.get_str("outcome").ok());
+        let failed = || self.document.get_str("outcome").ok();
+        let plan = || matches!(self.document.get("plan"), Some(Bson::String(word)) if word == "success");
+        let known = stored.or_else(failed).map(current);
+        known.unwrap_or(if plan() || self.document.contains_key("actions") { "success" } else { "gave-up" }).to_owned()
+    }
+
+    fn steps(&self) -> Array {
+        let progress = self.progress();
+        let step = |(index, progress): (usize, &Progress)| {
+            let listed = self.document.get_array("actions").ok().and_then(|actions| actions.get(index));
+            let numbered = || self.document.get((index + 1).to_string());
+            let entry = listed.or_else(numbered).and_then(Bson::as_document);
+            entry.map(|entry| step(index, entry, listed.is_some(), progress))
+        };
+        progress.iter().enumerate().filter_map(step).map(Bson::Document).collect()
+    }
+
+    fn sections(&self) -> Array {
+        let queries = self.lineage().and_then(|lineage| lineage.get_array("queries").ok()).into_iter().flatten();
+        let section = |query: &Bson| {
+            let query = query.as_document()?;
+            let of = |key: &str| query.get(key).cloned().unwrap_or(Bson::Null);
+            Some(Bson::Document(doc! {
+                "line": of("line"), "name": of("name"), "namespace": of("namespace"), "query": of("query"),
+                "documents": of("count"),
+            }))
+        };
+        queries.filter_map(section).collect()
+    }
+}
+
+/// Today's word for an outcome that an earlier version stored.
+fn current(word: &str) -> &str {
+    match word {
+        "plan" => "success",
+        "out-of-time" => "timeout",
+        "out-of-memory" => "memory",
+        "failed" => "crashed",
+        word => word,
+    }
+}
+
+/// A step of either layout.
+fn step(index: usize, entry: &Document, is_listed: bool, progress: &Progress) -> Document {
+    let (name, start, duration) =
+        if is_listed { ("name", "start", "duration") } else { ("action", "_start", "_duration") };
+    let of = |key: &str| entry.get(key).cloned().unwrap_or(Bson::Null);
+    let arguments = entry.iter().filter(|(key, _)| !is_listed && *key != "action" && !key.starts_with('_'));
+    let args: Document = arguments.map(|(key, value)| (key.clone(), value.clone())).collect();
+    let list = match entry.get_array("args") {
+        Ok(list) if is_listed => list.clone(),
+        _ => args.values().cloned().collect(),
+    };
+    doc! {
+        "index": i64::try_from(index + 1).unwrap_or(i64::MAX), "action": of(name), "args": args, "list": list,
+        "start": of(start), "duration": of(duration), "status": progress.status.word(),
+    }
+}
+
+/// When a step ends.
+fn end(step: &Bson) -> Option<f64> {
+    let step = step.as_document()?;
+    Some(step.get_f64("start").ok()? + step.get_f64("duration").unwrap_or_default())
+}
+
+/// A number with at most six decimals, an integer where it is one.
+fn number(value: &Bson) -> Bson {
+    match value {
+        Bson::Double(number) if rounded(*number).fract() == 0.0 && number.abs() < 1e15 => {
+            Bson::Int64(rounded(*number) as i64)
+        }
+        Bson::Double(number) => Bson::Double(rounded(*number)),
+        other => other.clone(),
+    }
+}
+
+/// Returns a number with at most six decimals: sums of costs have errors beyond them.
+#[must_use]
+pub fn rounded(number: f64) -> f64 {
+    if number.abs() < 1e9 { (number * 1e6).round() / 1e6 } else { number }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cost_has_at_most_six_decimals() {
+        assert_eq!(rounded(11.899999999999999).to_string(), "11.9");
+        assert_eq!(rounded(0.1234567).to_string(), "0.123457");
+        assert_eq!(number(&Bson::Double(12.0)), Bson::Int64(12));
+        assert_eq!(number(&Bson::Null), Bson::Null);
+    }
+
+    #[test]
+    fn a_plan_of_either_layout_has_the_same_steps_but_for_their_names() {
+        let numbered =
+            doc! { "_id": "p", "plan": "success", "1": { "action": "go", "to": "box #18", "_status": "done" } };
+        let report = Record { document: numbered }.report(Some("a.b"), 0);
+        let wanted = doc! {
+            "index": 1_i64, "action": "go", "args": { "to": "box #18" }, "list": ["box #18"], "start": null, "duration": null,
+            "status": "done",
+        };
+        assert_eq!(report.get_array("steps").unwrap()[0], Bson::Document(wanted));
+        let listed =
+            doc! { "plan": 1, "actions": [{ "name": "go", "args": ["box #18"], "start": 1.5, "duration": 2.0 }] };
+        let report = Record { document: listed }.report(None, 0);
+        let step = report.get_array("steps").unwrap()[0].as_document().unwrap();
+        assert_eq!(step.get_array("list").unwrap(), &vec![Bson::from("box #18")]);
+        assert_eq!((report.get("id"), report.get("makespan")), (Some(&Bson::Null), Some(&Bson::Double(3.5))));
+    }
+}
