@@ -7,7 +7,9 @@ use std::time::Instant;
 use super::{PlanRequest, PlanResult, PlanningError, PlanningTask};
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::planner::{Host, Portfolio, Task};
+use crate::planner::{Host, Outcome, Portfolio, Task};
+use crate::process::NO_FILES;
+use crate::store::StoreError;
 
 /// A task, and the planners' programs, which have started and wait for it.
 pub struct PreparedSearch<'a> {
@@ -63,6 +65,10 @@ impl<'a> PreparedSearch<'a> {
         let race = portfolio.race(&pddl, host, meanwhile).ok_or(PlanningError::NoPlanner)?;
         let time = start.elapsed();
         let mut run = race.winner().ok_or(PlanningError::NoPlanner)?.clone();
+        if run.outcome == Outcome::Failed && run.message.contains(NO_FILES) {
+            let (address, reason) = (host.temporary.display().to_string(), run.message);
+            return Err(StoreError::Failed { address, reason }.into());
+        }
         run.explain(&pddl);
         Ok(PlanResult::new(request, task, race, run, time))
     }

@@ -16,4 +16,4 @@ mod usage;
 
 pub use host::{Host, Limits};
 pub(crate) use pool::{Pool, Share};
-pub(crate) use run::{End, Ended, INPUT, Job, Mode, Prepared, run};
+pub(crate) use run::{End, Ended, INPUT, Job, Mode, NO_FILES, Prepared, run};

@@ -166,7 +166,7 @@ impl Prepared {
     fn attempt(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> io::Result<Ended> {
         let (mut supervisor, limits) = (self.supervisor?, self.limits);
         for (name, text) in texts {
-            write(&supervisor.place().join(name), text, host)?;
+            write(&supervisor.place().join(name), text, host).map_err(|error| unmade(host, &error))?;
         }
         if host.is_interrupted() {
             return Ok(Ended { end: End::Interrupted, ..Ended::default() });
@@ -193,6 +193,17 @@ impl Prepared {
         };
         Ok(ended)
     }
+}
+
+/// The beginning of the error where the files of a run cannot be made: a fault of this machine, not of
+/// the program.
+pub(crate) const NO_FILES: &str = "no files can be made for a run";
+
+fn unmade(host: &Host<'_>, error: &io::Error) -> io::Error {
+    // The name of the file is rmem's own.
+    let reason = io::Error::from(error.kind());
+    let words = format!("{NO_FILES} in {}: {reason}; make room there, or set TMPDIR", host.temporary.display());
+    io::Error::new(error.kind(), words)
 }
 
 /// Writes a file, unless rmem is interrupted.
@@ -238,7 +249,8 @@ impl Supervisor {
     fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Self> {
         let directory = tempfile::Builder::new()
             .prefix(&litter::prefix(&host.temporary, "rmem-run-"))
-            .tempdir_in(&host.temporary)?;
+            .tempdir_in(&host.temporary)
+            .map_err(|error| unmade(host, &error))?;
         let (ours, theirs) = UnixStream::pair()?;
         let mut command = Command::new(&host.exe);
         command.arg("__supervisor").arg("--directory").arg(directory.path());

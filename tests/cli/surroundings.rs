@@ -123,3 +123,11 @@ fn a_supervisor_that_was_stopped_is_continued() {
     let answer = lab.rmem(&["count", "a.b", "{compute: 'stop'}"]).success();
     assert_eq!(answer, "1\n");
 }
+
+#[test]
+fn a_run_without_room_for_its_files_is_4_and_no_failed_plan() {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:robot.rmem").env("TMPDIR", "/nonexistent");
+    let refused = crate::lab::plan(&lab, &["--planner", "ff"]).exits(4);
+    assert!(refused.stderr.contains("no files can be made for a run in /nonexistent"), "{refused}");
+    assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "0\n");
+}
