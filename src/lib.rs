@@ -191,7 +191,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         cli::command,
     );
     let result = commands::run(&cli.command, &mut context);
-    context.output.tell_operations();
+    context.report_operations();
     let result = result.and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
     match result {
         Ok(exit) => exit,

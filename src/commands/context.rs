@@ -1,7 +1,10 @@
 //! What a command works with: settings, streams, and the memory once it is asked for.
 
+use std::cell::RefCell;
+use std::ffi::OsStr;
 use std::io::{BufRead, Write as _};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -12,9 +15,9 @@ use crate::formats::{Source, shell, visible};
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Registry;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
-use crate::memory::{Memory, Observer};
+use crate::memory::{Memory, Observer, Operation};
 use crate::output::{Format, Output};
-use crate::process::Host;
+use crate::process::{Host, search};
 use crate::settings::{Environment, Origin, Settings};
 use crate::store::StoreUri;
 
@@ -32,6 +35,7 @@ pub struct Context<'a> {
     pub command_line: fn() -> clap::Command,
     stdin: Option<&'a mut dyn BufRead>,
     terminal: bool,
+    operations: Rc<RefCell<Vec<Operation>>>,
 }
 
 impl<'a> Context<'a> {
@@ -44,7 +48,16 @@ impl<'a> Context<'a> {
         environment: Environment,
         command_line: fn() -> clap::Command,
     ) -> Self {
-        Self { settings, output, environment, executable, command_line, stdin: Some(stdin), terminal }
+        Self {
+            settings,
+            output,
+            environment,
+            executable,
+            command_line,
+            stdin: Some(stdin),
+            terminal,
+            operations: Rc::default(),
+        }
     }
 
     /// The memory, with the world files of `--load` in it. A file that was named for this
@@ -65,7 +78,7 @@ impl<'a> Context<'a> {
     /// # Errors
     /// As [`Context::memory`].
     pub fn memory_to_fill(&mut self) -> anyhow::Result<Memory> {
-        let memory = self.opening().open(self.output.observer())?;
+        let memory = self.opening().open(self.observer())?;
         for path in self.settings.load.clone() {
             let start = Instant::now();
             let (name, world) = self.world(&path)?;
@@ -86,6 +99,24 @@ impl<'a> Context<'a> {
         }
         let name = path.display().to_string();
         Ok((name, WorldFile::open(path).map_err(WorldError::from)))
+    }
+
+    /// Returns an observer for a memory, where operations are printed or logged.
+    #[must_use]
+    pub fn observer(&self) -> Option<Observer> {
+        let operations = Rc::clone(&self.operations);
+        self.output
+            .shows_operations()
+            .then(|| -> Observer { Rc::new(move |operation| operations.borrow_mut().push(operation.clone())) })
+    }
+
+    /// Prints and logs the operations that were observed since the last call.
+    pub fn report_operations(&mut self) {
+        for operation in self.operations.take() {
+            let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
+            let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| format!("{count} documents"));
+            self.output.operation(&operation.name, &subject, &detail, operation.took);
+        }
     }
 
     /// What a memory is opened with, in whichever thread; the world files of `--load` are not in it.
@@ -119,14 +150,10 @@ impl<'a> Context<'a> {
         self.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into)
     }
 
-    /// Where a program is: a path as it is, a name among the folders of PATH.
+    /// Returns where a program is, a path or a name in the folders of PATH.
     #[must_use]
     pub fn program(&self, name: &str) -> Option<PathBuf> {
-        if name.contains('/') {
-            return Some(PathBuf::from(name)).filter(|path| path.is_file());
-        }
-        let path = self.environment.get("PATH").map_or("", String::as_str);
-        path.split(':').map(|folder| Path::new(folder).join(name)).find(|candidate| candidate.is_file())
+        search::find(name.as_ref(), self.environment.get("PATH").map(OsStr::new))
     }
 
     /// Reads a whole text file, or stdin for `-`.

@@ -131,10 +131,8 @@ impl<'a> Batch<'a> {
             Err(error) => error.stored(),
         };
         self.stored += ids.len();
-        for id in ids {
-            context.output.tell(&shell::relaxed_value(id))?;
-        }
-        context.output.flush_told()?;
+        let lines: Vec<String> = ids.iter().map(shell::relaxed_value).collect();
+        context.output.progress_lines(&lines)?;
         let before = self.stored - ids.len();
         let stored = self.stored;
         result

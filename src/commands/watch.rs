@@ -120,7 +120,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result
     }
     let timeout = crate::interrupt::InterruptGuard::new();
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
-    context.output.tell_operations();
+    context.report_operations();
     context.output.note(&format!("watching {namespace}"));
     let session = Session {
         args,

@@ -1,0 +1,44 @@
+//! The formats of results.
+
+use clap::ValueEnum;
+
+/// How results are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
+pub enum Format {
+    /// One document a line, relaxed Extended JSON.
+    Jsonl,
+    /// One JSON array, indented.
+    Json,
+    /// One document a line, canonical Extended JSON: every type spelled out.
+    Canonical,
+    /// Columns for people.
+    Table,
+    /// A plan, one action a line, as the planning competitions write it.
+    Text,
+    /// CLIPS facts.
+    Clips,
+    /// What FF prints.
+    Ff,
+    /// A graph for Graphviz.
+    Dot,
+    /// A drawing.
+    Svg,
+}
+
+impl Format {
+    /// Returns the word on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Jsonl => "jsonl",
+            Self::Json => "json",
+            Self::Canonical => "canonical",
+            Self::Table => "table",
+            Self::Text => "text",
+            Self::Clips => "clips",
+            Self::Ff => "ff",
+            Self::Dot => "dot",
+            Self::Svg => "svg",
+        }
+    }
+}
