@@ -13,7 +13,11 @@ pub enum Format {
     Canonical,
     /// Columns for people.
     Table,
-    /// A plan, one action a line, as the planning competitions write it.
+    /// Comma-separated values.
+    Csv,
+    /// Tab-separated values.
+    Tsv,
+    /// Lines for people; a plan as in the planning competitions.
     Text,
     /// CLIPS facts.
     Clips,
@@ -34,6 +38,8 @@ impl Format {
             Self::Json => "json",
             Self::Canonical => "canonical",
             Self::Table => "table",
+            Self::Csv => "csv",
+            Self::Tsv => "tsv",
             Self::Text => "text",
             Self::Clips => "clips",
             Self::Ff => "ff",

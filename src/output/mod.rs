@@ -84,11 +84,11 @@ impl<'a> Output<'a> {
     ///
     /// # Errors
     /// Where stdout fails; a closed pipe is no failure.
-    pub fn progress_lines(&mut self, lines: &[String]) -> io::Result<()> {
+    pub fn progress_lines(&mut self, lines: impl IntoIterator<Item = String>) -> io::Result<()> {
         if self.is_closed {
             return Ok(());
         }
-        let written = lines.iter().try_for_each(|line| self.line(line)).and_then(|()| self.stdout.flush());
+        let written = lines.into_iter().try_for_each(|line| self.line(&line)).and_then(|()| self.stdout.flush());
         match written {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
                 self.is_closed = true;
@@ -131,6 +131,12 @@ impl<'a> Output<'a> {
     pub fn pass_on(&mut self, text: &[u8]) {
         // A closed stderr is no error.
         let _ = self.stderr.write_all(text);
+    }
+
+    /// Whether short reports are printed.
+    #[must_use]
+    pub fn shows_notes(&self) -> bool {
+        self.verbosity >= Verbosity::Normal
     }
 
     /// Whether operations are printed or logged.

@@ -122,7 +122,10 @@ impl Table {
             let name = member.get_ref();
             let parts = name.rsplit_once(':').filter(|(host, _)| !host.is_empty() && !host.contains(['/', '@', ' ']));
             if parts.and_then(|(_, port)| port.parse::<u16>().ok()).is_none_or(|port| port == 0) {
-                return Err((member.span(), format!("expected a member as HOST:PORT, e.g. robot1:27021, found `{name}`")));
+                return Err((
+                    member.span(),
+                    format!("expected a member as HOST:PORT, e.g. robot1:27021, found `{name}`"),
+                ));
             }
             if !seen.insert(name) {
                 return Err((member.span(), format!("`{name}` is given twice")));

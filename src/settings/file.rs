@@ -205,24 +205,24 @@ mod tests {
         assert!(complaint("format = \"xml\"\n").starts_with("rmem.toml:1:10: unknown format `xml`"));
         assert!(complaint("shared_databases = [\"a\", \"b.c\"]\n").starts_with("rmem.toml:1:26: `b.c`"));
         let text = complaint("[planner.builtin]\ncommand = [\"x\"]\noutput = \"ff\"\n");
-        assert!(text.starts_with("rmem.toml:1:10: `builtin` is a planner"), "{text}");
+        assert!(text.starts_with("rmem.toml:1:10: `builtin` is a built-in planner"), "{text}");
         let text = complaint("[planner.x]\ncommand = []\noutput = \"ff\"\n");
         assert!(text.starts_with("rmem.toml:2:11: expected a program"), "{text}");
         let computable =
             |rest: &str| complaint(&format!("[[computable]]\nname='a'\ncollection='a.b'\nspec='{{}}'\n{rest}"));
         let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{'\n");
-        assert!(text.starts_with("rmem.toml:4:8: this is no query"), "{text}");
+        assert!(text.starts_with("rmem.toml:4:8: expected a query"), "{text}");
         for (rest, words) in [
-            ("", "rmem.toml:2:6: a computable has one body"),
-            ("pipeline='[]'\ncommand=['x']", "rmem.toml:2:6: a computable has one body"),
-            ("pipeline='['", "rmem.toml:5:12: this is no pipeline"),
+            ("", "rmem.toml:2:6: expected one body"),
+            ("pipeline='[]'\ncommand=['x']", "rmem.toml:2:6: expected one body"),
+            ("pipeline='['", "rmem.toml:5:12: expected a pipeline"),
             ("command=[]", "rmem.toml:5:9: expected a program"),
-            ("builtin='tf'", "rmem.toml:5:9: there is no builtin `tf`; expected one of transform, nearest"),
-            ("builtin='nearest'\nframes='a.b'", "rmem.toml:6:8: `frames` means nothing"),
+            ("builtin='tf'", "rmem.toml:5:9: unknown builtin `tf`; expected one of transform, nearest"),
+            ("builtin='nearest'\nframes='a.b'", "rmem.toml:6:8: `frames` has no meaning"),
             ("builtin='transform'\nframes='a'", "rmem.toml:6:8: `a` is not a namespace"),
             (
                 "builtin='nearest'\n[[computable]]\nname='a'\ncollection='a.b'\nspec='{}'\nbuiltin='nearest'",
-                "rmem.toml:7:6: there are two computables `a`",
+                "rmem.toml:7:6: another computable has the name `a`",
             ),
         ] {
             let text = computable(rest);
@@ -235,11 +235,11 @@ mod tests {
         for (table, wanted) in [
             ("port = 0", "3:8: expected a port"),
             ("prot = 1", "3:1: unknown field `prot`"),
-            ("port = 1\nmembers = ['robot1']", "4:12: `robot1` is no member"),
+            ("port = 1\nmembers = ['robot1']", "4:12: expected a member as HOST:PORT"),
             ("port = 1\nmembers = ['a:1', 'a:1']", "4:19: `a:1` is given twice"),
             ("port = 1\nmembers = ['a:2', 'b:2']", "4:11: no member has the port 1"),
             ("port = 1\noplog_size = '5 apples'", "4:14: `5 apples` is not a size"),
-            ("port = 1\ncache_size = '1M'", "4:14: expected 256M at least"),
+            ("port = 1\ncache_size = '1M'", "4:14: expected at least 256M"),
             ("port = 1\nreplica_set = 'a/b'", "4:15: expected the name of a replica set"),
             ("port = 1\n[backend.shared]\npath = 'y'\nport = 1", "6:8: both backends have this port"),
         ] {

@@ -92,9 +92,9 @@ fn update_changes_the_first_match_or_all() {
 }
 
 #[test]
-fn delete_removes_all_matches_and_drop_the_collection() {
+fn delete_removes_the_first_match_and_drop_the_collection() {
     let lab = lab();
-    assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}", "--one"]).success(), "1\n");
+    assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}"]).success(), "1\n");
     assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}"]).success(), "1\n");
     assert_eq!(lab.rmem(&["collections"]).success(), "robmem.worldmodel\n");
     lab.rmem(&["drop", "robmem.worldmodel"]).success();
@@ -126,4 +126,49 @@ fn loading_a_world_twice_changes_nothing() {
     let lab = Lab::new();
     let args = ["--load", "fixtures/blocksworld.json", "count", "robmem.worldmodel"];
     assert_eq!(lab.rmem(&args).success(), lab.rmem(&args).success());
+}
+
+#[test]
+fn update_and_delete_change_one_document_and_say_how_many_more_match() {
+    let lab = lab();
+    let update = ["update", "robmem.worldmodel", "{relation: 'on-table'}", "{$set: {seen: true}}"];
+    insta::assert_snapshot!(lab.rmem(&update), @"");
+    insta::assert_snapshot!(lab.rmem(&[&update[..], &["--many"]].concat()), @"");
+    let delete = ["delete", "robmem.worldmodel", "{relation: 'on-table'}"];
+    insta::assert_snapshot!(lab.rmem(&delete), @"");
+    insta::assert_snapshot!(lab.rmem(&delete), @"");
+    insta::assert_snapshot!(lab.rmem(&["delete", "robmem.worldmodel"]), @"");
+    insta::assert_snapshot!(lab.rmem(&["delete", "robmem.worldmodel", "--all"]), @"");
+    insta::assert_snapshot!(lab.rmem(&["count", "robmem.worldmodel"]), @"");
+}
+
+#[test]
+fn a_whole_document_replaces_another_only_with_replace() {
+    let lab = lab();
+    let update = ["update", "robmem.worldmodel", "{_id: 1}", "{object: 'Z'}"];
+    insta::assert_snapshot!(lab.rmem(&update), @"");
+    insta::assert_snapshot!(lab.rmem(&[&update[..], &["--replace"]].concat()), @"");
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodel", "{_id: 1}"]), @"");
+    insta::assert_snapshot!(lab.rmem(&["update", "robmem.worldmodel", "{_id: 1}", "{$set: {a: 1}}", "--replace"]), @"");
+}
+
+#[test]
+fn a_missing_collection_is_named_with_the_nearest() {
+    let lab = lab();
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodl"]), @"");
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodel", "{relation: 'none'}"]), @"");
+    insta::assert_snapshot!(lab.rmem(&["count", "robmem.other", "--strict"]), @"");
+}
+
+#[test]
+fn each_format_is_what_it_is_called_or_refused() {
+    let lab = lab();
+    let query = ["query", "robmem.worldmodel", "{relation: 'on-table'}", "--format"];
+    insta::assert_snapshot!(lab.rmem(&[&query[..], &["csv"]].concat()), @"");
+    insta::assert_snapshot!(lab.rmem(&[&query[..], &["tsv"]].concat()), @"");
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodel", "--format", "table"]), @"");
+    insta::assert_snapshot!(lab.rmem(&[&query[..], &["dot"]].concat()), @"");
+    insta::assert_snapshot!(lab.rmem(&["--format", "dot", "query", "robmem.worldmodel"]), @"");
+    insta::assert_snapshot!(lab.rmem(&["--format", "json", "completions", "bash"]), @"");
+    insta::assert_snapshot!(lab.rmem(&["distinct", "robmem.worldmodel", "relation", "--format", "json"]), @"");
 }

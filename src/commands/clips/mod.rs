@@ -13,13 +13,18 @@ use crate::clips::facts::Schema;
 use crate::exit::Exit;
 use crate::formats::clips::{Item, Reader};
 
-/// Turn documents into CLIPS facts, and facts into documents
+/// What stands below the help of `clips`.
+const HELP: &str = "\
+Examples:
+  rmem clips export robmem.worldmodel --as deffacts world -o world.clp
+  rmem clips import facts.txt --into robmem.worldmodel
+  rmem clips run agent.clp";
+
+/// Convert documents to and from CLIPS facts, and run CLIPS programs
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem clips export robmem.worldmodel \"{relation: 'on'}\" --as deffacts world -o world.clp\n  rmem clips import facts.txt --into robmem.worldmodel"
-)]
+#[command(after_help = HELP)]
 pub struct ClipsArgs {
-    /// Which way.
+    /// What to do.
     #[command(subcommand)]
     pub command: ClipsCommand,
 }

@@ -20,7 +20,7 @@ use clap::{ArgMatches, Args, Command, Error, FromArgMatches, Subcommand};
 #[cfg(feature = "clips-engine")]
 pub(super) use find::registry;
 
-use super::Context;
+use super::{Context, formats};
 use crate::exit::Exit;
 use search::SearchArgs;
 
@@ -49,7 +49,7 @@ pub enum PlanArgs {
 // Written by hand, because a derived enum would need a subcommand for the search.
 impl Args for PlanArgs {
     fn augment_args(command: Command) -> Command {
-        let command = SearchArgs::augment_args(command).after_help(HELP);
+        let command = SearchArgs::augment_args(command).after_help(HELP).arg(formats::argument(&formats::PLAN));
         PlanCommand::augment_subcommands(command).subcommand_negates_reqs(true)
     }
 

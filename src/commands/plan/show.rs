@@ -8,7 +8,7 @@ use bson::Bson;
 use clap::Args;
 
 use super::stored::{self, StoredArgs};
-use crate::commands::{Context, WrongInput};
+use crate::commands::{Context, WrongInput, formats};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
@@ -16,9 +16,7 @@ use crate::plan::{self, PrintedPlan, Status, Stored};
 use crate::problem::names;
 use crate::store::metadata;
 
-/// The formats a plan is printed in; the first is the usual one.
-pub(super) const FORMATS: [Format; 6] =
-    [Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
+pub(super) use formats::PLAN as FORMATS;
 
 /// Print a stored plan
 #[derive(Debug, Args)]
@@ -26,6 +24,7 @@ pub(super) const FORMATS: [Format; 6] =
     after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg > plan.svg\n\n\
 Formats: text (as in planning competitions), json, dot, svg, clips, ff."
 )]
+#[command(arg = formats::argument(&formats::PLAN))]
 pub struct ShowArgs {
     /// The plan.
     #[command(flatten)]

@@ -43,7 +43,7 @@ pub(super) enum Delivered {
 
 impl<'a> Delivery<'a> {
     pub(super) fn new(args: &'a WatchArgs, namespace: &'a Namespace, context: &Context<'_>) -> anyhow::Result<Self> {
-        let format = context.format(&[Format::Jsonl, Format::Canonical, Format::Clips])?;
+        let format = context.format(&super::FORMATS)?;
         let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
         let (name, exec) = (args.resume.as_deref(), args.exec.as_deref());
         Ok(Self { namespace, name, exec, deadline, format })
@@ -94,6 +94,7 @@ impl<'a> Delivery<'a> {
                     text.push('\n');
                 }
             }
+            Format::Json => text = shell::pretty(&event.clone().into()) + "\n",
             Format::Canonical => text = shell::canonical(event) + "\n",
             _ => text = shell::relaxed(event) + "\n",
         }
