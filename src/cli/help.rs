@@ -62,4 +62,13 @@ mod tests {
         commands.sort_unstable();
         assert_eq!(grouped, commands);
     }
+
+    #[test]
+    fn the_list_of_commands_fits_80_columns() {
+        let command = crate::cli::command();
+        let width = 18;
+        for about in command.get_subcommands().filter_map(Command::get_about) {
+            assert!(width + about.to_string().len() <= 80, "{about}");
+        }
+    }
 }

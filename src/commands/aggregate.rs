@@ -27,11 +27,14 @@ pub struct AggregateArgs {
 pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let pipeline = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))?;
     let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
+    }
     let texts = [("<pipeline>", args.pipeline.as_str())];
     let documents = memory.aggregate(&args.namespace, &pipeline).map_err(|error| blame(error, &texts))?;
     let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &texts)));
     if context.print_documents(documents)? == 0 {
-        missing::check(&args.namespace, args.strict, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context)?;
     }
     Ok(Exit::Done)
 }

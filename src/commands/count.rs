@@ -26,11 +26,14 @@ pub struct CountArgs {
 pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let filter = argument("<query>", &args.query)?;
     let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
+    }
     let count = memory.count(&args.namespace, &filter);
     let count = count.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&count.to_string())?;
     if count == 0 {
-        missing::check(&args.namespace, args.strict, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context)?;
     }
     Ok(Exit::Done)
 }

@@ -29,12 +29,15 @@ pub struct DistinctArgs {
 pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let filter = argument("<query>", &args.query)?;
     let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
+    }
     let values = memory.distinct(&args.namespace, &args.field, &filter);
     let values = values.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     let is_empty = values.is_empty();
     context.print_values(values)?;
     if is_empty {
-        missing::check(&args.namespace, args.strict, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context)?;
     }
     Ok(Exit::Done)
 }

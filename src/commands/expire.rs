@@ -22,7 +22,7 @@ documents that rmem index --ttl expires. With --restart, also removes documents 
 A document past its decay_time is invisible in any case: the next write removes it, on MongoDB the server within a \
 minute.";
 
-/// Remove expired documents, and after a restart those that are not persistent
+/// Remove expired documents, and others after a restart
 #[derive(Debug, Args)]
 #[command(after_help = HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct ExpireArgs {

@@ -42,5 +42,12 @@ pub(crate) fn none() -> Arg {
 }
 
 fn global() -> Arg {
-    Arg::new(ID).long(ID).value_name("FORMAT").global(true).hide_possible_values(true).help_heading("Global options")
+    // Below `--load`, as in the help of rmem itself.
+    Arg::new(ID)
+        .display_order(4)
+        .long(ID)
+        .value_name("FORMAT")
+        .global(true)
+        .hide_possible_values(true)
+        .help_heading("Global options")
 }

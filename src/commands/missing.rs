@@ -5,18 +5,19 @@ use crate::formats::nearest;
 use crate::memory::Memory;
 use crate::store::Namespace;
 
-/// Warns, after an empty result, if the collection does not exist; with `strict`, that is an error.
-pub(super) fn check(
-    namespace: &Namespace,
-    strict: bool,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> anyhow::Result<()> {
-    let Some(message) = message(namespace, memory)? else { return Ok(()) };
-    if strict {
-        return Err(WrongInput::new(message).into());
+/// Refuses a collection that does not exist, for `--strict`.
+pub(super) fn refuse(namespace: &Namespace, memory: &Memory) -> anyhow::Result<()> {
+    match message(namespace, memory)? {
+        Some(message) => Err(WrongInput::new(message).into()),
+        None => Ok(()),
     }
-    context.output.warn(&message);
+}
+
+/// Warns, after an empty result, if the collection does not exist.
+pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+    if let Some(message) = message(namespace, memory)? {
+        context.output.warn(&message);
+    }
     Ok(())
 }
 

@@ -61,6 +61,9 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> anyhow::Result
     ];
     let given: Vec<_> = texts.into_iter().filter(|(_, text)| !text.is_empty() && *text != "{}").collect();
     let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
+    }
     if args.explain {
         let account = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &given))?;
         context.print_documents([Ok(account)].into_iter())?;
@@ -73,7 +76,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> anyhow::Result
     let documents = documents.map_err(|error| blame(error, &given))?;
     let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &given)));
     if context.print_documents(documents)? == 0 {
-        missing::check(&args.namespace, args.strict, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context)?;
     }
     Ok(Exit::Done)
 }

@@ -151,8 +151,10 @@ fn nested(value: &Bson) -> String {
         Bson::Decimal128(number) => number.to_string(),
         Bson::Array(elements) => format!("[{}]", elements.iter().map(nested).collect::<Vec<_>>().join(", ")),
         Bson::Document(document) => {
-            let fields: Vec<String> =
-                document.iter().map(|(key, value)| format!("{}: {}", visible::line(key).into_owned(), nested(value))).collect();
+            let fields: Vec<String> = document
+                .iter()
+                .map(|(key, value)| format!("{}: {}", visible::line(key).into_owned(), nested(value)))
+                .collect();
             format!("{{{}}}", fields.join(", "))
         }
         other => visible::line(&shell::relaxed_value(other)).into_owned(),

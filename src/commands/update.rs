@@ -20,7 +20,7 @@ Examples:
 Changes the first document that matches, and reports if more match. Prints the numbers of matched and modified \
 documents, and the _id of an inserted one.";
 
-/// Change documents: with operators, a pipeline, or a replacement
+/// Change documents
 #[derive(Debug, Args)]
 #[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct UpdateArgs {
@@ -72,7 +72,7 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> anyhow::Resul
     context.print_result(result)?;
     match matching {
         Some(count) => context.output.note(&format!("{} of {count} that match; --many for all", updated.matched)),
-        None if is_missing => missing::check(&args.namespace, false, &memory, context)?,
+        None if is_missing => missing::warn(&args.namespace, &memory, context)?,
         None => {}
     }
     Ok(Exit::Done)

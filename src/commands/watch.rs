@@ -113,7 +113,13 @@ const RETREAT: Duration = Duration::from_millis(500);
 pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     // The command line has one or the other.
     let Some(namespace) = &args.namespace else { return names(context) };
-    let delivery = Delivery::new(args, namespace, context)?;
+    let delivery = Delivery {
+        namespace,
+        name: args.resume.as_deref(),
+        exec: args.exec.as_deref(),
+        deadline: args.timeout.and_then(|timeout| Instant::now().checked_add(timeout)),
+        format: context.format(&FORMATS)?,
+    };
     let trigger = trigger(args, namespace)?;
     let memory = context.memory()?;
     if let (true, Some(name)) = (args.forget, &args.resume) {

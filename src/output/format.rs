@@ -1,6 +1,10 @@
 //! The formats of results.
 
+use std::str::FromStr;
+
 use clap::ValueEnum;
+
+use crate::input::UsageError;
 
 /// How results are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
@@ -46,5 +50,17 @@ impl Format {
             Self::Dot => "dot",
             Self::Svg => "svg",
         }
+    }
+}
+
+impl FromStr for Format {
+    type Err = UsageError;
+
+    fn from_str(name: &str) -> Result<Self, UsageError> {
+        let formats = Self::value_variants();
+        formats.iter().copied().find(|format| format.name() == name).ok_or_else(|| {
+            let known: Vec<_> = formats.iter().map(|format| format.name()).collect();
+            UsageError::new(format!("unknown format `{name}`; expected one of {}", known.join(", ")))
+        })
     }
 }

@@ -10,6 +10,7 @@ use toml::Spanned;
 use super::computable;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::computables::Definition;
+use crate::output::Format;
 use crate::pddl::Feature;
 use crate::planner::{Configured, Dialect};
 use crate::store::{Namespace, masked_excerpt};
@@ -91,7 +92,7 @@ impl File {
             Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
         }
         if let Some(name) = &self.format {
-            super::parse_format(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
+            name.get_ref().parse::<Format>().map_err(|error| (name.span(), error.to_string()))?;
         }
         for database in self.shared_databases.iter().flat_map(|databases| databases.get_ref()) {
             let name = database.get_ref();

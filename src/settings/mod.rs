@@ -12,14 +12,12 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
-use clap::ValueEnum as _;
-
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Definition;
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::store::Namespace;
+use anyhow::Context as _;
 use file::File;
 
 pub use flags::{Color, Flags};
@@ -193,7 +191,7 @@ impl Settings {
         let collection = flag(collection, "--collection", flags.collection.clone())
             .unwrap_or_else(|| Setting::default(DEFAULT_COLLECTION.to_owned()))
             .read(str::parse)?;
-        let format = below.text(&file.format, "RMEM_FORMAT").map(|name| name.read(parse_format)).transpose()?;
+        let format = below.text(&file.format, "RMEM_FORMAT").map(|name| name.read(str::parse)).transpose()?;
         let format = Setting::of(flag(format, "--format", flags.format));
         let log =
             below.text(&file.log, "RMEM_LOG").map(|path| path.map(PathBuf::from).located(|path| folder.join(path)));
@@ -232,13 +230,6 @@ impl Settings {
 
 fn names(names: &[toml::Spanned<String>]) -> Vec<String> {
     names.iter().map(|name| name.get_ref().clone()).collect()
-}
-
-fn parse_format(name: &str) -> Result<Format, UsageError> {
-    Format::from_str(name, false).map_err(|_| {
-        let known: Vec<_> = Format::value_variants().iter().map(|format| format.name()).collect();
-        UsageError::new(format!("unknown format `{name}`; expected one of {}", known.join(", ")))
-    })
 }
 
 /// Resolves a relative `file:` URI of a settings file against the folder of that file.

@@ -66,7 +66,7 @@ pub enum NestedValues {
 
 pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let (form, arguments) = Form::of(args)?;
-    let schema = schema(&args.deftemplates, context)?;
+    let schema = schema::read(&args.deftemplates, context)?;
     let nested = match args.nested {
         NestedValues::Refuse => Nested::Refuse,
         NestedValues::Flatten => Nested::Flatten,

@@ -46,7 +46,7 @@ pub struct ImportArgs {
 const NAMES: usize = 10;
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let schema = schema(&args.deftemplates, context)?;
+    let schema = schema::read(&args.deftemplates, context)?;
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
     let (mut found, skipped) = documents(&source, schema, args)?;

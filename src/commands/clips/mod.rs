@@ -3,15 +3,12 @@
 mod export;
 mod import;
 mod run;
-
-use std::path::PathBuf;
+mod schema;
 
 use clap::{Args, Subcommand};
 
 use super::Context;
-use crate::clips::facts::Schema;
 use crate::exit::Exit;
-use crate::formats::clips::{Item, Reader};
 
 /// What stands below the help of `clips`.
 const HELP: &str = "\
@@ -43,18 +40,4 @@ pub(super) fn run(args: &ClipsArgs, context: &mut Context<'_>) -> anyhow::Result
         ClipsCommand::Import(args) => import::run(args, context),
         ClipsCommand::Run(args) => run::run(args, context),
     }
-}
-
-/// The templates of files; facts in them are not looked at.
-fn schema(paths: &[PathBuf], context: &mut Context<'_>) -> anyhow::Result<Schema> {
-    let mut schema = Schema::default();
-    for path in paths {
-        let source = context.read(path)?;
-        for item in Reader::of_templates(&source) {
-            if let Item::Template(template) = item? {
-                schema.add(template);
-            }
-        }
-    }
-    Ok(schema)
 }

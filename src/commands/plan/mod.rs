@@ -24,6 +24,9 @@ use super::{Context, formats};
 use crate::exit::Exit;
 use search::SearchArgs;
 
+/// The first line of the help of `plan`.
+const ABOUT: &str = "Find a plan, validate it, store it and print it";
+
 /// What stands below the help of `plan`.
 const HELP: &str = "\
 Examples:
@@ -50,7 +53,7 @@ pub enum PlanArgs {
 impl Args for PlanArgs {
     fn augment_args(command: Command) -> Command {
         let command = SearchArgs::augment_args(command).after_help(HELP).arg(formats::argument(&formats::PLAN));
-        PlanCommand::augment_subcommands(command).subcommand_negates_reqs(true)
+        PlanCommand::augment_subcommands(command).subcommand_negates_reqs(true).about(ABOUT)
     }
 
     fn augment_args_for_update(command: Command) -> Command {
