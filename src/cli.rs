@@ -1,25 +1,33 @@
-//! The command line: what holds for every command, and the help of the whole.
+//! The command line: the options of every command, and the help of the whole.
 //!
 //! A command's own arguments are beside its body, in [`crate::commands`]. How a flag is
 //! layered over the environment and `rmem.toml` is decided in [`crate::settings`].
 
+mod help;
+mod tips;
+
+use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory as _, Parser};
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, CommandFactory as _, Error, FromArgMatches as _, Parser};
 
-use crate::commands::Command;
+use crate::commands::{Command, formats};
 use crate::output::Format;
 use crate::settings::{Color, Flags};
 
 /// A document-oriented robot memory: PDDL problems from queries, plans back into the memory
 #[derive(Debug, Parser)]
 #[command(name = "rmem", version, propagate_version = true, max_term_width = 100, disable_help_subcommand = false)]
-#[command(after_help = "Exit codes: rmem help exit-codes")]
+#[command(after_help = "\
+Example:\n  rmem insert robmem.worldmodel \"{relation: 'on-table', object: 'A'}\"\n  rmem query robmem.worldmodel\n\n\
+The help of a command: rmem help COMMAND. Exit codes: rmem help exit-codes.")]
 pub struct Cli {
-    /// What holds for every command.
+    /// The options of every command.
     #[command(flatten)]
     pub global: Global,
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -27,38 +35,80 @@ pub struct Cli {
 /// Returns the description of the command line.
 #[must_use]
 pub fn command() -> clap::Command {
-    Cli::command()
+    help::grouped(with_formats(Cli::command()))
 }
 
-/// What holds for every command.
+/// Parses a command line.
+///
+/// # Errors
+/// Where it is wrong; also for `--help` and `--version`, with their text.
+pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
+    let command = command();
+    let matches = command.clone().try_get_matches_from(args).map_err(tips::with_tip)?;
+    check_format(&command, &matches)?;
+    Cli::from_arg_matches(&matches)
+}
+
+/// Hides `--format` from the help of commands that do not have it.
+fn with_formats(command: clap::Command) -> clap::Command {
+    command.mut_subcommands(|inner| {
+        let inner = with_formats(inner);
+        let has_format = inner.get_arguments().any(|argument| argument.get_id() == formats::ID);
+        if has_format { inner } else { inner.arg(formats::none()) }
+    })
+}
+
+/// Refuses a `--format` before the command that the command does not have.
+fn check_format(command: &clap::Command, matches: &ArgMatches) -> Result<(), Error> {
+    let is_given = matches.value_source(formats::ID) == Some(ValueSource::CommandLine);
+    let Some(format) = matches.get_one::<Format>(formats::ID).filter(|_| is_given) else { return Ok(()) };
+    let (mut command, mut matches) = (command, matches);
+    let mut words = vec!["rmem"];
+    while let Some((name, inner)) = matches.subcommand() {
+        words.push(name);
+        (command, matches) = (command.find_subcommand(name).unwrap_or(command), inner);
+    }
+    let own = command.get_arguments().find(|argument| argument.get_id() == formats::ID && !argument.is_hide_set());
+    let allowed: Vec<String> = own
+        .map(|argument| argument.get_possible_values().iter().map(|value| value.get_name().to_owned()).collect())
+        .unwrap_or_default();
+    if allowed.iter().any(|name| name == format.name()) {
+        return Ok(());
+    }
+    let expected = if allowed.is_empty() { "it has none".to_owned() } else { format!("it has {}", allowed.join(", ")) };
+    let message = format!("`{}` has no format `{}`; {expected}\n", words.join(" "), format.name());
+    Err(Error::raw(ErrorKind::InvalidValue, message))
+}
+
+/// The options of every command.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Global options")]
 pub struct Global {
-    /// The local store: file:PATH, mem:, or mongodb://… [env: RMEM_MEMORY]
+    /// Local store: file:PATH, mem:, or mongodb://… (default: a file in the user's data directory) [env: RMEM_MEMORY]
     #[arg(long, global = true, value_name = "URI")]
     pub memory: Option<String>,
-    /// The store of shared databases [env: RMEM_SHARED]
+    /// Store of shared databases (default: same as --memory) [env: RMEM_SHARED]
     #[arg(long, global = true, value_name = "URI")]
     pub shared: Option<String>,
-    /// Settings; else the nearest rmem.toml upwards, then the user's [env: RMEM_CONFIG]
+    /// Settings file (default: the nearest rmem.toml upwards, then the user's) [env: RMEM_CONFIG]
     #[arg(long, global = true, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Put a world file into the memory before the command runs (can be repeated)
+    /// Load a world file into the memory first (can be repeated)
     #[arg(long, global = true, value_name = "WORLD")]
     pub load: Vec<PathBuf>,
-    /// How results are printed [env: RMEM_FORMAT]
+    /// Output format; see the help of each command [env: RMEM_FORMAT]
     #[arg(long, global = true, value_name = "FORMAT", hide_possible_values = true)]
     pub format: Option<Format>,
-    /// The namespace where none is given [env: RMEM_COLLECTION]
+    /// Default collection (default: robmem.worldmodel) [env: RMEM_COLLECTION]
     #[arg(long, global = true, value_name = "NS")]
     pub collection: Option<String>,
-    /// Say nothing but errors
+    /// Print errors only
     #[arg(short, long, global = true, conflicts_with = "verbose", overrides_with = "quiet")]
     pub quiet: bool,
-    /// Say each operation and how long it took
+    /// Print each operation and its duration
     #[arg(short, long, global = true, overrides_with = "verbose")]
     pub verbose: bool,
-    /// Colour messages: auto, always, never [env: NO_COLOR]
+    /// Colour messages: auto, always, never (default: auto) [env: NO_COLOR]
     #[arg(long, global = true, value_name = "WHEN", hide_possible_values = true)]
     pub color: Option<Color>,
     /// Append each operation to FILE as JSON lines [env: RMEM_LOG]

@@ -129,8 +129,6 @@ use std::ffi::OsString;
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
 
-use clap::FromArgMatches as _;
-
 use commands::Context;
 use exit::Exit;
 use output::Output;
@@ -149,6 +147,8 @@ pub struct Process<'a> {
     pub stdout_is_terminal: bool,
     /// Whether stderr is a terminal: colours.
     pub stderr_is_terminal: bool,
+    /// Width of the terminal that stdout is, in columns.
+    pub stdout_columns: Option<usize>,
     /// The environment variables.
     pub environment: Environment,
     /// The working directory.
@@ -167,8 +167,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         }
     }
     let mut output = Output::new(process.stdout, process.stderr);
-    let parsed = cli::command().try_get_matches_from(args).and_then(|matches| cli::Cli::from_arg_matches(&matches));
-    let cli = match parsed {
+    let cli = match cli::parse(args) {
         Ok(cli) => cli,
         Err(error) => return explain(&error, &mut output),
     };
@@ -186,12 +185,13 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         output,
         process.stdin,
         process.stdout_is_terminal,
+        process.stdout_columns,
         process.executable,
         process.environment,
         cli::command,
     );
     let result = commands::run(&cli.command, &mut context);
-    context.output.tell_operations();
+    context.report_operations();
     let result = result.and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
     match result {
         Ok(exit) => exit,

@@ -25,9 +25,16 @@ fn main() -> ExitCode {
             environment: std::env::vars_os()
                 .map(|(name, value)| (name.to_string_lossy().into_owned(), value.to_string_lossy().into_owned()))
                 .collect(),
+            stdout_columns: columns(),
             directory: std::env::current_dir().unwrap_or_default(),
             executable: std::env::current_exe().unwrap_or_else(|_| "rmem".into()),
         },
     );
     ExitCode::from(exit.code())
+}
+
+/// The width of the terminal that stdout is.
+fn columns() -> Option<usize> {
+    let size = rustix::termios::tcgetwinsize(std::io::stdout()).ok()?;
+    Some(usize::from(size.ws_col)).filter(|columns| *columns > 0)
 }

@@ -2,32 +2,39 @@
 
 use clap::Args;
 
-use super::Context;
 use super::query::{blame, owned};
+use super::{Context, formats, missing};
 use crate::exit::Exit;
 use crate::formats::{Source, shell};
 use crate::store::Namespace;
 
-/// Run an aggregation pipeline
+/// Print the result of an aggregation pipeline
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  rmem aggregate robmem.worldmodel \"[{\\$group: {_id: '\\$relation', n: {\\$sum: 1}}}]\""
-)]
+#[command(after_help = "Example:\n  rmem aggregate robmem.worldmodel '[{$group: {_id: \"$relation\", n: {$sum: 1}}}]'")]
+#[command(arg = formats::argument(&formats::DOCUMENTS))]
 pub struct AggregateArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// An array of stages
+    /// Array of stages, e.g. '[{$match: {n: 1}}, {$limit: 5}]'
     #[arg(value_name = "PIPELINE")]
     pub pipeline: String,
+    /// Fail if the collection does not exist
+    #[arg(long)]
+    pub strict: bool,
 }
 
 pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let pipeline = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))?;
     let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
+    }
     let texts = [("<pipeline>", args.pipeline.as_str())];
     let documents = memory.aggregate(&args.namespace, &pipeline).map_err(|error| blame(error, &texts))?;
-    context
-        .print_documents(documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &texts))))?;
+    let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &texts)));
+    if context.print_documents(documents)? == 0 {
+        missing::warn(&args.namespace, &memory, context)?;
+    }
     Ok(Exit::Done)
 }

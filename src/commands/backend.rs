@@ -4,16 +4,21 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::{Context, UsageError};
+use super::{Context, UsageError, formats};
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::settings::backend::Backend;
 
-/// Start, look at and stop the mongod processes of this robot
+/// What stands below the help of `backend`.
+const HELP: &str = "\
+Examples:
+  rmem backend up
+  rmem backend status --format table
+  rmem backend down shared";
+
+/// Start, inspect and stop the mongod processes of this robot
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem backend up\n  rmem backend status --format table\n  rmem backend down shared"
-)]
+#[command(after_help = HELP)]
 pub struct BackendArgs {
     /// What to do with them.
     #[command(subcommand)]
@@ -23,40 +28,67 @@ pub struct BackendArgs {
 /// The commands of `backend`.
 #[derive(Debug, Subcommand)]
 pub enum BackendCommand {
-    /// Start what is missing, with replica sets founded and joined
-    #[command(after_help = "Examples:\n  rmem backend up\n  rmem backend up shared --wait 1m\n\n\
-Starts the mongod of [backend.local] and [backend.shared] in rmem.toml, in the background, with\n\
-its log and pid file beside its data. A replica set is founded once a majority of its members\n\
-answers, by whichever robot is there; members that were added to the settings are added to\n\
-the set. What is running stays as it is, so that the command can be given again at any time.\n\
-Where a majority of the members does not answer yet, this robot's part is done and a warning\n\
-says who is missing; with --wait, that is waited for, and its absence exits with 1.\n\
-The servers ask nobody for a password: they belong into the robots' own network.")]
     Up(BackendUpArgs),
-    /// Print each member with its state, lag, operations log and version
-    #[command(after_help = "Examples:\n  rmem backend status\n  rmem backend status --format table\n\n\
-lag_seconds is how far a member is behind the primary, oplog_seconds how long it can be away\n\
-and still catch up from that member's log. Exits with 1 where a member is not up.")]
-    Status,
-    /// Stop what `rmem backend up` started
-    #[command(after_help = "Examples:\n  rmem backend down\n  rmem backend down local\n\n\
-A mongod that something else started is left alone, which exits with 1.")]
-    Down {
-        /// Which of them; all where none is named
-        #[arg(value_name = "BACKEND", hide_possible_values = true)]
-        backends: Vec<BackendName>,
-    },
+    Status(BackendStatusArgs),
+    Down(BackendDownArgs),
 }
 
-/// `backend up`
+/// What stands below the help of `backend up`.
+const UP_HELP: &str = "\
+Examples:
+  rmem backend up
+  rmem backend up shared --wait 1m
+
+Starts the mongod processes of [backend.local] and [backend.shared] in rmem.toml in the background; log and pid file \
+are beside the data. A process that runs already is left as it is, so the command can be repeated at any time.
+
+The first robot that reaches a majority of the members initiates the replica set; members that were added to the \
+settings are added to the set. While a majority is missing, a warning names the missing members. With --wait, the \
+command waits for them, and exits with 1 if they do not come.
+
+The servers require no password; run them in the robots' own network only.";
+
+/// Start the mongod processes that do not run, and initiate or join their replica sets
 #[derive(Debug, Args)]
+#[command(after_help = UP_HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct BackendUpArgs {
-    /// local or shared; both where none is named
+    /// local or shared (default: both)
     #[arg(value_name = "BACKEND", hide_possible_values = true)]
     pub backends: Vec<BackendName>,
-    /// Wait until every replica set takes writes; exit with 1 where one does not by then
-    #[arg(long, value_name = "D", value_parser = quantity::duration)]
+    /// Wait at most this long until every replica set accepts writes
+    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
     pub wait: Option<Duration>,
+}
+
+/// What stands below the help of `backend status`.
+const STATUS_HELP: &str = "\
+Examples:
+  rmem backend status
+  rmem backend status --format table
+
+lag_seconds is how far a member is behind the primary; oplog_seconds is how long it can be away and still catch up \
+from that member's log. Exits with 1 if a member is not up.";
+
+/// Print the state, lag, operations log and version of each member
+#[derive(Debug, Args)]
+#[command(after_help = STATUS_HELP, arg = formats::argument(&formats::DOCUMENTS))]
+pub struct BackendStatusArgs {}
+
+/// What stands below the help of `backend down`.
+const DOWN_HELP: &str = "\
+Examples:
+  rmem backend down
+  rmem backend down local
+
+Exits with 1 if a mongod runs that rmem backend up did not start; that one is not stopped.";
+
+/// Stop the mongod processes that `rmem backend up` started
+#[derive(Debug, Args)]
+#[command(after_help = DOWN_HELP, arg = formats::argument(&formats::DOCUMENTS))]
+pub struct BackendDownArgs {
+    /// local or shared (default: both)
+    #[arg(value_name = "BACKEND", hide_possible_values = true)]
+    pub backends: Vec<BackendName>,
 }
 
 /// A table of `rmem.toml`.
@@ -123,8 +155,8 @@ mod served {
     pub(super) fn run(args: &BackendArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
         let done = match &args.command {
             BackendCommand::Up(args) => up(args, context),
-            BackendCommand::Status => status(context),
-            BackendCommand::Down { backends } => down(backends, context),
+            BackendCommand::Status(_) => status(context),
+            BackendCommand::Down(args) => down(&args.backends, context),
         };
         match done {
             Err(error) if matches!(error.downcast_ref(), Some(BackendError::NoProgram { .. })) => {

@@ -8,7 +8,7 @@ use bson::Document;
 use clap::Args;
 
 use super::context::memory_at;
-use super::{Context, UsageError};
+use super::{Context, UsageError, formats};
 use crate::bench::{Extent, Figure, OfMemory, Subject, plot, run as measure};
 use crate::exit::Exit;
 use crate::formats::shell;
@@ -16,31 +16,40 @@ use crate::memory::Memory;
 use crate::output::Format;
 use crate::store::Namespace;
 
-/// Measure how fast the memory is
+/// The formats: lines appear as they are measured.
+const FORMATS: [Format; 3] = [Format::Jsonl, Format::Json, Format::Table];
+
+/// What stands below the help of `bench`.
+const HELP: &str = "\
+Examples:
+  rmem bench
+  rmem bench --against mongodb://127.0.0.1:27017 --plot figures
+
+Measures inserts, queries and updates of a robot that tidies up, on an embedded memory; with --against, also on a \
+MongoDB server, through the driver alone (journaled writes) and through rmem. Prints medians in microseconds, the \
+ratio of server to embedded memory, and the overhead of rmem on the server in percent.";
+
+/// Measure the speed of the memory
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  rmem bench\n  rmem bench --against mongodb://127.0.0.1:27017 --plot figures\n\n\
-Times the work of a robot that tidies up, side by side on an embedded memory and, with --against, on a\n\
-MongoDB server: through the driver alone with journaled writes, and through rmem. Prints medians in\n\
-microseconds, how many times faster the embedded memory is than the server, and by how many percent\n\
-rmem on the server is slower than the driver alone.")]
+#[command(after_help = HELP, arg = formats::argument(&FORMATS))]
 pub struct BenchArgs {
-    /// How many documents there are (can be repeated)
+    /// Number of documents (can be repeated)
     #[arg(long, value_name = "N", default_values_t = [1_000, 10_000, 100_000], value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub documents: Vec<u32>,
-    /// How often each kind of work is repeated
+    /// Number of repetitions of each operation
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub rounds: u32,
-    /// A MongoDB server to compare with; a database rmem_bench_… is made there and removed
+    /// MongoDB server to compare with; uses a temporary database rmem_bench_… there
     #[arg(long, value_name = "URI")]
     pub against: Option<String>,
-    /// Draw the figures into DIR/memory.svg
+    /// Draw the figures to DIR/memory.svg
     #[arg(long, value_name = "DIR")]
     pub plot: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let extent = extent(args);
-    let format = context.format(&[Format::Jsonl, Format::Table])?;
+    let format = context.format(&FORMATS)?;
     let folder = tempfile::tempdir().context("a folder for the memory that is measured")?;
     let embedded = memory_at(&format!("file:{}", folder.path().join("bench.rmem").display()))?;
     let server = args.against.as_deref().map(Server::open).transpose()?;
@@ -52,13 +61,13 @@ pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> anyhow::Result
         #[cfg(feature = "mongodb")]
         subjects.extend(server.as_ref().map(|server| &server.raw as &dyn Subject));
         subjects.extend(over.as_ref().map(|over| over as &dyn Subject));
-        let measured = measure(&subjects, &extent, |figure| tell(figure, format, &mut documents, context));
+        let measured = measure(&subjects, &extent, |figure| print(figure, format, &mut documents, context));
         if let Some(server) = &server {
             server.clean();
         }
         measured?
     };
-    if format == Format::Table {
+    if format != Format::Jsonl {
         context.print_documents(documents.into_iter().map(Ok))?;
     }
     if let Some(folder) = &args.plot {
@@ -76,13 +85,13 @@ fn extent(args: &BenchArgs) -> Extent {
 }
 
 /// Prints a figure at once, or keeps it for the table.
-fn tell(
+fn print(
     figure: &Figure,
     format: Format,
     documents: &mut Vec<Document>,
     context: &mut Context<'_>,
 ) -> anyhow::Result<()> {
-    if format == Format::Table {
+    if format != Format::Jsonl {
         documents.push(figure.document());
         return Ok(());
     }

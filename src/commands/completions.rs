@@ -5,11 +5,11 @@ use clap::Args;
 use super::Context;
 use crate::exit::Exit;
 
-/// Print a shell's completion script
+/// Print a completion script for a shell
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem completions bash > ~/.local/share/bash-completion/completions/rmem")]
 pub struct CompletionsArgs {
-    /// bash, elvish, fish, powershell or zsh
+    /// Shell: bash, elvish, fish, powershell or zsh
     #[arg(value_name = "SHELL", hide_possible_values = true)]
     pub shell: clap_complete::Shell,
 }

@@ -3,32 +3,38 @@
 use bson::{Bson, Document, doc};
 use clap::Args;
 
-use super::Context;
 use super::query::argument;
+use super::{Context, formats};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::computables::{Check, Computable, Verdict};
 use crate::store::Namespace;
 
-/// List the computables, or say which would run for a query
+/// What stands below the help of `computables`.
+const HELP: &str = "\
+Examples:
+  rmem computables
+  rmem computables --check robmem.blocks \"{relation: 'on-table'}\"
+
+A computable is a [[computable]] table of rmem.toml: a name, a collection, a spec, and one body: a pipeline, a \
+command, or a builtin (transform, nearest). When a query on the collection matches the spec, the computable runs \
+and its documents become part of the result. With a cache time, an equal query within that time computes nothing.
+
+In a pipeline, '$$query.KEY' is the value of a key of the query:
+
+[[computable]]
+name = \"below\"
+collection = \"robmem.blocks\"
+spec = \"{below: {$exists: true}}\"
+pipeline = \"\"\"[
+  {$match: {z: {$lt: '$$query.below'}}},
+  {$project: {_id: 0, block: 1, below: '$$query.below'}}]\"\"\"";
+
+/// List the computables, or check which a query would run
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem computables\n  rmem computables --check robmem.blocks \"{relation: 'on-table'}\"\n\n\
-Computables are [[computable]] tables in rmem.toml: a name, a collection, a spec, and a pipeline, a\n\
-command or a builtin (transform, nearest). One runs when a query, count, distinct, aggregate or template\n\
-asks its collection a query that, as a document, matches its spec; its documents are stored there, and\n\
-for the time of its cache an equal query computes nothing, unless they were changed or removed.\n\
---check computes nothing.\n\n\
-A pipeline may use the asked query: '$$query.KEY' is the value of a key in an expression, nothing\n\
-where the query has no such key; in a filter or $limit it stands for the value as it is:\n\n\
-[[computable]]\n\
-name = \"below\"\n\
-collection = \"robmem.blocks\"\n\
-spec = \"{below: {$exists: true}}\"\n\
-pipeline = \"[{$match: {z: {$lt: '$$query.below'}}}, {$project: {_id: 0, block: 1, below: '$$query.below'}}]\""
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct ComputablesArgs {
-    /// Say which would run for a query on a namespace, and why
+    /// Print which computables a query on a collection would run, and why; run none
     #[arg(long, num_args = 2, value_names = ["NS", "QUERY"])]
     pub check: Vec<String>,
 }

@@ -1,59 +1,68 @@
 //! `rmem config`: the settings in force, and where each came from.
 
+use bson::{Bson, doc};
 use clap::Args;
 
-use super::Context;
+use super::{Context, formats};
 use crate::exit::Exit;
 use crate::formats::shell;
+use crate::output::Format;
 use crate::settings::Origin;
 use crate::store::StoreUri;
 
-/// Print the settings in force, and where each came from
+/// Print the settings in force and the origin of each
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem config")]
+#[command(after_help = "Example:\n  rmem config", arg = formats::argument(&formats::TEXT))]
 pub struct ConfigArgs {}
 
 pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let settings = &context.settings;
     let file = settings.file.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
-    let mut lines = vec![
-        format!("# settings file: {file}"),
-        line("memory", settings.memory.value.as_deref().map(address), &settings.memory.origin),
-        line("shared", settings.shared.value.as_deref().map(address), &settings.shared.origin),
-        format!("shared_databases = {:?}  # {}", settings.shared_databases.value, settings.shared_databases.origin),
-        format!("collection = {:?}  # {}", settings.collection.value.to_string(), settings.collection.origin),
-        line("format", settings.format.value.map(|format| format.name().to_owned()), &settings.format.origin),
-        line("log", settings.log.value.as_ref().map(|path| path.display().to_string()), &settings.log.origin),
+    let mut rows = vec![
+        row(format!("# settings file: {file}"), "file", settings.file.as_ref().map(|_| file.clone()), None),
+        setting("memory", settings.memory.value.as_deref().map(address), &settings.memory.origin),
+        setting("shared", settings.shared.value.as_deref().map(address), &settings.shared.origin),
+        setting("shared_databases", Some(settings.shared_databases.value.clone()), &settings.shared_databases.origin),
+        setting("collection", Some(settings.collection.value.to_string()), &settings.collection.origin),
+        setting("format", settings.format.value.map(Format::name), &settings.format.origin),
+        setting("log", settings.log.value.as_ref().map(|path| path.display().to_string()), &settings.log.origin),
     ];
-    for planner in &settings.planners {
-        lines.push(format!("planner.{} = {:?}", planner.name, planner.command));
-    }
-    for backend in &settings.backends {
-        lines.push(format!("backend.{} at {} in {}", backend.name, backend.address(), backend.path.display()));
-    }
-    for computable in &settings.computables {
-        lines.push(format!(
-            "computable {} on {}: {}",
-            computable.name,
-            computable.namespace,
-            shell::relaxed(&computable.spec)
-        ));
-    }
-    for line in lines {
-        context.output.line(&line)?;
-    }
+    rows.extend(settings.planners.iter().map(|planner| {
+        let line = format!("planner.{} = {:?}", planner.name, planner.command);
+        row(line, &format!("planner.{}", planner.name), Some(planner.command.clone()), None)
+    }));
+    rows.extend(settings.backends.iter().map(|backend| {
+        let value = format!("{} in {}", backend.address(), backend.path.display());
+        row(format!("backend.{} at {value}", backend.name), &format!("backend.{}", backend.name), Some(value), None)
+    }));
+    rows.extend(settings.computables.iter().map(|computable| {
+        let value = format!("{}: {}", computable.namespace, shell::relaxed(&computable.spec));
+        let line = format!("computable {} on {value}", computable.name);
+        row(line, &format!("computable.{}", computable.name), Some(value), None)
+    }));
+    context.print_lines(rows)?;
     Ok(Exit::Done)
 }
 
-/// A setting as it would stand in `rmem.toml`; a comment where there is none.
-fn line(key: &str, value: Option<String>, origin: &Origin) -> String {
-    match value {
-        Some(value) => format!("{key} = {value:?}  # {origin}"),
-        None => format!("# {key} is not set"),
+/// A line, and the same as a document.
+fn row(line: String, key: &str, value: Option<impl Into<Bson>>, origin: Option<&Origin>) -> (String, Bson) {
+    let mut document = doc! { "key": key, "value": value.map_or(Bson::Null, Into::into) };
+    if let Some(origin) = origin {
+        document.insert("origin", origin.to_string());
     }
+    (line, document.into())
 }
 
-/// A URI without credentials.
+/// A setting as it would be written in `rmem.toml`; a comment if it has no value.
+fn setting<T: Into<Bson> + std::fmt::Debug>(key: &str, value: Option<T>, origin: &Origin) -> (String, Bson) {
+    let line = match &value {
+        Some(value) => format!("{key} = {value:?}  # {origin}"),
+        None => format!("# {key} is not set"),
+    };
+    row(line, key, value, Some(origin))
+}
+
+/// Returns a URI without credentials.
 pub(super) fn address(uri: &str) -> String {
     StoreUri::parse(uri).map_or_else(|error| error.to_string(), |uri| uri.to_string())
 }

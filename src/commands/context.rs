@@ -1,37 +1,41 @@
-//! What a command works with: settings, streams, and the memory once it is asked for.
+//! The context of a command: settings, streams, and the memory when it is first used.
 
-use std::io::{BufRead, Write as _};
+use std::cell::RefCell;
+use std::ffi::OsStr;
+use std::io::BufRead;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use bson::Document;
 
-use crate::formats::{Source, shell, visible};
+use crate::formats::Source;
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Registry;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
-use crate::memory::{Memory, Observer};
-use crate::output::{Format, Output};
-use crate::process::Host;
+use crate::memory::{Memory, Observer, Operation};
+use crate::output::Output;
+use crate::process::{Host, search};
 use crate::settings::{Environment, Origin, Settings};
 use crate::store::StoreUri;
 
-/// What a command works with.
+/// The context of a command.
 pub struct Context<'a> {
     /// The settings in force.
     pub settings: Settings,
-    /// Where the command speaks.
+    /// Its output.
     pub output: Output<'a>,
-    /// The environment variables, for programs that rmem looks for.
+    /// The environment variables, e.g. to search programs.
     pub environment: Environment,
     /// rmem itself, for child processes.
     pub executable: PathBuf,
     /// Describes the command line, for what is generated from it.
     pub command_line: fn() -> clap::Command,
     stdin: Option<&'a mut dyn BufRead>,
-    terminal: bool,
+    pub(super) terminal: bool,
+    pub(super) columns: Option<usize>,
+    operations: Rc<RefCell<Vec<Operation>>>,
 }
 
 impl<'a> Context<'a> {
@@ -40,15 +44,27 @@ impl<'a> Context<'a> {
         output: Output<'a>,
         stdin: &'a mut dyn BufRead,
         terminal: bool,
+        columns: Option<usize>,
         executable: PathBuf,
         environment: Environment,
         command_line: fn() -> clap::Command,
     ) -> Self {
-        Self { settings, output, environment, executable, command_line, stdin: Some(stdin), terminal }
+        let columns = environment.get("COLUMNS").and_then(|columns| columns.parse().ok()).or(columns);
+        Self {
+            settings,
+            output,
+            environment,
+            executable,
+            command_line,
+            stdin: Some(stdin),
+            terminal,
+            columns,
+            operations: Rc::default(),
+        }
     }
 
-    /// The memory, with the world files of `--load` in it. A file that was named for this
-    /// run has to be there: a slip of the pen is no empty memory.
+    /// Returns the memory, with the world files of `--load` in it. A file named by a flag or a variable
+    /// has to exist: a mistyped path must not open an empty memory.
     ///
     /// # Errors
     /// Where a store cannot be opened or a world file is wrong.
@@ -60,12 +76,12 @@ impl<'a> Context<'a> {
         })
     }
 
-    /// The same for what stores something in any case: it makes the file.
+    /// Returns the memory for a command that stores something: the file is created if it does not exist.
     ///
     /// # Errors
     /// As [`Context::memory`].
     pub fn memory_to_fill(&mut self) -> anyhow::Result<Memory> {
-        let memory = self.opening().open(self.output.observer())?;
+        let memory = self.opening().open(self.observer())?;
         for path in self.settings.load.clone() {
             let start = Instant::now();
             let (name, world) = self.world(&path)?;
@@ -76,8 +92,8 @@ impl<'a> Context<'a> {
         Ok(memory)
     }
 
-    /// A world file, and what messages call it. It may be larger than memory where it can be read
-    /// twice, as stdin and pipes cannot.
+    /// Returns a world file, and its name for messages. A regular file is read twice, and may be larger
+    /// than memory; stdin and pipes are read into memory.
     fn world(&mut self, path: &Path) -> anyhow::Result<(String, Result<WorldFile, WorldError>)> {
         if !path.is_file() {
             let source = self.read(path)?;
@@ -88,13 +104,31 @@ impl<'a> Context<'a> {
         Ok((name, WorldFile::open(path).map_err(WorldError::from)))
     }
 
-    /// What a memory is opened with, in whichever thread; the world files of `--load` are not in it.
+    /// Returns an observer for a memory, where operations are printed or logged.
+    #[must_use]
+    pub fn observer(&self) -> Option<Observer> {
+        let operations = Rc::clone(&self.operations);
+        self.output
+            .shows_operations()
+            .then(|| -> Observer { Rc::new(move |operation| operations.borrow_mut().push(operation.clone())) })
+    }
+
+    /// Prints and logs the operations that were observed since the last call.
+    pub fn report_operations(&mut self) {
+        for operation in self.operations.take() {
+            let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
+            let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| format!("{count} documents"));
+            self.output.operation(&operation.name, &subject, &detail, operation.took);
+        }
+    }
+
+    /// Returns what is needed to open the memory in another thread, without the world files of `--load`.
     #[must_use]
     pub fn opening(&self) -> Opening {
         Opening { settings: self.settings.clone(), host: self.host() }
     }
 
-    /// A line of stdin with its end; none where there is no more.
+    /// Reads a line of stdin with its end; `None` at the end of the input.
     ///
     /// # Errors
     /// Where stdin was read as a file, or cannot be read.
@@ -106,27 +140,23 @@ impl<'a> Context<'a> {
         Ok((!line.is_empty()).then_some(line))
     }
 
-    /// What programs are run with that end when rmem does.
+    /// Returns the host of child processes, which end when rmem does.
     #[must_use]
     pub fn host(&self) -> Host<'static> {
         static NEVER: AtomicBool = AtomicBool::new(false);
         Host { exe: self.executable.clone(), temporary: self.temporary(), interrupted: &NEVER }
     }
 
-    /// Where temporary directories are made.
+    /// Returns the folder of temporary directories.
     #[must_use]
     pub fn temporary(&self) -> PathBuf {
         self.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into)
     }
 
-    /// Where a program is: a path as it is, a name among the folders of PATH.
+    /// Returns where a program is, a path or a name in the folders of PATH.
     #[must_use]
     pub fn program(&self, name: &str) -> Option<PathBuf> {
-        if name.contains('/') {
-            return Some(PathBuf::from(name)).filter(|path| path.is_file());
-        }
-        let path = self.environment.get("PATH").map_or("", String::as_str);
-        path.split(':').map(|folder| Path::new(folder).join(name)).find(|candidate| candidate.is_file())
+        search::find(name.as_ref(), self.environment.get("PATH").map(OsStr::new))
     }
 
     /// Reads a whole text file, or stdin for `-`.
@@ -146,84 +176,18 @@ impl<'a> Context<'a> {
         Ok(decode(&name, bytes)?)
     }
 
-    /// Standard input for itself, so that results can be printed while it is read.
+    /// Takes standard input, so that results can be printed while it is read.
     ///
     /// # Errors
-    /// Where something else has read it already.
+    /// Where it was read before.
     pub fn take_stdin(&mut self) -> Result<&'a mut dyn BufRead, UsageError> {
         self.stdin
             .take()
             .ok_or_else(|| UsageError::new("stdin can be read only once; expected `-` for one input at most"))
     }
-
-    /// The format in force: what was set, else a table on a terminal, else JSON lines.
-    ///
-    /// # Errors
-    /// Where a format was set that this command does not print.
-    pub fn format(&self, allowed: &[Format]) -> Result<Format, UsageError> {
-        let Some(format) = self.settings.format.value else {
-            let table = self.terminal && allowed.contains(&Format::Table);
-            return Ok(if table { Format::Table } else { allowed[0] });
-        };
-        if allowed.contains(&format) {
-            return Ok(format);
-        }
-        if !matches!(self.settings.format.origin, Origin::Flag(_)) {
-            // A format that is set for good is meant for the commands that have it.
-            return Ok(allowed[0]);
-        }
-        let names: Vec<_> = allowed.iter().map(|format| format.name()).collect();
-        Err(UsageError::new(format!("this command has no format `{}`; it has {}", format.name(), names.join(", "))))
-    }
-
-    /// Prints documents as they come, in the format in force; returns how many.
-    ///
-    /// # Errors
-    /// Where a document cannot be had or stdout is gone.
-    pub fn print_documents(
-        &mut self,
-        documents: impl Iterator<Item = anyhow::Result<Document>>,
-    ) -> anyhow::Result<u64> {
-        let format = self.format(&[Format::Jsonl, Format::Json, Format::Canonical, Format::Table])?;
-        let stdout = self.output.stdout();
-        let mut count = 0;
-        let mut rows = Vec::new();
-        for document in documents {
-            let document = match document {
-                Ok(document) => document,
-                Err(error) => {
-                    if format == Format::Json && count > 0 {
-                        writeln!(stdout)?;
-                    }
-                    return Err(error);
-                }
-            };
-            match format {
-                Format::Canonical => writeln!(stdout, "{}", shell::canonical(&document))?,
-                Format::Json => {
-                    let separator = if count == 0 { "[\n" } else { ",\n" };
-                    write!(stdout, "{separator}{}", shell::pretty(&document.into()))?;
-                }
-                Format::Table => {
-                    rows.push(document);
-                    if rows.len() == TABLE_ROWS {
-                        print_table(&mut rows, count + 1 > TABLE_ROWS as u64, stdout)?;
-                    }
-                }
-                _ => writeln!(stdout, "{}", shell::relaxed(&document))?,
-            }
-            count += 1;
-        }
-        match format {
-            Format::Json => writeln!(stdout, "{}", if count == 0 { "[]" } else { "\n]" })?,
-            Format::Table if !rows.is_empty() => print_table(&mut rows, count > TABLE_ROWS as u64, stdout)?,
-            _ => {}
-        }
-        Ok(count)
-    }
 }
 
-/// What a memory is opened with.
+/// What is needed to open a memory.
 #[derive(Debug, Clone)]
 pub struct Opening {
     settings: Settings,
@@ -245,16 +209,16 @@ impl Opening {
     }
 }
 
-/// The memory at one URI, for both kinds of databases.
+/// Returns the memory at one URI, for local and shared databases.
 ///
 /// # Errors
-/// Where the URI is none.
+/// Where the URI is malformed.
 pub(super) fn memory_at(uri: &str) -> anyhow::Result<Memory> {
     let uri = StoreUri::parse(uri).map_err(|error| UsageError::new(error.to_string()))?;
     Ok(Memory::at(uri.clone(), uri, Vec::new()))
 }
 
-/// The stores that the settings name; each is contacted when it is first used.
+/// Returns the memory of the settings; each store is contacted when it is first used.
 fn open(settings: &Settings) -> anyhow::Result<Memory> {
     let local = settings.memory.value.as_deref().ok_or_else(|| {
         UsageError::new("no memory is set and no data directory is known; expected --memory URI, like file:robot.rmem")
@@ -266,7 +230,7 @@ fn open(settings: &Settings) -> anyhow::Result<Memory> {
     if settings.memory.origin == Origin::Default
         && let Some(folder) = local.path().and_then(Path::parent)
     {
-        // The user's data directory is rmem's to make; a folder that somebody named is not.
+        // rmem creates the user's data directory, but no folder that a user names.
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     }
     let shared = match &settings.shared.value {
@@ -274,47 +238,4 @@ fn open(settings: &Settings) -> anyhow::Result<Memory> {
         None => local.clone(),
     };
     Ok(Memory::at(local, shared, settings.shared_databases.value.clone()))
-}
-
-/// How many rows a table has at most. More documents are printed as several tables, each with its
-/// own heading, so that memory stays bounded.
-const TABLE_ROWS: usize = 1_000;
-
-/// Prints the rows as a table, behind an empty line where it is not the first, and clears them.
-fn print_table(rows: &mut Vec<Document>, is_later: bool, out: &mut dyn std::io::Write) -> std::io::Result<()> {
-    writeln!(out, "{}{}", if is_later { "\n" } else { "" }, table(rows)?)?;
-    rows.clear();
-    Ok(())
-}
-
-/// Columns for people: a column a top-level key, in order of first appearance.
-fn table(rows: &[Document]) -> std::io::Result<String> {
-    let mut keys: Vec<&str> = Vec::new();
-    for key in rows.iter().flat_map(Document::keys) {
-        if !keys.contains(&key.as_str()) {
-            keys.push(key);
-        }
-    }
-    let headings: Vec<_> = keys.iter().map(|key| visible::line(key)).collect();
-    let mut text = headings.join("\t");
-    for row in rows {
-        let cells: Vec<String> = keys.iter().map(|key| row.get(key).map(cell).unwrap_or_default()).collect();
-        text.push('\n');
-        text.push_str(&cells.join("\t"));
-    }
-    let mut aligned = tabwriter::TabWriter::new(Vec::new());
-    aligned.write_all(text.as_bytes())?;
-    aligned.flush()?;
-    let aligned = aligned.into_inner().map_err(|error| std::io::Error::other(error.to_string()))?;
-    let text = String::from_utf8_lossy(&aligned).into_owned();
-    Ok(text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n"))
-}
-
-/// A value in a table: strings bare, the rest as JSON, line breaks and escapes made visible.
-fn cell(value: &bson::Bson) -> String {
-    match value {
-        bson::Bson::String(text) => visible::line(text).into_owned(),
-        bson::Bson::ObjectId(id) => id.to_hex(),
-        other => visible::line(&shell::relaxed_value(other)).into_owned(),
-    }
 }

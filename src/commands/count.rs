@@ -2,27 +2,38 @@
 
 use clap::Args;
 
-use super::Context;
 use super::query::{argument, blame};
+use super::{Context, formats, missing};
 use crate::exit::Exit;
 use crate::store::Namespace;
 
-/// Count the documents that match
+/// Count the documents that match a query
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem count robmem.worldmodel \"{relation: 'on'}\"")]
+#[command(arg = formats::argument(&formats::VALUES))]
 pub struct CountArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Which documents; all where it is left out
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
+    /// Fail if the collection does not exist
+    #[arg(long)]
+    pub strict: bool,
 }
 
 pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let filter = argument("<query>", &args.query)?;
-    let count = context.memory()?.count(&args.namespace, &filter);
+    let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
+    }
+    let count = memory.count(&args.namespace, &filter);
     let count = count.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&count.to_string())?;
+    if count == 0 {
+        missing::warn(&args.namespace, &memory, context)?;
+    }
     Ok(Exit::Done)
 }

@@ -1,41 +1,79 @@
 //! `rmem delete NS QUERY`: remove the documents that match.
 
+use bson::{Document, doc};
 use clap::Args;
 
 use super::query::{argument, blame};
-use super::{Context, UsageError};
+use super::{Context, UsageError, formats, missing};
 use crate::exit::Exit;
-use crate::store::Namespace;
+use crate::memory::Memory;
+use crate::store::{Find, Namespace};
 
-/// Remove the documents that match
+/// What stands below the help of `delete`.
+const HELP: &str = "\
+Examples:
+  rmem delete robmem.worldmodel \"{relation: 'holding'}\"
+  rmem delete robmem.worldmodel \"{relation: 'on'}\" --many
+  rmem delete robmem.worldmodel --all
+
+Removes the first document that matches, and reports if more match. Prints the number of removed documents.";
+
+/// Remove documents
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem delete robmem.worldmodel \"{relation: 'holding'}\"")]
+#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct DeleteArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Which documents; an empty query needs --all
+    /// Query that selects documents; an empty one needs --all
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
-    /// The first match only
+    /// Remove all documents that match (default: the first)
     #[arg(long)]
-    pub one: bool,
-    /// Really all documents of the collection
-    #[arg(long, conflicts_with = "one")]
+    pub many: bool,
+    /// Remove all documents of the collection
+    #[arg(long, conflicts_with = "many")]
     pub all: bool,
 }
 
 pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let filter = argument("<query>", &args.query)?;
-    if filter.is_empty() && !args.all && !args.one {
-        return Err(UsageError::new(format!(
-            "an empty query would remove every document of {}; say --all if that is meant",
-            args.namespace
-        ))
-        .into());
+    if filter.is_empty() && !args.all {
+        let text = format!("an empty query matches every document of {}; expected a query, or --all", args.namespace);
+        return Err(UsageError::new(text).into());
     }
-    let deleted = context.memory()?.delete(&args.namespace, &filter, args.one);
+    if args.all && !filter.is_empty() {
+        return Err(UsageError::new("--all takes no query; expected --many for all documents that match").into());
+    }
+    let memory = context.memory()?;
+    let is_many = args.many || args.all;
+    let matching = if is_many { None } else { others(&args.namespace, &filter, &memory, context)? };
+    let deleted = memory.delete(&args.namespace, &filter, !is_many);
     let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&deleted.to_string())?;
+    match matching {
+        Some(count) => context.output.note(&format!("{deleted} of {count} that match; --many for all")),
+        None if deleted == 0 => missing::warn(&args.namespace, &memory, context)?,
+        None => {}
+    }
     Ok(Exit::Done)
+}
+
+/// Returns how many documents match where it is more than one, for a command that changes the first.
+pub(super) fn others(
+    namespace: &Namespace,
+    filter: &Document,
+    memory: &Memory,
+    context: &Context<'_>,
+) -> anyhow::Result<Option<u64>> {
+    let is_one = filter.get("_id").is_some_and(|id| id.as_document().is_none());
+    if is_one || !context.output.shows_notes() {
+        return Ok(None);
+    }
+    let two = Find { filter: filter.clone(), projection: doc! { "_id": 1 }, limit: 2, ..Find::default() };
+    // A query that is refused is reported where it is executed.
+    let Ok(first) = memory.find(namespace, &two).and_then(Iterator::collect::<Result<Vec<_>, _>>) else {
+        return Ok(None);
+    };
+    Ok(if first.len() < 2 { None } else { Some(memory.count(namespace, filter)?) })
 }

@@ -2,36 +2,52 @@
 
 use std::path::Path;
 
-use bson::{Bson, Document};
+use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::context::memory_at;
-use super::{Context, WrongInput};
+use super::{Context, WrongInput, formats};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::dump::diff::{Difference, Side, compare};
 use crate::memory::dump::read::Dump;
+use crate::output::Format;
+
+/// What stands below the help of `diff`.
+const HELP: &str = "\
+Examples:
+  rmem diff world.json file:robot.rmem
+  rmem diff before.json after.json --format json
+
+Prints a line for each document that is only in A (-), only in B (+), or different (~). Exits with 0 if there is no \
+difference, else with 1. Documents are paired by namespace and _id; metadata is not compared.";
 
 /// Compare two world files, dumps or memories
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem diff world.json file:robot.rmem\n\n\
-Prints a line a document that is only in A (-), only in B (+), or different (~); exits with 0\n\
-where there is none, else with 1. Documents are paired by namespace and _id; metadata does\n\
-not count. A and B are files, folders, or URIs: file:PATH, mongodb://…, mem:.")]
+#[command(after_help = HELP, arg = formats::argument(&formats::TEXT))]
 pub struct DiffArgs {
-    /// The first: a world file, a dump, or the URI of a memory
+    /// World file, dump, or URI of a memory (file:PATH, mem:, mongodb://…)
     #[arg(value_name = "A")]
     pub first: String,
-    /// The second
+    /// The same, to compare with
     #[arg(value_name = "B")]
     pub second: String,
 }
 
 pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let (first, second) = (side(&args.first, context)?, side(&args.second, context)?);
+    let is_json = context.format(&formats::TEXT)? == Format::Json;
+    let mut differences = Vec::new();
     let count = compare(&first, &second, |namespace, difference| {
-        Ok::<_, anyhow::Error>(context.output.line(&line(&namespace.to_string(), &difference))?)
+        if is_json {
+            differences.push(Bson::Document(document(&namespace.to_string(), difference)));
+            return Ok::<_, anyhow::Error>(());
+        }
+        Ok(context.output.line(&line(&namespace.to_string(), &difference))?)
     })?;
+    if is_json {
+        context.output.line(&shell::pretty(&Bson::Array(differences)))?;
+    }
     Ok(if count == 0 { Exit::Done } else { Exit::No })
 }
 
@@ -48,6 +64,16 @@ fn side(text: &str, context: &mut Context<'_>) -> anyhow::Result<Side> {
         "-" => Side::Dump(Dump::world(&context.read(Path::new(text))?)?),
         path => Side::Dump(Dump::open(Path::new(path))?),
     })
+}
+
+/// `{namespace, before, after}`
+fn document(namespace: &str, difference: Difference) -> Document {
+    let (before, after) = match difference {
+        Difference::Removed(document) => (document.into(), Bson::Null),
+        Difference::Added(document) => (Bson::Null, document.into()),
+        Difference::Changed(before, after) => (before.into(), after.into()),
+    };
+    doc! { "namespace": namespace, "before": before, "after": after }
 }
 
 fn line(namespace: &str, difference: &Difference) -> String {

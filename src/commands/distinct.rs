@@ -1,45 +1,43 @@
 //! `rmem distinct NS FIELD [QUERY]`: the distinct values of a field, one a line.
 
-use bson::Bson;
 use clap::Args;
 
-use super::Context;
 use super::query::{argument, blame};
+use super::{Context, formats, missing};
 use crate::exit::Exit;
-use crate::formats::shell;
-use crate::output::Format;
 use crate::store::Namespace;
 
 /// Print the distinct values of a field
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem distinct robmem.worldmodel object \"{relation: 'on-table'}\"")]
+#[command(arg = formats::argument(&formats::VALUES))]
 pub struct DistinctArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// A field, or a path with dots
+    /// Name of the field, or a dotted path, e.g. pose.x
     #[arg(value_name = "FIELD")]
     pub field: String,
-    /// Among which documents; all where it is left out
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
+    /// Fail if the collection does not exist
+    #[arg(long)]
+    pub strict: bool,
 }
 
 pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let filter = argument("<query>", &args.query)?;
-    let format = context.format(&[Format::Jsonl, Format::Json, Format::Canonical, Format::Table])?;
-    let values = context.memory()?.distinct(&args.namespace, &args.field, &filter);
-    let values = values.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
-    if format == Format::Json {
-        context.output.line(&shell::pretty(&Bson::Array(values)))?;
-        return Ok(Exit::Done);
+    let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
     }
-    for value in values {
-        let line = match (format, &value) {
-            (Format::Canonical, value) => shell::canonical_value(value),
-            (_, value) => shell::relaxed_value(value),
-        };
-        context.output.line(&line)?;
+    let values = memory.distinct(&args.namespace, &args.field, &filter);
+    let values = values.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
+    let is_empty = values.is_empty();
+    context.print_values(values)?;
+    if is_empty {
+        missing::warn(&args.namespace, &memory, context)?;
     }
     Ok(Exit::Done)
 }

@@ -6,14 +6,21 @@ use super::Context;
 use crate::exit::Exit;
 use crate::store::Checked;
 
-/// Say whether store, planners and settings are in order
+/// What stands below the help of `doctor`.
+const HELP: &str = "\
+Examples:
+  rmem doctor
+  rmem doctor --deep
+
+--deep checks all data in the file of the memory: SQLite's own check, the checksum of every document, every index \
+against the documents, and the log of changes. Each damage is a line on stdout, and the command exits with 4; rmem \
+repair saves what can be saved. For a MongoDB server, use db.c.validate() in mongosh.";
+
+/// Check that stores, computables and planners work
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  rmem doctor\n  rmem doctor --deep\n\n\
---deep reads everything in the file of the memory: SQLite's own check, the checksum of every document,\n\
-every index against the documents, and the log of changes. Each damage is a line on stdout, and exits\n\
-with 4; `rmem repair` saves what can be saved. A MongoDB server checks itself (mongosh: db.c.validate()).")]
+#[command(after_help = HELP)]
 pub struct DoctorArgs {
-    /// Read and check everything in the file of the memory
+    /// Read and check all data in the file of the memory
     #[arg(long)]
     pub deep: bool,
 }

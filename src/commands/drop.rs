@@ -6,11 +6,11 @@ use super::Context;
 use crate::exit::Exit;
 use crate::store::Namespace;
 
-/// Remove a whole collection
+/// Remove a collection with all its documents and indexes
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem drop robmem.worldmodel")]
 pub struct DropArgs {
-    /// Which collection: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
 }

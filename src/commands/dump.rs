@@ -10,29 +10,37 @@ use crate::memory::dump::world_file::WorldDumpError;
 use crate::memory::dump::{world_file, write};
 use crate::store::Namespace;
 
-/// Write namespaces as a world file, or as a folder that MongoDB's tools read
+/// What stands below the help of `dump`.
+const HELP: &str = "\
+Examples:
+  rmem dump robmem.worldmodel -o world.json
+  rmem dump --all -o backup --gzip
+  rmem dump --all -o backup.archive --archive
+
+A PATH that ends in .json, and -, is a world file: Extended JSON to read, compare and commit. Any other path is a \
+folder with DATABASE/COLLECTION.bson and .metadata.json, as mongodump writes it; it must not exist yet, and appears \
+whole or not at all.
+
+Folders and archives keep the metadata of documents; a world file leaves out the dates of insertion and update. \
+Documents of computables are never dumped.";
+
+/// Write collections to a world file, or to a folder for MongoDB's tools
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem dump robmem.worldmodel -o world.json\n  rmem dump --all -o backup --gzip\n  rmem dump --all -o backup.archive --archive\n\n\
-A path that ends in .json, and -, is a world file; any other path is a folder with\n\
-DATABASE/COLLECTION.bson and .metadata.json, as mongodump writes it. The folder may not be\n\
-there yet, and appears whole or not at all. It keeps documents with their metadata; a world\n\
-file leaves out when they were stored and changed. What computables made is left out."
-)]
+#[command(after_help = HELP)]
 pub struct DumpArgs {
-    /// Which collections
+    /// Collections to write (can be repeated)
     #[arg(value_name = "NS", required_unless_present = "all")]
     pub namespaces: Vec<Namespace>,
-    /// Every collection
+    /// Write all collections
     #[arg(long, conflicts_with = "namespaces")]
     pub all: bool,
-    /// A world file (.json, or - for stdout), or a folder
+    /// World file (.json, or - for stdout) or folder to write
     #[arg(short, long, value_name = "PATH", default_value = "-")]
     pub output: PathBuf,
-    /// Write one file, as mongodump --archive does
+    /// Write one archive file, as mongodump --archive does
     #[arg(long)]
     pub archive: bool,
-    /// Pack the files of a folder, or the archive
+    /// Compress the files of the folder, or the archive
     #[arg(long)]
     pub gzip: bool,
 }

@@ -1,19 +1,21 @@
 //! `rmem exit-codes`: the table of exit codes.
 
+use bson::doc;
 use clap::Args;
 
-use super::Context;
+use super::{Context, formats};
 use crate::exit::{Exit, TABLE};
 
 /// Print the table of exit codes
 #[derive(Debug, Args)]
-#[command(after_help = help())]
+#[command(after_help = help(), arg = formats::argument(&formats::TEXT))]
 pub struct ExitCodesArgs {}
 
 pub(super) fn run(_: &ExitCodesArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    for (exit, meaning) in TABLE {
-        context.output.line(&format!("{:>3}  {meaning}", exit.code()))?;
-    }
+    context.print_lines(TABLE.map(|(exit, meaning)| {
+        let line = format!("{:>3}  {meaning}", exit.code());
+        (line, doc! { "code": i32::from(exit.code()), "meaning": meaning }.into())
+    }))?;
     Ok(Exit::Done)
 }
 

@@ -3,22 +3,30 @@
 use bson::{Document, doc};
 use clap::Args;
 
-use super::Context;
+use super::{Context, formats};
 use crate::exit::Exit;
 use crate::memory::expiry::Expired;
 use crate::store::Namespace;
 
-/// Remove what decayed, and what is not to outlive a restart
+/// What stands below the help of `expire`.
+const HELP: &str = "\
+Examples:
+  rmem insert robmem.sightings \"{object: 'cup', _robmem_info: {decay_time: ISODate('2030-01-01')}}\"
+  rmem expire
+  rmem expire --restart
+
+Removes documents whose _robmem_info.decay_time is past, documents of computables whose cache time is over, and \
+documents that rmem index --ttl expires. With --restart, also removes documents that were stored with _robmem_info: \
+{persistent: false}. Prints the numbers for each collection.
+
+A document past its decay_time is invisible in any case: the next write removes it, on MongoDB the server within a \
+minute.";
+
+/// Remove expired documents, and others after a restart
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  rmem insert robmem.sightings \"{object: 'cup', _robmem_info: {decay_time: ISODate('2030-01-01')}}\"\n  rmem expire\n  rmem expire --restart\n\n\
-Removes documents whose _robmem_info.decay_time is past, what computables made and may not be\n\
-used any more, and what is due by rmem index --ttl; with --restart, also what was stored with\n\
-_robmem_info: {persistent: false}. Prints how many, a line a collection. What decayed is invisible\n\
-without it: it is removed by later writers, on MongoDB by the server, within a minute or so."
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct ExpireArgs {
-    /// Also what was stored with `_robmem_info: {persistent: false}`: the robot was restarted
+    /// Remove documents stored with `_robmem_info: {persistent: false}`, too
     #[arg(long)]
     pub restart: bool,
 }

@@ -31,7 +31,7 @@ with a time, 'domain-goal' with a condition, and 'domain-metric' with an express
 makes an equal problem of them, with the goal of --goal where one is given. Nothing is stored
 where the collection has such documents already, unless they are to be replaced.";
 
-/// Turn a PDDL problem into documents, and a template that makes an equal problem of them
+/// Turn a PDDL problem into documents and a template
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub struct ImportProblemArgs {

@@ -5,41 +5,48 @@ use std::time::Duration;
 use clap::Args;
 
 use super::query::{argument, blame};
-use super::{Context, UsageError};
+use super::{Context, UsageError, formats};
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::memory::Memory;
 use crate::store::{Index, Namespace};
 
-/// Make an index, remove one, or list them
+/// What stands below the help of `index`.
+const HELP: &str = "\
+Examples:
+  rmem index robmem.objects '{name: 1}' --unique
+  rmem index robmem.sightings '{seen: 1}' --ttl 1h
+  rmem index robmem.objects
+  rmem index robmem.objects '{name: 1}' --drop
+
+Prints the name of the created index. With --unique, a document whose key another one has is refused (exit code 5), \
+and the index is not created if two documents have the same key. Documents that --ttl expires are removed by the next \
+write or by rmem expire; on MongoDB, by the server. Dates are compared with the clock at that time: if it is set \
+forward, documents are removed earlier.";
+
+/// Create, remove or list indexes
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem index robmem.objects '{name: 1}' --unique\n  rmem index robmem.sightings '{seen: 1}' --ttl 1h\n  rmem index robmem.objects\n  rmem index robmem.objects '{name: 1}' --drop\n\n\
-Prints the name of the index. A unique index refuses documents whose key is taken (exit code 5), and\n\
-is not made where two documents have one already. What became due by --ttl is removed by later\n\
-writers and by rmem expire; on MongoDB, by the server. The dates are compared with the clock at that\n\
-time: where it is set forward, documents are removed earlier; where it is set back, later."
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct IndexArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Paths with 1, -1, '2d' or '2dsphere'; where they are left out, the indexes are listed
+    /// Keys, each with 1, -1, '2d' or '2dsphere', e.g. '{name: 1}' (default: list the indexes)
     #[arg(value_name = "KEYS")]
     pub keys: Option<String>,
-    /// No two documents may have the same key
+    /// Refuse documents whose key another document has
     #[arg(long)]
     pub unique: bool,
-    /// Leave out documents that have none of the fields
+    /// Leave documents out that have none of the keys
     #[arg(long)]
     pub sparse: bool,
-    /// Remove documents so long after the date they have there
+    /// Remove documents this long after the date in their key
     #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
     pub ttl: Option<Duration>,
-    /// What the index is called; else after its keys, like a_1_b_-1
+    /// Name of the index (default: made of its keys, e.g. a_1_b_-1)
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-    /// Remove the index with these keys, or of this name
+    /// Remove the index with these keys or this name
     #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl"])]
     pub drop: bool,
 }

@@ -9,29 +9,39 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use bson::Document;
+use bson::{Bson, Document};
 use clap::Args;
 
 use super::query::blame;
-use super::{Context, WrongInput};
+use super::{Context, WrongInput, formats};
 use crate::exit::Exit;
 use crate::formats::Source;
 use crate::formats::shell::{self, ReadError, Reader};
 use crate::input::unreadable;
 use crate::memory::Memory;
+use crate::output::Format;
 use crate::store::{Namespace, StoreError};
 
-/// Store documents; prints their ids
+/// What stands below the help of `insert`.
+const HELP: &str = "\
+Examples:
+  rmem insert robmem.worldmodel \"{relation: 'on-table', object: 'A'}\"
+  rmem insert robmem.worldmodel --file objects.jsonl
+
+Prints the _id of each stored document, one a line. Documents are stored in order; if one is refused, those before \
+it stay stored, and those after it are not stored.";
+
+/// Store documents and print their ids
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem insert robmem.worldmodel \"{relation: 'on-table', object: 'A'}\"")]
+#[command(after_help = HELP, arg = formats::argument(&formats::VALUES))]
 pub struct InsertArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Documents in shell syntax or Extended JSON; none or - reads stdin
+    /// Documents in shell syntax or Extended JSON (default: -, which is stdin)
     #[arg(value_name = "DOC")]
     pub documents: Vec<String>,
-    /// Read documents from FILE
+    /// Read documents from a file
     #[arg(short, long, value_name = "FILE", conflicts_with = "documents")]
     pub file: Option<PathBuf>,
 }
@@ -44,7 +54,7 @@ const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 
 pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let memory = context.memory_to_fill()?;
-    let mut batch = Batch::new(args);
+    let mut batch = Batch::new(args, context.format(&formats::VALUES)?);
     for (index, text) in args.documents.iter().enumerate() {
         if text == "-" {
             read_stdin(&mut batch, &memory, context)?;
@@ -73,6 +83,9 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> anyhow::Resul
         _ => read_stdin(&mut batch, &memory, context)?,
     }
     batch.store(&memory, context)?;
+    if batch.format == Format::Json {
+        context.print_values(std::mem::take(&mut batch.ids))?;
+    }
     context.output.note(&format!("{} stored in {}", batch.stored, args.namespace));
     Ok(Exit::Done)
 }
@@ -101,11 +114,14 @@ struct Batch<'a> {
     began: Instant,
     size: usize,
     stored: usize,
+    format: Format,
+    /// The ids of stored documents, where they are printed as one array.
+    ids: Vec<Bson>,
 }
 
 impl<'a> Batch<'a> {
-    fn new(args: &'a InsertArgs) -> Self {
-        Self { args, documents: Vec::new(), began: Instant::now(), size: 1, stored: 0 }
+    fn new(args: &'a InsertArgs, format: Format) -> Self {
+        Self { args, documents: Vec::new(), began: Instant::now(), size: 1, stored: 0, format, ids: Vec::new() }
     }
 
     fn add(&mut self, document: Document, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
@@ -131,10 +147,11 @@ impl<'a> Batch<'a> {
             Err(error) => error.stored(),
         };
         self.stored += ids.len();
-        for id in ids {
-            context.output.tell(&shell::relaxed_value(id))?;
+        match self.format {
+            Format::Json => self.ids.extend(ids.iter().cloned()),
+            Format::Canonical => context.output.progress_lines(ids.iter().map(shell::canonical_value))?,
+            _ => context.output.progress_lines(ids.iter().map(shell::relaxed_value))?,
         }
-        context.output.flush_told()?;
         let before = self.stored - ids.len();
         let stored = self.stored;
         result

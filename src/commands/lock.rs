@@ -5,46 +5,50 @@ use std::time::Duration;
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
-use super::{Context, UsageError};
+use super::{Context, UsageError, formats};
 use crate::exit::Exit;
-use crate::formats::{quantity, shell};
+use crate::formats::quantity;
 use crate::memory::lock::{Mutex, Tried};
 use crate::store::{Namespace, NamespaceError};
 
-/// Lock a name, so that no other robot does
+/// What stands below the help of `lock`.
+const HELP: &str = "\
+Examples:
+  rmem lock table --owner r1 --ttl 30s
+  rmem lock table --owner r1 --wait 1m && { pick-up; rmem unlock table --owner r1; }
+
+Exits with 5 if another owner holds the lock. The owner of a lock may lock it again, which renews it: two processes \
+with the same owner do not exclude each other.
+
+Locks are documents {_id: NAME, locked, \"locked-by\", \"lock-time\", \"lock-until\"} in the collection mutexes of the \
+first of shared_databases (default: robmem.mutexes). Their times are those of the store: of the MongoDB primary, or \
+of this machine. If that clock is set forward, a lock with --ttl expires earlier; if it is set back, later.";
+
+/// Lock a name, so that no other robot can
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem lock table --owner r1 --ttl 30s\n  rmem lock table --owner r1 --wait 1m && { pick-up; rmem unlock table --owner r1; }\n\n\
-The owner who holds the lock may lock again, which renews it. Where it is held by another,\n\
-exits with 5. Without --owner it is $USER@$HOSTNAME from the environment, and where these are\n\
-not set, it has to be given; two processes with one owner do not exclude each other. Locks\n\
-are documents {_id: NAME, locked, \"locked-by\", \"lock-time\", \"lock-until\"} in the collection\n\
-mutexes of the first of shared_databases, or of robmem where none is shared. Times are those of the\n\
-store: on MongoDB the primary's clock, in a file this machine's. Where that clock is set forward, a lock\n\
-with --ttl expires earlier; where it is set back, later, by as much as the clock jumped."
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct LockArgs {
-    /// What is locked
+    /// Name of the lock
     #[arg(value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     pub name: String,
-    /// Who locks and where; shared with `unlock`.
+    /// The owner and the collection; shared with `unlock`.
     #[command(flatten)]
     pub holder: HolderOptions,
-    /// The lock expires after so long
+    /// Release the lock after this time
     #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
     pub ttl: Option<Duration>,
-    /// Wait so long for whoever holds it
+    /// Wait at most this long for another owner (default: do not wait)
     #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
     pub wait: Option<Duration>,
 }
 
-/// Who locks, and in which collection.
+/// The owner of a lock, and its collection.
 #[derive(Debug, Clone, Default, Args)]
 pub struct HolderOptions {
-    /// Who holds the lock
+    /// Owner of the lock (default: $USER@$HOSTNAME)
     #[arg(long, value_name = "OWNER", value_parser = NonEmptyStringValueParser::new())]
     pub owner: Option<String>,
-    /// The collection of locks
+    /// Collection of the locks
     #[arg(long, value_name = "NS")]
     pub into: Option<Namespace>,
 }
@@ -59,7 +63,7 @@ pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> anyhow::Result<
     let memory = context.memory_to_fill()?;
     match mutex.lock(&memory, args.ttl, args.wait.unwrap_or(Duration::ZERO))? {
         Tried::Done(document) => {
-            context.output.line(&shell::relaxed(&document))?;
+            context.print_result(document)?;
             Ok(Exit::Done)
         }
         Tried::Held(holder) => {

@@ -2,37 +2,46 @@
 
 use clap::Args;
 
-use super::Context;
+use super::{Context, formats, missing};
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::store::{Find, Namespace, StoreError};
 
-/// Print the documents that match
+/// What stands below the help of `query`.
+const HELP: &str = "\
+Examples:
+  rmem query robmem.worldmodel \"{relation: 'on'}\" --sort '{object_top: 1}'
+  rmem query robmem.worldmodel --fields '{object: 1, _id: 0}' --limit 5";
+
+/// Print the documents that match a query
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem query robmem.worldmodel \"{relation: 'on'}\" --sort '{object_top: 1}'")]
+#[command(after_help = HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct QueryArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Which documents; all where it is left out
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
-    /// Keys with 1 or -1
+    /// Sort order, e.g. '{name: 1}' (-1 is descending)
     #[arg(long, value_name = "SORT")]
     pub sort: Option<String>,
-    /// At most N documents
+    /// Print at most N documents (default: all)
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub limit: u64,
-    /// Pass over the first N
+    /// Skip the first N documents
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub skip: u64,
-    /// Which fields: {name: 1} or {name: 0}
+    /// Fields to print, e.g. '{name: 1}', or to leave out, e.g. '{name: 0}'
     #[arg(long, value_name = "PROJECTION")]
     pub fields: Option<String>,
-    /// Show the memory's metadata, `_robmem_info`
+    /// Show the metadata of documents, under `_robmem_info`
     #[arg(long)]
     pub meta: bool,
-    /// Instead of documents, say how they are found: by which index, and how much was looked at
+    /// Fail if the collection does not exist
+    #[arg(long)]
+    pub strict: bool,
+    /// Print how the query is executed instead of its result: index, keys and documents examined
     #[arg(long)]
     pub explain: bool,
 }
@@ -52,6 +61,9 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> anyhow::Result
     ];
     let given: Vec<_> = texts.into_iter().filter(|(_, text)| !text.is_empty() && *text != "{}").collect();
     let memory = context.memory()?;
+    if args.strict {
+        missing::refuse(&args.namespace, &memory)?;
+    }
     if args.explain {
         let account = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &given))?;
         context.print_documents([Ok(account)].into_iter())?;
@@ -62,8 +74,10 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> anyhow::Result
         false => memory.find(&args.namespace, &find),
     };
     let documents = documents.map_err(|error| blame(error, &given))?;
-    context
-        .print_documents(documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &given))))?;
+    let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &given)));
+    if context.print_documents(documents)? == 0 {
+        missing::warn(&args.namespace, &memory, context)?;
+    }
     Ok(Exit::Done)
 }
 

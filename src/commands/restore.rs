@@ -5,35 +5,41 @@ use std::path::{Path, PathBuf};
 use bson::{Document, doc};
 use clap::Args;
 
-use super::{Context, UsageError};
+use super::{Context, UsageError, formats};
 use crate::exit::Exit;
 use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::Dump;
 use crate::memory::dump::restore::{RestoreOptions, Restored, restore};
 use crate::store::Namespace;
 
-/// Put a dump into the memory: verified first, whoever wrote it
+/// What stands below the help of `restore`.
+const HELP: &str = "\
+Examples:
+  rmem restore world.json
+  rmem restore backup --dry-run
+  rmem restore dump/robmem/blocks.bson --into robmem.copy --drop
+
+Reads world files, folders of rmem dump and mongodump (or of one database in them), single .bson files, and archives, \
+each plain or compressed with gzip. The dump is verified first: if anything in it is wrong, nothing is changed.
+
+Documents are merged by _id: a new document is inserted, a different one replaces the stored one, an equal one is \
+skipped. With --drop, each collection is replaced as a whole, with its indexes, after everything is staged. The dates \
+of insertion are those of the restore; other metadata is kept.";
+
+/// Load a dump into the memory, after verifying it
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem restore world.json\n  rmem restore backup --dry-run\n  rmem restore dump/robmem/blocks.bson --into robmem.copy --drop\n\n\
-Reads world files, folders of rmem and of mongodump (also the folder of one database, or one\n\
-.bson file), archives, plain or packed with gzip. Nothing is changed where anything in them is wrong.\n\
-Documents are put beside those that are there: new ones are inserted, different ones replace\n\
-what has their _id, equal ones are skipped. With --drop, each collection is replaced as a\n\
-whole, with its indexes, once everything is stored. Metadata is restored, but for the dates:\n\
-a document counts as inserted when it is restored."
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct RestoreArgs {
-    /// A world file, a folder, an archive, or a .bson file; - is a world file on stdin
+    /// World file, folder, archive or .bson file; - is a world file on stdin
     #[arg(value_name = "PATH")]
     pub path: PathBuf,
-    /// Where the dump of one collection goes instead
+    /// Collection to restore into, if the dump has one collection (default: the dumped one)
     #[arg(long, value_name = "NS")]
     pub into: Option<Namespace>,
     /// Replace collections as a whole
     #[arg(long)]
     pub drop: bool,
-    /// Only say what would be done
+    /// Print what would be done, and change nothing
     #[arg(long)]
     pub dry_run: bool,
 }

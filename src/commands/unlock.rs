@@ -3,22 +3,26 @@
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
-use super::Context;
 use super::lock::{HolderOptions, mutex};
+use super::{Context, formats};
 use crate::exit::Exit;
-use crate::formats::shell;
 use crate::memory::lock::Tried;
 
-/// Unlock a name
+/// What stands below the help of `unlock`.
+const HELP: &str = "\
+Example:
+  rmem unlock table --owner r1
+
+Exits with 5 if another owner holds the lock, and with 1 if the name is not locked. See also rmem help lock.";
+
+/// Release a lock
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  rmem unlock table --owner r1\n\nExits with 5 where another owner holds it, with 1 where nobody does. About --owner, see rmem help lock."
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct UnlockArgs {
-    /// What is unlocked
+    /// Name of the lock
     #[arg(value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     pub name: String,
-    /// Who unlocks and where; shared with `lock`.
+    /// The owner and the collection; shared with `lock`.
     #[command(flatten)]
     pub holder: HolderOptions,
 }
@@ -28,7 +32,7 @@ pub(super) fn run(args: &UnlockArgs, context: &mut Context<'_>) -> anyhow::Resul
     let memory = context.memory()?;
     match mutex.unlock(&memory)? {
         Tried::Done(document) => {
-            context.output.line(&shell::relaxed(&document))?;
+            context.print_result(document)?;
             Ok(Exit::Done)
         }
         Tried::Held(holder) => {

@@ -3,34 +3,46 @@
 use bson::{Bson, Document};
 use clap::Args;
 
-use super::Context;
+use super::delete::others;
 use super::query::{argument, blame};
+use super::{Context, formats, missing};
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::store::{Namespace, UpdateRequest, UpdateSpec};
 
-/// Change documents: operators, a replacement, or a pipeline
+/// What stands below the help of `update`.
+const HELP: &str = "\
+Examples:
+  rmem update robmem.worldmodel \"{object: 'A'}\" '{$set: {color: \"red\"}}'
+  rmem update robmem.worldmodel \"{relation: 'on'}\" '{$set: {seen: true}}' --many
+  rmem update robmem.worldmodel \"{_id: 1}\" \"{object: 'A', color: 'red'}\" --replace
+
+Changes the first document that matches, and reports if more match. Prints the numbers of matched and modified \
+documents, and the _id of an inserted one.";
+
+/// Change documents
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  rmem update robmem.worldmodel \"{object: 'A'}\" \"{\\$set: {color: 'red'}}\" --many"
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct UpdateArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Which documents
+    /// Query that selects documents
     #[arg(value_name = "QUERY")]
     pub query: String,
-    /// Operators, a replacement, or a pipeline
+    /// Update operators, a pipeline, or with --replace a whole document
     #[arg(value_name = "UPDATE")]
     pub update: String,
-    /// All matches, not only the first
+    /// Change all documents that match (default: the first)
     #[arg(long)]
     pub many: bool,
-    /// Insert where nothing matches
+    /// Insert a document if none matches
     #[arg(long)]
     pub upsert: bool,
-    /// What `$[identifier]` stands for (can be repeated)
+    /// Replace the document as a whole, but for its _id
+    #[arg(long, conflicts_with = "many")]
+    pub replace: bool,
+    /// Condition for the elements of `$[identifier]` (can be repeated)
     #[arg(long = "array-filter", value_name = "QUERY")]
     pub array_filters: Vec<String>,
 }
@@ -47,14 +59,38 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> anyhow::Resul
         many: args.many,
         upsert: args.upsert,
     };
-    let updated = context.memory()?.update(&args.namespace, &request);
+    check(args, &request.update)?;
+    let memory = context.memory()?;
+    let matching = if args.many { None } else { others(&args.namespace, &request.filter, &memory, context)? };
+    let updated = memory.update(&args.namespace, &request);
     let updated = updated.map_err(|error| blame(error, &[("<update>", &args.update), ("<query>", &args.query)]))?;
+    let is_missing = updated.matched == 0 && updated.upserted.is_none();
     let mut result = bson::doc! { "matched": count(updated.matched), "modified": count(updated.modified) };
     if let Some(id) = updated.upserted {
         result.insert("upserted", id);
     }
-    context.output.line(&shell::relaxed(&result))?;
+    context.print_result(result)?;
+    match matching {
+        Some(count) => context.output.note(&format!("{} of {count} that match; --many for all", updated.matched)),
+        None if is_missing => missing::warn(&args.namespace, &memory, context)?,
+        None => {}
+    }
     Ok(Exit::Done)
+}
+
+/// Refuses a whole document without `--replace`, and anything else with it.
+fn check(args: &UpdateArgs, update: &UpdateSpec) -> Result<(), Diagnostic> {
+    let is_whole = matches!(update, UpdateSpec::Document(update) if !update.keys().any(|key| key.starts_with('$')));
+    let (message, hint) = match (is_whole, args.replace) {
+        (true, false) => (
+            "expected update operators, found a whole document",
+            "write {$set: {…}} to change fields, or --replace to replace the document as a whole",
+        ),
+        (false, true) => ("expected a whole document for --replace", "leave --replace out for operators and pipelines"),
+        _ => return Ok(()),
+    };
+    let source = Source::new("<update>", args.update.as_str());
+    Err(Diagnostic::new(&source, Span::new(0, source.text().len()), message).hint(hint))
 }
 
 /// An update is a document, or a pipeline in brackets.

@@ -10,12 +10,16 @@ use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 use delivery::{Delivered, Delivery};
 
-use super::Context;
 use super::query::{argument, blame};
+use super::{Context, formats};
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::memory::watch::{Trigger, Watch};
+use crate::output::Format;
 use crate::store::{Name, Namespace, Next, StoreError};
+
+/// The formats of changes.
+const FORMATS: [Format; 4] = [Format::Jsonl, Format::Json, Format::Canonical, Format::Clips];
 
 /// What stands below the help of `watch`.
 const HELP: &str = "\
@@ -26,27 +30,24 @@ Examples:
   rmem watch --names
   rmem watch robmem.plans --resume executive --forget
 
-Prints a line for each change, in order: {operation, ns, _id, before, after, time, position}. The
-operation is insert, update, replace, delete, or drop (the collection is gone; what restore --drop,
-a rename or $out puts in its place follows as inserts). The query is matched against the document
-after the change, before it for a deletion. Begins with what happens from now on; once it is ready
-it says so on stderr.
+Prints a line for each change, in order: {operation, ns, _id, before, after, time, position}. The operation is \
+insert, update, replace, delete, or drop (of the collection). The query is matched against the document after the \
+change, for a deletion against the document before it. Delivery starts with the next change; a message on stderr \
+says when.
 
---resume NAME keeps in the memory how far it is: who uses the name later goes on there, and misses
-nothing; after a crash, changes may be delivered again: those of the last moment, or of the last
-seconds where others write without a pause. One process at a time has a name (exit code 5). Changes
-are kept for names until they are delivered, up to 256 MiB in a file and as long as the oplog on
-MongoDB; a name that missed some says so. Forget names that nobody uses any more with --forget;
---names lists all with what waits for each. On MongoDB they are documents in rmem.watchers of the
-watched database, a collection that no list and no dump of all has.
+--resume NAME keeps the position in the memory: the next watch with this name continues there, and no change is \
+missed. After a crash, the last changes may be delivered again. Only one process at a time can use a name (exit code \
+5). Changes are kept until they are delivered: in a file up to 256 MiB, on MongoDB as long as the oplog; a watch that \
+missed changes reports it. --names lists the names and what waits for each, --forget removes one. On MongoDB, the \
+positions are in the collection rmem.watchers of the watched database.
 
---exec runs CMD with sh -c for each change, one at a time: the line on stdin, RMEM_OPERATION,
-RMEM_NAMESPACE and RMEM_POSITION in the environment. Where it fails, rmem says so and goes on; with
---resume it ends with the command's exit code, and begins with the same change the next time. What
-the command leaves in the background lives on, unless rmem is killed while the command runs.
+--exec runs CMD with sh -c for each change, one at a time, with the line on stdin and RMEM_OPERATION, RMEM_NAMESPACE \
+and RMEM_POSITION in the environment. If CMD fails, rmem reports it and continues; with --resume it exits with the \
+code of CMD, and starts with the same change next time. Background processes of CMD keep running, unless rmem is \
+killed while CMD runs.
 
---format clips prints facts for (load-facts), each document as JSON in a string, and with
---resume NAME the ordered fact (NAME) too. CLIPS has to know their template:
+--format clips prints facts for (load-facts): the documents as JSON strings, and with --resume NAME also the ordered \
+fact (NAME). CLIPS needs their template:
 
 (deftemplate robmem-trigger
    (slot name (type STRING))
@@ -57,44 +58,44 @@ the command leaves in the background lives on, unless rmem is killed while the c
    (slot before (type STRING))
    (slot after (type STRING)))
 
-Ends with 0 after --count changes; with 1 when --timeout is over and there were fewer (without
---count: none); a command that still runs then is ended (TERM, two seconds later KILL), and its
-change does not count. A MongoDB server has to be a replica set, which one member can be; the
-collection is made to keep images of its documents before and after changes (and made, where it is
-missing).";
+Exits with 0 after --count changes. When --timeout is over, exits with 1 if there were fewer changes (without --count: \
+none); a running CMD is terminated (TERM, after two seconds KILL), and its change does not count.
 
-/// Follow the changes of a collection: triggers
+A MongoDB server has to be a replica set; one member suffices. rmem enables before and after images on the \
+collection, and creates it if it is missing.";
+
+/// Print changes as they happen, or run a command for each
 #[derive(Debug, Args)]
-#[command(after_help = HELP)]
+#[command(after_help = HELP, arg = formats::argument(&FORMATS))]
 pub struct WatchArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS", required_unless_present = "names")]
     pub namespace: Option<Namespace>,
-    /// Of which documents; all where it is left out
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
     /// Run CMD for each change instead of printing it
     #[arg(long, value_name = "CMD")]
     pub exec: Option<String>,
-    /// Go on where the last one of this name was done; a new name starts now
+    /// Continue where the last watch with this name ended; a new name starts now
     #[arg(long, value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     pub resume: Option<String>,
-    /// Only forget the name
+    /// Remove the name of --resume, and deliver nothing
     #[arg(long, requires = "resume", conflicts_with_all = ["exec", "count", "timeout"])]
     pub forget: bool,
-    /// Only list the names, who uses each, and what is kept for it
+    /// List the names of --resume, the process that uses each, and what waits for it
     #[arg(long, conflicts_with_all = ["namespace", "query", "exec", "resume", "count", "timeout", "computed", "meta"])]
     pub names: bool,
-    /// End after N changes
+    /// Exit after N changes
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
-    /// End after so long
+    /// Exit after this time
     #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
     pub timeout: Option<Duration>,
-    /// Deliver documents that computables made, too
+    /// Deliver documents of computables, too
     #[arg(long)]
     pub computed: bool,
-    /// Show the memory's metadata, `_robmem_info`
+    /// Show the metadata of documents, under `_robmem_info`
     #[arg(long)]
     pub meta: bool,
 }
@@ -112,7 +113,13 @@ const RETREAT: Duration = Duration::from_millis(500);
 pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     // The command line has one or the other.
     let Some(namespace) = &args.namespace else { return names(context) };
-    let delivery = Delivery::new(args, namespace, context)?;
+    let delivery = Delivery {
+        namespace,
+        name: args.resume.as_deref(),
+        exec: args.exec.as_deref(),
+        deadline: args.timeout.and_then(|timeout| Instant::now().checked_add(timeout)),
+        format: context.format(&FORMATS)?,
+    };
     let trigger = trigger(args, namespace)?;
     let memory = context.memory()?;
     if let (true, Some(name)) = (args.forget, &args.resume) {
@@ -120,7 +127,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result
     }
     let timeout = crate::interrupt::InterruptGuard::new();
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
-    context.output.tell_operations();
+    context.report_operations();
     context.output.note(&format!("watching {namespace}"));
     let session = Session {
         args,

@@ -9,6 +9,7 @@ pub mod clips;
 pub mod diagnostic;
 pub mod marker;
 pub mod mongodump;
+mod nearest;
 pub mod pddl;
 pub mod plan;
 pub mod quantity;
@@ -16,3 +17,4 @@ pub mod shell;
 pub mod visible;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Source, Span};
+pub use nearest::nearest;

@@ -9,13 +9,13 @@ use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use rustix::process::{Resource, Rlimit, Signal, getpid, getppid, set_parent_process_death_signal, setrlimit};
 use rustix::stdio::dup2_stdin;
 
-use super::usage;
+use super::{search, usage};
 
 /// What the stack of the first thread may come to need, in bytes.
 const STACK: u64 = 8 << 20;
@@ -99,18 +99,12 @@ fn become_program(
 /// The interpreter of a script that is there.
 fn interpreter(program: &OsStr) -> Option<String> {
     let mut bytes = Vec::new();
-    File::open(located(program)?).ok()?.take(256).read_to_end(&mut bytes).ok()?;
+    File::open(search::find(program, std::env::var_os("PATH").as_deref())?)
+        .ok()?
+        .take(256)
+        .read_to_end(&mut bytes)
+        .ok()?;
     let line = bytes.strip_prefix(b"#!").and_then(|rest| rest.split(|byte| *byte == b'\n').next());
     let line = String::from_utf8_lossy(line.unwrap_or(b"of its executable format")).into_owned();
     Some(line.trim().to_owned())
-}
-
-/// Where a program is: a path, or a name in a folder of the search path.
-fn located(program: &OsStr) -> Option<PathBuf> {
-    let path = Path::new(program);
-    if path.components().count() > 1 {
-        return path.is_file().then(|| path.to_owned());
-    }
-    let folders = std::env::var_os("PATH")?;
-    std::env::split_paths(&folders).map(|folder| folder.join(path)).find(|path| path.is_file())
 }

@@ -11,6 +11,7 @@ mod launch;
 pub(crate) mod litter;
 mod pool;
 mod run;
+pub mod search;
 pub mod supervisor;
 mod usage;
 

@@ -14,7 +14,7 @@ const SMALLEST_CACHE: u64 = 256 << 20;
 /// A replica set has at most so many members that vote.
 const VOTERS: usize = 7;
 
-/// One of this robot's mongod processes, as the settings want it.
+/// The settings of one of this robot's mongod processes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Backend {
     /// `local` or `shared`: which table it is from.
@@ -23,21 +23,21 @@ pub struct Backend {
     pub mongod: PathBuf,
     /// The TCP port.
     pub port: u16,
-    /// The addresses it listens at, as mongod's `--bind_ip` takes them.
+    /// The addresses it listens on, in the form of mongod's `--bind_ip`.
     pub bind: String,
     /// The folder of its data; log and pid file are beside it.
     pub path: PathBuf,
-    /// The name of its replica set: the table's name where none is given.
+    /// The name of its replica set (default: the table's name).
     pub replica_set: String,
     /// `host:port` of all members of the set, this one among them.
     pub members: Vec<String>,
-    /// Size of the operations log, in bytes; mongod's own choice where none is given.
+    /// Size of the operations log, in bytes (default: mongod's own).
     pub oplog_size: Option<u64>,
-    /// Size of the cache, in bytes; mongod's own choice where none is given.
+    /// Size of the cache, in bytes (default: mongod's own).
     pub cache_size: Option<u64>,
 }
 
-/// The tables, as they are written.
+/// The tables in the file.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tables {
@@ -58,7 +58,7 @@ struct Table {
     cache_size: Option<Spanned<String>>,
 }
 
-/// Where a mistake is, and what it is.
+/// A mistake: its place and its description.
 type Mistake = (Range<usize>, String);
 
 impl Tables {
@@ -68,7 +68,7 @@ impl Tables {
             .filter_map(|(name, table)| table.as_ref().map(|table| (name, table)))
     }
 
-    /// The first mistake that TOML cannot know.
+    /// Checks what types cannot express; an error is the first mistake.
     pub(super) fn check(&self) -> Result<(), Mistake> {
         for (_, table) in self.named() {
             table.check()?;
@@ -84,7 +84,7 @@ impl Tables {
         Ok(())
     }
 
-    /// The processes; relative paths are taken from `folder`.
+    /// Returns the processes; relative paths are relative to `folder`.
     pub(super) fn resolve(&self, folder: &Path) -> Vec<Backend> {
         self.named().map(|(name, table)| table.resolve(name, folder)).collect()
     }
@@ -97,20 +97,20 @@ impl Table {
         }
         for text in [Some(&self.path), self.mongod.as_ref(), self.bind.as_ref()].into_iter().flatten() {
             if text.get_ref().trim().is_empty() {
-                return Err((text.span(), "expected something, found an empty text".to_owned()));
+                return Err((text.span(), "expected a text, found an empty one".to_owned()));
             }
         }
         if let Some(name) = &self.replica_set {
             let wrong = |c: char| c.is_whitespace() || c.is_control() || "/?&,".contains(c);
             if name.get_ref().is_empty() || name.get_ref().contains(wrong) {
-                return Err((name.span(), "expected the name of a replica set, like shared".to_owned()));
+                return Err((name.span(), "expected the name of a replica set, e.g. shared".to_owned()));
             }
         }
         for (size, least) in [(&self.oplog_size, 1 << 20), (&self.cache_size, SMALLEST_CACHE)] {
             let Some(size) = size else { continue };
             let bytes = quantity::size(size.get_ref()).map_err(|message| (size.span(), message))?;
             if bytes < least {
-                return Err((size.span(), format!("expected {}M at least", least >> 20)));
+                return Err((size.span(), format!("expected at least {}M", least >> 20)));
             }
         }
         self.members.as_ref().map_or(Ok(()), |members| self.check_members(members))
@@ -122,7 +122,10 @@ impl Table {
             let name = member.get_ref();
             let parts = name.rsplit_once(':').filter(|(host, _)| !host.is_empty() && !host.contains(['/', '@', ' ']));
             if parts.and_then(|(_, port)| port.parse::<u16>().ok()).is_none_or(|port| port == 0) {
-                return Err((member.span(), format!("`{name}` is no member; expected HOST:PORT, like robot1:27021")));
+                return Err((
+                    member.span(),
+                    format!("expected a member as HOST:PORT, e.g. robot1:27021, found `{name}`"),
+                ));
             }
             if !seen.insert(name) {
                 return Err((member.span(), format!("`{name}` is given twice")));
@@ -165,7 +168,7 @@ impl Table {
     }
 }
 
-/// Where a mongod listens so that the members reach each other.
+/// Returns the address to listen on so that the members reach each other.
 fn reach(members: &[String]) -> &'static str {
     let is_loopback = |member: &String| {
         let host = member.rsplit_once(':').map_or(member.as_str(), |(host, _)| host);
@@ -179,7 +182,7 @@ fn port_of(member: &str) -> Option<u16> {
 }
 
 impl Backend {
-    /// Where this machine reaches the process: `host:port`.
+    /// Returns the address at which this machine reaches the process, `host:port`.
     #[must_use]
     pub fn address(&self) -> String {
         let first = self.bind.split(',').map(str::trim).next().unwrap_or_default();
@@ -190,7 +193,7 @@ impl Backend {
         format!("{host}:{}", self.port)
     }
 
-    /// Whether other machines reach it too.
+    /// Whether other machines can reach it.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.bind.split(',').map(str::trim).any(|host| host != "localhost" && !host.starts_with("127."))

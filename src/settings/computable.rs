@@ -14,13 +14,13 @@ use crate::memory::computables::{BUILTINS, BodyKind, Definition, Options, check_
 use crate::query::{Filter, QueryError};
 use crate::store::Namespace;
 
-/// How long a command may take where nothing is said.
+/// The default time limit of a command.
 const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// What is wrong, and where.
-type Complaint = (Range<usize>, String);
+/// A mistake: its place and its description.
+type Mistake = (Range<usize>, String);
 
-/// A computable as it is written.
+/// A computable in the file.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Table {
@@ -39,15 +39,18 @@ pub(super) struct Table {
     position: Option<Spanned<String>>,
 }
 
-/// What the tables declare; commands run in `folder`. What is wrong in a text that a
-/// string of the `file` has is shown there.
-pub(super) fn definitions(tables: &[Table], folder: &Path, file: &str) -> Result<Vec<Definition>, Complaint> {
+/// Returns the definitions in the tables; commands run in `folder`. A mistake in a query or pipeline
+/// is placed inside the string of the `file` that holds it.
+pub(super) fn definitions(tables: &[Table], folder: &Path, file: &str) -> Result<Vec<Definition>, Mistake> {
     let mut definitions: Vec<Definition> = Vec::with_capacity(tables.len());
     for table in tables {
         let definition = table.definition(folder, file)?;
         if definitions.iter().any(|other| other.name == definition.name) {
             let name = &definition.name;
-            return Err((table.name.span(), format!("there are two computables `{name}`; name one otherwise")));
+            return Err((
+                table.name.span(),
+                format!("another computable has the name `{name}`; expected different names"),
+            ));
         }
         definitions.push(definition);
     }
@@ -55,9 +58,9 @@ pub(super) fn definitions(tables: &[Table], folder: &Path, file: &str) -> Result
 }
 
 impl Table {
-    fn definition(&self, folder: &Path, file: &str) -> Result<Definition, Complaint> {
+    fn definition(&self, folder: &Path, file: &str) -> Result<Definition, Mistake> {
         if self.name.get_ref().trim().is_empty() {
-            return Err((self.name.span(), "expected what messages call the computable, found no name".to_owned()));
+            return Err((self.name.span(), "expected a name for the computable, found an empty one".to_owned()));
         }
         let namespace = namespace(&self.collection)?;
         Ok(Definition {
@@ -70,20 +73,20 @@ impl Table {
         })
     }
 
-    fn spec(&self, file: &str) -> Result<Document, Complaint> {
+    fn spec(&self, file: &str) -> Result<Document, Mistake> {
         let text = Quoted { string: &self.spec, file };
-        let spec = shell::parse_document(&text.source()).map_err(|error| text.unread("no query", &error))?;
-        Filter::parse(&spec).map_err(|error| text.refused("no query", &error))?;
+        let spec = shell::parse_document(&text.source()).map_err(|error| text.syntax("expected a query", &error))?;
+        Filter::parse(&spec).map_err(|error| text.refused("expected a query", &error))?;
         Ok(spec)
     }
 
-    fn body(&self, namespace: &Namespace, folder: &Path, file: &str) -> Result<BodyKind, Complaint> {
+    fn body(&self, namespace: &Namespace, folder: &Path, file: &str) -> Result<BodyKind, Mistake> {
         match (&self.pipeline, &self.command, &self.builtin) {
             (Some(pipeline), None, None) => {
                 self.refuse("pipeline", &["timeout", "frames", "position"])?;
                 let text = Quoted { string: pipeline, file };
-                let wrong = "no pipeline of a computable";
-                let stages = shell::parse_pipeline(&text.source()).map_err(|error| text.unread(wrong, &error))?;
+                let wrong = "expected a pipeline";
+                let stages = shell::parse_pipeline(&text.source()).map_err(|error| text.syntax(wrong, &error))?;
                 check_pipeline(&stages).map_err(|error| text.refused(wrong, &error))?;
                 let from = self.from.as_ref().map(self::namespace).transpose()?;
                 Ok(BodyKind::Pipeline { from: from.unwrap_or_else(|| namespace.clone()), stages })
@@ -98,18 +101,15 @@ impl Table {
                 Ok(BodyKind::Command { words, folder: folder.to_owned(), timeout })
             }
             (None, None, Some(builtin)) => self.builtin(builtin, namespace),
-            _ => Err((
-                self.name.span(),
-                "a computable has one body; expected `pipeline`, `command` or `builtin`".to_owned(),
-            )),
+            _ => Err((self.name.span(), "expected one body: `pipeline`, `command` or `builtin`".to_owned())),
         }
     }
 
-    fn builtin(&self, name: &Spanned<String>, namespace: &Namespace) -> Result<BodyKind, Complaint> {
+    fn builtin(&self, name: &Spanned<String>, namespace: &Namespace) -> Result<BodyKind, Mistake> {
         let Some(builtin) = BUILTINS.iter().find(|builtin| builtin.name == name.get_ref()) else {
             let known: Vec<&str> = BUILTINS.iter().map(|builtin| builtin.name).collect();
             let known = known.join(", ");
-            return Err((name.span(), format!("there is no builtin `{}`; expected one of {known}", name.get_ref())));
+            return Err((name.span(), format!("unknown builtin `{}`; expected one of {known}", name.get_ref())));
         };
         self.refuse(builtin.name, &["from", "timeout"])?;
         let given = [("frames", &self.frames), ("position", &self.position)];
@@ -117,7 +117,7 @@ impl Table {
         let mut options = Options::new();
         for (key, value) in given.clone() {
             if !builtin.keys.contains(&key) {
-                return Err((value.span(), format!("`{key}` means nothing for the body `{}`", builtin.name)));
+                return Err((value.span(), format!("`{key}` has no meaning for the body `{}`", builtin.name)));
             }
             options.insert(key.to_owned(), value.get_ref().clone());
         }
@@ -129,8 +129,8 @@ impl Table {
         Ok(BodyKind::Builtin { name: builtin.name.to_owned(), options })
     }
 
-    /// Refuses keys that mean nothing for a kind of body.
-    fn refuse(&self, kind: &str, keys: &[&str]) -> Result<(), Complaint> {
+    /// Refuses keys without a meaning for a kind of body.
+    fn refuse(&self, kind: &str, keys: &[&str]) -> Result<(), Mistake> {
         for key in keys {
             let span = match *key {
                 "from" => self.from.as_ref().map(Spanned::span),
@@ -139,30 +139,30 @@ impl Table {
                 _ => self.timeout.as_ref().map(Spanned::span),
             };
             if let Some(span) = span {
-                return Err((span, format!("`{key}` means nothing for the body `{kind}`")));
+                return Err((span, format!("`{key}` has no meaning for the body `{kind}`")));
             }
         }
         Ok(())
     }
 }
 
-fn namespace(name: &Spanned<String>) -> Result<Namespace, Complaint> {
+fn namespace(name: &Spanned<String>) -> Result<Namespace, Mistake> {
     Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))
 }
 
-/// A duration, which is not nothing.
-fn duration(text: Option<&Spanned<String>>, otherwise: &str) -> Result<Option<Duration>, Complaint> {
+/// Reads a duration that is not zero.
+fn duration(text: Option<&Spanned<String>>, otherwise: &str) -> Result<Option<Duration>, Mistake> {
     let Some(text) = text else { return Ok(None) };
     match quantity::duration(text.get_ref()) {
         Ok(duration) if duration.is_zero() => {
-            Err((text.span(), format!("`{}` is no time at all; {otherwise}", text.get_ref())))
+            Err((text.span(), format!("expected a duration above zero, found `{}`; {otherwise}", text.get_ref())))
         }
         Ok(duration) => Ok(Some(duration)),
         Err(words) => Err((text.span(), words)),
     }
 }
 
-/// A string of the file that has a text of another language in it.
+/// A string of the file that holds a query or a pipeline.
 struct Quoted<'a> {
     string: &'a Spanned<String>,
     file: &'a str,
@@ -173,22 +173,19 @@ impl Quoted<'_> {
         Source::new("rmem.toml", self.string.get_ref().as_str())
     }
 
-    /// What is wrong with the text as such.
-    fn unread(&self, what: &str, error: &Diagnostic) -> Complaint {
+    /// Returns the mistake for a syntax error.
+    fn syntax(&self, what: &str, error: &Diagnostic) -> Mistake {
         let span = error.span();
-        (self.place(span.start..span.end), format!("this is {what}: {}", error.message()))
+        (self.place(span.start..span.end), format!("{what}: {}", error.message()))
     }
 
-    /// What is wrong with its meaning.
-    fn refused(&self, what: &str, error: &QueryError) -> Complaint {
+    /// Returns the mistake for a query that is refused.
+    fn refused(&self, what: &str, error: &QueryError) -> Mistake {
         let place = error.place(self.string.get_ref());
-        (
-            place.map_or_else(|| self.string.span(), |part| self.place(part)),
-            format!("this is {what}: {}", error.message),
-        )
+        (place.map_or_else(|| self.string.span(), |part| self.place(part)), format!("{what}: {}", error.message))
     }
 
-    /// Where a part of the text is in the file; the whole string, where escapes are in front of it.
+    /// Returns the place of a part of the text in the file; the whole string, if escapes precede the part.
     fn place(&self, part: Range<usize>) -> Range<usize> {
         let whole = self.string.span();
         let written = self.file.get(whole.clone()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! `rmem.toml`: its keys, their types, and positions for what is wrong in it.
+//! `rmem.toml`: its keys, their types, and positions of mistakes in it.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -10,9 +10,10 @@ use toml::Spanned;
 use super::computable;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::computables::Definition;
+use crate::output::Format;
 use crate::pddl::Feature;
 use crate::planner::{Configured, Dialect};
-use crate::store::Namespace;
+use crate::store::{Namespace, masked_excerpt};
 
 use super::backend::{Backend, Tables};
 
@@ -24,11 +25,11 @@ pub struct File {
     pub memory: Option<Spanned<String>>,
     /// URI of the store of shared databases.
     pub shared: Option<Spanned<String>>,
-    /// Which databases go to `shared`.
+    /// The databases in the store `shared`.
     pub shared_databases: Option<Spanned<Vec<Spanned<String>>>>,
-    /// The namespace where none is given.
+    /// The default namespace.
     pub collection: Option<Spanned<String>>,
-    /// How documents are printed.
+    /// The format of results.
     pub format: Option<Spanned<String>>,
     /// The log of operations.
     pub log: Option<Spanned<String>>,
@@ -50,12 +51,12 @@ pub struct File {
 struct PlannerTable {
     command: Spanned<Vec<String>>,
     output: DialectName,
-    /// What it cannot handle, as PDDL names requirements.
+    /// PDDL requirements that it cannot handle.
     #[serde(default)]
     lacks: Vec<Spanned<String>>,
 }
 
-/// How a planner spells its plans, in the file.
+/// The format of a planner's plans, as it is named in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum DialectName {
@@ -73,38 +74,38 @@ impl File {
     /// # Errors
     /// Where TOML, a key or a type is wrong.
     pub fn parse(source: &Source) -> Result<Self, Diagnostic> {
-        let shown = Source::new(source.name(), masked(source.text()));
+        let shown = Source::new(source.name(), masked_excerpt(source.text()));
         let complain =
             |span: Range<usize>, message: String| Diagnostic::new(&shown, Span::new(span.start, span.end), message);
         let mut file: Self = toml::from_str(source.text()).map_err(|error| {
             let message = error.message().lines().next().unwrap_or_default();
-            complain(error.span().unwrap_or_default(), masked(message))
+            complain(error.span().unwrap_or_default(), masked_excerpt(message))
         })?;
         source.text().clone_into(&mut file.text);
         file.check().map_err(|(span, message)| complain(span, message))?;
         Ok(file)
     }
 
-    /// What TOML cannot know: the place of the first mistake and what it is.
+    /// Checks what types cannot express; an error is the first mistake with its place.
     fn check(&self) -> Result<(), (Range<usize>, String)> {
         if let Some(name) = &self.collection {
             Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
         }
         if let Some(name) = &self.format {
-            super::parse_format(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
+            name.get_ref().parse::<Format>().map_err(|error| (name.span(), error.to_string()))?;
         }
         for database in self.shared_databases.iter().flat_map(|databases| databases.get_ref()) {
             let name = database.get_ref();
             Namespace::parse(&format!("{name}.x"))
                 .ok()
                 .filter(|namespace| namespace.database == *name)
-                .ok_or_else(|| (database.span(), format!("`{name}` is not the name of a database")))?;
+                .ok_or_else(|| (database.span(), format!("`{name}` is not a database name")))?;
         }
         for (name, table) in &self.planner {
             if crate::planner::Registry::is_own(name.get_ref()) {
                 return Err((
                     name.span(),
-                    format!("`{}` is a planner of rmem's own; name yours otherwise", name.get_ref()),
+                    format!("`{}` is a built-in planner of rmem; choose another name", name.get_ref()),
                 ));
             }
             if table.command.get_ref().is_empty() {
@@ -134,7 +135,7 @@ impl File {
     /// The computables; commands run in `folder`.
     #[must_use]
     pub fn computables(&self, folder: &Path) -> Vec<Definition> {
-        // They were checked when the file was read.
+        // `parse` has checked them.
         computable::definitions(&self.computables, folder, &self.text).unwrap_or_default()
     }
 
@@ -160,23 +161,6 @@ impl File {
     pub fn backends(&self, folder: &Path) -> Vec<Backend> {
         self.backend.resolve(folder)
     }
-}
-
-/// The same text, of the same length, with `*` for what may be credentials: what stands
-/// between `://` and the last `@` before a quote, a blank or the end of the line.
-fn masked(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(start) = rest.find("//") {
-        let (before, after) = rest.split_at(start + 2);
-        out.push_str(before);
-        let end = after.find(|c: char| c.is_whitespace() || "\"',".contains(c)).unwrap_or(after.len());
-        let secret = after[..end].rfind('@').unwrap_or(0);
-        out.push_str(&"*".repeat(secret));
-        out.push_str(&after[secret..end]);
-        rest = &after[end..];
-    }
-    out + rest
 }
 
 #[cfg(test)]
@@ -214,7 +198,6 @@ mod tests {
             let complaint = complaint(text);
             assert!(!complaint.contains("cret") && complaint.starts_with("rmem.toml:1:"), "{complaint}");
         }
-        assert_eq!(masked("http://a/b // c@d e"), "http://a/b // c@d e");
     }
 
     #[test]
@@ -223,24 +206,24 @@ mod tests {
         assert!(complaint("format = \"xml\"\n").starts_with("rmem.toml:1:10: unknown format `xml`"));
         assert!(complaint("shared_databases = [\"a\", \"b.c\"]\n").starts_with("rmem.toml:1:26: `b.c`"));
         let text = complaint("[planner.builtin]\ncommand = [\"x\"]\noutput = \"ff\"\n");
-        assert!(text.starts_with("rmem.toml:1:10: `builtin` is a planner"), "{text}");
+        assert!(text.starts_with("rmem.toml:1:10: `builtin` is a built-in planner"), "{text}");
         let text = complaint("[planner.x]\ncommand = []\noutput = \"ff\"\n");
         assert!(text.starts_with("rmem.toml:2:11: expected a program"), "{text}");
         let computable =
             |rest: &str| complaint(&format!("[[computable]]\nname='a'\ncollection='a.b'\nspec='{{}}'\n{rest}"));
         let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{'\n");
-        assert!(text.starts_with("rmem.toml:4:8: this is no query"), "{text}");
+        assert!(text.starts_with("rmem.toml:4:8: expected a query"), "{text}");
         for (rest, words) in [
-            ("", "rmem.toml:2:6: a computable has one body"),
-            ("pipeline='[]'\ncommand=['x']", "rmem.toml:2:6: a computable has one body"),
-            ("pipeline='['", "rmem.toml:5:12: this is no pipeline"),
+            ("", "rmem.toml:2:6: expected one body"),
+            ("pipeline='[]'\ncommand=['x']", "rmem.toml:2:6: expected one body"),
+            ("pipeline='['", "rmem.toml:5:12: expected a pipeline"),
             ("command=[]", "rmem.toml:5:9: expected a program"),
-            ("builtin='tf'", "rmem.toml:5:9: there is no builtin `tf`; expected one of transform, nearest"),
-            ("builtin='nearest'\nframes='a.b'", "rmem.toml:6:8: `frames` means nothing"),
+            ("builtin='tf'", "rmem.toml:5:9: unknown builtin `tf`; expected one of transform, nearest"),
+            ("builtin='nearest'\nframes='a.b'", "rmem.toml:6:8: `frames` has no meaning"),
             ("builtin='transform'\nframes='a'", "rmem.toml:6:8: `a` is not a namespace"),
             (
                 "builtin='nearest'\n[[computable]]\nname='a'\ncollection='a.b'\nspec='{}'\nbuiltin='nearest'",
-                "rmem.toml:7:6: there are two computables `a`",
+                "rmem.toml:7:6: another computable has the name `a`",
             ),
         ] {
             let text = computable(rest);
@@ -253,11 +236,11 @@ mod tests {
         for (table, wanted) in [
             ("port = 0", "3:8: expected a port"),
             ("prot = 1", "3:1: unknown field `prot`"),
-            ("port = 1\nmembers = ['robot1']", "4:12: `robot1` is no member"),
+            ("port = 1\nmembers = ['robot1']", "4:12: expected a member as HOST:PORT"),
             ("port = 1\nmembers = ['a:1', 'a:1']", "4:19: `a:1` is given twice"),
             ("port = 1\nmembers = ['a:2', 'b:2']", "4:11: no member has the port 1"),
             ("port = 1\noplog_size = '5 apples'", "4:14: `5 apples` is not a size"),
-            ("port = 1\ncache_size = '1M'", "4:14: expected 256M at least"),
+            ("port = 1\ncache_size = '1M'", "4:14: expected at least 256M"),
             ("port = 1\nreplica_set = 'a/b'", "4:15: expected the name of a replica set"),
             ("port = 1\n[backend.shared]\npath = 'y'\nport = 1", "6:8: both backends have this port"),
         ] {

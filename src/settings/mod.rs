@@ -1,7 +1,7 @@
 //! Settings: defaults < `rmem.toml` < environment < flags, each value with its origin.
 //!
-//! [`Settings::resolve`] is the one place that layers them. Nothing is opened
-//! or contacted here but the settings file itself.
+//! [`Settings::resolve`] is the one place that layers them. It opens the settings file
+//! and nothing else.
 
 pub mod backend;
 mod computable;
@@ -12,28 +12,26 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
-use clap::ValueEnum as _;
-
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Definition;
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::store::Namespace;
+use anyhow::Context as _;
 use file::File;
 
 pub use flags::{Color, Flags};
 
-/// The namespace where none is given.
+/// The default namespace.
 const DEFAULT_COLLECTION: &str = "robmem.worldmodel";
 
 /// The environment variables of a process, as a value.
 pub type Environment = BTreeMap<String, String>;
 
-/// Where a value came from.
+/// The origin of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Origin {
-    /// Nobody said anything.
+    /// The built-in default.
     Default,
     /// A settings file, and the line in it.
     File(PathBuf, usize),
@@ -54,12 +52,12 @@ impl fmt::Display for Origin {
     }
 }
 
-/// A value that remembers where it came from.
+/// A value with its origin.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Setting<T> {
     /// The value.
     pub value: T,
-    /// Where it came from.
+    /// Its origin.
     pub origin: Origin,
 }
 
@@ -68,7 +66,7 @@ impl<T> Setting<T> {
         Self { value, origin: Origin::Default }
     }
 
-    /// A value that may be absent.
+    /// Returns a value that may be absent.
     fn of(setting: Option<Self>) -> Setting<Option<T>> {
         setting.map_or_else(|| Setting::default(None), |setting| setting.map(Some))
     }
@@ -77,7 +75,7 @@ impl<T> Setting<T> {
         Setting { value: change(self.value), origin: self.origin }
     }
 
-    /// Changes what a settings file says: relative to that file.
+    /// Changes a value of a settings file, e.g. to a path relative to that file.
     fn located(self, change: impl FnOnce(T) -> T) -> Self {
         match self.origin {
             Origin::File(..) => self.map(change),
@@ -87,7 +85,7 @@ impl<T> Setting<T> {
 }
 
 impl Setting<String> {
-    /// Reads the text; an error says where it came from.
+    /// Parses the text; an error names its origin.
     fn read<U, E>(self, read: impl FnOnce(&str) -> Result<U, E>) -> anyhow::Result<Setting<U>>
     where
         Result<U, E>: anyhow::Context<U, E>,
@@ -105,7 +103,7 @@ struct Layers<'a> {
 }
 
 impl Layers<'_> {
-    /// What the settings file says, or `variable` if it is set.
+    /// Returns the value of an environment variable, else that of the settings file.
     fn text(&self, in_file: &Option<toml::Spanned<String>>, variable: &'static str) -> Option<Setting<String>> {
         let environment = set(self.environment, variable)
             .map(|value| Setting { value: value.clone(), origin: Origin::Environment(variable) });
@@ -114,38 +112,38 @@ impl Layers<'_> {
         })
     }
 
-    /// Where a value stands in the settings file.
+    /// Returns the place of a value in the settings file.
     fn place<T>(&self, value: &toml::Spanned<T>) -> Origin {
         Origin::File(self.path.to_owned(), self.file.line(value.span()))
     }
 }
 
-/// The layer of the flags, above all others.
+/// Puts the value of a flag above the layers below it.
 fn flag<T>(below: Option<Setting<T>>, name: &'static str, given: Option<T>) -> Option<Setting<T>> {
     given.map(|value| Setting { value, origin: Origin::Flag(name) }).or(below)
 }
 
-/// The value of an environment variable; one that is empty is not set.
+/// Returns the value of an environment variable; an empty one counts as not set.
 fn set<'e>(environment: &'e Environment, name: &str) -> Option<&'e String> {
     environment.get(name).filter(|value| !value.is_empty())
 }
 
-/// Everything that is set before a command runs.
+/// The settings in force.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// The settings file in use.
     pub file: Option<PathBuf>,
-    /// URI of the local store; `None` where no data directory is known.
+    /// URI of the local store; `None` if no data directory is known.
     pub memory: Setting<Option<String>>,
     /// URI of the store of shared databases; `None` is the local one.
     pub shared: Setting<Option<String>>,
-    /// The databases that go to `shared`.
+    /// The databases in the store `shared`.
     pub shared_databases: Setting<Vec<String>>,
-    /// The namespace where none is given.
+    /// The default namespace.
     pub collection: Setting<Namespace>,
-    /// How documents are printed; `None` leaves it to the command.
+    /// The format of results; `None` means the default of the command.
     pub format: Setting<Option<Format>>,
-    /// How much is said.
+    /// How much is printed on stderr.
     pub verbosity: Verbosity,
     /// Whether stderr is coloured.
     pub color: bool,
@@ -153,9 +151,9 @@ pub struct Settings {
     pub log: Setting<Option<PathBuf>>,
     /// World files to load before the command.
     pub load: Vec<PathBuf>,
-    /// Planners by configuration.
+    /// The configured planners.
     pub planners: Vec<Configured>,
-    /// Computables by configuration.
+    /// The configured computables.
     pub computables: Vec<Definition>,
     /// The mongod processes of this robot.
     pub backends: Vec<backend::Backend>,
@@ -168,9 +166,9 @@ impl Settings {
     /// A settings file that is missing, unreadable or wrong, with its position;
     /// a variable or flag whose value is not acceptable.
     pub fn resolve(flags: &Flags, environment: &Environment, directory: &Path, terminal: bool) -> anyhow::Result<Self> {
-        let garbled = |(name, value): &(&String, &String)| name.starts_with("RMEM_") && value.contains('\u{fffd}');
-        if let Some((name, _)) = environment.iter().find(garbled) {
-            return Err(UsageError::new(format!("the environment variable {name} is not UTF-8")).into());
+        let is_invalid = |(name, value): &(&String, &String)| name.starts_with("RMEM_") && value.contains('\u{fffd}');
+        if let Some((name, _)) = environment.iter().find(is_invalid) {
+            return Err(UsageError::new(format!("the environment variable {name} is not valid UTF-8")).into());
         }
         let path = find_file(flags, environment, directory)?;
         let file = match &path {
@@ -193,7 +191,7 @@ impl Settings {
         let collection = flag(collection, "--collection", flags.collection.clone())
             .unwrap_or_else(|| Setting::default(DEFAULT_COLLECTION.to_owned()))
             .read(str::parse)?;
-        let format = below.text(&file.format, "RMEM_FORMAT").map(|name| name.read(parse_format)).transpose()?;
+        let format = below.text(&file.format, "RMEM_FORMAT").map(|name| name.read(str::parse)).transpose()?;
         let format = Setting::of(flag(format, "--format", flags.format));
         let log =
             below.text(&file.log, "RMEM_LOG").map(|path| path.map(PathBuf::from).located(|path| folder.join(path)));
@@ -234,14 +232,7 @@ fn names(names: &[toml::Spanned<String>]) -> Vec<String> {
     names.iter().map(|name| name.get_ref().clone()).collect()
 }
 
-fn parse_format(name: &str) -> Result<Format, UsageError> {
-    Format::from_str(name, false).map_err(|_| {
-        let known: Vec<_> = Format::value_variants().iter().map(|format| format.name()).collect();
-        UsageError::new(format!("unknown format `{name}`; expected one of {}", known.join(", ")))
-    })
-}
-
-/// A relative `file:` URI of a settings file is relative to that file's folder.
+/// Resolves a relative `file:` URI of a settings file against the folder of that file.
 fn relative_uri(folder: &Path, uri: &str) -> String {
     match uri.strip_prefix("file:") {
         Some(path) if !path.is_empty() => format!("file:{}", folder.join(path).display()),
@@ -249,7 +240,7 @@ fn relative_uri(folder: &Path, uri: &str) -> String {
     }
 }
 
-/// The embedded store in the user's data directory.
+/// Returns the URI of the embedded store in the user's data directory.
 fn default_memory(environment: &Environment) -> Option<String> {
     let set = |name: &str| set(environment, name);
     let data = set("XDG_DATA_HOME")
@@ -258,7 +249,7 @@ fn default_memory(environment: &Environment) -> Option<String> {
     Some(format!("file:{}", data.join("rmem/memory.rmem").display()))
 }
 
-/// The file that was named, else the nearest `rmem.toml` upwards, else the user's.
+/// Returns the settings file that was named, else the nearest `rmem.toml` upwards, else the user's.
 fn find_file(flags: &Flags, environment: &Environment, directory: &Path) -> anyhow::Result<Option<PathBuf>> {
     let set = |name: &str| set(environment, name);
     if let Some(path) = flags.config.clone().or_else(|| set("RMEM_CONFIG").map(PathBuf::from)) {

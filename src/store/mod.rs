@@ -9,6 +9,7 @@ pub mod embedded;
 #[cfg(feature = "mongodb")]
 pub mod mongodb;
 
+mod credentials;
 pub(crate) mod document;
 mod error;
 pub mod index;
@@ -18,6 +19,7 @@ mod request;
 pub mod uri;
 pub mod watch;
 
+pub use credentials::{masked, masked_excerpt};
 pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
 pub use error::StoreError;

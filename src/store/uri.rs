@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use super::credentials::{has_ports, hosts, masked};
 use super::{Embedded, Store, StoreError};
 
 /// The address of a store. Its `Display` (and `Debug`) shows no credentials.
@@ -148,45 +149,6 @@ fn open_server(uri: &StoreUri, _: &str, _: Role) -> Result<Box<dyn Store>, Store
     })
 }
 
-/// A text that may be a URI with credentials, without them and without options
-/// of a server: for messages about what cannot be parsed. What may be
-/// credentials lies before the last `@`.
-#[must_use]
-pub fn masked(text: &str) -> String {
-    let shown = match text.rfind('@') {
-        None => without_secret_port(text),
-        Some(at) => {
-            let before = text.get(..at).unwrap_or_default();
-            let start = match (before.find(':'), before.find("//")) {
-                (Some(colon), Some(slashes)) if slashes == colon + 1 => slashes + 2,
-                (Some(colon), Some(slashes)) if colon < slashes => colon + 1,
-                (_, Some(slashes)) => slashes + 2,
-                (Some(colon), None) => colon + 1,
-                (None, None) => 0,
-            };
-            format!("{}…{}", before.get(..start).unwrap_or_default(), text.get(at..).unwrap_or_default())
-        }
-    };
-    match shown.split_once('?') {
-        Some((front, _)) if shown.contains("mongodb") => format!("{front}?…"),
-        _ => shown,
-    }
-}
-
-/// A text without `@`, in which what stands where a port would, and is none, may be a password.
-fn without_secret_port(text: &str) -> String {
-    let Some((scheme, rest)) = text.split_once("//").filter(|_| text.contains("mongodb")) else {
-        return text.to_owned();
-    };
-    let hosts = hosts(rest);
-    match hosts.split_once(':') {
-        Some((host, _)) if !has_ports(hosts) => {
-            format!("{scheme}//{host}:…{}", rest.get(hosts.len()..).unwrap_or_default())
-        }
-        _ => text.to_owned(),
-    }
-}
-
 /// What to write instead of a text without a scheme.
 fn hint(text: &str) -> String {
     if text != text.trim() {
@@ -231,22 +193,6 @@ fn server(scheme: &str, rest: &str, text: &str) -> Result<StoreUri, UriError> {
         return Err(UriError::NoHost { scheme: scheme() });
     }
     Ok(StoreUri(Location::Server(text.to_owned())))
-}
-
-/// Whether every host has a number for a port, or none.
-fn has_ports(hosts: &str) -> bool {
-    let is_port = |port: &str| port.parse::<u16>().is_ok();
-    hosts.split(',').all(|host| match host.rsplit_once(':') {
-        // An IPv6 address in brackets has colons of its own.
-        Some((_, port)) if !host.ends_with(']') => is_port(port),
-        _ => true,
-    })
-}
-
-/// What lies between credentials and path or options.
-fn hosts(rest: &str) -> &str {
-    let behind = rest.rsplit_once('@').map_or(rest, |(_, behind)| behind);
-    behind.split(['/', '?']).next().unwrap_or_default()
 }
 
 impl fmt::Display for StoreUri {

@@ -104,20 +104,20 @@ fn what_is_wrong_with_a_question_or_an_answer_is_bad_input() {
 fn what_is_wrong_in_a_table_is_shown_at_its_place() {
     let second = |line: &str| format!("pipeline = '[]'\n[[computable]]\ncollection = 'a.b'\npipeline = '[]'\n{line}");
     for (rest, words) in [
-        ("command = ['true']\ntimeout = '0s'", "7:11: `0s` is no time at all"),
+        ("command = ['true']\ntimeout = '0s'", "7:11: expected a duration above zero, found `0s`"),
         ("command = ['true']\ntimeout = 'soon'", "7:11: `soon` is not a duration"),
-        ("command = ['true']\ncache = '0ms'", "7:9: `0ms` is no time at all"),
+        ("command = ['true']\ncache = '0ms'", "7:9: expected a duration above zero, found `0ms`"),
         ("command = ['true']\ntimeout = 3", "7:11: invalid type"),
-        ("builtin = 'nearest'\ntimeout = '1s'", "7:11: `timeout` means nothing"),
+        ("builtin = 'nearest'\ntimeout = '1s'", "7:11: `timeout` has no meaning"),
         ("builtin = 'nearest'\nposition = ''", "7:12: `` is no key"),
-        (r#"pipeline = "[{$nope: 1}]""#, "6:15: this is no pipeline of a computable: "),
-        (r#"pipeline = "[{$match: {a: 1}}, {$out: 'x'}]""#, "6:33: this is no pipeline of a computable: "),
-        ("pipeline = '''\n[{$match: {a: 1}},\n {$set: {a: {$nope: 1}}}]'''", "8:3: this is no pipeline"),
-        (r#"pipeline = "[{$set: {a: '$$nope'}}]""#, "this is no pipeline of a computable: "),
-        (r#"pipeline = "[{$match: {a: }}]""#, "6:27: this is no pipeline of a computable: "),
-        (r#"pipeline = "[{$match: {\"a\": }}]""#, "6:12: this is no pipeline of a computable: "),
-        (&second("name = ' '\nspec = '{}'"), "10:8: expected what messages call the computable"),
-        (&second("name = 'b'\nspec = '{a: {$nope: 1}}'"), "11:14: this is no query: "),
+        (r#"pipeline = "[{$nope: 1}]""#, "6:15: expected a pipeline: "),
+        (r#"pipeline = "[{$match: {a: 1}}, {$out: 'x'}]""#, "6:33: expected a pipeline: "),
+        ("pipeline = '''\n[{$match: {a: 1}},\n {$set: {a: {$nope: 1}}}]'''", "8:3: expected a pipeline"),
+        (r#"pipeline = "[{$set: {a: '$$nope'}}]""#, "expected a pipeline: "),
+        (r#"pipeline = "[{$match: {a: }}]""#, "6:27: expected a pipeline: "),
+        (r#"pipeline = "[{$match: {\"a\": }}]""#, "6:12: expected a pipeline: "),
+        (&second("name = ' '\nspec = '{}'"), "10:8: expected a name for the computable"),
+        (&second("name = 'b'\nspec = '{a: {$nope: 1}}'"), "11:14: expected a query: "),
     ] {
         let run = lab(rest).rmem(&args(&["computables"])).exits(3);
         assert!(run.stderr.contains("$LAB/robot/rmem.toml:"), "{run}");

@@ -92,9 +92,9 @@ fn update_changes_the_first_match_or_all() {
 }
 
 #[test]
-fn delete_removes_all_matches_and_drop_the_collection() {
+fn delete_removes_the_first_match_and_drop_the_collection() {
     let lab = lab();
-    assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}", "--one"]).success(), "1\n");
+    assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}"]).success(), "1\n");
     assert_eq!(lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'on-table'}"]).success(), "1\n");
     assert_eq!(lab.rmem(&["collections"]).success(), "robmem.worldmodel\n");
     lab.rmem(&["drop", "robmem.worldmodel"]).success();
@@ -126,4 +126,159 @@ fn loading_a_world_twice_changes_nothing() {
     let lab = Lab::new();
     let args = ["--load", "fixtures/blocksworld.json", "count", "robmem.worldmodel"];
     assert_eq!(lab.rmem(&args).success(), lab.rmem(&args).success());
+}
+
+#[test]
+fn update_and_delete_change_one_document_and_say_how_many_more_match() {
+    let lab = lab();
+    let update = ["update", "robmem.worldmodel", "{relation: 'on-table'}", "{$set: {seen: true}}"];
+    insta::assert_snapshot!(lab.rmem(&update), @r#"
+    {"matched":1,"modified":1}
+    ------- stderr -------
+    1 of 2 that match; --many for all
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&[&update[..], &["--many"]].concat()), @r#"
+    {"matched":2,"modified":1}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let delete = ["delete", "robmem.worldmodel", "{relation: 'on-table'}"];
+    insta::assert_snapshot!(lab.rmem(&delete), @r#"
+    1
+    ------- stderr -------
+    1 of 2 that match; --many for all
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&delete), @r#"
+    1
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["delete", "robmem.worldmodel"]), @r#"
+    ------- stderr -------
+    error: an empty query matches every document of robmem.worldmodel; expected a query, or --all
+    [exit code: 2]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["delete", "robmem.worldmodel", "--all"]), @r#"
+    1
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["count", "robmem.worldmodel"]), @r#"
+    0
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn a_whole_document_replaces_another_only_with_replace() {
+    let lab = lab();
+    let update = ["update", "robmem.worldmodel", "{_id: 1}", "{object: 'Z'}"];
+    insta::assert_snapshot!(lab.rmem(&update), @r#"
+    ------- stderr -------
+    error: <update>:1:1: expected update operators, found a whole document
+      |
+    1 | {object: 'Z'}
+      | ^^^^^^^^^^^^^
+      = hint: write {$set: {…}} to change fields, or --replace to replace the document as a whole
+    [exit code: 3]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&[&update[..], &["--replace"]].concat()), @r#"
+    {"matched":1,"modified":1}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodel", "{_id: 1}"]), @r#"
+    {"_id":1,"object":"Z"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["update", "robmem.worldmodel", "{_id: 1}", "{$set: {a: 1}}", "--replace"]), @r#"
+    ------- stderr -------
+    error: <update>:1:1: expected a whole document for --replace
+      |
+    1 | {$set: {a: 1}}
+      | ^^^^^^^^^^^^^^
+      = hint: leave --replace out for operators and pipelines
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn a_missing_collection_is_named_with_the_nearest() {
+    let lab = lab();
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodl"]), @r#"
+    ------- stderr -------
+    warning: no collection robmem.worldmodl; did you mean robmem.worldmodel?
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodel", "{relation: 'none'}"]), @r#"
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["count", "robmem.other", "--strict"]), @r#"
+    ------- stderr -------
+    error: no collection robmem.other; `rmem collections` lists those there are
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn each_format_is_what_it_is_called_or_refused() {
+    let lab = lab();
+    let query = ["query", "robmem.worldmodel", "{relation: 'on-table'}", "--format"];
+    insta::assert_snapshot!(lab.rmem(&[&query[..], &["csv"]].concat()), @r#"
+    _id,relation,object,n
+    1,on-table,A,3
+    2,on-table,C,4
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&[&query[..], &["tsv"]].concat()), @r#"
+    _id	relation	object	n
+    1	on-table	A	3
+    2	on-table	C	4
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["query", "robmem.worldmodel", "--format", "table"]), @r#"
+    on-table (2)
+    _id  relation  object  n
+    1    on-table  A       3
+    2    on-table  C       4
+
+    on (1)
+    _id  relation  object_top  object_bottom  n
+    3    on        D           A              1.5
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&[&query[..], &["dot"]].concat()), @r#"
+    ------- stderr -------
+    error: invalid value 'dot' for '--format <FORMAT>'
+      [possible values: jsonl, json, canonical, table, csv, tsv]
+
+    For more information, try '--help'.
+    [exit code: 2]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["--format", "dot", "query", "robmem.worldmodel"]), @r#"
+    ------- stderr -------
+    error: `rmem query` has no format `dot`; it has jsonl, json, canonical, table, csv, tsv
+    [exit code: 2]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["--format", "json", "completions", "bash"]), @r#"
+    ------- stderr -------
+    error: `rmem completions` has no format `json`; it has none
+    [exit code: 2]
+    "#);
+    insta::assert_snapshot!(lab.rmem(&["distinct", "robmem.worldmodel", "relation", "--format", "json"]), @r#"
+    [
+      "on",
+      "on-table"
+    ]
+    ------- stderr -------
+    [exit code: 0]
+    "#);
 }

@@ -82,7 +82,7 @@ fn an_executive_ends_with_the_code_of_the_planning_that_failed() {
         let run = run(
             &lab,
             executive,
-            "rmem delete robmem.worldmodel \"{\\$or: [{object: 'A'}, {object_bottom: 'A'}]}\" >/dev/null; exit 1",
+            "rmem delete robmem.worldmodel \"{\\$or: [{object: 'A'}, {object_bottom: 'A'}]}\" --many >/dev/null; exit 1",
         );
         assert_eq!(run.code, 3, "{run}");
     }

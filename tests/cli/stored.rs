@@ -59,7 +59,7 @@ fn what_should_not_be_true_is_named_with_its_document() {
 fn a_plan_whose_objects_are_gone_does_not_hold() {
     let lab = Lab::new();
     plan(&lab, &["-q"]).success();
-    lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}"]).success();
+    lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}", "--many"]).success();
     let run = lab.rmem(&["plan", "check", "last"]).exits(1);
     assert!(run.stdout.contains("cannot be instantiated any more") && run.stdout.contains("C"), "{run}");
 }
@@ -408,7 +408,7 @@ fn a_watch_waits_for_a_world_in_which_there_is_a_plan() {
     lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
     let mut watcher = Watcher::new(&lab);
     watcher.plan();
-    lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}"]).success();
+    lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}", "--many"]).success();
     watcher.said_until("no plan: ");
     lab.rmem(&[
         "insert",

@@ -87,8 +87,8 @@ fn every_change_is_delivered_in_order_with_what_was_before_and_after() {
     lab.rmem(&["insert", "a.b", "{_id: 1, n: 1}", "{_id: 2, n: 1}"]).success();
     lab.rmem(&["insert", "a.other", "{_id: 1}"]).success();
     lab.rmem(&["update", "a.b", "{}", "{$inc: {n: 1}}", "--many"]).success();
-    lab.rmem(&["update", "a.b", "{_id: 1}", "{m: 1}"]).success();
-    lab.rmem(&["update", "a.b", "{_id: 1}", "{m: 1}"]).success();
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{m: 1}", "--replace"]).success();
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{m: 1}", "--replace"]).success();
     lab.rmem(&["update", "a.b", "{_id: 3}", "{$set: {n: 7}}", "--upsert"]).success();
     lab.rmem(&["delete", "a.b", "{_id: 2}"]).success();
     lab.rmem(&["drop", "a.b"]).success();
@@ -371,7 +371,7 @@ fn a_reader_that_goes_away_ends_it_quietly() {
 fn what_cannot_be_watched_is_refused_with_the_reason() {
     let lab = Lab::new();
     let refused = lab.rmem(&["watch", "a.b", "--memory", "mem:"]).exits(2);
-    assert!(refused.stderr.contains("nobody else can change a memory in this process"), "{refused}");
+    assert!(refused.stderr.contains("no other process can change a memory in this process"), "{refused}");
     let wrong = lab.rmem(&["watch", "a.b", "{n: {$nope: 1}}", "--timeout", "10ms"]).exits(3);
     assert!(wrong.stderr.contains("<query>:1:6"), "{wrong}");
     lab.rmem(&["watch", "a.b", "--count", "0"]).exits(2);

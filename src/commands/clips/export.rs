@@ -14,34 +14,40 @@ use crate::formats::clips::{Fact, is_symbol, write_fact, write_operand, write_re
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::store::{Find, Namespace};
 
-/// Write documents as facts
+/// What stands below the help of `clips export`.
+const HELP: &str = "\
+Examples:
+  rmem clips export robmem.worldmodel \"{relation: 'on'}\" > facts.txt
+  rmem clips export --deftemplates templates.clp --as deffacts world -o world.clp
+
+Forms: facts is for (load-facts), deffacts NAME for (load), assert for (batch).";
+
+/// Write documents as CLIPS facts
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem clips export robmem.worldmodel \"{relation: 'on'}\" > facts.txt\n  rmem clips export --deftemplates templates.clp --as deffacts world -o world.clp"
-)]
+#[command(after_help = HELP)]
 pub struct ExportArgs {
-    /// Where the documents are: DATABASE.COLLECTION; else --collection
+    /// Collection, as DATABASE.COLLECTION (default: --collection)
     #[arg(value_name = "NS")]
     pub namespace: Option<String>,
-    /// Which documents; all where it is left out
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY")]
     pub query: Option<String>,
-    /// Documents from a file instead of the memory; - is stdin
+    /// Read documents from a file instead of the memory; - is stdin
     #[arg(long, value_name = "FILE", conflicts_with = "namespace")]
     pub from: Option<PathBuf>,
-    /// Texts with deftemplates, which decide types (can be repeated)
+    /// File with deftemplates, which decide the types of slots (can be repeated)
     #[arg(long, value_name = "FILE")]
     pub deftemplates: Vec<PathBuf>,
-    /// facts, for (load-facts); deffacts NAME, for (load); assert
+    /// Form of the facts: facts, deffacts NAME, or assert (default: facts)
     #[arg(long = "as", value_name = "FORM", num_args = 1..=2, default_value = "facts", hide_default_value = true)]
     pub form: Vec<String>,
-    /// What becomes of nested documents and the like: refuse, flatten, json
+    /// Treatment of nested documents: refuse, flatten (join keys with _), json (write a string)
     #[arg(long, value_name = "HOW", default_value = "refuse", hide_possible_values = true)]
     pub nested: NestedValues,
-    /// Every template has to be known
+    /// Fail if a document has no deftemplate
     #[arg(long)]
     pub strict: bool,
-    /// The file to write, whole or not at all
+    /// File to write; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
 }
@@ -60,7 +66,7 @@ pub enum NestedValues {
 
 pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     let (form, arguments) = Form::of(args)?;
-    let schema = schema(&args.deftemplates, context)?;
+    let schema = schema::read(&args.deftemplates, context)?;
     let nested = match args.nested {
         NestedValues::Refuse => Nested::Refuse,
         NestedValues::Flatten => Nested::Flatten,

@@ -3,35 +3,41 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use bson::doc;
 use clap::Args;
 
 use super::schema;
 use crate::clips::facts::{Found, Importer, KeyError, Schema, give_ids};
-use crate::commands::{Context, WrongInput};
+use crate::commands::{Context, WrongInput, formats};
 use crate::exit::Exit;
 use crate::formats::clips::{Item, Reader};
 use crate::formats::{Diagnostic, Source};
 use crate::store::Namespace;
 
-/// Store facts as documents, all or none
+/// What stands below the help of `clips import`.
+const HELP: &str = "\
+Example:
+  rmem clips import facts.txt --into robmem.worldmodel --deftemplates templates.clp --key sync-id
+
+Reads facts as (save-facts) and (facts) print them, deffacts, and the facts in programs.";
+
+/// Store CLIPS facts as documents, all or none
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  rmem clips import facts.txt --into robmem.worldmodel --deftemplates templates.clp --key sync-id"
-)]
+#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct ImportArgs {
-    /// Facts, deffacts, or a program; - or nothing is stdin
+    /// File with facts, deffacts or a program (default: -, which is stdin)
     #[arg(value_name = "FILE", default_value = "-", hide_default_value = true)]
     pub file: PathBuf,
-    /// Where the documents go; else --collection
+    /// Collection to store into (default: --collection)
     #[arg(long, value_name = "NS")]
     pub into: Option<Namespace>,
-    /// Texts with deftemplates, which are checked and give defaults (can be repeated)
+    /// File with deftemplates, which check facts and give defaults (can be repeated)
     #[arg(long, value_name = "FILE")]
     pub deftemplates: Vec<PathBuf>,
-    /// A slot that tells facts apart: a fact replaces the document with the same value
+    /// Slot that identifies facts: a fact replaces the document with the same value
     #[arg(long, value_name = "SLOT")]
     pub key: Option<String>,
-    /// Every template has to be known
+    /// Fail if a fact has no deftemplate
     #[arg(long)]
     pub strict: bool,
 }
@@ -40,7 +46,7 @@ pub struct ImportArgs {
 const NAMES: usize = 10;
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let schema = schema(&args.deftemplates, context)?;
+    let schema = schema::read(&args.deftemplates, context)?;
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
     let (mut found, skipped) = documents(&source, schema, args)?;
@@ -49,8 +55,10 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Resul
         give_ids(key, &source, &mut found, &memory, &namespace).map_err(refused)?;
     }
     let put = memory.put(&namespace, found.into_iter().map(|(_, document)| document).collect())?;
-    let line = format!("{{\"inserted\":{},\"replaced\":{},\"unchanged\":{}}}", put.inserted, put.replaced, put.same);
-    context.output.line(&line)?;
+    let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let result =
+        doc! { "inserted": count(put.inserted), "replaced": count(put.replaced), "unchanged": count(put.same) };
+    context.print_result(result)?;
     tell(&skipped, context);
     Ok(Exit::Done)
 }

@@ -3,23 +3,25 @@
 mod export;
 mod import;
 mod run;
-
-use std::path::PathBuf;
+mod schema;
 
 use clap::{Args, Subcommand};
 
 use super::Context;
-use crate::clips::facts::Schema;
 use crate::exit::Exit;
-use crate::formats::clips::{Item, Reader};
 
-/// Turn documents into CLIPS facts, and facts into documents
+/// What stands below the help of `clips`.
+const HELP: &str = "\
+Examples:
+  rmem clips export robmem.worldmodel --as deffacts world -o world.clp
+  rmem clips import facts.txt --into robmem.worldmodel
+  rmem clips run agent.clp";
+
+/// Convert documents to and from CLIPS facts, and run CLIPS programs
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  rmem clips export robmem.worldmodel \"{relation: 'on'}\" --as deffacts world -o world.clp\n  rmem clips import facts.txt --into robmem.worldmodel"
-)]
+#[command(after_help = HELP)]
 pub struct ClipsArgs {
-    /// Which way.
+    /// What to do.
     #[command(subcommand)]
     pub command: ClipsCommand,
 }
@@ -38,18 +40,4 @@ pub(super) fn run(args: &ClipsArgs, context: &mut Context<'_>) -> anyhow::Result
         ClipsCommand::Import(args) => import::run(args, context),
         ClipsCommand::Run(args) => run::run(args, context),
     }
-}
-
-/// The templates of files; facts in them are not looked at.
-fn schema(paths: &[PathBuf], context: &mut Context<'_>) -> anyhow::Result<Schema> {
-    let mut schema = Schema::default();
-    for path in paths {
-        let source = context.read(path)?;
-        for item in Reader::of_templates(&source) {
-            if let Item::Template(template) = item? {
-                schema.add(template);
-            }
-        }
-    }
-    Ok(schema)
 }

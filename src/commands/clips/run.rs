@@ -19,18 +19,19 @@ Examples:
   rmem clips run agent.clp
   rmem clips run templates.clp agent.clp --facts world.txt --timeout 10m --sync
 
-Loads the programs, resets, asserts the facts of --facts, and fires rules until none can fire. A program
-that follows triggers or the shared world model goes on, until it says (exit) or (halt), --timeout is
-over, or somebody interrupts. What it prints is stdout.
+Loads the programs, resets, asserts the facts of --facts, and fires rules until no rule can fire. A program with \
+triggers or a synchronized world model then waits for changes, until (exit), (halt), --timeout or an interrupt. \
+Its output goes to stdout.
 
-Ends with 0; with the code of (exit CODE); with 1 where an error halted it; with 3 where something does not
-load; with 23 where --timeout is over and rules still fire; with 130 where it is interrupted.
+Exits with 0; with CODE of (exit CODE); with 1 after an error that halted the program; with 3 if a file does not \
+load; with 23 if --timeout is over while rules fire; with 130 after an interrupt.
 
-NS is DATABASE.COLLECTION; DOC is a document (an external address) or its text. Errors at any time are
-said on stderr and the function gives FALSE; wrong arguments and destroyed documents halt the program.
+Functions: NS is DATABASE.COLLECTION, DOC is a document (an external address) or its text. If an operation fails, \
+the error is printed on stderr and the function returns FALSE; wrong arguments and destroyed documents halt the \
+program.
 
   (rm-insert NS DOC) (rm-query NS [DOC [SORT]]) (rm-query-sort NS DOC SORT) (rm-count NS [DOC])
-  (rm-update NS DOC QUERY) sets the fields, or does what operators say, on the first match
+  (rm-update NS DOC QUERY) sets the fields of the first match, or applies operators to it
   (rm-replace NS DOC QUERY) (rm-upsert NS DOC QUERY) (rm-delete NS QUERY), also called rm-remove
   (rm-create-index NS KEYS) (rm-create-unique-index NS KEYS)
   (rm-cursor-next C), a document or FALSE, (rm-cursor-more C) (rm-cursor-destroy C)
@@ -45,7 +46,7 @@ said on stderr and the function gives FALSE; wrong arguments and destroyed docum
   (rm-dump NS PATH) (rm-restore PATH [NS])
   (synced-assert \"(template (slot value) …)\") (synced-modify FACT SLOT VALUE …) (synced-retract FACT)
   (synced-add-to-multifield FACT SLOT VALUE) (synced-remove-from-multifield FACT SLOT VALUE)
-     keep a world model with all who use --sync's namespace, by the slot sync-id
+     keep a world model with all programs that use the namespace of --sync, by the slot sync-id
 
 As in Fawkes: robmem-insert robmem-query robmem-query-sort robmem-count robmem-update robmem-replace
 robmem-upsert robmem-remove robmem-create-index robmem-create-unique-index robmem-cursor-next
@@ -57,28 +58,28 @@ bson-create bson-parse bson-destroy bson-tostring bson-append bson-append-array 
 bson-append-regex bson-array-start bson-array-append bson-array-finish bson-field-names bson-has-field
 bson-get bson-get-array bson-get-time";
 
-/// Run programs of CLIPS with the memory's functions inside
+/// Run CLIPS programs with functions for the memory
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub struct RunArgs {
-    /// Programs: constructs, loaded in this order; - is stdin
+    /// Files with constructs, loaded in this order; - is stdin
     #[arg(value_name = "PROGRAM", required = true)]
     pub programs: Vec<PathBuf>,
-    /// Facts to assert after the reset, as (save-facts) writes them (can be repeated)
+    /// File with facts to assert after the reset, as (save-facts) writes them (can be repeated)
     #[arg(long, value_name = "FILE")]
     pub facts: Vec<PathBuf>,
     /// Fire at most N rules
     #[arg(long, value_name = "N")]
     pub cycles: Option<u64>,
-    /// End after so long
+    /// Exit after this time
     #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
     pub timeout: Option<Duration>,
-    /// Keep the shared world model of NS from the start, and not only once the program changes it
+    /// Synchronize the world model of NS from the start, not from the first change of the program
     #[arg(long, value_name = "NS", num_args = 0..=1, default_missing_value = WORLD, require_equals = true)]
     pub sync: Option<Namespace>,
 }
 
-/// The shared world model where none is named, as in Fawkes.
+/// The default namespace of the synchronized world model, as in Fawkes.
 const WORLD: &str = "syncedrobmem.clipswm";
 
 #[cfg(all(test, feature = "clips-engine"))]

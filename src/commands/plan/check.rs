@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::stored::{self, StoredArgs};
-use crate::commands::Context;
+use crate::commands::{Context, formats};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
@@ -20,6 +20,7 @@ problem is generated again from the domain, the template, the goal and the param
 kept with the plan; steps that are done are not simulated. The plan of a problem that was a\n\
 file says nothing about the memory: give the present problem with --problem."
 )]
+#[command(arg = formats::argument(&formats::TEXT))]
 pub struct CheckArgs {
     /// The plan.
     #[command(flatten)]

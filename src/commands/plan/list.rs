@@ -3,7 +3,7 @@
 use bson::{Bson, Document};
 use clap::Args;
 
-use crate::commands::Context;
+use crate::commands::{Context, formats};
 use crate::exit::Exit;
 use crate::plan::{Record, Repository, Status};
 use crate::problem::names;
@@ -12,6 +12,7 @@ use crate::store::{Namespace, metadata};
 /// List the stored plans, newest first
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem plan list --limit 5")]
+#[command(arg = formats::argument(&formats::DOCUMENTS))]
 pub struct ListArgs {
     /// Collection of the plans
     #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]

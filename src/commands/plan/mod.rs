@@ -20,9 +20,12 @@ use clap::{ArgMatches, Args, Command, Error, FromArgMatches, Subcommand};
 #[cfg(feature = "clips-engine")]
 pub(super) use find::registry;
 
-use super::Context;
+use super::{Context, formats};
 use crate::exit::Exit;
 use search::SearchArgs;
+
+/// The first line of the help of `plan`.
+const ABOUT: &str = "Find a plan, validate it, store it and print it";
 
 /// What stands below the help of `plan`.
 const HELP: &str = "\
@@ -49,8 +52,8 @@ pub enum PlanArgs {
 // Written by hand, because a derived enum would need a subcommand for the search.
 impl Args for PlanArgs {
     fn augment_args(command: Command) -> Command {
-        let command = SearchArgs::augment_args(command).after_help(HELP);
-        PlanCommand::augment_subcommands(command).subcommand_negates_reqs(true)
+        let command = SearchArgs::augment_args(command).after_help(HELP).arg(formats::argument(&formats::PLAN));
+        PlanCommand::augment_subcommands(command).subcommand_negates_reqs(true).about(ABOUT)
     }
 
     fn augment_args_for_update(command: Command) -> Command {

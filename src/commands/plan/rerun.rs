@@ -7,7 +7,7 @@ use clap::Args;
 use super::find::{choose, find};
 use super::source::SectionCounts;
 use super::stored::{self, StoredArgs};
-use crate::commands::Context;
+use crate::commands::{Context, formats};
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::plan::Record;
@@ -16,6 +16,7 @@ use crate::planning::{PlanRequest, PlanningError, SearchOptions};
 /// Plan again for the task of a stored plan, from the memory as it is now
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  rmem plan rerun last\n  rmem plan rerun last --timeout 5s")]
+#[command(arg = formats::argument(&formats::PLAN))]
 pub struct RerunArgs {
     /// The plan.
     #[command(flatten)]

@@ -8,7 +8,7 @@ use bson::Bson;
 use clap::Args;
 
 use super::stored::{self, StoredArgs};
-use crate::commands::{Context, WrongInput, error};
+use crate::commands::{Context, WrongInput, error, formats};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
@@ -16,9 +16,7 @@ use crate::plan::{self, PrintedPlan, Record, Status, Stored};
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
 
-/// The formats a plan is printed in; the first is the usual one.
-pub(super) const FORMATS: [Format; 7] =
-    [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
+pub(super) use formats::PLAN as FORMATS;
 
 /// Print a stored plan
 #[derive(Debug, Args)]
@@ -27,6 +25,7 @@ pub(super) const FORMATS: [Format; 7] =
 Formats: text (as in planning competitions), json (outcome, cost and steps for an executive),\n\
 document (as it is stored), dot, svg, clips, ff."
 )]
+#[command(arg = formats::argument(&formats::PLAN))]
 pub struct ShowArgs {
     /// The plan.
     #[command(flatten)]

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use bson::Document;
 
-use super::WatchArgs;
 use crate::clips::facts;
 use crate::commands::{Context, WrongInput};
 use crate::formats::clips::{write_fact, write_value};
@@ -23,12 +22,14 @@ const SLICE: Duration = Duration::from_millis(100);
 
 /// How changes are delivered.
 pub(super) struct Delivery<'a> {
-    namespace: &'a Namespace,
-    name: Option<&'a str>,
-    exec: Option<&'a str>,
+    pub(super) namespace: &'a Namespace,
+    /// The name of `--resume`.
+    pub(super) name: Option<&'a str>,
+    /// The command of `--exec`.
+    pub(super) exec: Option<&'a str>,
     /// When the watch is over, and a running command is ended.
     pub(super) deadline: Option<Instant>,
-    format: Format,
+    pub(super) format: Format,
 }
 
 /// How a delivery went.
@@ -42,13 +43,6 @@ pub(super) enum Delivered {
 }
 
 impl<'a> Delivery<'a> {
-    pub(super) fn new(args: &'a WatchArgs, namespace: &'a Namespace, context: &Context<'_>) -> anyhow::Result<Self> {
-        let format = context.format(&[Format::Jsonl, Format::Canonical, Format::Clips])?;
-        let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
-        let (name, exec) = (args.resume.as_deref(), args.exec.as_deref());
-        Ok(Self { namespace, name, exec, deadline, format })
-    }
-
     /// Delivers one change, and tells how long that took.
     pub(super) fn deliver(
         &self,
@@ -94,6 +88,7 @@ impl<'a> Delivery<'a> {
                     text.push('\n');
                 }
             }
+            Format::Json => text = shell::pretty(&event.clone().into()) + "\n",
             Format::Canonical => text = shell::canonical(event) + "\n",
             _ => text = shell::relaxed(event) + "\n",
         }

@@ -8,6 +8,7 @@ use mongodb::options::{Acknowledgment, ClientOptions, ReadPreference, SelectionC
 use mongodb::sync::{Client, Collection};
 
 use super::{MongoDb, failure};
+use crate::store::credentials;
 use crate::store::uri::Role;
 use crate::store::{Namespace, StoreError};
 
@@ -117,8 +118,7 @@ fn without_credentials(uri: &str) -> Option<String> {
     if scheme != "mongodb" || rest.to_ascii_lowercase().contains("password") || rest.contains("authMechanism") {
         return None;
     }
-    let hosts = rest.rsplit_once('@').map_or(rest, |(_, hosts)| hosts);
-    Some(format!("{scheme}://{hosts}"))
+    Some(credentials::removed(uri))
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>)
         host: Host { interrupted: guard.interrupted(), ..context.host() },
     };
     let (opening, worlds) = (context.opening(), worlds(context)?);
-    let is_observed = context.output.observer().is_some();
+    let is_observed = context.observer().is_some();
     let open = move |sender: &Sender| {
         let memory = opening.open(is_observed.then(|| sender.observer()))?;
         for world in &worlds {
@@ -69,13 +69,13 @@ fn listen(said: Message, context: &mut Context<'_>) -> anyhow::Result<()> {
         Message::Note(text) => context.output.note(&text),
         Message::Warning(text) => context.output.warn(&text),
         Message::Operation(operation) => {
-            if let Some(observer) = context.output.observer() {
+            if let Some(observer) = context.observer() {
                 observer(&operation);
             }
         }
         Message::Pause => {
             context.output.flush()?;
-            context.output.tell_operations();
+            context.report_operations();
         }
         Message::Read(answer) => {
             context.output.flush()?;

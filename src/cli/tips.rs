@@ -1,0 +1,56 @@
+//! Commands that a word of another tool stands for.
+
+use clap::Error;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+/// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
+const TIPS: [(&[&str], &str); 14] = [
+    (&["find", "get", "select", "search", "findone"], "'rmem query NS [QUERY]' prints documents"),
+    (&["export", "save", "write"], "'rmem dump' writes collections, 'rmem clips export' writes CLIPS facts"),
+    (
+        &["import", "load"],
+        "'rmem restore' reads dumps and world files, 'rmem insert --file' documents, 'rmem clips import' CLIPS facts, and 'rmem import-problem' PDDL problems",
+    ),
+    (&["remove", "rm", "del", "deleteone", "deletemany"], "'rmem delete NS QUERY' removes documents"),
+    (
+        &["replace", "upsert", "set", "updateone", "updatemany"],
+        "'rmem update NS QUERY UPDATE [--replace] [--upsert]' changes documents",
+    ),
+    (&["add", "put", "store", "create", "insertone", "insertmany"], "'rmem insert NS DOC' stores documents"),
+    (&["ls", "list", "show", "tables", "databases"], "'rmem collections' lists collections, 'rmem plan list' plans"),
+    (&["solve", "search-plan", "planner"], "'rmem plan' finds a plan"),
+    (&["generate", "render", "problem", "template"], "'rmem gen-problem' generates a PDDL problem"),
+    (&["check", "val", "simulate", "parse"], "'rmem validate' checks PDDL files and plans"),
+    (&["listen", "subscribe", "tail", "trigger", "monitor"], "'rmem watch NS [QUERY]' prints changes as they happen"),
+    (&["createindex", "ensureindex", "indexes", "getindexes"], "'rmem index NS [KEYS]' creates and lists indexes"),
+    (&["group", "pipeline"], "'rmem aggregate NS PIPELINE' runs a pipeline"),
+    (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),
+];
+
+/// Adds a tip to the error for an unknown command.
+pub(super) fn with_tip(mut error: Error) -> Error {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return error };
+    let word = word.to_ascii_lowercase();
+    let tip = TIPS.iter().find(|(words, _)| words.contains(&word.as_str()));
+    if let (ErrorKind::InvalidSubcommand, Some((_, tip))) = (error.kind(), tip) {
+        error.remove(ContextKind::SuggestedSubcommand);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![(*tip).into()]));
+    }
+    error
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tip_names_commands_and_is_given_for_no_command() {
+        let command = crate::cli::command();
+        for (words, tip) in TIPS {
+            assert!(words.iter().all(|word| command.find_subcommand(word).is_none()), "{words:?}");
+            for name in tip.split("'rmem ").skip(1).map(|rest| rest.split([' ', '\'']).next().unwrap_or_default()) {
+                assert!(command.find_subcommand(name).is_some(), "{name}");
+            }
+        }
+    }
+}

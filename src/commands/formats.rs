@@ -1,0 +1,54 @@
+//! The formats of commands: `--format` with a list of its own in each help.
+
+use clap::Arg;
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+
+use crate::output::Format;
+
+/// The formats of documents.
+pub(crate) const DOCUMENTS: [Format; 6] =
+    [Format::Jsonl, Format::Json, Format::Canonical, Format::Table, Format::Csv, Format::Tsv];
+/// The formats of values, such as ids.
+pub(super) const VALUES: [Format; 3] = [Format::Jsonl, Format::Json, Format::Canonical];
+/// The formats of the one document that is the result of a command.
+pub(super) const RESULT: [Format; 2] = [Format::Jsonl, Format::Json];
+/// The formats of lines for people.
+pub(crate) const TEXT: [Format; 2] = [Format::Text, Format::Json];
+/// The formats of plans.
+pub(crate) const PLAN: [Format; 7] =
+    [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
+
+/// The id of the argument on the command line.
+pub(crate) const ID: &str = "format";
+
+/// Returns the `--format` of a command that prints these formats; the first is the default.
+pub(crate) fn argument(formats: &[Format]) -> Arg {
+    let names: Vec<&'static str> = formats.iter().map(|format| format.name()).collect();
+    let default = match formats.contains(&Format::Table) {
+        true => format!("table on a terminal, else {}", names[0]),
+        false => names[0].to_owned(),
+    };
+    let help = format!("Output format: {} (default: {default}) [env: RMEM_FORMAT]", names.join(", "));
+    let known = formats.to_vec();
+    let parser = PossibleValuesParser::new(names).try_map(move |name| {
+        let format = known.iter().find(|format| format.name() == name);
+        format.copied().ok_or_else(|| format!("unknown format `{name}`"))
+    });
+    global().help(help).value_parser(parser)
+}
+
+/// Returns the hidden `--format` of a command that has none.
+pub(crate) fn none() -> Arg {
+    global().hide(true).value_parser(clap::value_parser!(Format))
+}
+
+fn global() -> Arg {
+    // Below `--load`, as in the help of rmem itself.
+    Arg::new(ID)
+        .display_order(4)
+        .long(ID)
+        .value_name("FORMAT")
+        .global(true)
+        .hide_possible_values(true)
+        .help_heading("Global options")
+}

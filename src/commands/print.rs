@@ -1,0 +1,147 @@
+//! Printing results in the format in force.
+
+use std::io::Write;
+
+use bson::{Bson, Document};
+
+use super::{Context, UsageError, formats, table};
+use crate::formats::shell;
+use crate::output::Format;
+use crate::settings::Origin;
+
+impl Context<'_> {
+    /// Returns the format in force: that of the settings, else a table on a terminal, else the first of `allowed`.
+    ///
+    /// # Errors
+    /// Where `--format` names one that this command does not have.
+    pub fn format(&self, allowed: &[Format]) -> Result<Format, UsageError> {
+        let Some(format) = self.settings.format.value else {
+            let table = self.terminal && allowed.contains(&Format::Table);
+            return Ok(if table { Format::Table } else { allowed[0] });
+        };
+        if allowed.contains(&format) {
+            return Ok(format);
+        }
+        if !matches!(self.settings.format.origin, Origin::Flag(_)) {
+            // A format of the environment or of rmem.toml is for the commands that have it.
+            return Ok(allowed[0]);
+        }
+        let names: Vec<_> = allowed.iter().map(|format| format.name()).collect();
+        Err(UsageError::new(format!("this command has no format `{}`; it has {}", format.name(), names.join(", "))))
+    }
+
+    /// Prints documents as they come; returns how many.
+    ///
+    /// # Errors
+    /// Where a document cannot be had or stdout fails.
+    pub fn print_documents(
+        &mut self,
+        documents: impl Iterator<Item = anyhow::Result<Document>>,
+    ) -> anyhow::Result<u64> {
+        let format = self.format(&formats::DOCUMENTS)?;
+        let columns = self.columns;
+        let stdout = self.output.stdout();
+        match format {
+            Format::Table => return print_table(documents, columns, stdout),
+            // The keys of all documents are in the first line.
+            Format::Csv | Format::Tsv => {
+                let rows = documents.collect::<anyhow::Result<Vec<_>>>()?;
+                table::separated(&rows, if format == Format::Csv { ',' } else { '\t' }, stdout)?;
+                return Ok(rows.len() as u64);
+            }
+            _ => {}
+        }
+        let mut count = 0;
+        for document in documents {
+            let document = match document {
+                Err(error) if format == Format::Json && count > 0 => {
+                    writeln!(stdout)?;
+                    return Err(error);
+                }
+                document => document?,
+            };
+            match format {
+                Format::Canonical => writeln!(stdout, "{}", shell::canonical(&document))?,
+                Format::Json => write_element(&document.into(), count == 0, stdout)?,
+                _ => writeln!(stdout, "{}", shell::relaxed(&document))?,
+            }
+            count += 1;
+        }
+        if format == Format::Json {
+            writeln!(stdout, "{}", if count == 0 { "[]" } else { "\n]" })?;
+        }
+        Ok(count)
+    }
+
+    /// Prints values, one a line or as one array.
+    ///
+    /// # Errors
+    /// Where stdout fails.
+    pub fn print_values(&mut self, values: Vec<Bson>) -> anyhow::Result<()> {
+        match self.format(&formats::VALUES)? {
+            Format::Json => self.output.line(&shell::pretty(&Bson::Array(values)))?,
+            Format::Canonical => {
+                values.iter().try_for_each(|value| self.output.line(&shell::canonical_value(value)))?
+            }
+            _ => values.iter().try_for_each(|value| self.output.line(&shell::relaxed_value(value)))?,
+        }
+        Ok(())
+    }
+
+    /// Prints the one document that is the result of a command.
+    ///
+    /// # Errors
+    /// Where stdout fails.
+    pub fn print_result(&mut self, result: Document) -> anyhow::Result<()> {
+        match self.format(&formats::RESULT)? {
+            Format::Json => self.output.line(&shell::pretty(&result.into()))?,
+            _ => self.output.line(&shell::relaxed(&result))?,
+        }
+        Ok(())
+    }
+
+    /// Prints lines for people, or what they say as one array.
+    ///
+    /// # Errors
+    /// Where stdout fails.
+    pub fn print_lines(&mut self, lines: impl IntoIterator<Item = (String, Bson)>) -> anyhow::Result<()> {
+        if self.format(&formats::TEXT)? == Format::Json {
+            let values = lines.into_iter().map(|(_, value)| value).collect();
+            return Ok(self.output.line(&shell::pretty(&Bson::Array(values)))?);
+        }
+        Ok(lines.into_iter().try_for_each(|(line, _)| self.output.line(&line))?)
+    }
+}
+
+/// The most documents in one table. More are printed in several, each with its own heading, so that
+/// memory stays bounded.
+const TABLE_ROWS: usize = 1_000;
+
+fn print_table(
+    documents: impl Iterator<Item = anyhow::Result<Document>>,
+    columns: Option<usize>,
+    out: &mut dyn Write,
+) -> anyhow::Result<u64> {
+    let (mut rows, mut count) = (Vec::new(), 0);
+    let mut print = |rows: &mut Vec<Document>, count: u64| {
+        let gap = if count as usize > rows.len() { "\n" } else { "" };
+        write!(out, "{gap}{}", table::text(&std::mem::take(rows), columns))
+    };
+    for document in documents {
+        rows.push(document?);
+        count += 1;
+        if rows.len() == TABLE_ROWS {
+            print(&mut rows, count)?;
+        }
+    }
+    if !rows.is_empty() {
+        print(&mut rows, count)?;
+    }
+    Ok(count)
+}
+
+/// Writes an element of an array, and what separates it from the one before.
+fn write_element(value: &Bson, is_first: bool, out: &mut dyn Write) -> std::io::Result<()> {
+    let separator = if is_first { "[\n" } else { ",\n" };
+    write!(out, "{separator}{}", shell::pretty(value))
+}

@@ -1,0 +1,215 @@
+//! Documents in columns: tables for people, CSV and TSV for programs.
+
+use std::io::Write;
+
+use bson::{Bson, Document};
+use unicode_width::{UnicodeWidthChar as _, UnicodeWidthStr as _};
+
+use crate::formats::{shell, visible};
+
+/// The key whose value tells kinds of documents apart.
+const RELATION: &str = "relation";
+/// Blanks between two columns.
+const GAP: usize = 2;
+/// The least width of a column that is cut.
+const LEAST: usize = 6;
+
+/// Returns tables, one for each kind of documents: of the same `relation`, or with the same keys.
+/// No line is wider than `columns`.
+pub(super) fn text(rows: &[Document], columns: Option<usize>) -> String {
+    let kinds = kinds(rows);
+    let is_titled = kinds.len() > 1;
+    let tables = kinds.iter().map(|(title, rows)| {
+        let title = if is_titled { format!("{title} ({})\n", rows.len()) } else { String::new() };
+        title + &aligned(rows, columns)
+    });
+    tables.collect::<Vec<_>>().join("\n")
+}
+
+/// Documents of one kind, and what the kind is called.
+type Kind<'a> = (String, Vec<&'a Document>);
+
+fn kinds(rows: &[Document]) -> Vec<Kind<'_>> {
+    let mut kinds: Vec<Kind<'_>> = Vec::new();
+    for row in rows {
+        let title = match row.get(RELATION) {
+            Some(Bson::String(relation)) => relation.clone(),
+            _ => keys(&[row]).join(", "),
+        };
+        match kinds.iter_mut().find(|(other, _)| *other == title) {
+            Some((_, rows)) => rows.push(row),
+            None => kinds.push((title, vec![row])),
+        }
+    }
+    kinds
+}
+
+/// The keys of documents, in order of first appearance.
+fn keys<'a>(rows: &[&'a Document]) -> Vec<&'a str> {
+    let mut keys: Vec<&str> = Vec::new();
+    for key in rows.iter().flat_map(|row| row.keys()) {
+        if !keys.contains(&key.as_str()) {
+            keys.push(key);
+        }
+    }
+    keys
+}
+
+fn aligned(rows: &[&Document], columns: Option<usize>) -> String {
+    let keys = keys(rows);
+    let mut lines: Vec<Vec<String>> = vec![keys.iter().map(|key| visible::line(key).into_owned()).collect()];
+    let cell = |row: &Document, key: &str| row.get(key).map(cell).unwrap_or_default();
+    lines.extend(rows.iter().map(|row| keys.iter().map(|key| cell(row, key)).collect()));
+    let widest = |column: usize| lines.iter().map(|line| line[column].width()).max().unwrap_or_default();
+    let mut widths: Vec<usize> = (0..keys.len()).map(widest).collect();
+    if let Some(columns) = columns {
+        fit(&mut widths, columns.saturating_sub(GAP * keys.len().saturating_sub(1)));
+    }
+    let mut text = String::new();
+    for line in &lines {
+        let cells = line.iter().zip(&widths).map(|(cell, width)| padded(&cut(cell, *width), *width));
+        text.push_str(cells.collect::<Vec<_>>().join(&" ".repeat(GAP)).trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+/// Makes the widest columns narrower until all of them fit.
+fn fit(widths: &mut [usize], available: usize) {
+    while widths.iter().sum::<usize>() > available {
+        let Some(widest) = widths.iter_mut().max().filter(|widest| **widest > LEAST) else { return };
+        *widest -= 1;
+    }
+}
+
+/// Returns the text with `…` at its end where it is wider than `width`.
+fn cut(text: &str, width: usize) -> String {
+    if text.width() <= width {
+        return text.to_owned();
+    }
+    let mut used = 1;
+    let fits = |c: &char| {
+        used += c.width().unwrap_or_default();
+        used <= width
+    };
+    text.chars().take_while(fits).collect::<String>() + "…"
+}
+
+fn padded(text: &str, width: usize) -> String {
+    format!("{text}{}", " ".repeat(width.saturating_sub(text.width())))
+}
+
+/// Writes rows of values separated by a delimiter, below a row of keys.
+///
+/// Line breaks, delimiters and quotes in values are quoted as RFC 4180 has it.
+pub(super) fn separated(rows: &[Document], delimiter: char, out: &mut dyn Write) -> std::io::Result<()> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let rows: Vec<&Document> = rows.iter().collect();
+    let keys = keys(&rows);
+    let mut write = |fields: Vec<String>| {
+        let fields: Vec<String> = fields.into_iter().map(|field| quoted(field, delimiter)).collect();
+        writeln!(out, "{}", fields.join(&delimiter.to_string()))
+    };
+    write(keys.iter().map(|key| (*key).to_owned()).collect())?;
+    let value = |row: &Document, key: &str| row.get(key).map(field).unwrap_or_default();
+    rows.iter().try_for_each(|row| write(keys.iter().map(|key| value(row, key)).collect()))
+}
+
+/// By hand: the crate `csv` is a hundred times this line, and builds serde with other features.
+fn quoted(field: String, delimiter: char) -> String {
+    let is_plain = !field.contains([delimiter, '"', '\n', '\r']);
+    if is_plain { field } else { format!("\"{}\"", field.replace('"', "\"\"")) }
+}
+
+/// A value for another program: texts and dates bare, the rest as JSON.
+fn field(value: &Bson) -> String {
+    match value {
+        Bson::String(text) => text.clone(),
+        Bson::Null => String::new(),
+        Bson::ObjectId(id) => id.to_hex(),
+        Bson::DateTime(date) => date.try_to_rfc3339_string().unwrap_or_else(|_| date.timestamp_millis().to_string()),
+        Bson::Decimal128(number) => number.to_string(),
+        other => shell::relaxed_value(other),
+    }
+}
+
+/// A value for people: texts bare, dates and ids as people write them, control characters visible.
+fn cell(value: &Bson) -> String {
+    match value {
+        Bson::String(text) => visible::line(text).into_owned(),
+        other => nested(other),
+    }
+}
+
+/// A value inside another one: texts are quoted.
+fn nested(value: &Bson) -> String {
+    match value {
+        Bson::ObjectId(id) => id.to_hex(),
+        Bson::DateTime(date) => day_and_time(*date),
+        Bson::Decimal128(number) => number.to_string(),
+        Bson::Array(elements) => format!("[{}]", elements.iter().map(nested).collect::<Vec<_>>().join(", ")),
+        Bson::Document(document) => {
+            let fields: Vec<String> = document
+                .iter()
+                .map(|(key, value)| format!("{}: {}", visible::line(key).into_owned(), nested(value)))
+                .collect();
+            format!("{{{}}}", fields.join(", "))
+        }
+        other => visible::line(&shell::relaxed_value(other)).into_owned(),
+    }
+}
+
+/// `2026-11-22 08:12:36`, with milliseconds where there are some, in UTC.
+fn day_and_time(date: bson::DateTime) -> String {
+    let text = date.try_to_rfc3339_string().unwrap_or_else(|_| date.timestamp_millis().to_string());
+    text.trim_end_matches('Z').replacen('T', " ", 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use bson::doc;
+
+    use super::*;
+
+    #[test]
+    fn documents_of_different_kinds_are_in_tables_of_their_own() {
+        let rows = [
+            doc! { "relation": "on", "top": "A" },
+            doc! { "relation": "clear", "object": "B" },
+            doc! { "relation": "on", "top": "C", "bottom": "D" },
+        ];
+        let expected = "on (2)\nrelation  top  bottom\non        A\non        C    D\n\nclear (1)\nrelation  object\nclear     B\n";
+        assert_eq!(text(&rows, None), expected);
+    }
+
+    #[test]
+    fn a_table_is_no_wider_than_the_terminal() {
+        let rows = [doc! { "_id": 1, "text": "a long text that says much, 日本語", "n": [1, 2, 3] }];
+        for columns in [80, 40, 30, 24] {
+            let table = text(&rows, Some(columns));
+            assert!(table.lines().all(|line| line.width() <= columns), "{table}");
+            assert_eq!(table.contains('…'), columns < 48, "{table}");
+        }
+    }
+
+    #[test]
+    fn dates_and_ids_are_shown_as_people_write_them() {
+        let id = bson::oid::ObjectId::parse_str("65f000000000000000000001").unwrap();
+        let date = bson::DateTime::from_millis(1_700_000_000_000);
+        let table = text(&[doc! { "_id": id, "at": date, "in": { "at": [date, "x"] } }], None);
+        assert_eq!(
+            table.lines().nth(1),
+            Some("65f000000000000000000001  2023-11-14 22:13:20  {at: [2023-11-14 22:13:20, \"x\"]}")
+        );
+    }
+
+    #[test]
+    fn separated_values_are_quoted_where_they_have_to_be() {
+        let mut out = Vec::new();
+        let rows = [doc! { "a": "x,\"y\"\nz", "b": 1.5 }, doc! { "c": bson::Bson::Null, "b": [1] }];
+        separated(&rows, ',', &mut out).unwrap();
+        assert_eq!(String::from_utf8(out).unwrap(), "a,b,c\n\"x,\"\"y\"\"\nz\",1.5,\n,[1],\n");
+    }
+}

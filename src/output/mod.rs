@@ -1,0 +1,261 @@
+//! Output: the product on stdout, messages about it on stderr, files whole or not at all.
+
+mod file;
+mod format;
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use crate::formats::visible;
+use file::write_atomically;
+pub use format::Format;
+
+/// How much is printed on stderr.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Verbosity {
+    /// Errors only.
+    Quiet,
+    /// Errors, warnings and short reports.
+    #[default]
+    Normal,
+    /// Each operation with its duration.
+    Verbose,
+}
+
+/// The two streams, and the log.
+pub struct Output<'a> {
+    stdout: BufWriter<Stdout<'a>>,
+    stderr: &'a mut dyn Write,
+    verbosity: Verbosity,
+    color: bool,
+    log: Option<File>,
+    is_closed: bool,
+}
+
+impl<'a> Output<'a> {
+    /// Returns output on these streams: normal verbosity, no colour, no log.
+    pub fn new(stdout: &'a mut dyn Write, stderr: &'a mut dyn Write) -> Self {
+        Self {
+            stdout: BufWriter::new(Stdout(stdout)),
+            stderr,
+            verbosity: Verbosity::Normal,
+            color: false,
+            log: None,
+            is_closed: false,
+        }
+    }
+
+    /// Applies the settings.
+    ///
+    /// # Errors
+    /// Where the log cannot be opened.
+    pub fn configure(&mut self, verbosity: Verbosity, color: bool, log: Option<&Path>) -> anyhow::Result<()> {
+        self.verbosity = verbosity;
+        self.color = color;
+        self.log = match log {
+            None => None,
+            Some(path) => Some(
+                OpenOptions::new()
+                    .create(true)
+                    .append(true)
+                    .open(path)
+                    .map_err(|error| WriteError(format!("cannot open the log {}: {error}", path.display())))?,
+            ),
+        };
+        Ok(())
+    }
+
+    /// Returns the product's stream, buffered.
+    pub fn stdout(&mut self) -> &mut dyn Write {
+        &mut self.stdout
+    }
+
+    /// Writes a line of the product.
+    ///
+    /// # Errors
+    /// Where stdout is gone; see [`is_broken_pipe`].
+    pub fn line(&mut self, line: &str) -> io::Result<()> {
+        writeln!(self.stdout, "{line}")
+    }
+
+    /// Writes lines about work that has to go on when the reader of stdout closes it, and flushes them.
+    ///
+    /// # Errors
+    /// Where stdout fails; a closed pipe is no failure.
+    pub fn progress_lines(&mut self, lines: impl IntoIterator<Item = String>) -> io::Result<()> {
+        if self.is_closed {
+            return Ok(());
+        }
+        let written = lines.into_iter().try_for_each(|line| self.line(&line)).and_then(|()| self.stdout.flush());
+        match written {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+                self.is_closed = true;
+                Ok(())
+            }
+            written => written,
+        }
+    }
+
+    /// Flushes stdout.
+    ///
+    /// # Errors
+    /// Where stdout is gone.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.stdout.flush()
+    }
+
+    /// Prints a short report.
+    pub fn note(&mut self, text: &str) {
+        if self.verbosity >= Verbosity::Normal {
+            self.print("", text);
+        }
+    }
+
+    /// Prints a warning.
+    pub fn warn(&mut self, text: &str) {
+        if self.verbosity >= Verbosity::Normal {
+            let label = self.paint("33", "warning:");
+            self.print(&label, text);
+        }
+    }
+
+    /// Prints an error, also under `-q`.
+    pub fn error(&mut self, text: &str) {
+        let label = self.paint("31", "error:");
+        self.print(&label, text);
+    }
+
+    /// Passes on what a child process prints on stderr.
+    pub fn pass_on(&mut self, text: &[u8]) {
+        // A closed stderr is no error.
+        let _ = self.stderr.write_all(text);
+    }
+
+    /// Whether short reports are printed.
+    #[must_use]
+    pub fn shows_notes(&self) -> bool {
+        self.verbosity >= Verbosity::Normal
+    }
+
+    /// Whether operations are printed or logged.
+    #[must_use]
+    pub fn shows_operations(&self) -> bool {
+        self.verbosity >= Verbosity::Verbose || self.log.is_some()
+    }
+
+    /// Prints (under `-v`) and logs what an operation did and how long it took.
+    pub fn operation(&mut self, name: &str, subject: &str, detail: &str, took: Duration) {
+        let milliseconds = took.as_secs_f64() * 1e3;
+        if self.verbosity >= Verbosity::Verbose {
+            let gap = if subject.is_empty() { "" } else { " " };
+            self.print("", &format!("{name}{gap}{subject}: {detail} in {milliseconds:.2} ms"));
+        }
+        if let Some(log) = &mut self.log {
+            let line = serde_json::json!({
+                "operation": name, "subject": subject, "detail": detail, "milliseconds": milliseconds,
+            });
+            // A log that cannot be written must not fail the command; it is reported once.
+            if let Err(error) = writeln!(log, "{line}") {
+                self.log = None;
+                self.warn(&format!("the log cannot be written, and ends here: {error}"));
+            }
+        }
+    }
+
+    fn paint(&self, code: &str, text: &str) -> String {
+        if self.color { format!("\u{1b}[1;{code}m{text}\u{1b}[0m") } else { text.to_owned() }
+    }
+
+    /// Writes a line to stderr, behind a label, with control characters of the text visible. A
+    /// closed stderr is no error.
+    fn print(&mut self, label: &str, text: &str) {
+        let gap = if label.is_empty() { "" } else { " " };
+        let _ = writeln!(self.stderr, "{label}{gap}{}", visible::lines(text));
+    }
+
+    /// Writes a product to a file, whole or not at all, or to stdout for `-`.
+    ///
+    /// # Errors
+    /// Where the file cannot be written; the old one is then as it was.
+    pub fn write_file(&mut self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+        self.write_with(path, |out| Ok(out.write_all(bytes)?))
+    }
+
+    /// The same for a product that is written as it is made.
+    ///
+    /// # Errors
+    /// What `write` fails with, and where the file cannot be written; the old one is then as it was.
+    pub fn write_with(
+        &mut self,
+        path: &Path,
+        write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        if path == Path::new("-") || path == Path::new("/dev/stdout") {
+            return write(&mut self.stdout);
+        }
+        let named = |error: io::Error| {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists());
+            let text = match folder {
+                Some(folder) => format!("there is no folder {}; make it first", folder.display()),
+                None => error.to_string(),
+            };
+            WriteError(format!("cannot write {}: {text}", path.display())).into()
+        };
+        // A message names the target, and not the temporary file beside it.
+        write_atomically(path, write).map_err(|error| match error.downcast::<io::Error>() {
+            Ok(error) => named(error),
+            Err(error) => error,
+        })
+    }
+}
+
+/// A file cannot be written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct WriteError(String);
+
+/// Standard output; its errors name it.
+struct Stdout<'a>(&'a mut dyn Write);
+
+impl Write for Stdout<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes).map_err(named)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush().map_err(named)
+    }
+}
+
+fn named(error: io::Error) -> io::Error {
+    match error.kind() {
+        io::ErrorKind::Interrupted | io::ErrorKind::BrokenPipe => error,
+        kind => io::Error::new(kind, format!("cannot write to stdout: {error}")),
+    }
+}
+
+/// Whether an error means that the reader of stdout closed it, which ends rmem
+/// without a message, as it ends every filter.
+#[must_use]
+pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|io| io.kind() == io::ErrorKind::BrokenPipe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quiet_silences_all_but_errors() {
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let mut output = Output::new(&mut stdout, &mut stderr);
+        output.configure(Verbosity::Quiet, false, None).unwrap();
+        output.note("n");
+        output.warn("w");
+        output.error("e");
+        drop(output);
+        assert_eq!(String::from_utf8(stderr).unwrap(), "error: e\n");
+    }
+}

@@ -1,0 +1,120 @@
+//! Credentials in texts that may be URIs of stores: never shown.
+
+use std::ops::Range;
+
+/// Returns which part of a text may be credentials: what lies between the scheme and the last `@`.
+fn secret(text: &str) -> Option<Range<usize>> {
+    let end = text.rfind('@')?;
+    let before = &text[..end];
+    let start = match (before.find(':'), before.find("//")) {
+        (Some(colon), Some(slashes)) if colon + 1 < slashes => colon + 1,
+        (_, Some(slashes)) => slashes + 2,
+        (Some(colon), None) => colon + 1,
+        (None, None) => 0,
+    };
+    Some(start..end)
+}
+
+/// Returns a text that may be a URI with `…` for its credentials and for the options of a server:
+/// for messages about a text that is no URI.
+#[must_use]
+pub fn masked(text: &str) -> String {
+    let shown = match secret(text) {
+        None => without_secret_port(text),
+        Some(Range { start, end }) => format!("{}…{}", &text[..start], &text[end..]),
+    };
+    match shown.split_once('?') {
+        Some((front, _)) if shown.contains("mongodb") => format!("{front}?…"),
+        _ => shown,
+    }
+}
+
+/// A text without `@`, in which what stands where a port would, and is none, may be a password.
+fn without_secret_port(text: &str) -> String {
+    let Some((scheme, rest)) = text.split_once("//").filter(|_| text.contains("mongodb")) else {
+        return text.to_owned();
+    };
+    let hosts = hosts(rest);
+    match hosts.split_once(':') {
+        Some((host, _)) if !has_ports(hosts) => {
+            format!("{scheme}//{host}:…{}", rest.get(hosts.len()..).unwrap_or_default())
+        }
+        _ => text.to_owned(),
+    }
+}
+
+/// What lies between credentials and path or options.
+pub(super) fn hosts(rest: &str) -> &str {
+    let behind = rest.rsplit_once('@').map_or(rest, |(_, behind)| behind);
+    behind.split(['/', '?']).next().unwrap_or_default()
+}
+
+/// Whether every host has a number for a port, or none.
+pub(super) fn has_ports(hosts: &str) -> bool {
+    let is_port = |port: &str| port.parse::<u16>().is_ok();
+    hosts.split(',').all(|host| match host.rsplit_once(':') {
+        // An IPv6 address in brackets has colons of its own.
+        Some((_, port)) if !host.ends_with(']') => is_port(port),
+        _ => true,
+    })
+}
+
+/// Returns a text of the same length with `*` for the credentials of each URI in it: for excerpts of files,
+/// in which positions have to stay.
+#[must_use]
+pub fn masked_excerpt(text: &str) -> String {
+    let is_end = |c: char| c.is_whitespace() || "\"'".contains(c);
+    text.split_inclusive(is_end).map(masked_word).collect()
+}
+
+fn masked_word(word: &str) -> String {
+    match secret(word).filter(|range| range.start > 0) {
+        None => word.to_owned(),
+        Some(Range { start, end }) => format!("{}{}{}", &word[..start], "*".repeat(end - start), &word[end..]),
+    }
+}
+
+/// Returns a URI without its credentials.
+#[cfg(any(feature = "mongodb", test))]
+#[must_use]
+pub(super) fn removed(uri: &str) -> String {
+    match secret(uri) {
+        None => uri.to_owned(),
+        Some(Range { start, end }) => format!("{}{}", &uri[..start], &uri[end + 1..]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_that_is_no_uri_is_shown_without_what_may_be_a_password() {
+        for (text, shown) in [
+            ("mongodb://robot:s3cret@host/?tls=true", "mongodb://…@host/?…"),
+            ("mongodb:robot:s3cret@host", "mongodb:…@host"),
+            ("robot:s3cret//x@host", "robot:…@host"),
+            ("s3cret@host", "…@host"),
+            ("file:robot.rmem", "file:robot.rmem"),
+        ] {
+            assert_eq!(masked(text), shown);
+        }
+    }
+
+    #[test]
+    fn an_excerpt_keeps_its_length() {
+        for (text, shown) in [
+            ("memory = \"mongodb://u:s3cret@h\"  x", "memory = \"mongodb://********@h\"  x"),
+            ("['mongodb://u:a,b@h', 'x@y']", "['mongodb://*****@h', 'x@y']"),
+            ("http://a/b // c@d e", "http://a/b // c@d e"),
+        ] {
+            assert_eq!(masked_excerpt(text), shown);
+        }
+    }
+
+    #[test]
+    fn a_uri_without_credentials_names_the_same_hosts() {
+        assert_eq!(removed("mongodb://u:p@a:1,b:2/?w=1"), "mongodb://a:1,b:2/?w=1");
+        assert_eq!(removed("mongodb://a"), "mongodb://a");
+    }
+}
