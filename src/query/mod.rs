@@ -5,10 +5,10 @@
 //! ignored.
 
 mod arithmetic;
-mod calendar;
 mod compare;
 mod decimal;
 mod distinct;
+mod dollar;
 mod element;
 mod error;
 mod expression;
@@ -23,14 +23,16 @@ pub mod object_id;
 mod path;
 mod pipeline;
 mod projection;
+mod random;
 mod ranking;
 mod regex;
+mod reshape;
 mod series;
 mod sort;
 mod statistics;
+mod u256;
 mod update;
 mod view;
-mod wide;
 mod zone;
 
 pub use compare::{compare, compare_values};

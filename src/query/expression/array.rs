@@ -2,8 +2,8 @@
 
 use bson::{Bson, Document};
 
-use super::Value;
 use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_nullish, type_of, wrong_type};
+use super::value::Value;
 use crate::query::compare::{compare_values, equal_values};
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
@@ -39,7 +39,7 @@ pub(super) const NAMED: [Named; 6] = [
     Named { name: "$maxN", fields: &[("input", true), ("n", true)], bare: false, call: |a| take(a, Take::Greatest) },
 ];
 
-/// The array; nothing where it is null.
+/// Returns the array; `None` if it is null.
 fn array<'a>(code: i32, operator: &str, value: &'a Bson) -> Result<Option<&'a [Bson]>> {
     match value {
         Bson::Array(items) => Ok(Some(items)),
@@ -48,7 +48,7 @@ fn array<'a>(code: i32, operator: &str, value: &'a Bson) -> Result<Option<&'a [B
     }
 }
 
-/// An integer of 32 bits, as any number writes it.
+/// Returns an integer of 32 bits, as any number writes it.
 fn integer(code: i32, operator: &str, value: &Bson) -> Result<i32> {
     Number::of(value)
         .and_then(Number::integral_32)

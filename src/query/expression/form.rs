@@ -1,14 +1,14 @@
-//! Forms: operators that evaluate only some of their arguments, or bind variables.
+//! Forms: operators that evaluate only some of their arguments, or that bind variables.
 
 use std::cmp::Ordering;
 
 use bson::{Bson, Document};
 
-use super::operator::{is_nullish, type_of};
+use super::operator::{is_nullish, is_true, type_of};
 use super::parse::Reader;
 use super::scope::{Environment, check_name};
-use super::tree::{Expression, is_true};
-use super::{Value, constant};
+use super::tree::{Expression, constant};
+use super::value::Value;
 use crate::query::compare::optional;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
@@ -73,7 +73,7 @@ pub(super) fn read(reader: &Reader<'_>, name: &str, argument: &Bson) -> Result<O
 }
 
 impl Form {
-    /// A constant, where the form depends on nothing.
+    /// Returns a constant, where the form depends on nothing.
     pub(super) fn folded(self) -> Result<Expression> {
         let constants = match &self {
             Self::And(items) | Self::Or(items) | Self::IfNull(items) => items.iter().all(Expression::is_constant),
@@ -85,7 +85,7 @@ impl Form {
             }
             _ => false,
         };
-        // A constant that decides makes the rest superfluous.
+        // One constant decides the value, whatever the other arguments are.
         let decided = match &self {
             Self::And(items) => items.iter().any(|item| matches!(item, Expression::Constant(value) if !is_true(value))),
             Self::Or(items) => items.iter().any(|item| matches!(item, Expression::Constant(value) if is_true(value))),
@@ -260,7 +260,7 @@ fn kept(
     Ok(Some(Bson::Array(kept)))
 }
 
-/// The elements; nothing where there is null.
+/// Returns the elements; `None` if there is null.
 fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
     match value {
         Some(Bson::Array(items)) => Ok(Some(items)),
@@ -271,7 +271,7 @@ fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
     }
 }
 
-/// The named arguments of a form: all of `required`, any of `optional`, nothing else.
+/// Returns the named arguments of a form: all of `required`, any of `optional`, nothing else.
 fn fields<'a>(name: &str, argument: &'a Bson, required: &[&str], optional: &[&str]) -> Result<&'a Document> {
     let Bson::Document(fields) = argument else {
         return Err(QueryError::invalid(16_878, format!("{name} only supports an object as its argument")));
@@ -314,7 +314,8 @@ fn switch(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
         Some(Bson::Array(items)) => {
             for item in items {
                 let branch = self::fields("$switch", item, &["case", "then"], &[])?;
-                // What a case that never holds would give, and all after one that holds, is not computed.
+                // The result of a case that never holds, and everything after a case that always holds, is not
+                // evaluated.
                 let reader = if decided { reader.lazily() } else { *reader };
                 let case = reader.read(get(branch, "case"))?;
                 let holds = match &case {
@@ -354,7 +355,7 @@ fn bind(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     Ok(Form::Let(bindings, body))
 }
 
-/// The name of the variable that `as` gives; `this` where it is not given.
+/// Returns the name of the variable that `as` gives; `this` where it is not given.
 fn variable(fields: &Document) -> Result<&str> {
     match fields.get("as") {
         None => Ok("this"),

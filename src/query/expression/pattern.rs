@@ -2,9 +2,8 @@
 
 use bson::Bson;
 
-use super::Value;
-use super::operator::{Arguments, Named, is_null, wrong_type};
-use super::string::document;
+use super::operator::{Arguments, Named, document, is_null, wrong_type};
+use super::value::Value;
 use crate::query::error::{QueryError, Result};
 use crate::query::regex::{Groups, Pattern};
 
@@ -16,7 +15,7 @@ pub(super) const NAMED: [Named; 3] = [
     Named { name: "$regexFindAll", fields: FIELDS, bare: false, call: find_all },
 ];
 
-/// Text and pattern; nothing where one is null.
+/// Text and pattern; `None` if one is null.
 fn prepared(arguments: &Arguments) -> Result<Option<(&str, Pattern)>> {
     let operator = arguments.operator;
     let options = match arguments.get(2) {

@@ -1,4 +1,4 @@
-//! Filters from documents: what stands at the top, and what stands under a path.
+//! Parses filters: operators at the top, and operators under a path.
 
 use bson::{Bson, Document};
 
@@ -6,7 +6,7 @@ use super::operators::field_operator;
 use super::schema::Schema;
 use super::test::{Leaf, Test};
 use super::tree::Node;
-use super::{is_operators, is_reference_key};
+use crate::query::dollar::{is_operators, is_reference_key};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::geo::{Near, OPERATORS};
@@ -17,7 +17,7 @@ use crate::query::view::View;
 /// How deep filters may be nested.
 const MAX_DEPTH: usize = 100;
 
-/// MongoDB's code for a question about distances in a stage.
+/// MongoDB's code for a distance condition in a stage.
 const NOT_IN_STAGE: i32 = 5_626_500;
 
 /// Operators at the top that rmem refuses by name.
@@ -31,7 +31,7 @@ pub(in crate::query) struct Parser<'a> {
     distance: Distance,
 }
 
-/// Whether a filter may ask for what is near, which is a question about order too.
+/// Whether a filter may contain a distance condition, which also orders the matches.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 enum Distance {
     /// At the top of a query.
@@ -44,17 +44,17 @@ enum Distance {
 }
 
 impl<'a> Parser<'a> {
-    /// A parser whose expressions see the variables of `scope`.
+    /// Returns a parser whose expressions see the variables of `scope`.
     pub(in crate::query) fn with_scope(scope: &'a Scope) -> Self {
         Self { scope: Some(scope), ..Self::default() }
     }
 
-    /// The parser of a query, which may ask for what is near.
+    /// Returns the parser of a query, which may ask for what is near.
     pub(super) fn of_query(self) -> Self {
         Self { distance: Distance::Asked, ..self }
     }
 
-    /// The parser of a stage.
+    /// Returns the parser of a stage.
     pub(in crate::query) fn of_stage(self) -> Self {
         Self { distance: Distance::Stage, ..self }
     }
@@ -91,7 +91,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// What is near, where that is asked for.
+    /// Reads a distance condition, if the operators are one.
     fn near(&self, path: &str, value: &Bson) -> Result<Option<Node>> {
         let Bson::Document(operators) = value else { return Ok(None) };
         match operators.keys().next() {
@@ -202,7 +202,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// The elements of an operator's array.
+/// Returns the elements of an operator's array.
 pub(super) fn array<'a>(name: &str, value: &'a Bson) -> Result<&'a [Bson]> {
     match value {
         Bson::Array(items) => Ok(items),

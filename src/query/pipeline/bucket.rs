@@ -2,11 +2,10 @@
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::Documents;
+use super::documents::{Documents, encode};
 use super::granularity::Granularity;
 use super::group::{Accumulators, Groups};
 use super::run::Run;
-use super::stage::encode;
 use crate::query::compare::{canonical_type, compare_values};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, constant_of};
@@ -213,7 +212,7 @@ impl AutoBucket {
     }
 }
 
-/// So many, and those that equal the last of them.
+/// Returns `size`, plus the number of following values equal to the last one.
 fn with_equals(rest: &[(Bson, RawDocumentBuf)], size: usize) -> usize {
     let Some((last, _)) = size.checked_sub(1).and_then(|index| rest.get(index)) else { return size };
     rest.iter().skip(size).take_while(|(value, _)| compare_values(value, last).is_eq()).count() + size

@@ -2,10 +2,11 @@
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::parse::inner;
+use super::Pipeline;
+use super::argument::inner;
+use super::documents::{Documents, encode};
 use super::run::Run;
-use super::stage::{Stage, encode};
-use super::{Documents, Pipeline};
+use super::stage::Stage;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::Scope;
 
@@ -55,7 +56,7 @@ impl Facet {
     }
 }
 
-/// All documents as an array.
+/// Collects documents into an array.
 pub(super) fn array<E: From<QueryError>>(documents: Documents<'_, E>) -> std::result::Result<Bson, E> {
     let mut items = Vec::new();
     for document in documents {

@@ -6,11 +6,11 @@ use std::rc::Rc;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::lookup::{Index, origin, plain_path, reached_keys, target};
+use super::argument::{origin, plain_path, target};
+use super::documents::{Documents, Origin, encode};
+use super::lookup::{Index, reached_keys};
 use super::run::Run;
-use super::stage::encode;
 use super::unwind::put;
-use super::{Documents, Origin};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Context, Filter, Parser};
@@ -146,7 +146,7 @@ impl GraphLookup {
     }
 }
 
-/// What a document is known by: its `_id`, or all of it.
+/// Returns the identity of a document: its `_id`, or the whole document.
 fn identity(document: &RawDocumentBuf) -> Vec<u8> {
     match document.get("_id") {
         Ok(Some(id)) => key::encode(id),
@@ -154,7 +154,7 @@ fn identity(document: &RawDocumentBuf) -> Vec<u8> {
     }
 }
 
-/// The keys of a value, or of the elements of an array.
+/// Returns the keys of a value, or of the elements of an array.
 fn keys(value: Option<Bson>) -> Vec<Vec<u8>> {
     match value {
         None => Vec::new(),

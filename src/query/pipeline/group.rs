@@ -4,10 +4,9 @@ use std::collections::HashMap;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::Documents;
 use super::accumulator::{Accumulator, State};
+use super::documents::{Documents, encode};
 use super::run::Run;
-use super::stage::encode;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::key;
@@ -52,7 +51,7 @@ impl Accumulators {
         Ok(Self { fields: accumulators })
     }
 
-    /// A `count` of documents.
+    /// Returns a `count` of documents.
     pub(super) fn counting() -> Self {
         Self { fields: vec![("count".to_owned(), Accumulator::counting())] }
     }
@@ -127,7 +126,7 @@ impl<'a> Groups<'a> {
         Ok(())
     }
 
-    /// A document per group.
+    /// Returns a document per group.
     pub(super) fn finish(self) -> Vec<Document> {
         let accumulators = self.accumulators;
         let documents = self.groups.into_iter().map(|(id, states)| {

@@ -1,11 +1,13 @@
-//! Aggregation pipelines: stages in a row, as lazy as they can be.
+//! Aggregation pipelines: a sequence of stages, each evaluated lazily where it can be.
 //!
 //! A pipeline reads documents and gives documents. What it needs of other
 //! collections it asks of a function ([`Sources`]); where it ends in `$out` or
 //! `$merge`, [`Pipeline::output`] says what the store is to do with the results.
 
 mod accumulator;
+mod argument;
 mod bucket;
+mod documents;
 mod facet;
 mod granularity;
 mod graph;
@@ -15,36 +17,20 @@ mod near;
 mod output;
 mod parse;
 mod redact;
-mod reshape;
 mod run;
 mod stage;
 mod unwind;
 
-use bson::{DateTime, Document, RawDocumentBuf};
+use bson::{DateTime, Document};
 
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
 use super::geo::Near;
+pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
-pub(super) use reshape::Reshape;
 use run::Run;
 use stage::Stage;
-
-/// Documents on their way; the first error ends them.
-pub type Documents<'a, E> = Box<dyn Iterator<Item = std::result::Result<RawDocumentBuf, E>> + 'a>;
-
-/// Gives the documents of another collection, in natural order.
-pub type Sources<'a, E> = dyn Fn(&Origin) -> std::result::Result<Documents<'a, E>, E> + 'a;
-
-/// A collection that a stage names.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Origin {
-    /// The database, where the stage names one; else that of the pipeline.
-    pub database: Option<String>,
-    /// The collection.
-    pub collection: String,
-}
 
 /// A compiled pipeline.
 #[derive(Debug)]
@@ -58,7 +44,7 @@ impl Pipeline {
     /// Reads a pipeline.
     ///
     /// # Errors
-    /// Where MongoDB refuses it, or rmem does not support a stage.
+    /// If MongoDB refuses it, or rmem does not support a stage.
     pub fn parse(stages: &[Document]) -> Result<Self> {
         Self::parse_with(stages, &Document::new())
     }
@@ -82,7 +68,7 @@ impl Pipeline {
         Ok(Self { stages, output, variables: Variables::default() })
     }
 
-    /// The filter of the first stage, where it is `$match`: an index may be used for it.
+    /// Returns the filter of the first stage, where it is `$match`: an index may be used for it.
     #[must_use]
     pub fn first_match(&self) -> Option<&Filter> {
         match self.stages.first() {
@@ -91,13 +77,13 @@ impl Pipeline {
         }
     }
 
-    /// Whether the pipeline brings its own documents (`$documents`) and reads no collection.
+    /// Returns whether the pipeline brings its own documents (`$documents`) and reads no collection.
     #[must_use]
     pub fn brings_documents(&self) -> bool {
         matches!(self.stages.first(), Some(Stage::Documents(_)))
     }
 
-    /// What `$geoNear` asks for, where the pipeline begins with it.
+    /// Returns the distance condition of `$geoNear`, if the pipeline begins with it.
     #[must_use]
     pub fn near(&self) -> Option<&Near> {
         self.stages.iter().find_map(|stage| match stage {
@@ -106,20 +92,20 @@ impl Pipeline {
         })
     }
 
-    /// Whether what comes of a document depends on no other one that comes in: then the
+    /// Returns whether the output for a document depends on no other input document: then the
     /// pipeline may be run over some documents after the other.
     #[must_use]
     pub fn is_piecewise(&self) -> bool {
         self.stages.iter().all(Stage::is_piecewise)
     }
 
-    /// What to do with the results, where the last stage is `$out` or `$merge`.
+    /// Returns where results are written, if the last stage is `$out` or `$merge`.
     #[must_use]
     pub fn output(&self) -> Option<&Output> {
         self.output.as_ref()
     }
 
-    /// The documents that come out.
+    /// Returns the documents that come out.
     pub fn run<'a, E: From<QueryError> + 'a>(
         &'a self,
         input: Documents<'a, E>,

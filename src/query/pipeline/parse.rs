@@ -1,4 +1,4 @@
-//! Stages from documents.
+//! Parses stages.
 
 use bson::{Bson, Document};
 
@@ -10,7 +10,6 @@ use super::lookup::{Lookup, Union};
 use super::near::GeoNear;
 use super::output::Output;
 use super::redact::Redact;
-use super::reshape::{Reshape, object};
 use super::stage::Stage;
 use super::unwind::Unwind;
 use crate::query::decimal::Rounding;
@@ -18,6 +17,7 @@ use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Filter, Parser};
 use crate::query::number::Number;
+use crate::query::reshape::{Reshape, object};
 use crate::query::sort::Sort;
 
 /// The most stages of a pipeline.
@@ -151,8 +151,8 @@ fn drop_resorted(stages: &mut Vec<Stage>) {
     }
 }
 
-/// Marks the plain `$lookup`s at the front: mongod has another engine for them, which puts the new field last. One
-/// whose results are unwound at once is not for it.
+/// Marks the plain `$lookup`s at the front of a pipeline. mongod runs them in its slot-based executor, which puts the
+/// new field last. A `$lookup` whose results are unwound at once is not run there.
 fn place_lookups(stages: &mut [Stage]) {
     for index in 0..stages.len() {
         let (before, after) = stages.split_at_mut(index + 1);
@@ -172,13 +172,6 @@ fn place_lookups(stages: &mut [Stage]) {
 
 fn is_empty_match(stage: &Document) -> bool {
     stage.get_document("$match").is_ok_and(Document::is_empty)
-}
-
-/// The pipeline that a stage contains.
-pub(super) fn inner(stage: &str, value: &Bson) -> Result<Vec<Document>> {
-    let wrong = || QueryError::type_mismatch(format!("{stage} needs a pipeline: an array of objects"));
-    let Bson::Array(items) = value else { return Err(wrong()) };
-    items.iter().map(|item| item.as_document().cloned().ok_or_else(wrong)).collect()
 }
 
 fn positive(name: &str, argument: &Bson, least: i64) -> Result<u64> {

@@ -22,7 +22,7 @@ pub(super) fn flat(root: &Branch, document: &RawDocument) -> Result<Option<RawDo
     Ok(Some(projected))
 }
 
-/// The projected document; computed fields see the whole one.
+/// Returns the projected document; computed fields see the whole one.
 pub(super) fn branch(root: &Branch, document: &Document, variables: &Variables, now: DateTime) -> Result<Document> {
     let environment = Environment::new(document.into(), variables, now);
     let mut projected = named(root, document);
