@@ -5,6 +5,8 @@
 //! ignored.
 
 mod arithmetic;
+#[cfg(test)]
+mod bombs;
 mod compare;
 mod decimal;
 mod distinct;
@@ -17,6 +19,7 @@ mod geo;
 pub mod index;
 pub mod key;
 mod keys;
+mod limit;
 mod nesting;
 mod number;
 pub mod object_id;

@@ -11,6 +11,7 @@ use super::tree::{Expression, constant};
 use super::value::Value;
 use crate::query::compare::optional;
 use crate::query::error::{QueryError, Result};
+use crate::query::limit::Held;
 use crate::query::number::Number;
 
 /// A compiled form.
@@ -170,11 +171,14 @@ impl Form {
                 let Some(items) = array("$map", 16_883, input.evaluate(environment)?)? else {
                     return Ok(Some(Bson::Null));
                 };
-                let mut mapped = Vec::with_capacity(items.len());
+                let (mut mapped, mut held) = (Vec::with_capacity(items.len()), Held::default());
+                held.add_all(&items)?;
                 for item in items {
                     let item = Some(item);
                     let frame = environment.frame(*slot, &item);
-                    mapped.push(body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null));
+                    let value = body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null);
+                    held.add(&value)?;
+                    mapped.push(value);
                 }
                 Ok(Some(Bson::Array(mapped)))
             }
@@ -185,13 +189,16 @@ impl Form {
                 let Some(items) = array("$reduce", 40_080, input.evaluate(environment)?)? else {
                     return Ok(Some(Bson::Null));
                 };
-                let mut accumulated = initial.evaluate(environment)?;
+                let (mut accumulated, mut input, mut held) =
+                    (initial.evaluate(environment)?, Held::default(), Held::default());
+                input.add_all(&items)?;
                 for item in items {
                     let item = Some(item);
                     let outer = environment.frame(*this, &item);
                     let environment = environment.within(&outer);
                     let inner = environment.frame(*value, &accumulated);
                     let next = body.evaluate(&environment.within(&inner))?;
+                    held.replace(next.as_ref())?;
                     accumulated = next;
                 }
                 Ok(accumulated)
@@ -223,6 +230,8 @@ fn within(
 ) -> Result<Value> {
     let Some(((slot, expression), rest)) = bindings.split_first() else { return body.evaluate(inside) };
     let value = expression.evaluate(outside)?;
+    let mut held = Held::default();
+    held.replace(value.as_ref())?;
     let frame = inside.frame(*slot, &value);
     within(rest, outside, &inside.within(&frame), body)
 }
@@ -246,7 +255,8 @@ fn kept(
             _ => return Err(QueryError::invalid(327_391, "$filter: limit must be a 32-bit integer of at least 1")),
         },
     };
-    let mut kept = Vec::new();
+    let (mut kept, mut held) = (Vec::new(), Held::default());
+    held.add_all(&items)?;
     for item in items {
         if limit.is_some_and(|limit| kept.len() >= limit) {
             break;

@@ -5,6 +5,7 @@ use bson::Bson;
 use super::operator::{Arguments, Named, document, is_null, wrong_type};
 use super::value::Value;
 use crate::query::error::{QueryError, Result};
+use crate::query::limit::check_elements;
 use crate::query::regex::{Groups, Pattern};
 
 const FIELDS: &[(&str, bool)] = &[("input", true), ("regex", true), ("options", false)];
@@ -80,12 +81,16 @@ fn find(arguments: &Arguments) -> Result<Value> {
     Ok(Some(found.unwrap_or(Bson::Null)))
 }
 
+/// Bytes of memory of a match with its fields.
+const MATCH: usize = 768;
+
 fn find_all(arguments: &Arguments) -> Result<Value> {
     let Some((text, pattern)) = prepared(arguments)? else { return Ok(Some(Bson::Array(Vec::new()))) };
     let (mut all, mut from, mut counted, mut points) = (Vec::new(), 0, 0, 0);
     while from < text.len() || all.is_empty() && from == 0 {
         let Some(groups) = pattern.groups(text, from)? else { break };
         let (start, end) = groups.first().copied().flatten().unwrap_or((from, from));
+        check_elements(all.len(), MATCH)?;
         points += text.get(counted..start).map_or(0, |between| between.chars().count());
         counted = start;
         all.push(shown(text, &groups, points));

@@ -8,6 +8,7 @@ use super::value::Value;
 use crate::calendar::Civil;
 use crate::query::decimal::Rounding;
 use crate::query::error::{QueryError, Result};
+use crate::query::limit::{ALLOCATION, check_elements, check_string};
 use crate::query::number::{Number, double_to_long};
 
 pub(super) const OPERATORS: [Operator; 12] = [
@@ -64,7 +65,10 @@ fn concatenated(values: &[Value]) -> Result<Value> {
     for index in 0..values.len() {
         match at(values, index) {
             value if is_null(value) => null = true,
-            Bson::String(part) => text.push_str(part),
+            Bson::String(part) => {
+                check_string(text.len() + part.len())?;
+                text.push_str(part);
+            }
             other => return Err(wrong_type(16_702, "$concat", "strings", other)),
         }
         if null {
@@ -137,6 +141,7 @@ fn split(values: &[Value]) -> Result<Value> {
     if separator.is_empty() {
         return Err(QueryError::invalid(40_087, "$split requires a non-empty separator"));
     }
+    check_elements(text.matches(separator.as_str()).count(), ALLOCATION)?;
     Ok(Some(Bson::Array(text.split(separator.as_str()).map(Bson::from).collect())))
 }
 
@@ -291,5 +296,7 @@ fn replace(arguments: &Arguments, count: usize) -> Result<Value> {
         }
     }
     let ([input, find, replacement], false) = (texts.as_slice(), null) else { return Ok(Some(Bson::Null)) };
+    let found = input.matches(find.as_str()).take(count).count();
+    check_string((input.len() - found * find.len()).saturating_add(found.saturating_mul(replacement.len())))?;
     Ok(Some(Bson::String(input.replacen(find.as_str(), replacement, count))))
 }

@@ -7,6 +7,7 @@ use super::operator::{Arguments, Named, Operator, is_true};
 use super::scope::{Environment, Variables};
 use super::value::Value;
 use crate::query::error::Result;
+use crate::query::limit::Held;
 use crate::query::view::{Fields, View};
 
 /// A compiled expression.
@@ -48,34 +49,44 @@ impl Expression {
             Self::Constant(value) => Ok(value.clone()),
             Self::Path(source, path) => Ok(at_path(*source, path, environment)),
             Self::Document(fields) => {
-                let mut document = Document::new();
+                let (mut document, mut held) = (Document::new(), Held::default());
                 for (name, expression) in fields {
                     if let Some(value) = expression.evaluate(environment)? {
+                        held.add(&value)?;
                         document.insert(name.clone(), value);
                     }
                 }
                 Ok(Some(Bson::Document(document)))
             }
             Self::Array(items) => {
-                let items = items.iter().map(|item| Ok(item.evaluate(environment)?.unwrap_or(Bson::Null)));
-                Ok(Some(Bson::Array(items.collect::<Result<_>>()?)))
+                let (mut values, mut held) = (Vec::with_capacity(items.len()), Held::default());
+                for item in items {
+                    let value = item.evaluate(environment)?.unwrap_or(Bson::Null);
+                    held.add(&value)?;
+                    values.push(value);
+                }
+                Ok(Some(Bson::Array(values)))
             }
             Self::Call(operator, arguments) => {
-                let mut values: Vec<Value> = Vec::with_capacity(arguments.len());
+                let (mut values, mut held) = (Vec::with_capacity(arguments.len()), Held::default());
                 for argument in arguments {
                     match argument.evaluate(environment) {
-                        Ok(value) => values.push(value),
+                        Ok(value) => {
+                            value.as_ref().map_or(Ok(()), |value| held.add(value))?;
+                            values.push(value);
+                        }
                         Err(error) => return operator.ended(&values).ok_or(error),
                     }
                 }
                 operator.run(&values)
             }
             Self::Named(operator, arguments) => {
-                let values = arguments.iter().map(|argument| match argument {
-                    Some(argument) => Ok(Some(argument.evaluate(environment)?)),
-                    None => Ok(None),
-                });
-                let values = values.collect::<Result<_>>()?;
+                let (mut values, mut held) = (Vec::with_capacity(arguments.len()), Held::default());
+                for argument in arguments {
+                    let value = argument.as_ref().map(|argument| argument.evaluate(environment)).transpose()?;
+                    value.iter().flatten().try_for_each(|value| held.add(value))?;
+                    values.push(value);
+                }
                 operator.run(&Arguments { operator: operator.name, values })
             }
             Self::Form(form) => form.evaluate(environment),

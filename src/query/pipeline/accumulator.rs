@@ -1,5 +1,7 @@
 //! Accumulators of `$group` and the bucket stages.
 
+use std::collections::btree_map::Entry;
+
 use bson::{Bson, Document};
 
 use super::run::Run;
@@ -7,6 +9,7 @@ use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, field_value};
 use crate::query::key;
+use crate::query::limit::Memory;
 use crate::query::number::Number;
 use crate::query::sort::Sort;
 use crate::query::statistics::{Deviation, Sum};
@@ -62,11 +65,11 @@ pub(super) enum State {
     Average(Sum, u64),
     Deviation(Deviation),
     One(Option<Bson>),
-    Many(Vec<Bson>),
-    Distinct(std::collections::BTreeMap<Vec<u8>, (usize, Bson)>),
-    Merged(Document),
-    Counted(usize, Vec<Bson>),
-    Ranked(usize, Vec<(Vec<u8>, Bson)>),
+    Many(Vec<Bson>, Memory),
+    Distinct(std::collections::BTreeMap<Vec<u8>, (usize, Bson)>, Memory),
+    Merged(Document, Memory),
+    Counted(usize, Vec<Bson>, Memory),
+    Ranked(usize, Vec<(Vec<u8>, Bson)>, Memory),
 }
 
 impl Accumulator {
@@ -149,14 +152,16 @@ impl Accumulator {
             Operator::Average => State::Average(Sum::default(), 0),
             Operator::Deviation { .. } => State::Deviation(Deviation::default()),
             Operator::Extreme { .. } | Operator::First | Operator::Last => State::One(None),
-            Operator::Push => State::Many(Vec::new()),
-            Operator::AddToSet => State::Distinct(std::collections::BTreeMap::new()),
-            Operator::Merge => State::Merged(Document::new()),
+            Operator::Push => State::Many(Vec::new(), Memory::default()),
+            Operator::AddToSet => State::Distinct(std::collections::BTreeMap::new(), Memory::default()),
+            Operator::Merge => State::Merged(Document::new(), Memory::default()),
             Operator::Some { count, .. } | Operator::Extremes { count, .. } => {
-                State::Counted(limit(count, id, run)?, Vec::new())
+                State::Counted(limit(count, id, run)?, Vec::new(), Memory::default())
             }
-            Operator::Ranked { count: Some(count), .. } => State::Ranked(limit(count, id, run)?, Vec::new()),
-            Operator::Ranked { count: None, .. } => State::Ranked(1, Vec::new()),
+            Operator::Ranked { count: Some(count), .. } => {
+                State::Ranked(limit(count, id, run)?, Vec::new(), Memory::default())
+            }
+            Operator::Ranked { count: None, .. } => State::Ranked(1, Vec::new(), Memory::default()),
         })
     }
 
@@ -166,7 +171,7 @@ impl Accumulator {
         match (&self.operator, &*state) {
             (Operator::First, State::One(Some(_))) => return Ok(()),
             // As in mongod, one value more than is kept is evaluated.
-            (Operator::Some { first: true, .. }, State::Counted(limit, values)) if values.len() > *limit => {
+            (Operator::Some { first: true, .. }, State::Counted(limit, values, _)) if values.len() > *limit => {
                 return Ok(());
             }
             _ => {}
@@ -203,26 +208,39 @@ impl Accumulator {
                 *first = Some(value.unwrap_or(Bson::Null));
             }
             (Operator::Last, State::One(last)) => *last = Some(value.unwrap_or(Bson::Null)),
-            (Operator::Push, State::Many(values)) => values.extend(value),
-            (Operator::AddToSet, State::Distinct(values)) => {
+            (Operator::Push, State::Many(values, memory)) => {
                 if let Some(value) = value {
-                    let place = values.len();
-                    values.entry(key::encode_value(&value)).or_insert((place, value));
+                    memory.add(&value)?;
+                    values.push(value);
                 }
             }
-            (Operator::Merge, State::Merged(document)) => match value {
-                Some(Bson::Document(more)) => document.extend(more),
+            (Operator::AddToSet, State::Distinct(values, memory)) => {
+                let place = values.len();
+                if let Some(value) = value
+                    && let Entry::Vacant(entry) = values.entry(key::encode_value(&value))
+                {
+                    memory.add(&value)?;
+                    entry.insert((place, value));
+                }
+            }
+            (Operator::Merge, State::Merged(document, memory)) => match value {
+                Some(Bson::Document(more)) => {
+                    memory.add_new(document, &more)?;
+                    document.extend(more);
+                }
                 None => {}
                 Some(value) if is_null(&value) => {}
                 Some(_) => return Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs")),
             },
-            (Operator::Some { first, .. }, State::Counted(limit, values)) => {
-                values.push(value.unwrap_or(Bson::Null));
+            (Operator::Some { first, .. }, State::Counted(limit, values, memory)) => {
+                let value = value.unwrap_or(Bson::Null);
+                memory.add(&value)?;
+                values.push(value);
                 if !*first && values.len() > *limit {
-                    values.remove(0);
+                    memory.remove(&values.remove(0));
                 }
             }
-            (Operator::Extremes { greatest, .. }, State::Counted(limit, values)) => {
+            (Operator::Extremes { greatest, .. }, State::Counted(limit, values, memory)) => {
                 let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
                 let order = |known: &Bson| {
                     let order = compare_values(known, &value);
@@ -234,21 +252,24 @@ impl Accumulator {
                     return Ok(());
                 }
                 let at = values.partition_point(|known| order(known).is_lt() || !*greatest && order(known).is_eq());
+                memory.add(&value)?;
                 values.insert(at, value);
-                values.truncate(*limit);
+                values.drain((*limit).min(values.len())..).for_each(|value| memory.remove(&value));
             }
-            (Operator::Ranked { sort, bottom, .. }, State::Ranked(limit, ranked)) => {
+            (Operator::Ranked { sort, bottom, .. }, State::Ranked(limit, ranked, memory)) => {
                 let key = rank(sort, fields);
                 if ranked.len() == *limit {
                     // Of equal ones, the earlier stays.
                     let worst = if *bottom { 0 } else { ranked.len().saturating_sub(1) };
                     match ranked.get(worst) {
                         Some((known, _)) if *bottom && key <= *known || !*bottom && key >= *known => return Ok(()),
-                        _ => drop(ranked.remove(worst)),
+                        _ => memory.remove(&ranked.remove(worst).1),
                     }
                 }
                 let at = ranked.partition_point(|(known, _)| *known <= key);
-                ranked.insert(at, (key, value.unwrap_or(Bson::Null)));
+                let value = value.unwrap_or(Bson::Null);
+                memory.add(&value)?;
+                ranked.insert(at, (key, value));
             }
             _ => {}
         }
@@ -262,21 +283,21 @@ impl Accumulator {
             (_, State::Average(sum, count)) => sum.mean(count).map_or(Bson::Null, Bson::from),
             (Operator::Deviation { sample }, State::Deviation(deviation)) => deviation.value(*sample),
             (_, State::One(value)) => value.unwrap_or(Bson::Null),
-            (_, State::Many(values)) => Bson::Array(values),
-            (_, State::Counted(limit, mut values)) => {
+            (_, State::Many(values, _)) => Bson::Array(values),
+            (_, State::Counted(limit, mut values, _)) => {
                 values.truncate(limit);
                 Bson::Array(values)
             }
-            (_, State::Distinct(values)) => {
+            (_, State::Distinct(values, _)) => {
                 let mut values: Vec<_> = values.into_values().collect();
                 values.sort_by_key(|(place, _)| *place);
                 Bson::Array(values.into_iter().map(|(_, value)| value).collect())
             }
-            (_, State::Merged(document)) => Bson::Document(document),
-            (Operator::Ranked { count: None, .. }, State::Ranked(_, ranked)) => {
+            (_, State::Merged(document, _)) => Bson::Document(document),
+            (Operator::Ranked { count: None, .. }, State::Ranked(_, ranked, _)) => {
                 ranked.into_iter().next().map_or(Bson::Null, |(_, value)| value)
             }
-            (_, State::Ranked(_, ranked)) => Bson::Array(ranked.into_iter().map(|(_, value)| value).collect()),
+            (_, State::Ranked(_, ranked, _)) => Bson::Array(ranked.into_iter().map(|(_, value)| value).collect()),
             (_, State::Deviation(deviation)) => deviation.value(false),
         }
     }

@@ -3,6 +3,7 @@
 use bson::{Document, RawDocumentBuf};
 
 use crate::query::error::Result;
+use crate::query::limit::encode_between;
 
 /// A stream of documents, which ends with the first error.
 pub type Documents<'a, E> = Box<dyn Iterator<Item = std::result::Result<RawDocumentBuf, E>> + 'a>;
@@ -38,5 +39,5 @@ pub(super) fn deferred<'a, E: 'a>(
 
 /// Encodes a document.
 pub(super) fn encode(document: &Document) -> Result<RawDocumentBuf> {
-    Ok(RawDocumentBuf::try_from(document)?)
+    encode_between(document)
 }

@@ -15,6 +15,7 @@ use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Context, Filter, Parser};
 use crate::query::key;
+use crate::query::limit::Memory;
 use crate::query::number::Number;
 use crate::query::path::Path;
 
@@ -114,7 +115,7 @@ impl GraphLookup {
         let mut frontier = keys(start);
         let mut asked: HashSet<Vec<u8>> = frontier.iter().cloned().collect();
         let mut seen: HashMap<Vec<u8>, ()> = HashMap::new();
-        let mut found = Vec::new();
+        let (mut found, mut memory) = (Vec::new(), Memory::default());
         let mut depth = 0i64;
         while !frontier.is_empty() && self.max_depth.is_none_or(|limit| depth <= limit) {
             let mut next = Vec::new();
@@ -131,7 +132,9 @@ impl GraphLookup {
                 if let Some(path) = &self.depth_field {
                     put(&mut document, path, Bson::Int64(depth));
                 }
-                found.push(Bson::Document(document));
+                let document = Bson::Document(document);
+                memory.add(&document)?;
+                found.push(document);
             }
             frontier = next;
             depth += 1;

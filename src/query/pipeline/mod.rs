@@ -27,6 +27,7 @@ use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
 use super::geo::Near;
+use super::limit::check_result;
 pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
 use run::Run;
@@ -112,7 +113,12 @@ impl Pipeline {
         now: DateTime,
         sources: &'a Sources<'a, E>,
     ) -> Documents<'a, E> {
-        self.run_with(input, Run::new(now, self.variables.clone(), sources))
+        let results = self.run_with(input, Run::new(now, self.variables.clone(), sources));
+        Box::new(results.map(|result| {
+            let result = result?;
+            check_result(&result)?;
+            Ok(result)
+        }))
     }
 
     fn run_with<'a, E: From<QueryError> + 'a>(&'a self, input: Documents<'a, E>, run: Run<'a, E>) -> Documents<'a, E> {

@@ -13,6 +13,7 @@ use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 use super::error::Result;
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
+use super::limit::encode_result;
 use find::Transform;
 pub(super) use tree::{Branch, Policy};
 
@@ -58,7 +59,7 @@ impl Projection {
         for transform in &self.transforms {
             projected = transform.apply(projected, &whole, filter, now)?;
         }
-        Ok(RawDocumentBuf::try_from(&projected)?)
+        encode_result(&projected)
     }
 }
 

@@ -20,6 +20,7 @@ use super::compare::equal_values;
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
+use super::limit::check_document;
 use super::nesting::MAX_DEPTH;
 use super::reshape::Reshape;
 use apply::Application;
@@ -170,6 +171,7 @@ pub fn prepare(document: &Document, now: DateTime) -> Result<RawDocumentBuf> {
 fn reshaped(stages: &[Reshape], variables: &Variables, mut document: Document, now: DateTime) -> Result<Document> {
     for stage in stages {
         document = stage.apply(document, variables, now)?;
+        check_document(&document)?;
     }
     Ok(document)
 }
