@@ -1,5 +1,6 @@
 //! What is asked, and of which documents.
 
+pub(super) mod bomb;
 pub(super) mod expression;
 pub(super) mod filter;
 pub(super) mod pipeline;
