@@ -11,6 +11,7 @@ use super::tree::{Expression, constant};
 use super::value::Value;
 use crate::query::compare::optional;
 use crate::query::error::{QueryError, Result};
+use crate::query::javascript::Program;
 use crate::query::limit::Held;
 use crate::query::number::Number;
 
@@ -27,6 +28,7 @@ pub(in crate::query) enum Form {
     Map { input: Expression, slot: usize, body: Expression },
     Filter { input: Expression, slot: usize, condition: Expression, limit: Option<Expression> },
     Reduce { input: Expression, initial: Expression, value: usize, this: usize, body: Expression },
+    Function(Program, Expression),
 }
 
 /// The comparison operators.
@@ -69,6 +71,7 @@ pub(super) fn read(reader: &Reader<'_>, name: &str, argument: &Bson) -> Result<O
         "$map" => map(reader, argument)?,
         "$filter" => filter(reader, argument)?,
         "$reduce" => reduce(reader, argument)?,
+        "$function" => function(reader, argument)?,
         _ => return Ok(None),
     }))
 }
@@ -185,6 +188,10 @@ impl Form {
             Self::Filter { input, slot, condition, limit } => {
                 kept(input, *slot, condition, limit.as_ref(), environment)
             }
+            Self::Function(program, arguments) => match arguments.evaluate(environment)? {
+                Some(Bson::Array(values)) => program.call(&values.into_iter().map(Some).collect::<Vec<_>>()),
+                _ => Err(QueryError::invalid(4_660_705, "the 'args' of $function must be an array")),
+            },
             Self::Reduce { input, initial, value, this, body } => {
                 let Some(items) = array("$reduce", 40_080, input.evaluate(environment)?)? else {
                     return Ok(Some(Bson::Null));
@@ -402,4 +409,22 @@ fn reduce(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     let input = reader.read(get(fields, "input"))?;
     let initial = reader.read(get(fields, "initialValue"))?;
     Ok(Form::Reduce { input, initial, value, this, body: reader.within(&scope).read(get(fields, "in"))? })
+}
+
+fn function(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let Bson::Document(fields) = argument else {
+        return Err(QueryError::invalid(4_660_700, "$function needs an object {body, args, lang}"));
+    };
+    let missing = [("body", 4_660_702), ("args", 4_660_703), ("lang", 4_660_704)];
+    if let Some((name, code)) = missing.into_iter().find(|(name, _)| !fields.contains_key(name)) {
+        return Err(QueryError::invalid(code, format!("$function needs '{name}'")));
+    }
+    if let Some(name) = fields.keys().find(|name| !matches!(name.as_str(), "body" | "args" | "lang")) {
+        return Err(QueryError::invalid(4_660_701, format!("unrecognized argument to $function: {name}")));
+    }
+    if fields.get("lang").and_then(Bson::as_str) != Some("js") {
+        return Err(QueryError::invalid(4_660_706, "the 'lang' of $function must be 'js'"));
+    }
+    let program = Program::function("$function", "body", get(fields, "body"))?;
+    Ok(Form::Function(program, reader.read(get(fields, "args"))?))
 }

@@ -10,6 +10,7 @@ use crate::query::dollar::{is_operators, is_reference_key};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::geo::{Near, OPERATORS};
+use crate::query::javascript::Program;
 use crate::query::path::Path;
 use crate::query::regex::Pattern;
 use crate::query::view::View;
@@ -21,7 +22,7 @@ const MAX_DEPTH: usize = 100;
 const NOT_IN_STAGE: i32 = 5_626_500;
 
 /// Operators at the top that rmem refuses by name.
-const REFUSED: [&str; 2] = ["$where", "$text"];
+const REFUSED: [&str; 1] = ["$text"];
 
 /// Reads filters, with the variables that their expressions may use.
 #[derive(Debug, Default, Clone)]
@@ -29,6 +30,8 @@ pub(in crate::query) struct Parser<'a> {
     scope: Option<&'a Scope>,
     depth: usize,
     distance: Distance,
+    /// Whether `$where` may be here: at the top of a query and in its alternatives.
+    takes_code: bool,
 }
 
 /// Whether a filter may contain a distance condition, which also orders the matches.
@@ -51,12 +54,12 @@ impl<'a> Parser<'a> {
 
     /// Returns the parser of a query, which may ask for what is near.
     pub(super) fn of_query(self) -> Self {
-        Self { distance: Distance::Asked, ..self }
+        Self { distance: Distance::Asked, takes_code: true, ..self }
     }
 
     /// Returns the parser of a stage.
     pub(in crate::query) fn of_stage(self) -> Self {
-        Self { distance: Distance::Stage, ..self }
+        Self { distance: Distance::Stage, takes_code: false, ..self }
     }
 
     fn within(&self) -> Self {
@@ -136,6 +139,8 @@ impl<'a> Parser<'a> {
                 Some(rate) if (0.0..=1.0).contains(&rate) => Node::Sample(rate),
                 _ => return Err(QueryError::bad_value("$sampleRate must be between 0 and 1")),
             },
+            "$where" if self.takes_code => Node::Where(Box::new(Program::predicate(value)?)),
+            "$where" => return Err(QueryError::bad_value("$where is not allowed in this context").about(name)),
             _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
             _ => return Err(QueryError::bad_value(format!("unknown top level operator: {name}")).about(name)),
         }))
@@ -194,10 +199,10 @@ impl<'a> Parser<'a> {
         Ok(Test::Leaf(if on_values {
             Leaf::ElementPasses(Box::new(self.operators(inner)?))
         } else {
-            if let Some(refused) = inner.keys().find(|name| REFUSED.contains(&name.as_str()) || *name == "$expr") {
+            if let Some(refused) = inner.keys().find(|name| matches!(name.as_str(), "$text" | "$where" | "$expr")) {
                 return Err(QueryError::bad_value(format!("{refused} cannot be in $elemMatch")));
             }
-            Leaf::ElementMatches(Box::new(self.within().filter(inner)?))
+            Leaf::ElementMatches(Box::new(Self { takes_code: false, ..self.within() }.filter(inner)?))
         }))
     }
 }

@@ -7,6 +7,7 @@ use super::test::{Leaf, Test};
 use crate::query::error::Result;
 use crate::query::expression::{Environment, Expression, Variables};
 use crate::query::geo::Near;
+use crate::query::javascript::Program;
 use crate::query::path::Path;
 use crate::query::random::random;
 use crate::query::view::{Fields, View};
@@ -24,6 +25,8 @@ pub(in crate::query) enum Node {
     /// An aggregation expression that must be true.
     Expression(Expression),
     Schema(Box<Schema>),
+    /// A predicate in JavaScript.
+    Where(Box<Program>),
     /// A constant answer.
     Always(bool),
     /// True for about this part of the documents.
@@ -84,6 +87,7 @@ impl Node {
             Self::Near(near) => Ok(near.nearest(fields).is_some()),
             Self::Expression(expression) => holds(expression, fields, context),
             Self::Schema(schema) => Ok(schema.accepts(View::Document(fields))),
+            Self::Where(program) => program.holds(fields),
             Self::Always(answer) => Ok(*answer),
             Self::Sample(rate) => Ok(random() < *rate),
         }

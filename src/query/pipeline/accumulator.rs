@@ -5,6 +5,7 @@ use std::collections::btree_map::Entry;
 use bson::{Bson, Document};
 
 use super::run::Run;
+use super::script::Script;
 use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, field_value};
@@ -56,10 +57,11 @@ enum Operator {
         bottom: bool,
         count: Option<Expression>,
     },
+    Script(Box<Script>),
 }
 
 /// The state of an accumulator.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) enum State {
     Sum(Sum),
     Average(Sum, u64),
@@ -101,7 +103,10 @@ impl Accumulator {
             }
             "$firstN" | "$lastN" | "$minN" | "$maxN" => return Self::of_several(name, argument, scope),
             "$top" | "$bottom" | "$topN" | "$bottomN" => return Self::ranked(name, argument, scope),
-            "$accumulator" => return Err(QueryError::unsupported(name)),
+            "$accumulator" => {
+                let script = Script::parse(argument, scope)?;
+                return Ok(Self { operator: Operator::Script(Box::new(script)), input: Expression::Constant(None) });
+            }
             _ => return Err(QueryError::invalid(15_952, format!("unknown group operator '{name}'"))),
         };
         let argument = match argument {
@@ -161,6 +166,7 @@ impl Accumulator {
             Operator::Ranked { count: Some(count), .. } => {
                 State::Ranked(limit(count, id, run)?, Vec::new(), Memory::default())
             }
+            Operator::Script(script) => State::One(script.start(id, run)?),
             Operator::Ranked { count: None, .. } => State::Ranked(1, Vec::new(), Memory::default()),
         })
     }
@@ -175,6 +181,10 @@ impl Accumulator {
                 return Ok(());
             }
             _ => {}
+        }
+        if let (Operator::Script(script), State::One(value)) = (&self.operator, &mut *state) {
+            *value = script.add(value.take(), fields, run)?;
+            return Ok(());
         }
         let value = self.input.evaluate(&run.environment(fields))?;
         match (&self.operator, state) {
@@ -277,8 +287,9 @@ impl Accumulator {
     }
 
     /// Returns the accumulated value.
-    pub(super) fn finish(&self, state: State) -> Bson {
-        match (&self.operator, state) {
+    pub(super) fn finish(&self, state: State) -> Result<Bson> {
+        Ok(match (&self.operator, state) {
+            (Operator::Script(script), State::One(value)) => script.finish(value)?,
             (_, State::Sum(sum)) => sum.total().into(),
             (_, State::Average(sum, count)) => sum.mean(count).map_or(Bson::Null, Bson::from),
             (Operator::Deviation { sample }, State::Deviation(deviation)) => deviation.value(*sample),
@@ -299,7 +310,7 @@ impl Accumulator {
             }
             (_, State::Ranked(_, ranked, _)) => Bson::Array(ranked.into_iter().map(|(_, value)| value).collect()),
             (_, State::Deviation(deviation)) => deviation.value(false),
-        }
+        })
     }
 }
 

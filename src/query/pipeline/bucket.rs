@@ -90,7 +90,7 @@ impl Bucket {
             let id = self.bucket_of(&value)?;
             groups.add(id, (&*document).into(), run)?;
         }
-        let mut documents = groups.finish();
+        let mut documents = groups.finish()?;
         documents
             .sort_by(|a, b| compare_values(a.get("_id").unwrap_or(&Bson::Null), b.get("_id").unwrap_or(&Bson::Null)));
         Ok(documents.iter().map(encode).collect::<Result<_>>()?)
@@ -206,7 +206,7 @@ impl AutoBucket {
         let mut id = Document::new();
         id.insert("min", least);
         id.insert("max", greatest);
-        let mut document = groups.finish().pop().unwrap_or_default();
+        let mut document = groups.finish()?.pop().unwrap_or_default();
         document.insert("_id", id);
         Ok(document)
     }

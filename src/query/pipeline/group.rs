@@ -96,7 +96,7 @@ impl Group {
             }
             groups.add(id, fields, run)?;
         }
-        let documents = groups.finish();
+        let documents = groups.finish()?;
         Ok(documents.iter().map(encode).collect::<Result<_>>()?)
     }
 }
@@ -127,15 +127,18 @@ impl<'a> Groups<'a> {
     }
 
     /// Returns a document per group.
-    pub(super) fn finish(self) -> Vec<Document> {
+    ///
+    /// # Errors
+    /// If a function of `$accumulator` fails.
+    pub(super) fn finish(self) -> Result<Vec<Document>> {
         let accumulators = self.accumulators;
         let documents = self.groups.into_iter().map(|(id, states)| {
             let mut document = Document::new();
             document.insert("_id", id);
             for ((name, accumulator), state) in accumulators.fields.iter().zip(states) {
-                document.insert(name.clone(), accumulator.finish(state));
+                document.insert(name.clone(), accumulator.finish(state)?);
             }
-            document
+            Ok(document)
         });
         documents.collect()
     }

@@ -18,6 +18,7 @@ mod output;
 mod parse;
 mod redact;
 mod run;
+mod script;
 mod stage;
 mod unwind;
 
