@@ -71,7 +71,12 @@ impl Keys {
 
     /// Shows every key of a document; gives the paths that run through an array, as bits.
     pub(super) fn each(&self, fields: Fields<'_>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Unclear> {
-        let slots = self.fields.iter().map(|field| Slot::Path(fields, &field.path, 0)).collect();
+        // `_id` is compared as a whole: a stored one is no array, but a stage can make one.
+        let slot = |path| match Path::text(path) {
+            "_id" => Slot::Value(fields.get("_id")),
+            _ => Slot::Path(fields, path, 0),
+        };
+        let slots = self.fields.iter().map(|field| slot(&field.path)).collect();
         self.expand(slots, show)
     }
 

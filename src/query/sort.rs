@@ -246,4 +246,12 @@ mod tests {
         let document = rawdoc! {"a": [1], "b": [2]};
         assert!(Sort::parse(&doc! {"a": 1, "b": 1}).unwrap().key(&document).is_err());
     }
+
+    #[test]
+    fn an_array_as_id_is_sorted_as_a_whole() {
+        let ids = [bson::bson!(null), bson::bson!(1), bson::bson!({}), bson::bson!([]), bson::bson!([0])];
+        let sort = Sort::parse(&doc! { "_id": 1 }).unwrap();
+        let keys = ids.map(|id| sort.key(&RawDocumentBuf::try_from(&doc! { "_id": id }).unwrap()).unwrap());
+        assert!(keys.is_sorted());
+    }
 }
