@@ -34,8 +34,8 @@ impl Unit {
         })
     }
 
-    /// Months of the unit, where it is one of months.
-    fn months(self) -> Option<i64> {
+    /// Returns the months of the unit, if it is one of months.
+    pub(in crate::query) fn months(self) -> Option<i64> {
         match self {
             Self::Year => Some(12),
             Self::Quarter => Some(3),
@@ -45,7 +45,7 @@ impl Unit {
     }
 
     /// Milliseconds of the unit, where it is not one of months.
-    fn millis(self) -> i64 {
+    pub(in crate::query) fn millis(self) -> i64 {
         match self {
             Self::Week => 7 * DAY,
             Self::Hour => 3_600_000,

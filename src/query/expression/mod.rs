@@ -28,8 +28,10 @@ mod value;
 use bson::Bson;
 
 use super::error::Result;
+pub(super) use boundary::{Unit, date_step};
 pub(super) use scope::{Environment, Scope, Variables, check_name};
 pub(super) use tree::{Expression, field_value};
+pub(super) use value::Value;
 
 impl Expression {
     /// Reads an expression that uses no variables but the system's.

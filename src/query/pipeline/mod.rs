@@ -7,8 +7,10 @@
 mod accumulator;
 mod argument;
 mod bucket;
+mod densify;
 mod documents;
 mod facet;
+mod fill;
 mod granularity;
 mod graph;
 mod group;
@@ -21,6 +23,7 @@ mod run;
 mod script;
 mod stage;
 mod unwind;
+mod window;
 
 use bson::{DateTime, Document};
 

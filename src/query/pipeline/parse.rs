@@ -3,7 +3,9 @@
 use bson::{Bson, Document};
 
 use super::bucket::{AutoBucket, Bucket};
+use super::densify::Densify;
 use super::facet::Facet;
+use super::fill;
 use super::graph::GraphLookup;
 use super::group::Group;
 use super::lookup::{Lookup, Union};
@@ -12,6 +14,7 @@ use super::output::Output;
 use super::redact::Redact;
 use super::stage::Stage;
 use super::unwind::Unwind;
+use super::window::Window;
 use crate::query::decimal::Rounding;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
@@ -26,13 +29,11 @@ const MAX_STAGES: usize = 1000;
 const MAX_DEPTH: usize = 20;
 
 /// Stages of MongoDB that rmem refuses by name.
-const REFUSED: [&str; 23] = [
+const REFUSED: [&str; 20] = [
     "$changeStream",
     "$changeStreamSplitLargeEvent",
     "$collStats",
     "$currentOp",
-    "$densify",
-    "$fill",
     "$indexStats",
     "$listCatalog",
     "$listClusterCatalog",
@@ -42,7 +43,6 @@ const REFUSED: [&str; 23] = [
     "$planCacheStats",
     "$search",
     "$searchMeta",
-    "$setWindowFields",
     "$vectorSearch",
     "$querySettings",
     "$queryStats",
@@ -130,6 +130,12 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, depth: usize, stages: &mut 
         "$sample" => Stage::Sample(sample_size(object(name, argument)?)?),
         "$redact" => Stage::Redact(Redact::parse(argument, scope)?),
         "$geoNear" => Stage::GeoNear(Box::new(GeoNear::parse(argument, scope)?)),
+        "$setWindowFields" => Stage::Window(Window::parse(object(name, argument)?, scope)?),
+        "$densify" => Stage::Densify(Box::new(Densify::parse(object(name, argument)?)?)),
+        "$fill" => {
+            stages.extend(fill::stages(object(name, argument)?, scope)?);
+            return Ok(());
+        }
         "$documents" => Stage::Documents(Expression::parse_in(argument, scope)?),
         _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
         _ => return Err(QueryError::invalid(40_324, format!("unrecognized pipeline stage name: '{name}'"))),

@@ -3,6 +3,7 @@
 use bson::{Document, RawDocumentBuf};
 
 use super::bucket::{AutoBucket, Bucket};
+use super::densify::Densify;
 use super::documents::{Documents, deferred, encode};
 use super::facet::Facet;
 use super::graph::GraphLookup;
@@ -12,6 +13,7 @@ use super::near::GeoNear;
 use super::redact::Redact;
 use super::run::Run;
 use super::unwind::Unwind;
+use super::window::Window;
 use crate::query::error::QueryError;
 use crate::query::expression::Expression;
 use crate::query::filter::{Context, Filter};
@@ -40,6 +42,8 @@ pub(super) enum Stage {
     Redact(Redact),
     Documents(Expression),
     GeoNear(Box<GeoNear>),
+    Window(Window),
+    Densify(Box<Densify>),
 }
 
 impl Stage {
@@ -98,6 +102,8 @@ impl Stage {
             Self::Sample(size) => deferred(move || sample(*size, input)),
             Self::Redact(redact) => redact.run(input, run),
             Self::GeoNear(near) => deferred(move || near.run(input, &run)),
+            Self::Window(window) => deferred(move || window.run(input, &run)),
+            Self::Densify(densify) => deferred(move || densify.run(input)),
             Self::Documents(expression) => deferred(move || documents(expression, &run)),
         }
     }
