@@ -4,7 +4,7 @@ use bson::{Bson, Document, doc};
 use proptest::prelude::*;
 
 use super::generate::value::{Gen, any_of, either, fields, name, path, pick, typed, wild};
-use super::generate::{bomb, expression};
+use super::generate::{bomb, expression, window};
 use super::generate::{filter, pipeline, projection, update};
 
 /// What a family's cases are made of.
@@ -72,6 +72,10 @@ pub(super) const FAMILIES: &[Named] = &[
     ("stage_graph_lookup", || over(wild(), aggregate(pipeline::graph()))),
     ("stage_sequence", || over(wild(), aggregate(pipeline::sequence()))),
     ("stage_facet_union_redact", || over(wild(), aggregate(pipeline::combined()))),
+    ("stage_window", || over(both(), aggregate(window::window()))),
+    ("stage_densify_and_fill", || over(both(), aggregate(window::gaps()))),
+    ("javascript_where", || Family { cost: 4, ..over(wild(), find(window::predicate())) }),
+    ("javascript_function", || Family { cost: 4, ..one_by_one(window::function()) }),
     ("bomb_result", || bombs(aggregate(pipeline_of("$project", bomb::expression())))),
     ("bomb_group", || {
         let group = |value| doc! { "$group": { "_id": Bson::Null, "x": { "$push": value } } };

@@ -7,3 +7,4 @@ pub(super) mod pipeline;
 pub(super) mod projection;
 pub(super) mod update;
 pub(super) mod value;
+pub(super) mod window;
