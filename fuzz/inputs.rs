@@ -3,7 +3,7 @@
 //!
 //! `tests/unit/fuzzed.rs` runs the same on damaged fixtures in every test run.
 
-use bson::{Document, RawDocument, doc};
+use bson::{Bson, Document, RawDocument, doc};
 use rmem::formats::diagnostic::{Diagnostic, Source};
 use rmem::formats::mongodump::{Archive, Documents, Metadata, decode_document, unpack};
 use rmem::formats::{clips as facts, marker as sections, pddl, plan as plans, shell as json};
@@ -143,6 +143,58 @@ pub(crate) fn template(bytes: &[u8]) {
             assert!(!error.to_string().is_empty());
         }
     }
+}
+
+/// Expressions that describe large values; each byte puts the expression before it into another one.
+pub(crate) fn bomb(bytes: &[u8]) {
+    let expression = bytes.iter().take(24).fold(Bson::from("$s"), |inner, byte| larger(*byte, inner));
+    let original = doc! { "_id": 1, "s": "text", "n": [1, 2, 3] };
+    let raw = bson::RawDocumentBuf::try_from(&original).expect("a document");
+    let now = bson::DateTime::from_millis(0);
+    let all = Filter::parse(&Document::new()).expect("an empty filter");
+    let small = |result: &RawDocument| assert!(query::check(result).is_ok() && result.as_bytes().len() < 17 << 20);
+    if let Ok(filter) = Filter::parse(&doc! { "$expr": expression.clone() }) {
+        let _ = filter.matches(&raw);
+    }
+    if let Ok(projection) = Projection::parse(&doc! { "x": expression.clone() }) {
+        projection.apply(&raw, &all, now).iter().for_each(|result| small(result));
+    }
+    if let Ok(update) = Update::parse_pipeline(&[doc! { "$set": { "x": expression.clone() } }]) {
+        update.apply(&raw, &all, now).iter().flatten().for_each(|result| small(result));
+    }
+    let group = doc! { "$group": { "_id": "$n", "x": { "$push": expression } } };
+    if let Ok(pipeline) = Pipeline::parse(&[doc! { "$unwind": "$n" }, group]) {
+        let input: query::Documents<'_, query::QueryError> = Box::new(std::iter::once(Ok(raw)));
+        let none = |_: &query::Origin| Ok(Box::new(std::iter::empty()) as query::Documents<'_, query::QueryError>);
+        pipeline.run(input, now, &none).flatten().for_each(|result| small(&result));
+    }
+}
+
+/// An expression whose value is larger or deeper than that of the one inside.
+fn larger(byte: u8, inner: Bson) -> Bson {
+    let times = [3, 30, 199, 2000][usize::from(byte / 16) % 4];
+    let reduce = |body: Document, initial: Bson| {
+        let body = Bson::from(body);
+        doc! { "$reduce": { "input": { "$range": [0, times] }, "initialValue": initial, "in": body } }
+    };
+    Bson::from(match byte % 16 {
+        0 => doc! { "a": inner },
+        1 => doc! { "a": inner.clone(), "b": inner },
+        2 => reduce(doc! { "a": "$$value" }, inner),
+        3 => reduce(doc! { "$concat": ["$$value", "$$value"] }, inner),
+        4 => reduce(doc! { "$concatArrays": ["$$value", "$$value"] }, inner),
+        5 => reduce(doc! { "$mergeObjects": ["$$value", { "a": "$$value" }] }, inner),
+        6 => doc! { "$map": { "input": { "$range": [0, times] }, "in": inner } },
+        7 => doc! { "$let": { "vars": { "v": inner }, "in": ["$$v", "$$v"] } },
+        8 => doc! { "$concat": [inner.clone(), inner] },
+        9 => doc! { "$replaceAll": { "input": inner.clone(), "find": "t", "replacement": inner } },
+        10 => doc! { "$zip": { "inputs": [inner, { "$range": [0, times] }], "useLongestLength": true } },
+        11 => doc! { "$split": [inner, "t"] },
+        12 => doc! { "$setField": { "field": "f", "input": { "g": inner.clone() }, "value": inner } },
+        13 => doc! { "$objectToArray": { "k": inner } },
+        14 => doc! { "$filter": { "input": inner, "cond": true } },
+        _ => doc! { "$setUnion": [[inner], { "$range": [0, times] }] },
+    })
 }
 
 /// A filter, update, projection, sort and pipeline, and a document they are applied to.

@@ -117,6 +117,8 @@ pub mod process;
 
 pub mod clips;
 
+mod calendar;
+
 pub mod formats;
 
 pub mod input;

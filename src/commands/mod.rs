@@ -28,6 +28,7 @@ mod index;
 mod insert;
 mod lock;
 mod man;
+mod map_reduce;
 mod missing;
 mod plan;
 mod print;
@@ -60,6 +61,7 @@ pub enum Command {
     Count(count::CountArgs),
     Distinct(distinct::DistinctArgs),
     Aggregate(aggregate::AggregateArgs),
+    MapReduce(map_reduce::MapReduceArgs),
     Update(update::UpdateArgs),
     Delete(delete::DeleteArgs),
     Index(index::IndexArgs),
@@ -97,6 +99,7 @@ pub enum Command {
 pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit> {
     match command {
         Command::Aggregate(args) => aggregate::run(args, context),
+        Command::MapReduce(args) => map_reduce::run(args, context),
         Command::Backend(args) => backend::run(args, context),
         Command::Backup(args) => backup::run(args, context),
         Command::Bench(args) => bench::run(args, context),

@@ -12,7 +12,7 @@ pub(super) enum Overflow {
     Double,
 }
 
-/// The sum.
+/// Returns the sum.
 pub(super) fn add(a: Number, b: Number, overflow: Overflow) -> Result<Number> {
     integers_or(
         a,
@@ -24,7 +24,7 @@ pub(super) fn add(a: Number, b: Number, overflow: Overflow) -> Result<Number> {
     )
 }
 
-/// The difference.
+/// Returns the difference.
 pub(super) fn subtract(a: Number, b: Number, overflow: Overflow) -> Result<Number> {
     integers_or(
         a,
@@ -36,7 +36,7 @@ pub(super) fn subtract(a: Number, b: Number, overflow: Overflow) -> Result<Numbe
     )
 }
 
-/// The product.
+/// Returns the product.
 pub(super) fn multiply(a: Number, b: Number, overflow: Overflow) -> Result<Number> {
     integers_or(
         a,
@@ -67,7 +67,7 @@ fn integers_or(
     }
 }
 
-/// An int where both operands were and the value fits.
+/// Returns an int where both operands were and the value fits.
 fn narrowed(a: Number, b: Number, value: i64) -> Number {
     match (a, b, i32::try_from(value)) {
         (Number::Int(_), Number::Int(_), Ok(value)) => Number::Int(value),

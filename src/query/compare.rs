@@ -20,7 +20,7 @@ pub fn compare_values(a: &Bson, b: &Bson) -> Ordering {
     views(a.into(), b.into())
 }
 
-/// The place of a type in the order; types of one place are compared by value.
+/// Returns the place of a type in the order; types of one place are compared by value.
 pub(super) fn canonical_type(value: View<'_>) -> u8 {
     match value {
         View::MinKey => 1,
@@ -63,7 +63,7 @@ pub(super) fn views(a: View<'_>, b: View<'_>) -> Ordering {
     }
 }
 
-/// A value that may be missing; a missing one comes before all but MinKey and equals only itself.
+/// Returns a value that may be missing; a missing one comes before all but MinKey and equals only itself.
 pub(super) fn optional(a: Option<View<'_>>, b: Option<View<'_>>) -> Ordering {
     match (a, b) {
         (Some(a), Some(b)) => views(a, b),

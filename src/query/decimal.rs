@@ -3,8 +3,9 @@
 use std::cmp::Ordering;
 
 use bson::Decimal128;
+use ethnum::U256;
 
-use super::wide::Wide;
+use super::u256::{digits, square_root, ten_to};
 
 /// Digits of a coefficient.
 const PRECISION: u32 = 34;
@@ -33,7 +34,7 @@ pub(super) enum Decimal {
     },
 }
 
-/// To which neighbour a number goes that has too many digits.
+/// How a number with too many digits is rounded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Rounding {
     /// To the nearest, ties to even.
@@ -54,7 +55,7 @@ impl Decimal {
         Self::rounded(value < 0, value.unsigned_abs().into(), 0, false)
     }
 
-    /// The nearest decimal of 34 digits.
+    /// Returns the nearest decimal of 34 digits.
     pub(super) fn from_double(value: f64) -> Self {
         if value.is_nan() {
             return Self::NaN;
@@ -120,9 +121,9 @@ impl Decimal {
         Some((negative, exponent + i32::try_from(digits).unwrap_or(0), scaled))
     }
 
-    /// Takes a wide coefficient, rounding half to even; `sticky` says that more followed.
-    pub(super) fn rounded(negative: bool, mut wide: Wide, mut exponent: i32, sticky: bool) -> Self {
-        let mut excess = wide.digits().saturating_sub(PRECISION);
+    /// Rounds a coefficient of up to 256 bits half to even; `sticky`: nonzero digits followed it.
+    pub(super) fn rounded(negative: bool, mut value: U256, mut exponent: i32, sticky: bool) -> Self {
+        let mut excess = digits(value).saturating_sub(PRECISION);
         if exponent < MIN_EXPONENT {
             let below = u32::try_from(MIN_EXPONENT.saturating_sub(exponent)).unwrap_or(0);
             excess = excess.max(below);
@@ -130,23 +131,23 @@ impl Decimal {
         if excess > 0 {
             let dropped = excess.min(77);
             if excess > 77 {
-                wide = Wide::default();
+                value = U256::ZERO;
                 exponent = MIN_EXPONENT;
             } else {
-                let (quotient, rest) = wide.divided(Wide::ten_to(dropped));
-                let half = Wide::ten_to(dropped - 1).times(5);
-                wide = quotient;
+                let (quotient, rest) = (value / ten_to(dropped), value % ten_to(dropped));
+                let half = ten_to(dropped - 1) * 5;
+                value = quotient;
                 exponent += i32::try_from(dropped).unwrap_or(0);
                 if round_up(quotient, rest, half, sticky, negative, Rounding::HalfEven) {
-                    wide = wide.plus(1.into());
+                    value += 1;
                 }
-                if wide.digits() > PRECISION {
-                    wide = wide.divided(10.into()).0;
+                if digits(value) > PRECISION {
+                    value /= 10;
                     exponent += 1;
                 }
             }
         }
-        let mut coefficient = wide.narrow().unwrap_or(MAX_COEFFICIENT);
+        let mut coefficient = u128::try_from(value).unwrap_or(MAX_COEFFICIENT);
         if coefficient == 0 {
             return Self::Finite { negative, coefficient, exponent: exponent.clamp(MIN_EXPONENT, MAX_EXPONENT) };
         }
@@ -160,7 +161,7 @@ impl Decimal {
         Self::Finite { negative, coefficient, exponent }
     }
 
-    /// Reads `-12.5E+3`, `Infinity`, `NaN`; nothing where the text is none of these.
+    /// Reads `-12.5E+3`, `Infinity`, `NaN`; `None` if the text is none of these.
     pub(super) fn parse(text: &str) -> Option<Self> {
         let (negative, rest) = match text.as_bytes().first()? {
             b'-' => (true, text.get(1..)?),
@@ -180,15 +181,15 @@ impl Decimal {
         if whole.is_empty() && fraction.is_empty() {
             return None;
         }
-        let mut coefficient = Wide::default();
+        let mut coefficient = U256::ZERO;
         let (mut exponent, mut sticky) = (power, false);
         for (index, byte) in whole.bytes().chain(fraction.bytes()).enumerate() {
             if !byte.is_ascii_digit() {
                 return None;
             }
             let in_fraction = index >= whole.len();
-            if coefficient.digits() < 70 {
-                coefficient = coefficient.times(10).plus(u128::from(byte - b'0').into());
+            if digits(coefficient) < 70 {
+                coefficient = coefficient * 10 + U256::from(byte - b'0');
                 exponent -= i64::from(in_fraction);
             } else {
                 sticky |= byte != b'0';
@@ -276,12 +277,12 @@ impl Decimal {
                 }
             }
             (Finite { coefficient: c1, exponent: e1, .. }, Finite { coefficient: c2, exponent: e2, .. }) => {
-                Self::rounded(negative, Wide::product(c1, c2), e1 + e2, false)
+                Self::rounded(negative, U256::from(c1) * U256::from(c2), e1 + e2, false)
             }
         }
     }
 
-    /// The quotient; dividing by zero gives an infinity, or NaN.
+    /// Returns the quotient; dividing by zero gives an infinity, or NaN.
     pub(super) fn over(self, other: Self) -> Self {
         use Decimal::{Finite, Infinite, NaN};
         let negative = self.is_negative() != other.is_negative();
@@ -298,7 +299,7 @@ impl Decimal {
         }
     }
 
-    /// The remainder with the sign of the dividend.
+    /// Returns the remainder with the sign of the dividend.
     pub(super) fn modulo(self, other: Self) -> Self {
         use Decimal::{Finite, Infinite, NaN};
         match (self, other) {
@@ -313,11 +314,10 @@ impl Decimal {
                 if up2 > 40 {
                     return self;
                 }
-                let divisor = Wide::from(c2).times(10u128.pow(u32::try_from(up2.min(38)).unwrap_or(0)));
-                let divisor = if up2 > 38 { divisor.times(10u128.pow((up2 - 38).unsigned_abs())) } else { divisor };
-                let mut rest = Wide::from(c1).divided(divisor).1;
+                let divisor = U256::from(c2) * ten_to(up2.unsigned_abs());
+                let mut rest = U256::from(c1) % divisor;
                 for _ in 0..(e1 - exponent) {
-                    rest = rest.times(10).divided(divisor).1;
+                    rest = rest * 10 % divisor;
                 }
                 Self::rounded(negative, rest, exponent, false)
             }
@@ -333,32 +333,31 @@ impl Decimal {
             return self.quantized(target);
         }
         let dropped = (target - exponent).unsigned_abs();
-        let wide = Wide::from(coefficient);
         let (quotient, rest) = if dropped > 76 {
-            (Wide::default(), if coefficient == 0 { Wide::default() } else { 1.into() })
+            (U256::ZERO, U256::from(u8::from(coefficient != 0)))
         } else {
-            wide.divided(Wide::ten_to(dropped))
+            (U256::from(coefficient) / ten_to(dropped), U256::from(coefficient) % ten_to(dropped))
         };
-        let half = Wide::ten_to(dropped.min(77) - 1).times(5);
+        let half = ten_to(dropped.min(77) - 1) * 5;
         let up = round_up(quotient, rest, half, false, negative, mode);
-        let quotient = if up { quotient.plus(1.into()) } else { quotient };
+        let quotient = if up { quotient + 1 } else { quotient };
         Self::rounded(negative, quotient, target, false)
     }
 
-    /// The same value with a smaller exponent, as far as its digits allow.
+    /// Returns the same value with a smaller exponent, as far as its digits allow.
     fn quantized(self, target: i32) -> Self {
         let Self::Finite { negative, coefficient, exponent } = self else { return self };
         let target = target.max(MIN_EXPONENT);
         if coefficient == 0 {
             return Self::Finite { negative, coefficient, exponent: target };
         }
-        let room = PRECISION - (coefficient.ilog10() + 1).min(PRECISION);
-        let steps = (exponent - target).unsigned_abs().min(room);
+        let free_digits = PRECISION - (coefficient.ilog10() + 1).min(PRECISION);
+        let steps = (exponent - target).unsigned_abs().min(free_digits);
         let lowered = exponent - i32::try_from(steps).unwrap_or(0);
         Self::Finite { negative, coefficient: coefficient * 10u128.pow(steps), exponent: lowered }
     }
 
-    /// The square root; NaN below zero.
+    /// Returns the square root; NaN below zero.
     pub(super) fn root(self) -> Self {
         match self {
             Self::Infinite { negative: false } => self,
@@ -371,9 +370,9 @@ impl Decimal {
                 if (exponent - shift).rem_euclid(2) != 0 {
                     shift -= 1;
                 }
-                let wide = scale(coefficient.into(), shift.unsigned_abs());
-                let root = wide.root();
-                let exact = Wide::product(root, root) == wide;
+                let scaled = scale(coefficient.into(), shift.unsigned_abs());
+                let root = square_root(scaled);
+                let exact = U256::from(root) * U256::from(root) == scaled;
                 let result = Self::rounded(false, root.into(), (exponent - shift) / 2, !exact);
                 if exact { result.towards(exponent.div_euclid(2)) } else { result }
             }
@@ -400,7 +399,7 @@ impl Decimal {
         }
     }
 
-    /// Whether all digits before the point fit the coefficient.
+    /// Returns whether all digits before the point fit the coefficient.
     pub(super) fn has_unit_digit(self) -> bool {
         match self {
             Self::Finite { coefficient: 0, .. } => true,
@@ -411,7 +410,7 @@ impl Decimal {
         }
     }
 
-    /// The natural logarithm of a positive number, by Newton's method from that of the double.
+    /// Returns the natural logarithm of a positive number, by Newton's method from that of the double.
     pub(super) fn logarithm(self) -> Self {
         match self {
             Self::Infinite { negative: false } => self,
@@ -426,7 +425,7 @@ impl Decimal {
         }
     }
 
-    /// The logarithm of a number from 1 to 10.
+    /// Returns the logarithm of a number from 1 to 10.
     fn logarithm_near_one(self) -> Self {
         let mut guess = Self::from_double(self.to_double().ln());
         for _ in 0..2 {
@@ -437,7 +436,7 @@ impl Decimal {
         guess
     }
 
-    /// The logarithm to base 10 of a positive number; exact for powers of ten.
+    /// Returns the logarithm to base 10 of a positive number; exact for powers of ten.
     pub(super) fn logarithm_10(self) -> Self {
         if let Self::Finite { negative: false, coefficient: 1, exponent } = self.reduced() {
             return Self::from_integer(exponent.into());
@@ -479,7 +478,7 @@ impl Decimal {
         }
     }
 
-    /// The nearest double.
+    /// Returns the nearest double.
     pub(super) fn to_double(self) -> f64 {
         match self {
             Self::NaN => f64::NAN,
@@ -496,7 +495,7 @@ impl Decimal {
         }
     }
 
-    /// The integer part, where the value is finite and fits.
+    /// Returns the integer part, where the value is finite and fits.
     pub(super) fn to_i128(self) -> Option<i128> {
         let Self::Finite { negative, coefficient, exponent } = self.round_to(0, Rounding::Truncate) else {
             return None;
@@ -509,15 +508,15 @@ impl Decimal {
         Some(if negative { -magnitude } else { magnitude })
     }
 
-    /// Whether it is finite and has no fraction.
+    /// Returns whether it is finite and has no fraction.
     pub(super) fn is_integral(self) -> bool {
         matches!(self, Self::Finite { .. }) && self.compare(self.round_to(0, Rounding::Truncate)) == Ordering::Equal
     }
 }
 
-/// Whether the dropped `rest` takes the quotient up (away from zero).
-fn round_up(quotient: Wide, rest: Wide, half: Wide, sticky: bool, negative: bool, mode: Rounding) -> bool {
-    let inexact = sticky || !rest.is_zero();
+/// Returns whether the dropped `rest` takes the quotient up (away from zero).
+fn round_up(quotient: U256, rest: U256, half: U256, sticky: bool, negative: bool, mode: Rounding) -> bool {
+    let inexact = sticky || rest != 0;
     match mode {
         Rounding::Truncate => false,
         Rounding::Ceiling => inexact && !negative,
@@ -525,22 +524,20 @@ fn round_up(quotient: Wide, rest: Wide, half: Wide, sticky: bool, negative: bool
         Rounding::HalfEven => match rest.cmp(&half) {
             Ordering::Greater => true,
             Ordering::Less => false,
-            Ordering::Equal => sticky || quotient.divided(2.into()).1 != Wide::default(),
+            Ordering::Equal => sticky || quotient % 2 != 0,
         },
     }
 }
 
-/// `wide * 10^digits`.
-fn scale(wide: Wide, digits: u32) -> Wide {
-    let first = digits.min(38);
-    let wide = wide.times(10u128.pow(first));
-    if digits > 38 { wide.times(10u128.pow((digits - 38).min(38))) } else { wide }
+/// `value * 10^digits`, up to 76 digits.
+fn scale(value: U256, digits: u32) -> U256 {
+    value.wrapping_mul(ten_to(digits.min(76)))
 }
 
 /// `(sign, coefficient, exponent)`.
 type Parts = (bool, u128, i32);
 
-/// The sum where `a` has the larger exponent.
+/// Returns the sum where `a` has the larger exponent.
 fn sum(a: Parts, b: Parts) -> Decimal {
     let (n1, c1, e1) = a;
     let (n2, c2, e2) = b;
@@ -551,26 +548,26 @@ fn sum(a: Parts, b: Parts) -> Decimal {
         return Decimal::Finite { negative: n2, coefficient: c2, exponent: e2 };
     }
     let gap = (e1 - e2).unsigned_abs();
-    let room = 75 - c1.ilog10() - 1;
-    let shift = gap.min(room);
-    let wide1 = scale(c1.into(), shift);
-    let (wide2, lost) = if gap == shift {
-        (Wide::from(c2), false)
+    let free_digits = 75 - c1.ilog10() - 1;
+    let shift = gap.min(free_digits);
+    let scaled1 = scale(c1.into(), shift);
+    let (scaled2, lost) = if gap == shift {
+        (U256::from(c2), false)
     } else if gap - shift > 40 {
-        (Wide::default(), c2 != 0)
+        (U256::ZERO, c2 != 0)
     } else {
-        let (quotient, rest) = Wide::from(c2).divided(Wide::ten_to(gap - shift));
-        (quotient, !rest.is_zero())
+        let divisor = ten_to(gap - shift);
+        (U256::from(c2) / divisor, U256::from(c2) % divisor != 0)
     };
     let exponent = e1 - i32::try_from(shift).unwrap_or(0);
     if n1 == n2 {
-        return Decimal::rounded(n1, wide1.plus(wide2), exponent, lost);
+        return Decimal::rounded(n1, scaled1 + scaled2, exponent, lost);
     }
-    match wide1.cmp(&wide2) {
+    match scaled1.cmp(&scaled2) {
         Ordering::Equal => Decimal::Finite { negative: false, coefficient: 0, exponent },
-        Ordering::Greater if lost => Decimal::rounded(n1, wide1.minus(wide2).minus(1.into()), exponent, true),
-        Ordering::Greater => Decimal::rounded(n1, wide1.minus(wide2), exponent, false),
-        Ordering::Less => Decimal::rounded(n2, wide2.minus(wide1), exponent, lost),
+        Ordering::Greater if lost => Decimal::rounded(n1, scaled1 - scaled2 - 1, exponent, true),
+        Ordering::Greater => Decimal::rounded(n1, scaled1 - scaled2, exponent, false),
+        Ordering::Less => Decimal::rounded(n2, scaled2 - scaled1, exponent, lost),
     }
 }
 
@@ -582,9 +579,10 @@ fn quotient(negative: bool, (c1, e1): (u128, i32), (c2, e2): (u128, i32)) -> Dec
     let digits1 = c1.ilog10() + 1;
     let digits2 = c2.ilog10() + 1;
     let shift = (PRECISION + 2 + digits2).saturating_sub(digits1).min(76 - digits1);
-    let (result, rest) = scale(c1.into(), shift).divided(c2.into());
-    let exact = rest.is_zero();
-    let value = Decimal::rounded(negative, result, preferred - i32::try_from(shift).unwrap_or(0), !exact);
+    let scaled = scale(c1.into(), shift);
+    let exact = scaled % U256::from(c2) == 0;
+    let value =
+        Decimal::rounded(negative, scaled / U256::from(c2), preferred - i32::try_from(shift).unwrap_or(0), !exact);
     if exact { value.towards(preferred) } else { value }
 }
 

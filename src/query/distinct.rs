@@ -1,16 +1,16 @@
-//! The values of a field, array elements one by one: what `distinct` lists.
+//! The values that `distinct` lists: those of a field, array elements one by one.
 
 use std::collections::BTreeMap;
 
 use bson::{Bson, RawDocumentBuf};
 
+use super::dollar::is_reference_key;
 use super::error::QueryError;
-use super::filter::is_reference_key;
 use super::key;
 use super::path::Path;
 use super::view::View;
 
-/// The different values that a dotted path reaches in documents, in BSON order;
+/// Returns the different values that a dotted path reaches in documents, in BSON order;
 /// of an array, its elements. Of equal values (`1` and `1.0`) the first is given.
 ///
 /// # Errors
@@ -43,7 +43,7 @@ pub fn distinct<E: From<QueryError>>(
     Ok(values.into_values().collect())
 }
 
-/// Refuses what is no path of names.
+/// Refuses paths with invalid names.
 fn check(path: &str) -> Result<(), QueryError> {
     if path.is_empty() {
         return Err(QueryError::invalid(40_352, "the path of a field cannot be empty"));

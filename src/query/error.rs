@@ -16,7 +16,7 @@ pub struct QueryError {
     pub message: String,
 }
 
-/// What every function of the room returns.
+/// The result of every function of this module that can fail.
 pub(super) type Result<T> = std::result::Result<T, QueryError>;
 
 /// MongoDB's code for a value that is not acceptable.
@@ -33,20 +33,20 @@ impl QueryError {
         self.operators().find_map(|word| text.find(word).map(|start| start..start + word.len()))
     }
 
-    /// The operator that is complained about, and those that the message names.
+    /// Returns the operator that is complained about, and those that the message names.
     pub fn operators(&self) -> impl Iterator<Item = &str> {
         let named = self.message.split(|c: char| c != '$' && !c.is_alphanumeric());
         let words = self.operator.as_deref().into_iter().chain(named);
         words.filter(|word| word.starts_with('$') && word.len() > 1)
     }
 
-    /// A mistake in the query.
+    /// Returns a mistake in the query.
     #[must_use]
     pub fn invalid(code: i32, message: impl Into<String>) -> Self {
         Self { code, operator: None, unsupported: false, message: message.into() }
     }
 
-    /// A value that is not acceptable.
+    /// Returns a value that is not acceptable.
     #[must_use]
     pub fn bad_value(message: impl Into<String>) -> Self {
         Self::invalid(BAD_VALUE, message)
@@ -58,13 +58,13 @@ impl QueryError {
         Self::invalid(FAILED_TO_PARSE, message)
     }
 
-    /// A value of the wrong type.
+    /// Returns a value of the wrong type.
     #[must_use]
     pub fn type_mismatch(message: impl Into<String>) -> Self {
         Self::invalid(TYPE_MISMATCH, message)
     }
 
-    /// The error, said to be about an operator or field where it is not yet about one.
+    /// Returns the error, said to be about an operator or field where it is not yet about one.
     pub(super) fn about(mut self, name: &str) -> Self {
         self.operator.get_or_insert_with(|| name.to_owned());
         self

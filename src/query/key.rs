@@ -10,7 +10,7 @@ use super::decimal::Decimal;
 use super::number::{Number, double_to_long};
 use super::view::{Fields, View};
 
-/// The key of a value.
+/// Returns the key of a value.
 #[must_use]
 pub fn encode(value: RawBsonRef<'_>) -> Vec<u8> {
     let mut key = Vec::with_capacity(16);
@@ -18,7 +18,7 @@ pub fn encode(value: RawBsonRef<'_>) -> Vec<u8> {
     key
 }
 
-/// The key of an owned value.
+/// Returns the key of an owned value.
 #[must_use]
 pub fn encode_value(value: &bson::Bson) -> Vec<u8> {
     let mut key = Vec::with_capacity(16);
@@ -75,7 +75,7 @@ fn document_key(fields: Fields<'_>, key: &mut Vec<u8>) {
     key.push(0);
 }
 
-/// The bytes, a zero as `00 ff`, ended by `00 00`... written so that a prefix comes first.
+/// Returns the bytes, a zero as `00 ff`, ended by `00 00`... written so that a prefix comes first.
 fn text_key(bytes: &[u8], key: &mut Vec<u8>) {
     for byte in bytes {
         key.push(*byte);

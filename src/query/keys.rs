@@ -1,4 +1,4 @@
-//! What a document has at several paths at once: what a sort orders by, and what an index holds.
+//! The keys of a document for several paths, as sorts order by and as indexes hold.
 //!
 //! Each combination of values is a key. Paths that run through one array are
 //! followed through each of its elements together; a number in a path names
@@ -21,7 +21,7 @@ struct Field {
     descending: bool,
 }
 
-/// Why a document has no keys.
+/// The reason why a document has no keys.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Unclear {
     /// Two of the paths run through different arrays.
@@ -31,7 +31,7 @@ pub(super) enum Unclear {
 }
 
 impl Unclear {
-    /// The complaint; what is said of parallel arrays depends on who asks.
+    /// Returns the error; sorts and indexes have different codes for parallel arrays.
     pub(super) fn complaint(self, parallel: impl FnOnce() -> QueryError) -> QueryError {
         match self {
             Self::Parallel => parallel(),
@@ -45,7 +45,7 @@ impl Unclear {
     }
 }
 
-/// One combination of values.
+/// One combination of values, a key.
 pub(super) struct Key<'a> {
     keys: &'a Keys,
     slots: &'a [Slot<'a>],
@@ -60,7 +60,7 @@ impl Keys {
         self.fields.is_empty()
     }
 
-    /// The paths, and whether each is descending.
+    /// Returns the paths, and whether each is descending.
     pub(super) fn fields(&self) -> impl ExactSizeIterator<Item = (&str, bool)> {
         self.fields.iter().map(|field| (field.path.text(), field.descending))
     }
@@ -71,7 +71,12 @@ impl Keys {
 
     /// Shows every key of a document; gives the paths that run through an array, as bits.
     pub(super) fn each(&self, fields: Fields<'_>, show: &mut dyn FnMut(Key<'_>)) -> Result<u64, Unclear> {
-        let slots = self.fields.iter().map(|field| Slot::Path(fields, &field.path, 0)).collect();
+        // `_id` is compared as a whole: a stored one is no array, but a stage can make one.
+        let slot = |path| match Path::text(path) {
+            "_id" => Slot::Value(fields.get("_id")),
+            _ => Slot::Path(fields, path, 0),
+        };
+        let slots = self.fields.iter().map(|field| slot(&field.path)).collect();
         self.expand(slots, show)
     }
 
@@ -116,13 +121,13 @@ impl Key<'_> {
         bytes
     }
 
-    /// The values, path by path; nothing where one is missing.
+    /// Returns the values, path by path; nothing where one is missing.
     pub(super) fn values(&self) -> impl Iterator<Item = Option<View<'_>>> {
         self.slots.iter().map(Slot::value)
     }
 }
 
-/// How far one path has been followed.
+/// The progress along one path.
 #[derive(Debug, Clone)]
 enum Slot<'a> {
     /// In a document, with so many parts behind.

@@ -5,32 +5,38 @@
 //! ignored.
 
 mod arithmetic;
-mod calendar;
+#[cfg(test)]
+mod bombs;
 mod compare;
 mod decimal;
 mod distinct;
+mod dollar;
 mod element;
 mod error;
 mod expression;
 mod filter;
 mod geo;
 pub mod index;
+mod javascript;
 pub mod key;
 mod keys;
+mod limit;
 mod nesting;
 mod number;
 pub mod object_id;
 mod path;
 mod pipeline;
 mod projection;
+mod random;
 mod ranking;
 mod regex;
+mod reshape;
 mod series;
 mod sort;
 mod statistics;
+mod u256;
 mod update;
 mod view;
-mod wide;
 mod zone;
 
 pub use compare::{compare, compare_values};
@@ -38,6 +44,7 @@ pub use distinct::distinct;
 pub use error::QueryError;
 pub use filter::Filter;
 pub use geo::Near;
+pub use javascript::MapReduce;
 pub use nesting::check;
 pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched};
 pub use projection::Projection;

@@ -1,4 +1,4 @@
-//! How deep documents may be nested: what every recursion over values is bounded by.
+//! The limit of nesting, which bounds every recursion over values.
 
 use bson::raw::RawIter;
 use bson::spec::ElementType;
@@ -9,12 +9,12 @@ use super::error::{QueryError, Result};
 /// The most levels of a document, as in MongoDB.
 pub(super) const MAX_DEPTH: usize = 200;
 
-/// Refuses bytes that are no BSON, or are nested deeper than 200 levels. What
-/// comes from outside is to be checked once, before anything else looks at it:
-/// it is the only function of the room that works for any depth.
+/// Refuses invalid BSON and documents nested deeper than 200 levels.
+///
+/// Documents from outside must pass this check first: every other function of this module recurses over values.
 ///
 /// # Errors
-/// Where the bytes are damaged or nested too deeply.
+/// If the bytes are invalid or nested too deeply.
 pub fn check(document: &RawDocument) -> Result<()> {
     let mut levels: Vec<RawIter<'_>> = vec![document.iter_elements()];
     while let Some(level) = levels.last_mut() {
@@ -41,7 +41,7 @@ pub fn check(document: &RawDocument) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// A document of so many levels, made without recursion.
+    /// Returns a document of so many levels, made without recursion.
     fn nested(levels: usize) -> Vec<u8> {
         let mut bytes = vec![5, 0, 0, 0, 0];
         for _ in 1..levels {

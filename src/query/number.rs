@@ -78,7 +78,7 @@ impl Number {
         }
     }
 
-    /// The value as an integer, where it is one that fits 64 bits.
+    /// Returns the value as an integer, where it is one that fits 64 bits.
     pub(super) fn integral(self) -> Option<i64> {
         match self {
             Self::Int(value) => Some(value.into()),
@@ -89,7 +89,7 @@ impl Number {
         }
     }
 
-    /// The value as a 32-bit integer, where it is one.
+    /// Returns the value as a 32-bit integer, where it is one.
     pub(super) fn integral_32(self) -> Option<i32> {
         i32::try_from(self.integral()?).ok()
     }
@@ -119,7 +119,7 @@ impl Number {
         }
     }
 
-    /// The number a value is.
+    /// Returns the number a value is.
     pub(super) fn of(value: &Bson) -> Option<Self> {
         match value {
             Bson::Int32(value) => Some(Self::Int(*value)),
@@ -142,7 +142,7 @@ impl From<Number> for Bson {
     }
 }
 
-/// The integer part, where it is in the range of 64-bit integers.
+/// Returns the integer part, where it is in the range of 64-bit integers.
 pub(super) fn double_to_long(value: f64) -> Option<i64> {
     const LIMIT: f64 = 9_223_372_036_854_775_808.0;
     #[expect(clippy::cast_possible_truncation, reason = "the range is checked")]

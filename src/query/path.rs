@@ -28,13 +28,13 @@ impl Part {
     }
 }
 
-/// The index that a name can be: digits without a leading zero.
+/// Returns the index that a name can be: digits without a leading zero.
 pub(super) fn array_index(name: &str) -> Option<usize> {
     let plain = name == "0" || !name.starts_with('0');
     (plain && !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit())).then(|| name.parse().ok())?
 }
 
-/// The index that a name is in an update: digits, leading zeros or not.
+/// Returns the index that a name is in an update: digits, leading zeros or not.
 pub(super) fn padded_index(name: &str) -> Option<usize> {
     let significant = name.trim_start_matches('0');
     array_index(if significant.is_empty() && !name.is_empty() { "0" } else { significant })
@@ -44,7 +44,7 @@ impl Path {
     /// Takes a dotted path apart; empty parts are names too.
     ///
     /// # Errors
-    /// Where there are too many parts.
+    /// If there are too many parts.
     pub(super) fn parse(text: &str) -> Result<Self> {
         let parts: Vec<Part> = text.split('.').map(Part::new).collect();
         if parts.len() > MAX_PARTS {
@@ -61,7 +61,7 @@ impl Path {
         &self.parts
     }
 
-    /// Shows `test` every value the path reaches, until it says yes; says whether it did.
+    /// Calls `test` with every value that the path reaches, until it returns true. Returns whether it did.
     ///
     /// With `leaves`, the elements of an array at the end of the path are shown before
     /// the array itself. A path that ends early shows nothing (`None`), except where the
@@ -97,7 +97,7 @@ fn in_fields<'a>(
     false
 }
 
-/// Whether a path ends in a dot here, which says no more at an array.
+/// Returns whether a path ends in a dot here, which says no more at an array.
 fn is_end(parts: &[Part]) -> bool {
     matches!(parts, [part] if part.name.is_empty())
 }

@@ -1,6 +1,6 @@
-//! The order of an array's elements by a pattern of fields, for `$push` and `$sortArray`.
+//! The order of array elements by several fields, for `$push` and `$sortArray`.
 //!
-//! Other than in a sort of documents, arrays on the way or at the end of a path count as they are.
+//! Unlike in a sort of documents, arrays on a path or at its end are compared as a whole.
 
 use std::cmp::Ordering;
 
@@ -20,7 +20,7 @@ impl Ranking {
     /// Reads a pattern like `{a: 1, "b.c": -1}`.
     ///
     /// # Errors
-    /// Where it is no pattern of a sort.
+    /// If it is no pattern of a sort.
     pub(super) fn parse(pattern: &Document) -> Result<Self> {
         let sort = Sort::parse(pattern)?;
         Ok(Self { fields: sort.fields().map(|(path, descending)| (path.to_owned(), descending)).collect() })
@@ -41,7 +41,7 @@ impl Ranking {
     }
 }
 
-/// What is at a path in a document; only documents have fields, and arrays elements by number.
+/// Returns the value at a path; array elements are reached by index only.
 fn field<'a>(item: &'a Bson, path: &str) -> Option<&'a Bson> {
     let Bson::Document(document) = item else { return None };
     let (name, rest) = path.split_once('.').map_or((path, None), |(name, rest)| (name, Some(rest)));

@@ -24,7 +24,7 @@ impl Pattern {
     /// Compiles a pattern with options out of `imsxu`.
     ///
     /// # Errors
-    /// Where the pattern or an option is not acceptable.
+    /// If the pattern or an option is not acceptable.
     pub(super) fn new(pattern: &str, options: &str) -> Result<Self> {
         if pattern.contains('\0') || options.contains('\0') {
             return Err(QueryError::bad_value("a regular expression cannot contain a NUL"));
@@ -49,15 +49,15 @@ impl Pattern {
         Ok(Self { pattern: pattern.to_owned(), options: options.to_owned(), compiled })
     }
 
-    /// Whether the pattern is found; what exceeds the matcher's limits is not.
+    /// Returns whether the pattern is found; what exceeds the matcher's limits is not.
     pub(super) fn is_match(&self, text: &str) -> bool {
         self.compiled.is_match(text.as_bytes()).unwrap_or(false)
     }
 
-    /// The groups of the first match at or after a byte offset: the whole first.
+    /// Returns the groups of the first match at or after a byte offset: the whole first.
     ///
     /// # Errors
-    /// Where the matcher's limits are exceeded.
+    /// If the matcher's limits are exceeded.
     pub(super) fn groups(&self, text: &str, from: usize) -> Result<Option<Groups>> {
         let mut locations = self.compiled.capture_locations();
         let found = self

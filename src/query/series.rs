@@ -1,14 +1,15 @@
-//! Functions of decimals by their series: circular and hyperbolic functions and what undoes them.
+//! Circular and hyperbolic functions of decimals and their inverses, computed by series.
 //!
 //! They are computed with the 34 digits of a decimal, of which the last few may be wrong.
 
+use ethnum::U256;
+
 use super::decimal::Decimal;
-use super::wide::Wide;
 
 /// A quarter of a turn, and the power of ten that it is multiplied by.
 const QUARTER: &str = "157079632679489661923132169163975144209858469968755291048747229615390820314";
 const SCALE: i32 = 74;
-/// So many terms of a series are enough for arguments below one.
+/// The number of terms that are enough for arguments below one.
 const TERMS: i32 = 20;
 
 impl Decimal {
@@ -40,22 +41,20 @@ impl Decimal {
         if self.is_zero() { self } else { self.sine().over(self.cosine()) }
     }
 
-    /// The magnitude as quarters of a turn (whole turns left out) and the rest, at most an eighth of a turn to
-    /// either side; nothing where it is not finite. Numbers above 10^40 lose digits.
+    /// Returns the magnitude as quarters of a turn (whole turns left out) and the rest, at most an eighth of a turn to
+    /// either side; `None` if it is not finite. Numbers above 10^40 lose digits.
     fn turned(self) -> Option<(u8, Self)> {
         let Self::Finite { coefficient, exponent, .. } = self else { return None };
-        let quarter =
-            QUARTER.bytes().fold(Wide::default(), |sum, digit| sum.times(10).plus(u128::from(digit - b'0').into()));
-        let turn = quarter.times(4);
+        let quarter = QUARTER.bytes().fold(U256::ZERO, |sum, digit| sum * 10 + U256::from(digit - b'0'));
+        let turn = quarter * 4;
         if exponent < -SCALE {
             return Some((0, self.absolute()));
         }
         let shifts = 0..exponent + SCALE;
-        let angle = shifts.fold(Wide::from(coefficient).divided(turn).1, |angle, _| angle.times(10).divided(turn).1);
-        let (quarters, rest) = angle.divided(quarter);
-        let quarters = u8::try_from(quarters.narrow().unwrap_or(0)).unwrap_or(0);
-        let past = quarter.minus(rest);
-        let decimal = |negative, wide| Self::rounded(negative, wide, -SCALE, false);
+        let angle = shifts.fold(U256::from(coefficient) % turn, |angle, _| angle * 10 % turn);
+        let (quarters, rest) = (u8::try_from(angle / quarter).unwrap_or(0), angle % quarter);
+        let past = quarter - rest;
+        let decimal = |negative, value| Self::rounded(negative, value, -SCALE, false);
         Some(if past < rest { ((quarters + 1) % 4, decimal(true, past)) } else { (quarters, decimal(false, rest)) })
     }
 
@@ -72,7 +71,7 @@ impl Decimal {
         self.powers(Self::ONE, 1, false)
     }
 
-    /// The sum of `term`, and of each term before times `∓x² / (n(n+1))`.
+    /// Returns the sum of `term`, and of each term before times `∓x² / (n(n+1))`.
     fn powers(self, mut term: Self, first: i32, hyperbolic: bool) -> Self {
         let square = if hyperbolic { self.times(self) } else { self.times(self).negated() };
         let mut sum = term;
@@ -110,7 +109,7 @@ impl Decimal {
         if self.is_zero() { self } else { self.hyperbolic_sine().over(self.hyperbolic_cosine()) }
     }
 
-    /// The angle whose tangent it is.
+    /// Returns the angle whose tangent it is.
     pub(super) fn arc_tangent(self) -> Self {
         match self {
             Self::NaN => self,
@@ -133,7 +132,7 @@ impl Decimal {
         }
     }
 
-    /// The angle at which `(x, self)` is seen.
+    /// Returns the angle at which `(x, self)` is seen.
     pub(super) fn arc_tangent_of(self, x: Self) -> Self {
         let half = quarter().times(Self::from_integer(2));
         let signed = |angle: Self| if self.is_negative() { angle.negated() } else { angle };
@@ -161,7 +160,7 @@ impl Decimal {
         self.leg().arc_tangent_of(self)
     }
 
-    /// The other leg of a right triangle whose hypotenuse is one.
+    /// Returns the other leg of a right triangle whose hypotenuse is one.
     fn leg(self) -> Self {
         Self::ONE.minus(self).times(Self::ONE.plus(self)).root()
     }
@@ -223,13 +222,13 @@ impl Decimal {
         matches!(self, Self::Finite { .. })
     }
 
-    /// Whether differences of powers would lose digits.
+    /// Returns whether differences of powers would lose digits.
     fn is_small(self) -> bool {
         self.to_double().abs() < 0.5
     }
 }
 
-/// A quarter of a turn.
+/// Returns a quarter of a turn.
 fn quarter() -> Decimal {
     Decimal::parse(QUARTER).map_or(Decimal::NaN, |digits| {
         digits.times(Decimal::Finite { negative: false, coefficient: 1, exponent: -SCALE })
@@ -241,7 +240,7 @@ mod tests {
     use super::*;
     use bson::Decimal128;
 
-    /// The first 30 digits, which are right in any case.
+    /// Returns the first 30 digits, which are right in any case.
     fn digits(value: Decimal) -> String {
         Decimal128::from(value).to_string().chars().take(31).collect()
     }

@@ -30,7 +30,7 @@ impl Sort {
     /// Reads a pattern like `{a: 1, "b.c": -1}`, or `{$natural: ±1}`.
     ///
     /// # Errors
-    /// Where a direction is not 1 or -1, or a path is empty.
+    /// If a direction is not 1 or -1, or a path is empty.
     pub fn parse(pattern: &Document) -> Result<Self> {
         let mut sort = Self::none();
         if pattern.len() > MAX_FIELDS {
@@ -58,7 +58,7 @@ impl Sort {
         Ok(sort)
     }
 
-    /// Whether the pattern is empty: natural order.
+    /// Returns whether the pattern is empty: natural order.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.keys.is_empty() && !self.reversed
@@ -70,21 +70,21 @@ impl Sort {
         Self { keys: Keys::default(), reversed: false }
     }
 
-    /// Whether it is the order of insertion, reversed.
+    /// Returns whether it is the order of insertion, reversed.
     #[must_use]
     pub fn is_natural(&self) -> bool {
         self.reversed
     }
 
-    /// The paths with their directions (descending or not), for a store that has an index on them.
+    /// Returns the paths with their directions (descending or not), for a store that has an index on them.
     pub fn fields(&self) -> impl Iterator<Item = (&str, bool)> {
         self.keys.fields()
     }
 
-    /// The place of a document: bytes in the order of the pattern.
+    /// Returns the place of a document: bytes in the order of the pattern.
     ///
     /// # Errors
-    /// Where two fields of the pattern run through different arrays, or a number in one means two things.
+    /// If two fields of the pattern run through different arrays, or a number in one means two things.
     pub fn key(&self, document: &RawDocument) -> Result<Vec<u8>> {
         self.key_of(document.into())
     }
@@ -103,7 +103,7 @@ impl Sort {
         Ok(least.unwrap_or_default())
     }
 
-    /// The documents in order, at most `limit` of them; equal ones stay in the order they came.
+    /// Returns the documents in order, at most `limit` of them; equal ones stay in the order they came.
     ///
     /// # Errors
     /// The first error of the input, or parallel arrays.
@@ -138,7 +138,7 @@ impl Sort {
         }
     }
 
-    /// The first few, keeping only so many in memory.
+    /// Returns the first few, keeping only so many in memory.
     fn top<E: From<QueryError>>(
         &self,
         documents: impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
@@ -159,7 +159,7 @@ impl Sort {
     }
 }
 
-/// A direction as an integer: doubles are cut, decimals rounded.
+/// Returns a direction as an integer: doubles are cut, decimals rounded.
 fn coerced(direction: Number) -> i64 {
     match direction {
         Number::Decimal(direction) => Number::Decimal(direction.round_to(0, Rounding::HalfEven)).to_long(),
@@ -172,7 +172,7 @@ fn check_name(name: &str) -> Result<()> {
     if name.split('.').any(str::is_empty) {
         return Err(QueryError::invalid(40_352, "a field path may not have an empty part").about(name));
     }
-    if name.split('.').any(|part| part.starts_with('$') && !super::filter::is_reference_key(part)) {
+    if name.split('.').any(|part| part.starts_with('$') && !super::dollar::is_reference_key(part)) {
         return Err(QueryError::invalid(16_410, format!("the sort field {name} may not start with '$'")).about(name));
     }
     Ok(())
@@ -245,5 +245,13 @@ mod tests {
     fn refuses_parallel_arrays() {
         let document = rawdoc! {"a": [1], "b": [2]};
         assert!(Sort::parse(&doc! {"a": 1, "b": 1}).unwrap().key(&document).is_err());
+    }
+
+    #[test]
+    fn an_array_as_id_is_sorted_as_a_whole() {
+        let ids = [bson::bson!(null), bson::bson!(1), bson::bson!({}), bson::bson!([]), bson::bson!([0])];
+        let sort = Sort::parse(&doc! { "_id": 1 }).unwrap();
+        let keys = ids.map(|id| sort.key(&RawDocumentBuf::try_from(&doc! { "_id": id }).unwrap()).unwrap());
+        assert!(keys.is_sorted());
     }
 }

@@ -7,7 +7,8 @@ use super::number::Number;
 
 /// A running sum: pure integers exactly, everything with a rest beside the sum of doubles, decimals apart.
 ///
-/// The last digit is MongoDB's: each number takes the rest along before it is added (Boldo, Graillat and Muller, "On the
+/// The last digit is MongoDB's: each number takes the rest along before it is added (Boldo, Graillat and Muller, "On
+/// the
 /// robustness of the 2Sum and Fast2Sum algorithms", 2016).
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sum {
@@ -17,7 +18,7 @@ pub(super) struct Sum {
     /// The sum without a rest, which stays right when infinities come in.
     plain: f64,
     decimal: Option<Decimal>,
-    wide: bool,
+    has_longs: bool,
     floating: bool,
 }
 
@@ -31,7 +32,7 @@ impl Sum {
             Number::Long(value) => {
                 self.integers += i128::from(value);
                 self.add_long(value);
-                self.wide = true;
+                self.has_longs = true;
             }
             Number::Double(value) => {
                 self.floating = true;
@@ -83,7 +84,7 @@ impl Sum {
             return Number::Double(self.to_double());
         }
         match (i32::try_from(self.integers), i64::try_from(self.integers)) {
-            (Ok(value), _) if !self.wide => Number::Int(value),
+            (Ok(value), _) if !self.has_longs => Number::Int(value),
             (_, Ok(value)) => Number::Long(value),
             _ => Number::Double(self.to_double()),
         }
@@ -101,7 +102,7 @@ impl Sum {
     }
 }
 
-/// The sum.
+/// Returns the sum.
 pub(super) fn total(numbers: impl Iterator<Item = Number>) -> Number {
     let mut sum = Sum::default();
     for number in numbers {
@@ -110,7 +111,7 @@ pub(super) fn total(numbers: impl Iterator<Item = Number>) -> Number {
     sum.total()
 }
 
-/// The mean; nothing of nothing.
+/// Returns the mean; nothing of nothing.
 pub(super) fn mean(numbers: impl Iterator<Item = Number>) -> Option<Number> {
     let (mut sum, mut count) = (Sum::default(), 0);
     for number in numbers {
@@ -143,7 +144,7 @@ impl Deviation {
     }
 }
 
-/// The standard deviation, of a sample or of a population; null of too few.
+/// Returns the standard deviation, of a sample or of a population; null of too few.
 pub(super) fn deviation(numbers: impl Iterator<Item = Number>, sample: bool) -> Bson {
     let mut running = Deviation::default();
     for number in numbers {

@@ -1,12 +1,12 @@
-//! A value to look at, whether it lies in raw bytes or in an owned tree.
+//! A borrowed value, in raw bytes or in an owned document.
 
 use bson::oid::ObjectId;
-use bson::{Bson, DbPointer, Document, RawBsonRef, RawDbPointerRef, RawDocument};
+use bson::{Bson, DbPointer, Decimal128, Document, RawBsonRef, RawDbPointerRef, RawDocument};
 
-use super::element::{Element, Elements};
+use super::element::{Element, Elements, sized, string, text_and_rest};
 use super::number::Number;
 
-/// A borrowed value. Documents and arrays are looked into only on demand.
+/// A borrowed value. Documents and arrays are decoded only when their elements are read.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum View<'a> {
     MinKey,
@@ -29,7 +29,7 @@ pub(super) enum View<'a> {
     MaxKey,
 }
 
-/// The deprecated pointer type, of which the crate shows nothing but its text.
+/// The deprecated pointer type, whose parts the `bson` crate keeps private.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Pointer<'a> {
     Raw(RawDbPointerRef<'a>),
@@ -47,13 +47,13 @@ impl Pointer<'_> {
         }
     }
 
-    /// A text that is equal for equal pointers.
+    /// Returns a text that is equal for equal pointers.
     pub(super) fn text(self) -> String {
         format!("{:?}", self.to_owned())
     }
 }
 
-/// A pointer from its bytes, by way of a document that has nothing else.
+/// Returns a pointer from its bytes, by way of a document that has nothing else.
 fn pointer_of(bytes: &[u8]) -> Option<Bson> {
     let length = i32::try_from(bytes.len().checked_add(7)?).ok()?;
     let mut document = length.to_le_bytes().to_vec();
@@ -62,6 +62,62 @@ fn pointer_of(bytes: &[u8]) -> Option<Bson> {
     document.push(0);
     let document = Document::try_from(RawDocument::from_bytes(&document).ok()?).ok()?;
     document.into_iter().next().map(|(_, value)| value)
+}
+
+impl<'a> Element<'a> {
+    /// Decodes the value; `None` if its bytes are invalid.
+    pub(super) fn view(self) -> Option<View<'a>> {
+        let value = self.value;
+        Some(match self.type_code {
+            0x01 => View::Number(Number::Double(f64::from_le_bytes(value.try_into().ok()?))),
+            0x02 => View::String(string(value)?),
+            0x03 => View::Document(Fields::Raw(RawDocument::from_bytes(value).ok()?)),
+            0x04 => View::Array(Items::Raw(RawDocument::from_bytes(value).ok()?)),
+            0x05 => binary(value)?,
+            0x06 => View::Undefined,
+            0x07 => View::ObjectId(ObjectId::from_bytes(value.try_into().ok()?)),
+            0x08 => View::Bool(match value {
+                [0] => false,
+                [1] => true,
+                _ => return None,
+            }),
+            0x09 => View::Date(i64::from_le_bytes(value.try_into().ok()?)),
+            0x0A => View::Null,
+            0x0B => {
+                let (pattern, rest) = text_and_rest(value)?;
+                let (options, _) = text_and_rest(rest)?;
+                View::Regex(std::str::from_utf8(pattern).ok()?, std::str::from_utf8(options).ok()?)
+            }
+            0x0C => View::DbPointer(Pointer::Bytes(value)),
+            0x0D => View::Code(string(value)?),
+            0x0E => View::Symbol(string(value)?),
+            0x0F => {
+                let code = value.get(4..)?;
+                let (code, scope) = code.split_at_checked(sized(code, 4)?)?;
+                View::CodeWithScope(string(code)?, Fields::Raw(RawDocument::from_bytes(scope).ok()?))
+            }
+            0x10 => View::Number(Number::Int(i32::from_le_bytes(value.try_into().ok()?))),
+            0x11 => {
+                let (increment, time) = value.split_at_checked(4)?;
+                View::Timestamp(
+                    u32::from_le_bytes(time.try_into().ok()?),
+                    u32::from_le_bytes(increment.try_into().ok()?),
+                )
+            }
+            0x12 => View::Number(Number::Long(i64::from_le_bytes(value.try_into().ok()?))),
+            0x13 => View::Number(Number::Decimal(Decimal128::from_bytes(value.try_into().ok()?).into())),
+            0x7F => View::MaxKey,
+            0xFF => View::MinKey,
+            _ => return None,
+        })
+    }
+}
+
+/// Decodes binary data; the old subtype has its length twice.
+fn binary(value: &[u8]) -> Option<View<'_>> {
+    let (subtype, bytes) = value.get(4..)?.split_first()?;
+    let bytes = if *subtype == 0x02 { bytes.get(4..)? } else { bytes };
+    Some(View::Binary(*subtype, bytes))
 }
 
 /// The fields of a document.
@@ -150,7 +206,7 @@ impl<'a> From<&'a Document> for Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// The first field of that name. A damaged document ends at the damage.
+    /// Returns the first field of that name. A damaged document ends at the damage.
     pub(super) fn get(self, name: &str) -> Option<View<'a>> {
         match self {
             Self::Raw(document) => Elements::new(document).find(name.as_bytes())?.view(),
@@ -158,7 +214,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// The fields in order.
+    /// Returns the fields in order.
     pub(super) fn iter(self) -> FieldIter<'a> {
         match self {
             Self::Raw(document) => FieldIter::Raw(Elements::new(document)),
@@ -166,7 +222,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// A copy of its own.
+    /// Returns a copy of its own.
     pub(super) fn to_document(self) -> Document {
         match self {
             Self::Raw(document) => Document::try_from(document).unwrap_or_default(),
@@ -204,7 +260,7 @@ impl<'a> Items<'a> {
         }
     }
 
-    /// Whether it is this array, not only an equal one.
+    /// Returns whether it is this array, not only an equal one.
     pub(super) fn is(self, other: Self) -> bool {
         match (self, other) {
             (Self::Raw(one), Self::Raw(other)) => std::ptr::eq(one, other),
@@ -213,7 +269,7 @@ impl<'a> Items<'a> {
         }
     }
 
-    /// A copy of its own.
+    /// Returns a copy of its own.
     pub(super) fn to_vec(self) -> Vec<Bson> {
         match self {
             Self::Raw(_) => self.iter().map(View::to_bson).collect(),
@@ -260,7 +316,7 @@ impl<'a> Iterator for ItemIter<'a> {
 }
 
 impl View<'_> {
-    /// A copy of its own.
+    /// Returns a copy of its own.
     pub(super) fn to_bson(self) -> Bson {
         match self {
             Self::MinKey => Bson::MinKey,
@@ -359,3 +415,57 @@ pub(super) const TYPE_NAMES: [(&str, i32); 21] = [
     ("minKey", -1),
     ("maxKey", 127),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::{Binary, RawDocumentBuf, doc};
+
+    fn every_type() -> Document {
+        let pointer: DbPointer = serde_json::from_value::<Bson>(
+            serde_json::json!({"$dbPointer": {"$ref": "a.b", "$id": {"$oid": "507f1f77bcf86cd799439011"}}}),
+        )
+        .ok()
+        .and_then(|value| if let Bson::DbPointer(pointer) = value { Some(pointer) } else { None })
+        .unwrap();
+        doc! {
+            "double": 1.5, "string": "ü", "document": {"a": 1}, "array": [1, "x"],
+            "binary": Binary { subtype: bson::spec::BinarySubtype::Generic, bytes: vec![1, 0, 2] },
+            "old": Binary { subtype: bson::spec::BinarySubtype::BinaryOld, bytes: vec![1, 2] },
+            "undefined": Bson::Undefined, "id": ObjectId::from_bytes([7; 12]), "bool": true,
+            "date": bson::DateTime::from_millis(-5), "null": Bson::Null,
+            "regex": bson::Regex { pattern: "^a".try_into().unwrap(), options: "i".try_into().unwrap() },
+            "pointer": Bson::DbPointer(pointer), "code": Bson::JavaScriptCode("f()".to_owned()),
+            "symbol": Bson::Symbol("s".to_owned()),
+            "scope": bson::JavaScriptCodeWithScope { code: "g()".to_owned(), scope: doc! {"b": 2} },
+            "int": 3, "timestamp": bson::Timestamp { time: 4, increment: 5 }, "long": 6i64,
+            "decimal": "0.1".parse::<Decimal128>().unwrap(), "max": Bson::MaxKey, "min": Bson::MinKey,
+        }
+    }
+
+    #[test]
+    fn every_type_is_found_and_reads_as_it_was_written() {
+        let document = every_type();
+        let raw = RawDocumentBuf::try_from(&document).unwrap();
+        for (name, value) in &document {
+            let found = Elements::new(&raw).find(name.as_bytes()).and_then(Element::view).unwrap();
+            assert_eq!(&found.to_bson(), value, "{name}");
+        }
+        assert_eq!(Elements::new(&raw).count(), document.len());
+        assert!(Elements::new(&raw).find(b"doubl").is_none());
+    }
+
+    #[test]
+    fn a_changed_byte_ends_the_walk_without_a_panic() {
+        let whole = RawDocumentBuf::try_from(&every_type()).unwrap().into_bytes();
+        for place in 4..whole.len() - 1 {
+            for byte in [0, 1, 2, 3, 15, 127, 128, 255] {
+                let mut bytes = whole.clone();
+                bytes[place] = byte;
+                let raw = RawDocument::from_bytes(&bytes).unwrap();
+                let values: Vec<Bson> = Elements::new(raw).filter_map(Element::view).map(View::to_bson).collect();
+                assert!(values.len() <= whole.len());
+            }
+        }
+    }
+}

@@ -1,6 +1,8 @@
-//! Time zones: offsets from UTC, and names of the system's time zone database.
+//! Time zones: offsets from UTC, and names in the system's time zone database.
+//!
+//! The database's files are read here because the timestamps of jiff end with the year 9999, those of BSON do not.
 
-use super::calendar::{Civil, days_of, weekday};
+use crate::calendar::{Civil, days_in_month, days_of, weekday};
 
 /// A time zone.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,7 +13,7 @@ pub(super) enum Zone {
     Table { first: i64, changes: Vec<(i64, i64)>, rule: Option<Rule> },
 }
 
-/// What a zone does every year: standard and summer time.
+/// The yearly rule of a zone: standard and summer time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Rule {
     standard: i64,
@@ -27,13 +29,13 @@ struct Day {
     second: i64,
 }
 
-/// Where systems keep the database.
+/// Folders of the time zone database.
 const FOLDERS: [&str; 3] = ["/usr/share/zoneinfo", "/usr/lib/zoneinfo", "/usr/share/lib/zoneinfo"];
 
 impl Zone {
     pub(super) const UTC: Self = Self::Offset(0);
 
-    /// Reads `+05:30`, `-0330`, `+02`, `UTC`, `Europe/Berlin`; nothing where it is none of these.
+    /// Reads `+05:30`, `-0330`, `+02`, `UTC`, `Europe/Berlin`; `None` if it is none of these.
     pub(super) fn parse(text: &str) -> Option<Self> {
         match text.as_bytes().first()? {
             b'+' => offset(text.get(1..)?).map(Self::Offset),
@@ -71,12 +73,12 @@ impl Zone {
         }
     }
 
-    /// The local clock at a moment, as milliseconds.
+    /// Returns the local clock at a moment, as milliseconds.
     pub(super) fn local(&self, millis: i64) -> i64 {
         millis.saturating_add(self.offset_at(millis) * 1000)
     }
 
-    /// The moment at which the local clock shows this.
+    /// Returns the moment at which the local clock shows this.
     pub(super) fn moment(&self, local: i64) -> i64 {
         let guess = local.saturating_sub(self.offset_at(local) * 1000);
         let offset = self.offset_at(guess);
@@ -101,7 +103,7 @@ impl Day {
     fn second_in(self, year: i64) -> i64 {
         let first = days_of(year, self.month, 1);
         let mut day = first + (self.weekday - weekday(first)).rem_euclid(7) + 7 * (self.week - 1);
-        while day >= first + super::calendar::days_in_month(year, self.month) {
+        while day >= first + days_in_month(year, self.month) {
             day -= 7;
         }
         day * 86_400 + self.second
@@ -147,8 +149,8 @@ fn table(bytes: &[u8]) -> Option<Zone> {
     let mut changes = Vec::with_capacity(times.min(4096));
     for index in 0..times {
         let start = i64::from_be_bytes(bytes.get(at + index * 8..)?.get(..8)?.try_into().ok()?);
-        let kind = *bytes.get(at + times * 8 + index)?;
-        changes.push((start, offset_of(kind.into())?));
+        let offset_index = *bytes.get(at + times * 8 + index)?;
+        changes.push((start, offset_of(offset_index.into())?));
     }
     let footer = offsets + types * 6 + names + leap * 12 + wall + utc;
     let text = std::str::from_utf8(bytes.get(footer..)?).ok()?;

@@ -26,7 +26,8 @@ pub struct Index {
     pub sparse: bool,
     /// Documents are removed so many seconds after the date they have there.
     pub expire_after: Option<i64>,
-    /// Options that only a MongoDB server understands, as it spells them.
+    /// Other options, as MongoDB spells them: `partialFilterExpression`, `hidden`, those of geospatial indexes, and ones
+    /// that only a server understands.
     pub other: Document,
 }
 

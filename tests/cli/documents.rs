@@ -282,3 +282,28 @@ fn each_format_is_what_it_is_called_or_refused() {
     [exit code: 0]
     "#);
 }
+
+#[test]
+fn values_are_reduced_by_key_and_printed_or_stored() {
+    let lab = lab();
+    let functions =
+        ["--map", "function() { emit(this.relation, this.n) }", "--reduce", "(key, values) => Array.sum(values)"];
+    let printed = lab.rmem(&[["map-reduce", "robmem.worldmodel"].as_slice(), &functions].concat()).success();
+    assert_eq!(printed, "{\"_id\":\"on\",\"value\":1.5}\n{\"_id\":\"on-table\",\"value\":7.0}\n");
+    let stored = [["map-reduce", "robmem.worldmodel", "--out", "robmem.sums"].as_slice(), &functions].concat();
+    assert_eq!(lab.rmem(&stored).success(), "");
+    assert_eq!(lab.rmem(&["query", "robmem.sums", "{_id: 'on'}"]).success(), "{\"_id\":\"on\",\"value\":1.5}\n");
+    let failed =
+        lab.rmem(&["map-reduce", "robmem.worldmodel", "--map", "function() { nothing() }", "--reduce", "() => 1"]);
+    assert!(failed.exits(3).stderr.contains("nothing is not defined"));
+}
+
+#[test]
+fn a_predicate_in_javascript_filters_and_one_that_throws_names_itself() {
+    let lab = lab();
+    let found =
+        lab.rmem(&["query", "robmem.worldmodel", "{$where: 'this.n > 3 || this.object_top'}", "--fields", "{n: 1}"]);
+    assert_eq!(found.success(), "{\"_id\":2,\"n\":4}\n{\"_id\":3,\"n\":1.5}\n");
+    let failed = lab.rmem(&["query", "robmem.worldmodel", "{$where: 'nothing.at.all'}"]).exits(3);
+    assert!(failed.stderr.contains("ReferenceError"), "{failed}");
+}

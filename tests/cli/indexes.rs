@@ -112,3 +112,24 @@ fn a_drop_without_a_name_says_how_an_index_is_named() {
     let refused = lab.rmem(&["index", "robmem.objects", "--drop"]).exits(2);
     assert!(refused.stderr.contains("expected KEYS, like '{name: 1}', or --name NAME"), "{refused}");
 }
+
+#[test]
+fn a_partial_index_is_unique_among_the_documents_that_match() {
+    let store = rmem::store::Embedded::in_memory().unwrap();
+    use rmem::store::{Index, Namespace, Store as _};
+    let ns = Namespace { database: "robmem".to_owned(), collection: "objects".to_owned() };
+    let partial = bson::doc! { "key": { "a": 1 }, "unique": true, "partialFilterExpression": { "n": { "$gt": 1 } } };
+    store.create_index(&ns, &Index::parse(&partial).unwrap()).unwrap();
+    let insert = |n: i32| store.insert(&ns, vec![bson::doc! { "a": 1, "n": n }]).is_ok();
+    assert_eq!([insert(0), insert(1), insert(2), insert(3)], [true, true, true, false]);
+    let find = rmem::store::Find { filter: bson::doc! { "a": 1 }, ..Default::default() };
+    assert_eq!(store.find(&ns, &find).unwrap().count(), 3);
+    for wrong in [
+        bson::doc! { "n": { "$ne": 1 } },
+        bson::doc! { "n": { "$exists": false } },
+        bson::doc! { "$nor": [{ "n": 1 }] },
+    ] {
+        let partial = bson::doc! { "key": { "b": 1 }, "partialFilterExpression": wrong };
+        assert!(store.create_index(&ns, &Index::parse(&partial).unwrap()).is_err());
+    }
+}

@@ -216,7 +216,7 @@ fn what_is_the_servers_own_is_left_out_aloud() {
     for said in [
         "system.users.bson is the server's own",
         "describes a view",
-        "robmem.blocks: the index n_1 is not restored: an index of the kind `text`",
+        "robmem.blocks: the index n_1 is not restored: an index of type `text`",
     ] {
         assert!(done.stderr.contains(said), "{done}");
     }

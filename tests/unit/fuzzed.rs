@@ -238,3 +238,10 @@ fn no_query_update_or_pipeline_makes_the_store_panic() {
     ]);
     fuzz(seeds, 1, inputs::query);
 }
+
+#[test]
+fn expressions_that_describe_large_values_end_within_the_limits() {
+    let seeds =
+        vec![vec![2, 3, 4], vec![7; 20], vec![0x33, 8, 8, 8], vec![6, 0x16, 0x26], vec![0x35, 12, 1], vec![15; 9]];
+    fuzz(seeds, 40, inputs::bomb);
+}

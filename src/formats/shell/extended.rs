@@ -4,7 +4,7 @@
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, DateTime, Decimal128, Document, JavaScriptCodeWithScope, Timestamp, Uuid, oid::ObjectId};
 
-use super::{calendar, literal};
+use super::{date, literal};
 
 /// The keys that only Extended JSON uses. `$regex` and `$type` are query operators as well, so they are not here.
 const WRAPPERS: [&str; 18] = [
@@ -110,7 +110,7 @@ pub(super) fn uuid(text: &str) -> Option<Bson> {
 /// Milliseconds or ISO 8601 text as a date.
 pub(super) fn date(value: &Bson) -> Option<Bson> {
     let millis = match value {
-        Bson::String(text) => calendar::parse(text)?,
+        Bson::String(text) => date::parse(text)?,
         number => whole(number)?,
     };
     Some(Bson::DateTime(DateTime::from_millis(millis)))

@@ -13,8 +13,8 @@
 //! Values nest at most [`MAX_DEPTH`] deep; deeper text is an error, found
 //! before anything recurses.
 
-mod calendar;
 mod constructor;
+mod date;
 mod extended;
 mod fault;
 mod grammar;

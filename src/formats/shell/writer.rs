@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
-use super::calendar;
+use super::date;
 
 const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
@@ -152,7 +152,7 @@ impl Writer<'_> {
     }
 
     fn date(&mut self, millis: i64) {
-        match calendar::format(millis).filter(|_| !self.canonical) {
+        match date::format(millis).filter(|_| !self.canonical) {
             Some(text) => self.quoted("$date", text),
             None => self.wrapped("$date", |this| this.quoted("$numberLong", millis)),
         }

@@ -2,8 +2,8 @@
 
 use bson::{Bson, DateTime};
 
-use super::Value;
 use super::operator::{ANY, Operator, at, is_null, is_nullish, type_of, wrong_type};
+use super::value::Value;
 use crate::query::arithmetic::{Overflow, add, multiply, subtract};
 use crate::query::compare::compare_values;
 use crate::query::decimal::{Decimal, Rounding};
@@ -28,7 +28,7 @@ pub(super) const OPERATORS: [Operator; 24] = [
     Operator { name: "$ln", arity: (1, 1), call: |v| logarithm("$ln", 28_766, v, f64::ln) },
     Operator { name: "$log10", arity: (1, 1), call: |v| logarithm("$log10", 28_761, v, f64::log10) },
     Operator { name: "$log", arity: (2, 2), call: log },
-    Operator { name: "$rand", arity: (0, 0), call: |_| Ok(Some(Bson::Double(super::operator::random()))) },
+    Operator { name: "$rand", arity: (0, 0), call: |_| Ok(Some(Bson::Double(crate::query::random::random()))) },
     Operator { name: "$sum", arity: (0, ANY), call: |v| Ok(Some(total(numbers(v)).into())) },
     Operator { name: "$avg", arity: (0, ANY), call: |v| Ok(Some(mean(numbers(v)).map_or(Bson::Null, Bson::from))) },
     Operator { name: "$stdDevPop", arity: (0, ANY), call: |v| Ok(Some(deviation(numbers(v), false))) },
@@ -38,7 +38,7 @@ pub(super) const OPERATORS: [Operator; 24] = [
     Operator { name: "$bsonSize", arity: (1, 1), call: size },
 ];
 
-/// The values of an accumulator in an expression: those of an only argument that is an array, or the arguments.
+/// Returns the values of an accumulator in an expression: those of an only argument that is an array, or the arguments.
 fn spread(values: &[Value]) -> Vec<&Bson> {
     match values {
         [Some(Bson::Array(items))] => items.iter().collect(),
@@ -165,7 +165,7 @@ fn product(values: &[Value]) -> Result<Value> {
     Ok(Some(result.into()))
 }
 
-/// Both arguments as numbers; nothing where one is null.
+/// Both arguments as numbers; `None` if one is null.
 fn pair(operator: &str, values: &[Value]) -> Result<Option<(Number, Number)>> {
     let (a, b) = (at(values, 0), at(values, 1));
     if is_null(a) || is_null(b) {
@@ -222,7 +222,7 @@ fn modulo(values: &[Value]) -> Result<Value> {
     }))
 }
 
-/// The argument as a number; nothing where it is null.
+/// Returns the argument as a number; `None` if it is null.
 fn single(operator: &str, values: &[Value]) -> Result<Option<Number>> {
     match at(values, 0) {
         value if is_null(value) => Ok(None),

@@ -2,10 +2,11 @@
 
 use bson::{Bson, Document};
 
-use super::Value;
 use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_nullish, type_of, wrong_type};
+use super::value::Value;
 use crate::query::compare::{compare_values, equal_values};
 use crate::query::error::{QueryError, Result};
+use crate::query::limit::check_elements;
 use crate::query::number::Number;
 use crate::query::ranking::Ranking;
 
@@ -39,7 +40,7 @@ pub(super) const NAMED: [Named; 6] = [
     Named { name: "$maxN", fields: &[("input", true), ("n", true)], bare: false, call: |a| take(a, Take::Greatest) },
 ];
 
-/// The array; nothing where it is null.
+/// Returns the array; `None` if it is null.
 fn array<'a>(code: i32, operator: &str, value: &'a Bson) -> Result<Option<&'a [Bson]>> {
     match value {
         Bson::Array(items) => Ok(Some(items)),
@@ -48,7 +49,7 @@ fn array<'a>(code: i32, operator: &str, value: &'a Bson) -> Result<Option<&'a [B
     }
 }
 
-/// An integer of 32 bits, as any number writes it.
+/// Returns an integer of 32 bits, as any number writes it.
 fn integer(code: i32, operator: &str, value: &Bson) -> Result<i32> {
     Number::of(value)
         .and_then(Number::integral_32)
@@ -130,9 +131,7 @@ fn range(values: &[Value]) -> Result<Value> {
         return Err(QueryError::invalid(34_449, "$range requires a non-zero step value"));
     }
     let count = if step > 0 { (end - start + step - 1) / step } else { (end - start + step + 1) / step };
-    if count > 8_000_000 {
-        return Err(QueryError::invalid(146, "$range would use too much memory"));
-    }
+    check_elements(usize::try_from(count).unwrap_or(0), 0)?;
     let items = (0..count.max(0)).filter_map(|index| i32::try_from(start + index * step).ok().map(Bson::Int32));
     Ok(Some(Bson::Array(items.collect())))
 }
@@ -204,9 +203,13 @@ fn to_object(values: &[Value]) -> Result<Value> {
     Ok(Some(Bson::Document(document)))
 }
 
+/// Bytes of memory of a document `{k, v}`.
+const PAIR: usize = 512;
+
 fn from_object(values: &[Value]) -> Result<Value> {
     match at(values, 0) {
         Bson::Document(document) => {
+            check_elements(document.len(), PAIR)?;
             let pairs = document.iter().map(|(key, value)| {
                 let mut pair = Document::new();
                 pair.insert("k", key.clone());
@@ -256,6 +259,7 @@ fn zip(arguments: &Arguments) -> Result<Value> {
     }
     let lengths = arrays.iter().map(|items| items.len());
     let length = if longest { lengths.max() } else { lengths.min() }.unwrap_or(0);
+    check_elements(length, arrays.len().saturating_mul(size_of::<Bson>()))?;
     let rows = (0..length).map(|row| {
         let cells = arrays
             .iter()

@@ -1,6 +1,6 @@
 //! Units of time: their boundaries, and steps by them.
 
-use crate::query::calendar::{Civil, DAY, days_in_month, days_of, weekday};
+use crate::calendar::{Civil, DAY, days_in_month, days_of, weekday};
 use crate::query::zone::Zone;
 
 /// A unit of time.
@@ -34,8 +34,8 @@ impl Unit {
         })
     }
 
-    /// Months of the unit, where it is one of months.
-    fn months(self) -> Option<i64> {
+    /// Returns the months of the unit, if it is one of months.
+    pub(in crate::query) fn months(self) -> Option<i64> {
         match self {
             Self::Year => Some(12),
             Self::Quarter => Some(3),
@@ -45,7 +45,7 @@ impl Unit {
     }
 
     /// Milliseconds of the unit, where it is not one of months.
-    fn millis(self) -> i64 {
+    pub(in crate::query) fn millis(self) -> i64 {
         match self {
             Self::Week => 7 * DAY,
             Self::Hour => 3_600_000,
@@ -56,13 +56,13 @@ impl Unit {
         }
     }
 
-    /// Whether the unit is counted on the local clock.
+    /// Returns whether the unit is counted on the local clock.
     fn is_local(self) -> bool {
         !matches!(self, Self::Hour | Self::Minute | Self::Second | Self::Millisecond)
     }
 }
 
-/// A moment some units later; a month's day is cut to the month's length. Nothing on overflow.
+/// Returns a moment some units later; a month's day is cut to the month's length. `None` on overflow.
 pub(in crate::query) fn date_step(millis: i64, unit: Unit, amount: i64, zone: &Zone) -> Option<i64> {
     if !unit.is_local() {
         return millis.checked_add(unit.millis().checked_mul(amount)?);
@@ -105,7 +105,7 @@ pub(super) fn date_difference(start: i64, end: i64, unit: Unit, week: i64, zone:
     index(end).checked_sub(index(start))
 }
 
-/// The start of the bin of some units that a moment is in; bins are counted from 2000.
+/// Returns the start of the bin of some units that a moment is in; bins are counted from 2000.
 pub(in crate::query) fn date_bin(millis: i64, unit: Unit, bin: i64, week: i64, zone: &Zone) -> Option<i64> {
     let reference = days_of(2000, 1, 1) * DAY;
     match unit.months() {

@@ -1,12 +1,11 @@
-//! Constants among the arguments of an operator, taken together before there is a document.
+//! Folds the constants among the arguments of an operator.
 //!
 //! Where the order of its arguments does not matter to an operator, mongod puts the constants last, and what one
 //! call of the operator within another takes beside the other's own. Of values that are equal, of numbers of
 //! several types, and of a null beside an error, that decides which one counts.
 
-use super::constant;
 use super::operator::Operator;
-use super::tree::Expression;
+use super::tree::{Expression, constant};
 use crate::query::error::Result;
 
 /// Operators to which only the order of their arguments matters, or not even that.
@@ -36,10 +35,10 @@ fn order_of(operator: &Operator, arguments: &[Expression]) -> Option<Order> {
     known.map(|(_, order)| *order)
 }
 
-/// The arguments with constants gathered.
+/// Returns the arguments with constants gathered.
 ///
 /// # Errors
-/// Where the operator cannot work with its constants.
+/// If the operator cannot work with its constants.
 pub(super) fn gathered(operator: &'static Operator, arguments: Vec<Expression>) -> Result<Vec<Expression>> {
     let Some(order) = order_of(operator, &arguments) else { return Ok(arguments) };
     let (mut gathered, mut constants) = (Vec::with_capacity(arguments.len()), Vec::new());
@@ -57,7 +56,7 @@ pub(super) fn gathered(operator: &'static Operator, arguments: Vec<Expression>) 
     Ok(gathered)
 }
 
-/// The arguments, with those of calls of the same operator in the place of the calls.
+/// Returns the arguments, with those of calls of the same operator in the place of the calls.
 fn flat(operator: &Operator, arguments: Vec<Expression>) -> Vec<Expression> {
     let is_same = |inner: &Operator, own: &[Expression]| inner.name == operator.name && order_of(inner, own).is_some();
     let inner = |argument| match argument {

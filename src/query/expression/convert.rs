@@ -3,10 +3,10 @@
 use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Decimal128};
 
-use super::Value;
 use super::date::{object_id_millis, parse_iso};
 use super::operator::{Arguments, Named, Operator, at, is_null, type_of};
-use crate::query::calendar::{Civil, iso_text};
+use super::value::Value;
+use crate::calendar::{Civil, iso_text};
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
@@ -79,7 +79,7 @@ fn target(value: &Bson) -> Result<Target> {
         Bson::String(name) => TYPE_NAMES.iter().find(|(known, _)| known == name).map(|(_, code)| *code),
         value => match Number::of(value) {
             Some(number) => match number.integral_32() {
-                // The type of nothing, which nothing is converted to.
+                // No value converts to these types.
                 Some(0) => return Ok(Target::Other),
                 Some(code) => TYPE_NAMES.iter().find(|(_, known)| *known == code).map(|(_, code)| *code),
                 None => return Err(QueryError::failed_to_parse("$convert's 'to' is not an integral type code")),
@@ -157,7 +157,7 @@ fn to_date(value: &Bson) -> Result<i64> {
 }
 
 fn to_integer(value: &Bson, target: Target) -> Result<Bson> {
-    let wide: i128 = match value {
+    let integer: i128 = match value {
         Bson::Boolean(value) => i128::from(*value),
         Bson::Int32(value) => i128::from(*value),
         Bson::Int64(value) => i128::from(*value),
@@ -167,7 +167,7 @@ fn to_integer(value: &Bson, target: Target) -> Result<Bson> {
         Bson::Decimal128(decimal) => {
             let decimal = Decimal::from(*decimal);
             match decimal.to_i128() {
-                Some(wide) => wide,
+                Some(integer) => integer,
                 None if decimal.is_zero() => 0,
                 None => return Err(failure(value, "out of range")),
             }
@@ -176,11 +176,11 @@ fn to_integer(value: &Bson, target: Target) -> Result<Bson> {
         Bson::String(text) => i128::from(integer_of(text).ok_or_else(|| failure(value, "not an integer"))?),
         _ => return Err(failure(value, "no such conversion")),
     };
-    let narrow = match target {
-        Target::Int => i32::try_from(wide).ok().map(Bson::Int32),
-        _ => i64::try_from(wide).ok().map(Bson::Int64),
+    let converted = match target {
+        Target::Int => i32::try_from(integer).ok().map(Bson::Int32),
+        _ => i64::try_from(integer).ok().map(Bson::Int64),
     };
-    narrow.ok_or_else(|| failure(value, "out of range"))
+    converted.ok_or_else(|| failure(value, "out of range"))
 }
 
 /// Decimal digits with a sign, no blanks.
@@ -225,7 +225,7 @@ fn parsed<T>(text: &str, parse: impl Fn(&str) -> Option<T>) -> Option<T> {
     if plain && !text.is_empty() { parse(text) } else { None }
 }
 
-/// The text of a simple value.
+/// Returns the text of a simple value.
 pub(super) fn text_of(value: &Bson) -> Option<String> {
     Some(match value {
         Bson::String(text) | Bson::Symbol(text) | Bson::JavaScriptCode(text) => text.clone(),
@@ -247,7 +247,7 @@ fn decimal_text(value: Decimal128) -> String {
     value.to_string()
 }
 
-/// The fewest digits that read back as the same double, with an exponent where it is long.
+/// Returns the fewest digits that read back as the same double, with an exponent where it is long.
 pub(super) fn double_text(value: f64) -> String {
     if value.is_nan() {
         return "NaN".to_owned();
@@ -265,7 +265,7 @@ fn with_exponent(mantissa: &str, exponent: i32) -> String {
     format!("{mantissa}e{}{:02}", if exponent < 0 { '-' } else { '+' }, exponent.abs())
 }
 
-/// A double as C's `%g` writes it: what operators on strings take a double for.
+/// Returns a double as C's `%g` writes it: what operators on strings take a double for.
 pub(super) fn short_double_text(value: f64) -> String {
     if value.is_nan() {
         return "nan".to_owned();

@@ -2,11 +2,10 @@
 
 use bson::{Bson, DateTime};
 
-use super::Value;
 use super::boundary::{Unit, date_bin, date_difference, date_step};
-use super::operator::{Arguments, Named, Operator, is_null, type_of, wrong_type};
-use super::string::document;
-use crate::query::calendar::{Civil, days_in_month, days_of, weekday};
+use super::operator::{Arguments, Named, Operator, document, is_null, type_of, wrong_type};
+use super::value::Value;
+use crate::calendar::{Civil, days_in_month, days_of, weekday};
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 use crate::query::zone::Zone;
@@ -105,7 +104,7 @@ fn int(value: i64) -> Bson {
     i32::try_from(value).map_or(Bson::Int64(value), Bson::Int32)
 }
 
-/// The moment that a date, a timestamp or an ObjectId has.
+/// Returns the moment that a date, a timestamp or an ObjectId has.
 fn moment(operator: &str, value: &Bson) -> Result<i64> {
     match value {
         Bson::DateTime(moment) => Ok(moment.timestamp_millis()),
@@ -115,13 +114,13 @@ fn moment(operator: &str, value: &Bson) -> Result<i64> {
     }
 }
 
-/// The moment in an ObjectId, whose seconds are signed.
+/// Returns the moment in an ObjectId, whose seconds are signed.
 pub(super) fn object_id_millis(id: &bson::oid::ObjectId) -> i64 {
     let [a, b, c, d, ..] = id.bytes();
     i64::from(i32::from_be_bytes([a, b, c, d])) * 1000
 }
 
-/// The zone of an argument: UTC where it is not given, nothing where it is null.
+/// Returns the zone of an argument: UTC where it is not given, nothing where it is null.
 fn zone(arguments: &Arguments, index: usize) -> Result<Option<Zone>> {
     if !arguments.given(index) {
         return Ok(Some(Zone::UTC));
@@ -210,7 +209,7 @@ fn from_parts(arguments: &Arguments) -> Result<Value> {
     Ok(Some(Bson::DateTime(DateTime::from_millis(zone.moment(local)))))
 }
 
-/// The date of a day of an ISO week: as the day of a January, which may be out of range.
+/// Returns the date of a day of an ISO week: as the day of a January, which may be out of range.
 fn iso_date(year: i64, week: i64, day: i64) -> (i64, i64, i64) {
     let fourth = days_of(year, 1, 4);
     let monday = fourth - (weekday(fourth) + 6) % 7;

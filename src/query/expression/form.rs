@@ -1,16 +1,18 @@
-//! Forms: operators that evaluate only some of their arguments, or bind variables.
+//! Forms: operators that evaluate only some of their arguments, or that bind variables.
 
 use std::cmp::Ordering;
 
 use bson::{Bson, Document};
 
-use super::operator::{is_nullish, type_of};
+use super::operator::{is_nullish, is_true, type_of};
 use super::parse::Reader;
 use super::scope::{Environment, check_name};
-use super::tree::{Expression, is_true};
-use super::{Value, constant};
+use super::tree::{Expression, constant};
+use super::value::Value;
 use crate::query::compare::optional;
 use crate::query::error::{QueryError, Result};
+use crate::query::javascript::Program;
+use crate::query::limit::Held;
 use crate::query::number::Number;
 
 /// A compiled form.
@@ -26,6 +28,7 @@ pub(in crate::query) enum Form {
     Map { input: Expression, slot: usize, body: Expression },
     Filter { input: Expression, slot: usize, condition: Expression, limit: Option<Expression> },
     Reduce { input: Expression, initial: Expression, value: usize, this: usize, body: Expression },
+    Function(Program, Expression),
 }
 
 /// The comparison operators.
@@ -68,12 +71,13 @@ pub(super) fn read(reader: &Reader<'_>, name: &str, argument: &Bson) -> Result<O
         "$map" => map(reader, argument)?,
         "$filter" => filter(reader, argument)?,
         "$reduce" => reduce(reader, argument)?,
+        "$function" => function(reader, argument)?,
         _ => return Ok(None),
     }))
 }
 
 impl Form {
-    /// A constant, where the form depends on nothing.
+    /// Returns a constant, where the form depends on nothing.
     pub(super) fn folded(self) -> Result<Expression> {
         let constants = match &self {
             Self::And(items) | Self::Or(items) | Self::IfNull(items) => items.iter().all(Expression::is_constant),
@@ -85,7 +89,7 @@ impl Form {
             }
             _ => false,
         };
-        // A constant that decides makes the rest superfluous.
+        // One constant decides the value, whatever the other arguments are.
         let decided = match &self {
             Self::And(items) => items.iter().any(|item| matches!(item, Expression::Constant(value) if !is_true(value))),
             Self::Or(items) => items.iter().any(|item| matches!(item, Expression::Constant(value) if is_true(value))),
@@ -170,28 +174,38 @@ impl Form {
                 let Some(items) = array("$map", 16_883, input.evaluate(environment)?)? else {
                     return Ok(Some(Bson::Null));
                 };
-                let mut mapped = Vec::with_capacity(items.len());
+                let (mut mapped, mut held) = (Vec::with_capacity(items.len()), Held::default());
+                held.add_all(&items)?;
                 for item in items {
                     let item = Some(item);
                     let frame = environment.frame(*slot, &item);
-                    mapped.push(body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null));
+                    let value = body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null);
+                    held.add(&value)?;
+                    mapped.push(value);
                 }
                 Ok(Some(Bson::Array(mapped)))
             }
             Self::Filter { input, slot, condition, limit } => {
                 kept(input, *slot, condition, limit.as_ref(), environment)
             }
+            Self::Function(program, arguments) => match arguments.evaluate(environment)? {
+                Some(Bson::Array(values)) => program.call(&values.into_iter().map(Some).collect::<Vec<_>>()),
+                _ => Err(QueryError::invalid(4_660_705, "the 'args' of $function must be an array")),
+            },
             Self::Reduce { input, initial, value, this, body } => {
                 let Some(items) = array("$reduce", 40_080, input.evaluate(environment)?)? else {
                     return Ok(Some(Bson::Null));
                 };
-                let mut accumulated = initial.evaluate(environment)?;
+                let (mut accumulated, mut input, mut held) =
+                    (initial.evaluate(environment)?, Held::default(), Held::default());
+                input.add_all(&items)?;
                 for item in items {
                     let item = Some(item);
                     let outer = environment.frame(*this, &item);
                     let environment = environment.within(&outer);
                     let inner = environment.frame(*value, &accumulated);
                     let next = body.evaluate(&environment.within(&inner))?;
+                    held.replace(next.as_ref())?;
                     accumulated = next;
                 }
                 Ok(accumulated)
@@ -223,6 +237,8 @@ fn within(
 ) -> Result<Value> {
     let Some(((slot, expression), rest)) = bindings.split_first() else { return body.evaluate(inside) };
     let value = expression.evaluate(outside)?;
+    let mut held = Held::default();
+    held.replace(value.as_ref())?;
     let frame = inside.frame(*slot, &value);
     within(rest, outside, &inside.within(&frame), body)
 }
@@ -246,7 +262,8 @@ fn kept(
             _ => return Err(QueryError::invalid(327_391, "$filter: limit must be a 32-bit integer of at least 1")),
         },
     };
-    let mut kept = Vec::new();
+    let (mut kept, mut held) = (Vec::new(), Held::default());
+    held.add_all(&items)?;
     for item in items {
         if limit.is_some_and(|limit| kept.len() >= limit) {
             break;
@@ -260,7 +277,7 @@ fn kept(
     Ok(Some(Bson::Array(kept)))
 }
 
-/// The elements; nothing where there is null.
+/// Returns the elements; `None` if there is null.
 fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
     match value {
         Some(Bson::Array(items)) => Ok(Some(items)),
@@ -271,7 +288,7 @@ fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
     }
 }
 
-/// The named arguments of a form: all of `required`, any of `optional`, nothing else.
+/// Returns the named arguments of a form: all of `required`, any of `optional`, nothing else.
 fn fields<'a>(name: &str, argument: &'a Bson, required: &[&str], optional: &[&str]) -> Result<&'a Document> {
     let Bson::Document(fields) = argument else {
         return Err(QueryError::invalid(16_878, format!("{name} only supports an object as its argument")));
@@ -314,7 +331,8 @@ fn switch(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
         Some(Bson::Array(items)) => {
             for item in items {
                 let branch = self::fields("$switch", item, &["case", "then"], &[])?;
-                // What a case that never holds would give, and all after one that holds, is not computed.
+                // The result of a case that never holds, and everything after a case that always holds, is not
+                // evaluated.
                 let reader = if decided { reader.lazily() } else { *reader };
                 let case = reader.read(get(branch, "case"))?;
                 let holds = match &case {
@@ -354,7 +372,7 @@ fn bind(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     Ok(Form::Let(bindings, body))
 }
 
-/// The name of the variable that `as` gives; `this` where it is not given.
+/// Returns the name of the variable that `as` gives; `this` where it is not given.
 fn variable(fields: &Document) -> Result<&str> {
     match fields.get("as") {
         None => Ok("this"),
@@ -391,4 +409,22 @@ fn reduce(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     let input = reader.read(get(fields, "input"))?;
     let initial = reader.read(get(fields, "initialValue"))?;
     Ok(Form::Reduce { input, initial, value, this, body: reader.within(&scope).read(get(fields, "in"))? })
+}
+
+fn function(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
+    let Bson::Document(fields) = argument else {
+        return Err(QueryError::invalid(4_660_700, "$function needs an object {body, args, lang}"));
+    };
+    let missing = [("body", 4_660_702), ("args", 4_660_703), ("lang", 4_660_704)];
+    if let Some((name, code)) = missing.into_iter().find(|(name, _)| !fields.contains_key(name)) {
+        return Err(QueryError::invalid(code, format!("$function needs '{name}'")));
+    }
+    if let Some(name) = fields.keys().find(|name| !matches!(name.as_str(), "body" | "args" | "lang")) {
+        return Err(QueryError::invalid(4_660_701, format!("unrecognized argument to $function: {name}")));
+    }
+    if fields.get("lang").and_then(Bson::as_str) != Some("js") {
+        return Err(QueryError::invalid(4_660_706, "the 'lang' of $function must be 'js'"));
+    }
+    let program = Program::function("$function", "body", get(fields, "body"))?;
+    Ok(Form::Function(program, reader.read(get(fields, "args"))?))
 }

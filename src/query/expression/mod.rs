@@ -17,29 +17,27 @@ mod object;
 mod operator;
 mod parse;
 mod pattern;
+mod register;
 mod scope;
 mod set;
 mod string;
 mod tree;
 mod trigonometry;
+mod value;
 
-use bson::{Bson, Document};
+use bson::Bson;
 
 use super::error::Result;
-use super::filter::Context;
-use super::view::Fields;
-pub(super) use operator::random;
+pub(super) use boundary::{Unit, date_step};
 pub(super) use scope::{Environment, Scope, Variables, check_name};
 pub(super) use tree::{Expression, field_value};
-
-/// A value that may be missing.
-pub(super) type Value = Option<Bson>;
+pub(super) use value::Value;
 
 impl Expression {
     /// Reads an expression that uses no variables but the system's.
     ///
     /// # Errors
-    /// Where MongoDB refuses it.
+    /// If MongoDB refuses it.
     pub(super) fn parse(value: &Bson) -> Result<Self> {
         Self::parse_in(value, &Scope::default())
     }
@@ -47,33 +45,16 @@ impl Expression {
     /// Reads an expression that may use the variables of a scope.
     ///
     /// # Errors
-    /// Where MongoDB refuses it.
+    /// If MongoDB refuses it.
     pub(super) fn parse_in(value: &Bson, scope: &Scope) -> Result<Self> {
         parse::Reader::new(scope).read(value)
     }
-
-    /// Whether the expression is true for a document.
-    ///
-    /// # Errors
-    /// Where it fails on the document.
-    pub(super) fn holds(&self, fields: Fields<'_>, context: &Context<'_>) -> Result<bool> {
-        let none = Variables::default();
-        let now = context.now.unwrap_or_else(bson::DateTime::now);
-        let environment = Environment::new(fields, context.variables.unwrap_or(&none), now);
-        self.truth(&environment)
-    }
 }
 
-/// A constant expression's value, where no document is at hand.
-pub(super) fn constant(expression: &Expression) -> Result<Value> {
-    let (none, empty) = (Variables::default(), Document::new());
-    expression.evaluate(&Environment::new((&empty).into(), &none, bson::DateTime::now()))
-}
-
-/// The value of what must be a constant expression.
+/// Returns the value of what must be a constant expression.
 ///
 /// # Errors
-/// Where it depends on a document.
+/// If it depends on a document.
 pub(super) fn constant_of(value: &Bson, scope: &Scope) -> Result<Bson> {
     match Expression::parse_in(value, scope)? {
         Expression::Constant(value) => Ok(value.unwrap_or(Bson::Null)),

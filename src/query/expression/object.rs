@@ -2,8 +2,8 @@
 
 use bson::{Bson, Document};
 
-use super::Value;
-use super::operator::{ANY, Arguments, Named, Operator, at, is_null, type_of, wrong_type};
+use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_true, type_of, wrong_type};
+use super::value::Value;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 use crate::query::view::View;
@@ -12,11 +12,7 @@ pub(super) const OPERATORS: [Operator; 6] = [
     Operator { name: "$mergeObjects", arity: (0, ANY), call: merged },
     Operator { name: "$type", arity: (1, 1), call: type_name },
     Operator { name: "$isNumber", arity: (1, 1), call: |v| Ok(Some(Bson::Boolean(Number::of(at(v, 0)).is_some()))) },
-    Operator {
-        name: "$not",
-        arity: (1, 1),
-        call: |v| Ok(Some(Bson::Boolean(!super::tree::is_true(v.first().unwrap_or(&None))))),
-    },
+    Operator { name: "$not", arity: (1, 1), call: |v| Ok(Some(Bson::Boolean(!is_true(v.first().unwrap_or(&None))))) },
     Operator { name: "$tsSecond", arity: (1, 1), call: |v| timestamp("$tsSecond", v, |t| t.time) },
     Operator { name: "$tsIncrement", arity: (1, 1), call: |v| timestamp("$tsIncrement", v, |t| t.increment) },
 ];

@@ -1,12 +1,8 @@
-//! What an operator is, and the register of all of them.
+//! Operators that evaluate all their arguments, and what they have in common.
 
-use std::cell::Cell;
-use std::hash::{BuildHasher as _, RandomState};
+use bson::{Bson, Document};
 
-use bson::Bson;
-
-use super::Value;
-use super::{arithmetic, array, convert, date, object, pattern, set, string, trigonometry};
+use super::value::Value;
 use crate::query::error::{QueryError, Result};
 use crate::query::view::View;
 
@@ -37,17 +33,17 @@ pub(super) struct Arguments {
 }
 
 impl Arguments {
-    /// Whether an argument was given, perhaps with a missing value.
+    /// Returns whether an argument was given, perhaps with a missing value.
     pub(super) fn given(&self, index: usize) -> bool {
         self.values.get(index).is_some_and(Option::is_some)
     }
 
-    /// The value; null where it is missing or was not given.
+    /// Returns the value; null where it is missing or was not given.
     pub(super) fn get(&self, index: usize) -> &Bson {
         self.values.get(index).and_then(|value| value.as_ref()).and_then(Option::as_ref).unwrap_or(&Bson::Null)
     }
 
-    /// The value; nothing where it is null, undefined, missing, or was not given.
+    /// Returns the value; `None` if it is null, undefined, missing, or was not given.
     pub(super) fn present(&self, index: usize) -> Option<&Bson> {
         Some(self.get(index)).filter(|value| !is_null(value))
     }
@@ -58,7 +54,7 @@ impl Operator {
         (self.call)(arguments)
     }
 
-    /// The value that is known without the arguments that follow: some operators take one after the other,
+    /// Returns the value that is known without the arguments that follow: some operators take one after the other,
     /// and end at one that is null.
     pub(super) fn ended(&self, arguments: &[Value]) -> Option<Value> {
         const ENDING: [&str; 6] = ["$add", "$multiply", "$concat", "$concatArrays", "$setIntersection", "$setUnion"];
@@ -76,79 +72,42 @@ impl Named {
 /// Any number of arguments.
 pub(super) const ANY: usize = usize::MAX;
 
-/// All families of positional operators.
-const FAMILIES: [&[Operator]; 8] = [
-    &arithmetic::OPERATORS,
-    &array::OPERATORS,
-    &convert::OPERATORS,
-    &object::OPERATORS,
-    &set::OPERATORS,
-    &string::OPERATORS,
-    &trigonometry::OPERATORS,
-    &date::OPERATORS,
-];
-
-/// All families of operators with named arguments.
-const NAMED: [&[Named]; 6] =
-    [&array::NAMED, &convert::NAMED, &date::NAMED, &object::NAMED, &pattern::NAMED, &string::NAMED];
-
-/// Operators of MongoDB that rmem refuses by name.
-const REFUSED: [&str; 4] = ["$function", "$accumulator", "$meta", "$toHashedIndexKey"];
-
-pub(super) fn positional(name: &str) -> Option<&'static Operator> {
-    FAMILIES.iter().flat_map(|family| family.iter()).find(|operator| operator.name == name)
-}
-
-pub(super) fn named(name: &str) -> Option<&'static Named> {
-    NAMED.iter().flat_map(|family| family.iter()).find(|operator| operator.name == name)
-}
-
-/// The complaint about a name that is no operator here.
-pub(super) fn unknown(name: &str) -> QueryError {
-    if REFUSED.contains(&name) {
-        return QueryError::unsupported(name);
-    }
-    QueryError::invalid(168, format!("unrecognized expression '{name}'"))
-}
-
-/// Whether a value is null or undefined.
+/// Returns whether a value is null or undefined.
 pub(super) fn is_null(value: &Bson) -> bool {
     matches!(value, Bson::Null | Bson::Undefined)
 }
 
-/// Whether a value is missing, null or undefined.
+/// Returns whether a value is missing, null or undefined.
 pub(super) fn is_nullish(value: &Value) -> bool {
     value.as_ref().is_none_or(is_null)
 }
 
-/// The argument at an index; missing is null.
+/// Returns the argument at an index; missing is null.
 pub(super) fn at(arguments: &[Value], index: usize) -> &Bson {
     arguments.get(index).and_then(Option::as_ref).unwrap_or(&Bson::Null)
 }
 
-/// The name of a type, for messages.
+/// Returns the name of a type, for messages.
 pub(super) fn type_of(value: &Bson) -> &'static str {
     View::from(value).type_name()
 }
 
-/// A complaint about the type of an argument.
+/// The error for an argument of the wrong type.
 pub(super) fn wrong_type(code: i32, operator: &str, wanted: &str, found: &Bson) -> QueryError {
     QueryError::invalid(code, format!("{operator} needs {wanted}, not {}", type_of(found)))
 }
 
-thread_local! {
-    static STATE: Cell<u64> = Cell::new(RandomState::new().hash_one(0u8));
+/// Returns a document of the given fields; for results of operators.
+pub(super) fn document(fields: impl IntoIterator<Item = (&'static str, Bson)>) -> Bson {
+    Bson::Document(fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect::<Document>())
 }
 
-/// A random number from 0 to below 1 (xorshift, seeded from the system).
-pub(in crate::query) fn random() -> f64 {
-    STATE.with(|state| {
-        let mut bits = state.get() | 1;
-        bits ^= bits << 13;
-        bits ^= bits >> 7;
-        bits ^= bits << 17;
-        state.set(bits);
-        let mantissa = u32::try_from(bits.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 32).unwrap_or(0);
-        f64::from(mantissa) / (f64::from(u32::MAX) + 1.0)
-    })
+/// Returns whether any argument is missing or null.
+pub(super) fn any_null(values: &[Value]) -> bool {
+    values.iter().any(is_nullish)
+}
+
+/// Returns MongoDB's truth of a value, in which a missing value is false.
+pub(super) fn is_true(value: &Value) -> bool {
+    value.as_ref().is_some_and(|value| View::from(value).truthy())
 }

@@ -1,13 +1,14 @@
-//! Expressions from BSON.
+//! Parses expressions.
 
 use bson::{Bson, Document};
 
 use super::constants::gathered;
 use super::form;
-use super::operator::{self, Arguments, Named, Operator};
+use super::operator::{Arguments, Named, Operator};
+use super::register;
 use super::scope::Scope;
-use super::tree::{Expression, Source};
-use super::{Value, constant};
+use super::tree::{Expression, Source, constant};
+use super::value::Value;
 use crate::query::error::{QueryError, Result};
 
 /// How deep expressions may be nested.
@@ -16,7 +17,7 @@ const MAX_DEPTH: usize = 200;
 /// Operators whose value differs from call to call.
 const VOLATILE: [&str; 2] = ["$rand", "$sampleRate"];
 
-/// Operators that mongod does not compute before there is a document, even where all their arguments are constants.
+/// Operators that mongod does not fold, even if all arguments are constants.
 const UNFOLDED: [&str; 13] = [
     "$firstN",
     "$lastN",
@@ -33,12 +34,12 @@ const UNFOLDED: [&str; 13] = [
     "$zip",
 ];
 
-/// Whether it is a constant, and that no array.
+/// Returns whether it is a constant other than an array.
 fn is_no_array(operand: &Expression) -> bool {
     matches!(operand, Expression::Constant(value) if !matches!(value, Some(Bson::Array(_))))
 }
 
-/// Refuses what is wrong with some arguments before there is a document to look at.
+/// Checks constant arguments that mongod checks while parsing.
 fn check_constants(operator: &Named, arguments: &[Option<Expression>]) -> Result<()> {
     match (operator.name, arguments) {
         ("$zip", [Some(Expression::Constant(Some(Bson::Array(inputs)))), ..]) if inputs.is_empty() => {
@@ -49,7 +50,7 @@ fn check_constants(operator: &Named, arguments: &[Option<Expression>]) -> Result
         {
             Err(QueryError::invalid(34_466, "cannot specify defaults unless useLongestLength is true"))
         }
-        // How they look at their input is known, where the rest is constant; without input, they do nothing else.
+        // With a null input, these only check their other arguments.
         ("$sortArray" | "$regexFind" | "$regexFindAll" | "$regexMatch", [_, rest @ ..])
             if rest.iter().flatten().all(Expression::is_constant) =>
         {
@@ -66,7 +67,8 @@ fn check_constants(operator: &Named, arguments: &[Option<Expression>]) -> Result
 pub(super) struct Reader<'a> {
     pub(super) scope: &'a Scope,
     depth: usize,
-    /// Whether what is constant is computed at once. What is wrong with it is an error even if nobody asks for it.
+    /// Whether constants are evaluated while parsing: then an invalid constant is an error even if its value is not
+    /// needed.
     folds: bool,
 }
 
@@ -75,17 +77,17 @@ impl<'a> Reader<'a> {
         Self { scope, depth: 0, folds: !scope.lazy }
     }
 
-    /// The same depth with other variables in sight.
+    /// Returns the reader with other variables.
     pub(super) fn within<'b>(&self, scope: &'b Scope) -> Reader<'b> {
         Reader { scope, ..*self }
     }
 
-    /// Whether constants are computed at once.
+    /// Returns whether constants are evaluated while parsing.
     pub(super) fn folds(&self) -> bool {
         self.folds
     }
 
-    /// The same, and nothing is computed.
+    /// Returns the reader with constant folding turned off.
     pub(super) fn lazily(&self) -> Self {
         Self { folds: false, ..*self }
     }
@@ -130,7 +132,7 @@ impl<'a> Reader<'a> {
         self.folded(Expression::Document(fields), all_constant)
     }
 
-    /// The expression, or its value, where that is known before there is a document.
+    /// Returns the expression, or its value, where that is known before there is a document.
     fn folded(&self, expression: Expression, is_constant: bool) -> Result<Expression> {
         match is_constant && self.folds {
             true => Ok(Expression::Constant(constant(&expression)?)),
@@ -145,13 +147,13 @@ impl<'a> Reader<'a> {
         if let Some(form) = form::read(self, name, argument)? {
             return if self.folds { form.folded() } else { Ok(Expression::Form(Box::new(form))) };
         }
-        if let Some(operator) = operator::named(name) {
+        if let Some(operator) = register::named(name) {
             return self.named(operator, argument);
         }
-        let operator = operator::positional(name).ok_or_else(|| operator::unknown(name))?;
+        let operator = register::positional(name).ok_or_else(|| register::unknown(name))?;
         let arguments = self.positional(operator, argument)?;
         let fold = arguments.iter().all(Expression::is_constant) && !VOLATILE.contains(&name);
-        // Some look at a constant array before there is a document.
+        // mongod checks these constant arguments while parsing.
         match (name, arguments.as_slice()) {
             ("$setEquals", operands) if self.folds && operands.iter().any(is_no_array) => {
                 return Err(QueryError::invalid(5_887_502, "all operands of $setEquals must be arrays"));
@@ -174,7 +176,7 @@ impl<'a> Reader<'a> {
         self.arguments(operator.name, operator.arity, argument)
     }
 
-    /// The arguments of an operator: an array, or one that is none.
+    /// Returns the arguments of an operator: an array, or one that is none.
     pub(super) fn arguments(&self, name: &str, arity: (usize, usize), argument: &Bson) -> Result<Vec<Expression>> {
         let arguments: Vec<_> = match argument {
             Bson::Array(items) => items.iter().map(|item| self.read(item)).collect::<Result<_>>()?,
@@ -233,7 +235,7 @@ impl<'a> Reader<'a> {
         self.folded(Expression::Named(operator, arguments), fold)
     }
 
-    /// A constant that is not computed.
+    /// Reads a constant without evaluating it.
     fn literal(&self, operator: &str, value: &Bson) -> Result<Expression> {
         match self.lazily().read(value)? {
             constant @ Expression::Constant(_) => Ok(constant),
@@ -274,12 +276,12 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What `$redact` gets for a decision.
+/// Returns the value of `$$KEEP`, `$$PRUNE` or `$$DESCEND`.
 fn marker(name: &str) -> Value {
     Some(Bson::String(name.to_ascii_lowercase()))
 }
 
-/// The parts of a path in an expression.
+/// Returns the parts of a path in an expression.
 pub(super) fn parts(path: &str) -> Result<Vec<String>> {
     let parts: Vec<String> = path.split('.').map(str::to_owned).collect();
     if parts.len() > MAX_DEPTH {

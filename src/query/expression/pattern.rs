@@ -2,10 +2,10 @@
 
 use bson::Bson;
 
-use super::Value;
-use super::operator::{Arguments, Named, is_null, wrong_type};
-use super::string::document;
+use super::operator::{Arguments, Named, document, is_null, wrong_type};
+use super::value::Value;
 use crate::query::error::{QueryError, Result};
+use crate::query::limit::check_elements;
 use crate::query::regex::{Groups, Pattern};
 
 const FIELDS: &[(&str, bool)] = &[("input", true), ("regex", true), ("options", false)];
@@ -16,7 +16,7 @@ pub(super) const NAMED: [Named; 3] = [
     Named { name: "$regexFindAll", fields: FIELDS, bare: false, call: find_all },
 ];
 
-/// Text and pattern; nothing where one is null.
+/// Text and pattern; `None` if one is null.
 fn prepared(arguments: &Arguments) -> Result<Option<(&str, Pattern)>> {
     let operator = arguments.operator;
     let options = match arguments.get(2) {
@@ -81,12 +81,16 @@ fn find(arguments: &Arguments) -> Result<Value> {
     Ok(Some(found.unwrap_or(Bson::Null)))
 }
 
+/// Bytes of memory of a match with its fields.
+const MATCH: usize = 768;
+
 fn find_all(arguments: &Arguments) -> Result<Value> {
     let Some((text, pattern)) = prepared(arguments)? else { return Ok(Some(Bson::Array(Vec::new()))) };
     let (mut all, mut from, mut counted, mut points) = (Vec::new(), 0, 0, 0);
     while from < text.len() || all.is_empty() && from == 0 {
         let Some(groups) = pattern.groups(text, from)? else { break };
         let (start, end) = groups.first().copied().flatten().unwrap_or((from, from));
+        check_elements(all.len(), MATCH)?;
         points += text.get(counted..start).map_or(0, |between| between.chars().count());
         counted = start;
         all.push(shown(text, &groups, points));

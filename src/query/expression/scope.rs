@@ -1,19 +1,19 @@
-//! Variables: which names an expression may use, and what they stand for.
+//! Variables: their names while an expression is parsed, their values while it is evaluated.
 
 use bson::{Bson, DateTime, Document};
 
-use super::Value;
+use super::value::Value;
 use crate::query::error::{QueryError, Result};
 use crate::query::view::Fields;
 
-/// The variables in sight while reading.
+/// The variables that an expression may use, by name.
 #[derive(Debug, Default, Clone)]
 pub(in crate::query) struct Scope {
     names: Vec<(String, usize)>,
     next: usize,
     /// Whether `$$KEEP`, `$$PRUNE` and `$$DESCEND` are in sight.
     pub(in crate::query) redacting: bool,
-    /// Whether constants are computed only when they are asked for, as in an update: mongod does not optimise it.
+    /// Whether constants are evaluated only when their value is needed. mongod does not optimize updates.
     pub(in crate::query) lazy: bool,
 }
 
@@ -24,7 +24,7 @@ pub(in crate::query) struct Variables {
 }
 
 impl Scope {
-    /// A scope of constants, with their values.
+    /// Returns a scope of constants, with their values.
     pub(in crate::query) fn with_constants(constants: &Document) -> Result<(Self, Variables)> {
         let (mut scope, mut variables) = (Self::default(), Variables::default());
         for (name, value) in constants {
@@ -35,7 +35,7 @@ impl Scope {
         Ok((scope, variables))
     }
 
-    /// Brings a variable into sight; it hides one of the same name.
+    /// Adds a variable, which hides one of the same name.
     pub(in crate::query) fn add(&mut self, name: &str) -> usize {
         self.next += 1;
         self.names.push((name.to_owned(), self.next));
@@ -73,7 +73,7 @@ pub(in crate::query) fn check_name(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// What an expression is evaluated against.
+/// The document, time and variables that an expression is evaluated with.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::query) struct Environment<'a> {
     pub(super) root: Fields<'a>,
@@ -95,7 +95,7 @@ impl<'a> Environment<'a> {
         Self { root, now, variables, frame: None }
     }
 
-    /// A frame that binds one more variable.
+    /// Returns a frame that binds one more variable.
     pub(super) fn frame(&self, slot: usize, value: &'a Value) -> Frame<'a> {
         Frame { slot, value, outer: self.frame }
     }

@@ -2,8 +2,8 @@
 
 use bson::Bson;
 
-use super::Value;
 use super::operator::{ANY, Operator, at, is_null, wrong_type};
+use super::value::Value;
 use crate::query::compare::compare_values;
 use crate::query::error::Result;
 use crate::query::view::View;

@@ -1,13 +1,14 @@
 //! Strings, in bytes and in code points.
 
-use bson::{Bson, Document};
+use bson::Bson;
 
-use super::Value;
 use super::convert::{short_double_text, text_of};
-use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_nullish, type_of, wrong_type};
-use crate::query::calendar::Civil;
+use super::operator::{ANY, Arguments, Named, Operator, any_null, at, is_null, type_of, wrong_type};
+use super::value::Value;
+use crate::calendar::Civil;
 use crate::query::decimal::Rounding;
 use crate::query::error::{QueryError, Result};
+use crate::query::limit::{ALLOCATION, check_elements, check_string};
 use crate::query::number::{Number, double_to_long};
 
 pub(super) const OPERATORS: [Operator; 12] = [
@@ -64,7 +65,10 @@ fn concatenated(values: &[Value]) -> Result<Value> {
     for index in 0..values.len() {
         match at(values, index) {
             value if is_null(value) => null = true,
-            Bson::String(part) => text.push_str(part),
+            Bson::String(part) => {
+                check_string(text.len() + part.len())?;
+                text.push_str(part);
+            }
             other => return Err(wrong_type(16_702, "$concat", "strings", other)),
         }
         if null {
@@ -74,7 +78,7 @@ fn concatenated(values: &[Value]) -> Result<Value> {
     Ok(Some(Bson::String(text)))
 }
 
-/// The text that `$toUpper` and its kin take a value for; null is empty.
+/// Returns the text that `$toUpper` and its kin take a value for; null is empty.
 fn coerced(operator: &str, value: &Bson) -> Result<String> {
     match value {
         value if is_null(value) => Ok(String::new()),
@@ -91,7 +95,7 @@ fn coerced(operator: &str, value: &Bson) -> Result<String> {
     }
 }
 
-/// A timestamp as `Jan  1 00:00:01:1`.
+/// Returns a timestamp as `Jan  1 00:00:01:1`.
 fn timestamp_text(timestamp: bson::Timestamp) -> String {
     const MONTHS: [&str; 12] = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
     let civil = Civil::from_millis(i64::from(timestamp.time) * 1000);
@@ -137,10 +141,11 @@ fn split(values: &[Value]) -> Result<Value> {
     if separator.is_empty() {
         return Err(QueryError::invalid(40_087, "$split requires a non-empty separator"));
     }
+    check_elements(text.matches(separator.as_str()).count(), ALLOCATION)?;
     Ok(Some(Bson::Array(text.split(separator.as_str()).map(Bson::from).collect())))
 }
 
-/// A number cut to an integer.
+/// Returns a number cut to an integer.
 fn integer(code: i32, operator: &str, value: &Bson) -> Result<i64> {
     let number = Number::of(value).ok_or_else(|| {
         QueryError::invalid(code, format!("{operator}: bounds must be numeric (is BSON type {})", type_of(value)))
@@ -291,15 +296,7 @@ fn replace(arguments: &Arguments, count: usize) -> Result<Value> {
         }
     }
     let ([input, find, replacement], false) = (texts.as_slice(), null) else { return Ok(Some(Bson::Null)) };
+    let found = input.matches(find.as_str()).take(count).count();
+    check_string((input.len() - found * find.len()).saturating_add(found.saturating_mul(replacement.len())))?;
     Ok(Some(Bson::String(input.replacen(find.as_str(), replacement, count))))
-}
-
-/// A document of the given fields; for results of operators.
-pub(super) fn document(fields: impl IntoIterator<Item = (&'static str, Bson)>) -> Bson {
-    Bson::Document(fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect::<Document>())
-}
-
-/// Whether any argument is missing or null.
-pub(super) fn any_null(values: &[Value]) -> bool {
-    values.iter().any(is_nullish)
 }

@@ -2,11 +2,12 @@
 
 use bson::{Bson, Document};
 
-use super::Value;
 use super::form::Form;
-use super::operator::{Arguments, Named, Operator};
-use super::scope::Environment;
+use super::operator::{Arguments, Named, Operator, is_true};
+use super::scope::{Environment, Variables};
+use super::value::Value;
 use crate::query::error::Result;
+use crate::query::limit::Held;
 use crate::query::view::{Fields, View};
 
 /// A compiled expression.
@@ -34,55 +35,65 @@ pub(in crate::query) enum Source {
 }
 
 impl Expression {
-    /// Whether it gives the same value for every document.
+    /// Returns whether it gives the same value for every document.
     pub(super) fn is_constant(&self) -> bool {
         matches!(self, Self::Constant(_))
     }
 
-    /// The value for a document; nothing where it is missing.
+    /// Returns the value for a document; nothing where it is missing.
     ///
     /// # Errors
-    /// Where an operator cannot work with its arguments.
+    /// If an operator cannot work with its arguments.
     pub(in crate::query) fn evaluate(&self, environment: &Environment<'_>) -> Result<Value> {
         match self {
             Self::Constant(value) => Ok(value.clone()),
             Self::Path(source, path) => Ok(at_path(*source, path, environment)),
             Self::Document(fields) => {
-                let mut document = Document::new();
+                let (mut document, mut held) = (Document::new(), Held::default());
                 for (name, expression) in fields {
                     if let Some(value) = expression.evaluate(environment)? {
+                        held.add(&value)?;
                         document.insert(name.clone(), value);
                     }
                 }
                 Ok(Some(Bson::Document(document)))
             }
             Self::Array(items) => {
-                let items = items.iter().map(|item| Ok(item.evaluate(environment)?.unwrap_or(Bson::Null)));
-                Ok(Some(Bson::Array(items.collect::<Result<_>>()?)))
+                let (mut values, mut held) = (Vec::with_capacity(items.len()), Held::default());
+                for item in items {
+                    let value = item.evaluate(environment)?.unwrap_or(Bson::Null);
+                    held.add(&value)?;
+                    values.push(value);
+                }
+                Ok(Some(Bson::Array(values)))
             }
             Self::Call(operator, arguments) => {
-                let mut values: Vec<Value> = Vec::with_capacity(arguments.len());
+                let (mut values, mut held) = (Vec::with_capacity(arguments.len()), Held::default());
                 for argument in arguments {
                     match argument.evaluate(environment) {
-                        Ok(value) => values.push(value),
+                        Ok(value) => {
+                            value.as_ref().map_or(Ok(()), |value| held.add(value))?;
+                            values.push(value);
+                        }
                         Err(error) => return operator.ended(&values).ok_or(error),
                     }
                 }
                 operator.run(&values)
             }
             Self::Named(operator, arguments) => {
-                let values = arguments.iter().map(|argument| match argument {
-                    Some(argument) => Ok(Some(argument.evaluate(environment)?)),
-                    None => Ok(None),
-                });
-                let values = values.collect::<Result<_>>()?;
+                let (mut values, mut held) = (Vec::with_capacity(arguments.len()), Held::default());
+                for argument in arguments {
+                    let value = argument.as_ref().map(|argument| argument.evaluate(environment)).transpose()?;
+                    value.iter().flatten().try_for_each(|value| held.add(value))?;
+                    values.push(value);
+                }
                 operator.run(&Arguments { operator: operator.name, values })
             }
             Self::Form(form) => form.evaluate(environment),
         }
     }
 
-    /// Whether the value is true.
+    /// Returns whether the value is true.
     pub(in crate::query) fn truth(&self, environment: &Environment<'_>) -> Result<bool> {
         if let Self::Form(form) = self {
             return form.truth(environment);
@@ -90,7 +101,7 @@ impl Expression {
         Ok(is_true(&self.evaluate(environment)?))
     }
 
-    /// Shows the value to a function, without copying it where it lies in the document.
+    /// Calls a function with the value, which is borrowed from the document if it can be.
     pub(super) fn show<T>(&self, environment: &Environment<'_>, look: impl FnOnce(Option<View<'_>>) -> T) -> Result<T> {
         match self {
             Self::Constant(value) => Ok(look(value.as_ref().map(View::from))),
@@ -116,9 +127,10 @@ impl Expression {
     }
 }
 
-/// MongoDB's idea of truth, in which a missing value is false.
-pub(super) fn is_true(value: &Value) -> bool {
-    value.as_ref().is_some_and(|value| View::from(value).truthy())
+/// Returns the value of a constant expression, for which no document is needed.
+pub(super) fn constant(expression: &Expression) -> Result<Value> {
+    let (none, empty) = (Variables::default(), Document::new());
+    expression.evaluate(&Environment::new((&empty).into(), &none, bson::DateTime::now()))
 }
 
 fn at_path(source: Source, path: &[String], environment: &Environment<'_>) -> Value {
@@ -129,7 +141,7 @@ fn at_path(source: Source, path: &[String], environment: &Environment<'_>) -> Va
     }
 }
 
-/// What a path reaches in a document; through an array, the array of what it reaches in the elements.
+/// Returns the value at a path; through an array, the array of the values in its elements.
 pub(in crate::query) fn field_value(fields: Fields<'_>, path: &[String]) -> Value {
     in_fields(fields, path)
 }

@@ -4,8 +4,8 @@ use std::f64::consts::LN_2;
 
 use bson::Bson;
 
-use super::Value;
 use super::operator::{Operator, at, is_null, wrong_type};
+use super::value::Value;
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
@@ -38,7 +38,7 @@ pub(super) const OPERATORS: [Operator; 15] = [
     Operator { name: "$atan2", arity: (2, 2), call: arc_tangent },
 ];
 
-/// The inverse hyperbolic functions as C computes them, to the last digit; Rust's differ in it.
+/// Returns the inverse hyperbolic functions as C computes them, to the last digit; Rust's differ in it.
 fn area_sine(x: f64) -> f64 {
     let size = x.abs();
     let result = match size {
@@ -72,12 +72,12 @@ fn area_tangent(x: f64) -> f64 {
     result.copysign(x)
 }
 
-/// A degree in radians.
+/// Returns a degree in radians.
 fn degree() -> Decimal {
     Decimal::parse("0.01745329251994329576923690768488613").unwrap_or(Decimal::NaN)
 }
 
-/// A radian in degrees.
+/// Returns a radian in degrees.
 fn radian() -> Decimal {
     Decimal::parse("57.29577951308232087679815481410517").unwrap_or(Decimal::NaN)
 }

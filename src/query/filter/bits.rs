@@ -22,7 +22,7 @@ impl Bits {
     /// Reads a mask: a number, binary data, or positions.
     ///
     /// # Errors
-    /// Where the mask is negative, fractional, or of another type.
+    /// If the mask is negative, fractional, or of another type.
     pub(super) fn parse(mask: View<'_>, all: bool, set: bool) -> Result<Self> {
         let positions = match mask {
             View::Number(number) => positions_of_mask(number)?,

@@ -6,9 +6,9 @@
 //! equals missing; a negation holds where its opposite holds for no value.
 
 mod bits;
-mod needle;
 mod operators;
 mod parse;
+mod prefilter;
 mod schema;
 mod test;
 mod tree;
@@ -19,9 +19,9 @@ use bson::{Bson, DateTime, Document, RawDocument};
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::geo::Near;
-use super::view::{Fields, View};
-use needle::Needle;
+use super::view::Fields;
 pub(super) use parse::Parser;
+use prefilter::Prefilter;
 pub(super) use test::{Leaf, Order, Set, Test};
 pub(super) use tree::{Context, Node};
 
@@ -29,10 +29,9 @@ pub(super) use tree::{Context, Node};
 #[derive(Debug)]
 pub struct Filter {
     root: Node,
-    /// What the bytes of every match contain.
-    needle: Option<Needle>,
+    prefilter: Option<Prefilter>,
     variables: Variables,
-    /// What `$$NOW` is where nothing else is said: when the filter was read.
+    /// The default of `$$NOW`: the time at which the filter was parsed.
     now: DateTime,
 }
 
@@ -40,7 +39,7 @@ impl Filter {
     /// Reads a filter; an empty one matches everything.
     ///
     /// # Errors
-    /// Where MongoDB refuses it, or rmem does not support an operator.
+    /// If MongoDB refuses it, or rmem does not support an operator.
     pub fn parse(filter: &Document) -> Result<Self> {
         Self::of_query(filter, Parser::default(), Variables::default())
     }
@@ -50,7 +49,7 @@ impl Filter {
         if root.nears().len() > 1 {
             return Err(QueryError::bad_value("a filter can ask only once for what is near"));
         }
-        Ok(Self { needle: Needle::of(&root), root, variables, now: DateTime::now() })
+        Ok(Self { prefilter: Prefilter::of(&root), root, variables, now: DateTime::now() })
     }
 
     /// [`Filter::parse`] with constants its expressions can use as `$$name`.
@@ -65,24 +64,24 @@ impl Filter {
     /// Reads a filter whose expressions see `now` as `$$NOW`, and variables.
     pub(super) fn parse_with(filter: &Document, parser: &Parser<'_>) -> Result<Self> {
         let root = parser.filter(filter)?;
-        Ok(Self { needle: Needle::of(&root), root, variables: Variables::default(), now: DateTime::now() })
+        Ok(Self { prefilter: Prefilter::of(&root), root, variables: Variables::default(), now: DateTime::now() })
     }
 
-    /// Whether a document matches.
+    /// Returns whether a document matches.
     ///
     /// # Errors
-    /// Where an expression of the filter fails on the document.
+    /// If an expression of the filter fails on the document.
     pub fn matches(&self, document: &RawDocument) -> Result<bool> {
-        match &self.needle {
-            Some(needle) if !needle.is_in(document.as_bytes()) => Ok(false),
+        match &self.prefilter {
+            Some(prefilter) if !prefilter.may_match(document.as_bytes()) => Ok(false),
             _ => self.root.matches(document.into(), &mut self.context()),
         }
     }
 
-    /// Whether an owned document matches.
+    /// Returns whether an owned document matches.
     ///
     /// # Errors
-    /// Where an expression of the filter fails on the document.
+    /// If an expression of the filter fails on the document.
     pub fn matches_document(&self, document: &Document) -> Result<bool> {
         self.root.matches(document.into(), &mut self.context())
     }
@@ -121,10 +120,10 @@ impl Filter {
         };
         let root = std::mem::replace(&mut self.root, Node::And(Vec::new()));
         self.root = Node::all(root.conjuncts().into_iter().filter_map(decided).collect());
-        self.needle = Needle::of(&self.root);
+        self.prefilter = Prefilter::of(&self.root);
     }
 
-    /// The date, where the filter is only that the dates at a path are not at or before it.
+    /// Returns the date, where the filter is only that the dates at a path are not at or before it.
     #[must_use]
     pub fn not_before(&self, path: &str) -> Option<DateTime> {
         match &self.root {
@@ -136,13 +135,13 @@ impl Filter {
         }
     }
 
-    /// What is near, where the filter asks for that: matches come in order of their distance.
+    /// Returns the distance condition of the filter, if any: matches are ordered by distance.
     #[must_use]
     pub fn near(&self) -> Option<&Near> {
         self.root.nears().into_iter().next()
     }
 
-    /// Whether no document matches, whatever it has.
+    /// Returns whether no document matches, whatever it has.
     #[must_use]
     pub fn matches_none(&self) -> bool {
         match &self.root {
@@ -151,24 +150,9 @@ impl Filter {
         }
     }
 
-    /// Whether every document matches.
+    /// Returns whether every document matches.
     #[must_use]
     pub fn matches_all(&self) -> bool {
         matches!(&self.root, Node::And(children) if children.is_empty())
     }
-}
-
-/// Whether a document is one of operators: its first key has a `$` and it is no reference.
-pub(super) fn is_operators(fields: Fields<'_>) -> bool {
-    fields.iter().next().is_some_and(|(name, _)| name.starts_with('$') && !is_reference_key(name))
-}
-
-/// Whether a key is one of those of a DBRef.
-pub(super) fn is_reference_key(name: &str) -> bool {
-    matches!(name, "$ref" | "$id" | "$db")
-}
-
-/// Whether a value is an object of operators.
-pub(super) fn is_operator_object(value: View<'_>) -> bool {
-    matches!(value, View::Document(fields) if is_operators(fields))
 }

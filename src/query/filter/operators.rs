@@ -1,19 +1,19 @@
-//! The operators that stand under a path.
+//! Parses the operators under a path.
 
 use bson::{Bson, Document};
 
 use super::bits::Bits;
-use super::is_operator_object;
 use super::parse::{Parser, array};
 use super::test::{Leaf, Order, Set, Test};
 use super::types::TypeSet;
+use crate::query::dollar::is_operator_object;
 use crate::query::error::{QueryError, Result};
 use crate::query::geo::{OPERATORS, Region, alone};
 use crate::query::number::{Number, double_to_long};
 use crate::query::regex::Pattern;
 use crate::query::view::View;
 
-/// The test that an operator stands for; `siblings` is the document it is in.
+/// Returns the test that an operator stands for; `siblings` is the document it is in.
 pub(super) fn field_operator(
     parser: &Parser<'_>,
     name: &str,
@@ -151,7 +151,7 @@ fn modulo(value: &Bson) -> Result<Leaf> {
     Ok(Leaf::Mod(divisor, whole("remainder", remainder)?))
 }
 
-/// A number cut to its integer part.
+/// Returns a number cut to its integer part.
 fn whole(what: &str, value: &Bson) -> Result<i64> {
     let wrong = || QueryError::bad_value(format!("malformed mod, {what} is not a number in the range of a long"));
     match Number::of(value).ok_or_else(wrong)? {

@@ -1,4 +1,4 @@
-//! Filters from documents: what stands at the top, and what stands under a path.
+//! Parses filters: operators at the top, and operators under a path.
 
 use bson::{Bson, Document};
 
@@ -6,10 +6,11 @@ use super::operators::field_operator;
 use super::schema::Schema;
 use super::test::{Leaf, Test};
 use super::tree::Node;
-use super::{is_operators, is_reference_key};
+use crate::query::dollar::{is_operators, is_reference_key};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::geo::{Near, OPERATORS};
+use crate::query::javascript::Program;
 use crate::query::path::Path;
 use crate::query::regex::Pattern;
 use crate::query::view::View;
@@ -17,11 +18,11 @@ use crate::query::view::View;
 /// How deep filters may be nested.
 const MAX_DEPTH: usize = 100;
 
-/// MongoDB's code for a question about distances in a stage.
+/// MongoDB's code for a distance condition in a stage.
 const NOT_IN_STAGE: i32 = 5_626_500;
 
 /// Operators at the top that rmem refuses by name.
-const REFUSED: [&str; 2] = ["$where", "$text"];
+const REFUSED: [&str; 1] = ["$text"];
 
 /// Reads filters, with the variables that their expressions may use.
 #[derive(Debug, Default, Clone)]
@@ -29,9 +30,11 @@ pub(in crate::query) struct Parser<'a> {
     scope: Option<&'a Scope>,
     depth: usize,
     distance: Distance,
+    /// Whether `$where` may be here: at the top of a query and in its alternatives.
+    takes_code: bool,
 }
 
-/// Whether a filter may ask for what is near, which is a question about order too.
+/// Whether a filter may contain a distance condition, which also orders the matches.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 enum Distance {
     /// At the top of a query.
@@ -44,19 +47,19 @@ enum Distance {
 }
 
 impl<'a> Parser<'a> {
-    /// A parser whose expressions see the variables of `scope`.
+    /// Returns a parser whose expressions see the variables of `scope`.
     pub(in crate::query) fn with_scope(scope: &'a Scope) -> Self {
         Self { scope: Some(scope), ..Self::default() }
     }
 
-    /// The parser of a query, which may ask for what is near.
+    /// Returns the parser of a query, which may ask for what is near.
     pub(super) fn of_query(self) -> Self {
-        Self { distance: Distance::Asked, ..self }
+        Self { distance: Distance::Asked, takes_code: true, ..self }
     }
 
-    /// The parser of a stage.
+    /// Returns the parser of a stage.
     pub(in crate::query) fn of_stage(self) -> Self {
-        Self { distance: Distance::Stage, ..self }
+        Self { distance: Distance::Stage, takes_code: false, ..self }
     }
 
     fn within(&self) -> Self {
@@ -91,7 +94,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// What is near, where that is asked for.
+    /// Reads a distance condition, if the operators are one.
     fn near(&self, path: &str, value: &Bson) -> Result<Option<Node>> {
         let Bson::Document(operators) = value else { return Ok(None) };
         match operators.keys().next() {
@@ -136,6 +139,8 @@ impl<'a> Parser<'a> {
                 Some(rate) if (0.0..=1.0).contains(&rate) => Node::Sample(rate),
                 _ => return Err(QueryError::bad_value("$sampleRate must be between 0 and 1")),
             },
+            "$where" if self.takes_code => Node::Where(Box::new(Program::predicate(value)?)),
+            "$where" => return Err(QueryError::bad_value("$where is not allowed in this context").about(name)),
             _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
             _ => return Err(QueryError::bad_value(format!("unknown top level operator: {name}")).about(name)),
         }))
@@ -194,15 +199,15 @@ impl<'a> Parser<'a> {
         Ok(Test::Leaf(if on_values {
             Leaf::ElementPasses(Box::new(self.operators(inner)?))
         } else {
-            if let Some(refused) = inner.keys().find(|name| REFUSED.contains(&name.as_str()) || *name == "$expr") {
+            if let Some(refused) = inner.keys().find(|name| matches!(name.as_str(), "$text" | "$where" | "$expr")) {
                 return Err(QueryError::bad_value(format!("{refused} cannot be in $elemMatch")));
             }
-            Leaf::ElementMatches(Box::new(self.within().filter(inner)?))
+            Leaf::ElementMatches(Box::new(Self { takes_code: false, ..self.within() }.filter(inner)?))
         }))
     }
 }
 
-/// The elements of an operator's array.
+/// Returns the elements of an operator's array.
 pub(super) fn array<'a>(name: &str, value: &'a Bson) -> Result<&'a [Bson]> {
     match value {
         Bson::Array(items) => Ok(items),

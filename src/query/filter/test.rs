@@ -81,7 +81,7 @@ impl Set {
 }
 
 impl Test {
-    /// Whether one value passes; no path, so an array is only itself.
+    /// Returns whether one value passes; no path, so an array is only itself.
     pub(in crate::query) fn on_value(&self, value: View<'_>, context: &mut Context<'_>) -> Result<bool> {
         match self {
             Self::And(tests) => {
@@ -99,7 +99,7 @@ impl Test {
 }
 
 impl Leaf {
-    /// Whether the elements of an array at the end of a path are looked at one by one.
+    /// Returns whether the elements of an array at the end of a path are looked at one by one.
     pub(super) fn looks_into_leaves(&self) -> bool {
         !matches!(self, Self::Size(_) | Self::ElementMatches(_) | Self::ElementPasses(_))
     }
@@ -141,7 +141,7 @@ impl Leaf {
     }
 }
 
-/// Whether an element passes; leaves its index in the context.
+/// Returns whether an element passes; leaves its index in the context.
 fn first_element<'a>(
     items: Items<'a>,
     context: &mut Context<'_>,
@@ -157,7 +157,7 @@ fn first_element<'a>(
     Ok(false)
 }
 
-/// An array as the document it is in BSON: keys are indexes.
+/// Returns an array as the document it is in BSON: keys are indexes.
 fn by_index(items: Items<'_>) -> bson::Document {
     items.iter().enumerate().map(|(index, item)| (index.to_string(), item.to_bson())).collect()
 }
@@ -198,7 +198,7 @@ fn in_order(order: Order, bound: &Bson, value: Option<View<'_>>) -> bool {
     }
 }
 
-/// A text in which the pattern is found, or the same pattern as a value.
+/// Returns a text in which the pattern is found, or the same pattern as a value.
 fn matches_pattern(pattern: &Pattern, value: View<'_>) -> bool {
     match value {
         View::String(text) | View::Symbol(text) => pattern.is_match(text),

@@ -5,9 +5,11 @@ use bson::DateTime;
 use super::schema::Schema;
 use super::test::{Leaf, Test};
 use crate::query::error::Result;
-use crate::query::expression::{Expression, Variables};
+use crate::query::expression::{Environment, Expression, Variables};
 use crate::query::geo::Near;
+use crate::query::javascript::Program;
 use crate::query::path::Path;
+use crate::query::random::random;
 use crate::query::view::{Fields, View};
 
 /// A part of a filter that looks at a whole document.
@@ -23,18 +25,20 @@ pub(in crate::query) enum Node {
     /// An aggregation expression that must be true.
     Expression(Expression),
     Schema(Box<Schema>),
+    /// A predicate in JavaScript.
+    Where(Box<Program>),
     /// A constant answer.
     Always(bool),
     /// True for about this part of the documents.
     Sample(f64),
 }
 
-/// What a match needs beside the document, and what it leaves behind.
+/// Input of a match beside the document, and the position that it finds.
 #[derive(Debug, Default, Clone)]
 pub(in crate::query) struct Context<'a> {
     /// The index in the array by which the document matched.
     pub(in crate::query) position: Option<usize>,
-    /// What `$$NOW` is.
+    /// The value of `$$NOW`.
     pub(in crate::query) now: Option<DateTime>,
     /// Variables for expressions.
     pub(in crate::query) variables: Option<&'a Variables>,
@@ -46,7 +50,7 @@ impl Node {
         if nodes.len() == 1 { nodes.remove(0) } else { Self::And(nodes) }
     }
 
-    /// The conditions that must hold together, taken out of nested ones.
+    /// Returns the conditions that must hold together, taken out of nested ones.
     pub(super) fn conjuncts(self) -> Vec<Self> {
         match self {
             Self::And(children) => children.into_iter().flat_map(Self::conjuncts).collect(),
@@ -81,14 +85,15 @@ impl Node {
             }
             Self::Field(path, test) => test.on_path(path, fields, context),
             Self::Near(near) => Ok(near.nearest(fields).is_some()),
-            Self::Expression(expression) => expression.holds(fields, context),
+            Self::Expression(expression) => holds(expression, fields, context),
             Self::Schema(schema) => Ok(schema.accepts(View::Document(fields))),
+            Self::Where(program) => program.holds(fields),
             Self::Always(answer) => Ok(*answer),
-            Self::Sample(rate) => Ok(crate::query::expression::random() < *rate),
+            Self::Sample(rate) => Ok(random() < *rate),
         }
     }
 
-    /// The questions about distances.
+    /// Returns the distance conditions.
     pub(super) fn nears(&self) -> Vec<&Near> {
         match self {
             Self::And(children) => children.iter().flat_map(Self::nears).collect(),
@@ -98,7 +103,14 @@ impl Node {
     }
 }
 
-/// Whether alternatives are equalities of one path.
+/// Returns whether an expression is true for a document.
+fn holds(expression: &Expression, fields: Fields<'_>, context: &Context<'_>) -> Result<bool> {
+    let none = Variables::default();
+    let now = context.now.unwrap_or_else(bson::DateTime::now);
+    expression.truth(&Environment::new(fields, context.variables.unwrap_or(&none), now))
+}
+
+/// Returns whether alternatives are equalities of one path.
 fn is_one_set(children: &[Node]) -> bool {
     let path_of = |node: &Node| match node {
         Node::Field(path, Test::Leaf(Leaf::Equal(_) | Leaf::In(_) | Leaf::Regex(_))) => Some(path.text().to_owned()),
@@ -119,7 +131,7 @@ fn any(children: &[Node], fields: Fields<'_>, context: &mut Context<'_>) -> Resu
 }
 
 impl Test {
-    /// Whether what the path reaches in the document passes.
+    /// Returns whether what the path reaches in the document passes.
     pub(in crate::query) fn on_path(&self, path: &Path, fields: Fields<'_>, context: &mut Context<'_>) -> Result<bool> {
         match self {
             Self::And(tests) => {

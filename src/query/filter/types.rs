@@ -17,7 +17,7 @@ impl TypeSet {
     /// Reads what `$type` takes.
     ///
     /// # Errors
-    /// Where a name or number is of no type.
+    /// If a name or number is of no type.
     pub(super) fn parse(value: View<'_>) -> Result<Self> {
         let mut types = Self::default();
         match value {
@@ -50,7 +50,7 @@ impl TypeSet {
     /// Adds a type by its name; `number` is all four.
     ///
     /// # Errors
-    /// Where no type has that name.
+    /// If no type has that name.
     pub(super) fn add_name(&mut self, name: &str) -> Result<()> {
         if name == "number" {
             self.codes.extend(NUMBERS);
@@ -66,7 +66,7 @@ impl TypeSet {
     }
 }
 
-/// The type of a code, as numbers of any type write it.
+/// Returns the type of a code, as numbers of any type write it.
 fn code_of(number: Number) -> Option<i32> {
     let code = number.integral_32()?;
     TYPE_NAMES.iter().any(|(_, known)| *known == code).then_some(code)

@@ -1,4 +1,4 @@
-//! What documents and queries say of places: GeoJSON, and pairs of coordinates.
+//! Geometries of documents and queries: GeoJSON, and pairs of coordinates.
 
 use super::plane;
 use super::sphere::{BigPolygon, Cell, Line, Polygon, Vector};
@@ -48,7 +48,7 @@ impl Position {
 }
 
 impl Geometry {
-    /// The position on the plane, where the geometry is one position.
+    /// Returns the position on the plane, where the geometry is one position.
     pub(super) fn flat(&self) -> Option<plane::Point> {
         match self {
             Self::Point(Shape::Point(position)) => Some(position.flat),
@@ -56,7 +56,7 @@ impl Geometry {
         }
     }
 
-    /// Whether the geometry has areas, which other geometries can be within.
+    /// Returns whether the geometry has areas, which other geometries can be within.
     pub(super) fn has_area(&self) -> bool {
         match self {
             Self::Point(_) => false,
@@ -65,7 +65,7 @@ impl Geometry {
         }
     }
 
-    /// The simple shapes on the sphere, where the geometry can be there.
+    /// Returns the simple shapes on the sphere, where the geometry can be there.
     pub(super) fn shapes(&self) -> Option<&[Shape]> {
         match self {
             Self::Point(shape) => shape.is_on_sphere().then_some(std::slice::from_ref(shape)),
@@ -74,7 +74,7 @@ impl Geometry {
         }
     }
 
-    /// The angle, in radians, from a point to the closest point of the geometry, where it can be on the sphere.
+    /// Returns the angle, in radians, from a point to the closest point of the geometry, where it can be on the sphere.
     pub(super) fn distance(&self, from: Vector) -> Option<f64> {
         self.shapes()?.iter().map(|shape| shape.distance(from)).reduce(f64::min)
     }
@@ -93,7 +93,7 @@ impl Shape {
         }
     }
 
-    /// Whether all of another shape is in this one: only areas have anything within them.
+    /// Returns whether all of another shape is in this one: only areas have anything within them.
     pub(super) fn contains(&self, other: &Self) -> bool {
         let Self::Polygon(own) = self else { return false };
         match other {
@@ -103,7 +103,7 @@ impl Shape {
         }
     }
 
-    /// Whether two shapes have a point in common.
+    /// Returns whether two shapes have a point in common.
     pub(super) fn meets(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Point(a), Self::Point(b)) => a.sphere.zip(b.sphere).is_some_and(|(a, b)| a.cell.is(b.cell)),

@@ -1,4 +1,4 @@
-//! What a geospatial index wants of documents.
+//! The geospatial keys of an index, and the checks of documents that they require.
 
 use bson::{Bson, Document, RawDocument};
 
@@ -23,12 +23,12 @@ const BAD_OPTION: i32 = 2;
 /// The geospatial keys of an index.
 #[derive(Debug)]
 pub(in crate::query) struct Places {
-    keys: Vec<(Path, Kind)>,
+    keys: Vec<(Path, Surface)>,
 }
 
-/// What a key is about.
+/// The surface that the coordinates of a key are on.
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum Surface {
     /// The plane, from the least coordinate to less than the greatest.
     Plane(f64, f64),
     Sphere,
@@ -38,17 +38,17 @@ impl Places {
     /// Reads a key pattern with the options of the index.
     ///
     /// # Errors
-    /// Where MongoDB refuses them.
+    /// If MongoDB refuses them.
     pub(in crate::query) fn parse(pattern: &Document, options: &Document) -> Result<Self> {
         let plane = read_options(options)?;
         let mut keys = Vec::new();
-        for (place, (name, kind)) in pattern.iter().enumerate() {
-            match kind.as_str() {
+        for (place, (name, index_type)) in pattern.iter().enumerate() {
+            match index_type.as_str() {
                 Some("2d") if place > 0 => {
                     return Err(QueryError::invalid(INVALID_OPTIONS, "the 2d key of an index must be its first"));
                 }
                 Some("2d") => keys.push((Path::parse(name)?, plane)),
-                Some(_) => keys.push((Path::parse(name)?, Kind::Sphere)),
+                Some(_) => keys.push((Path::parse(name)?, Surface::Sphere)),
                 None => {}
             }
         }
@@ -58,15 +58,15 @@ impl Places {
     /// Checks that a document has geometries where it has anything.
     ///
     /// # Errors
-    /// Where it has something else, or a position that is out of bounds.
+    /// If it has something else, or a position that is out of bounds.
     pub(in crate::query) fn check(&self, document: &RawDocument) -> Result<()> {
-        for (path, kind) in &self.keys {
+        for (path, surface) in &self.keys {
             let mut checked = Ok(());
             path.any(document.into(), false, &mut |value, _| {
-                checked = match (value, kind) {
+                checked = match (value, surface) {
                     (None | Some(View::Null | View::Undefined), _) => Ok(()),
-                    (Some(value), Kind::Sphere) => check_geometry(value),
-                    (Some(value), Kind::Plane(least, greatest)) => check_pairs(value, *least, *greatest),
+                    (Some(value), Surface::Sphere) => check_geometry(value),
+                    (Some(value), Surface::Plane(least, greatest)) => check_pairs(value, *least, *greatest),
                 };
                 checked.is_err()
             });
@@ -81,10 +81,10 @@ impl Places {
     /// Checks that the point of a question is within the bounds.
     ///
     /// # Errors
-    /// Where it is not.
+    /// If it is not.
     pub(in crate::query) fn check_centre(&self, near: &Near) -> Result<()> {
-        for (path, kind) in &self.keys {
-            if let (Kind::Plane(least, greatest), Some(point)) = (kind, near.flat())
+        for (path, surface) in &self.keys {
+            if let (Surface::Plane(least, greatest), Some(point)) = (surface, near.flat())
                 && path.text() == near.path()
             {
                 check_bounds(point, *least, *greatest)?;
@@ -95,7 +95,7 @@ impl Places {
 }
 
 /// Checks the options and gives the bounds of the plane: those of longitudes, where nothing else is said.
-fn read_options(options: &Document) -> Result<Kind> {
+fn read_options(options: &Document) -> Result<Surface> {
     let bound = |name: &str, default: f64| match options.get(name) {
         None => Ok(default),
         Some(value) => Number::of(value)
@@ -118,7 +118,7 @@ fn read_options(options: &Document) -> Result<Kind> {
     {
         return Err(QueryError::invalid(INVALID_OPTIONS, "the option bits of an index must be from 1 to 32"));
     }
-    Ok(Kind::Plane(least, greatest))
+    Ok(Surface::Plane(least, greatest))
 }
 
 fn check_geometry(value: View<'_>) -> Result<()> {
@@ -163,7 +163,7 @@ fn check_bounds((x, y): (f64, f64), least: f64, greatest: f64) -> Result<()> {
     Err(QueryError::invalid(OUT_OF_BOUNDS, message))
 }
 
-/// Whether a key of a pattern is of a geospatial kind.
+/// Returns whether a key of a pattern is `2d` or `2dsphere`.
 pub(in crate::query) fn is_place(direction: &Bson) -> bool {
     matches!(direction.as_str(), Some("2d" | "2dsphere"))
 }

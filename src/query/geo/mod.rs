@@ -1,4 +1,4 @@
-//! Places: which documents lie in a region, have a part of one, or are near a point.
+//! Geospatial queries: documents within a region, intersecting one, or near a point.
 //!
 //! Two geometries: the plane (`$box`, `$center`, `$polygon`, `$near` with a pair of
 //! coordinates), in whatever unit the coordinates are, and the sphere (everything

@@ -56,7 +56,7 @@ impl Near {
     /// Reads the operators under a path, of which the first is one of [`OPERATORS`].
     ///
     /// # Errors
-    /// Where they do not describe one point, or something else stands beside them.
+    /// If they do not describe one point, or something else stands beside them.
     pub(in crate::query) fn parse(path: &str, operators: &Document) -> Result<Self> {
         let asked = match pair_form(operators)? {
             Some(asked) => asked,
@@ -68,7 +68,7 @@ impl Near {
     /// What is within two distances of a point, by what documents have at the path.
     ///
     /// # Errors
-    /// Where the path is too long.
+    /// If the path is too long.
     pub(in crate::query) fn new(path: &str, centre: Centre, least: f64, most: f64) -> Result<Self> {
         Ok(Self { path: Path::parse(path)?, centre, least, most })
     }
@@ -79,23 +79,23 @@ impl Near {
         self.path.text()
     }
 
-    /// Whether an index of this kind can answer: MongoDB refuses the question where there is none.
+    /// Returns whether an index of this type can answer; without one MongoDB refuses the query.
     #[must_use]
-    pub fn is_answered_by(&self, kind: &str) -> bool {
+    pub fn is_answered_by(&self, index_type: &str) -> bool {
         match self.centre {
-            Centre::Plane(_) => kind == "2d",
-            Centre::Radians(_) => kind == "2d" || kind == "2dsphere",
-            Centre::Metres(_) => kind == "2dsphere",
+            Centre::Plane(_) => index_type == "2d",
+            Centre::Radians(_) => index_type == "2d" || index_type == "2dsphere",
+            Centre::Metres(_) => index_type == "2dsphere",
         }
     }
 
-    /// The kind of index to make where there is none.
+    /// Returns the type of index that can answer.
     #[must_use]
-    pub fn kind(&self) -> &'static str {
+    pub fn index_type(&self) -> &'static str {
         if let Centre::Plane(_) = self.centre { "2d" } else { "2dsphere" }
     }
 
-    /// The point on the plane that is asked about, where it is there.
+    /// Returns the point on the plane that is asked about, where it is there.
     pub(in crate::query) fn flat(&self) -> Option<(f64, f64)> {
         if let Centre::Plane(Plane(point)) = self.centre { Some(point) } else { None }
     }
@@ -131,7 +131,7 @@ impl Near {
         nearest.filter(|(distance, _)| (self.least..=self.most).contains(distance))
     }
 
-    /// The documents that are within the distances, the nearest first; equally near ones stay in their order.
+    /// Returns the documents that are within the distances, the nearest first; equally near ones stay in their order.
     ///
     /// # Errors
     /// The first error of the input.
@@ -155,7 +155,7 @@ impl Centre {
     /// Reads a point: GeoJSON, or a pair of coordinates, which is on the sphere where that is said.
     ///
     /// # Errors
-    /// Where it is neither, or not on the sphere.
+    /// If it is neither, or not on the sphere.
     pub(in crate::query) fn parse(value: View<'_>, on_sphere: bool) -> Result<Self> {
         match value {
             View::Document(fields) if !reader::begins_with_number(fields) => {
@@ -220,7 +220,7 @@ fn pair_form(operators: &Document) -> Result<Option<Asked>> {
     Ok(centre.map(|centre| Asked { centre, least, most }))
 }
 
-/// Whether a pair is one, but of no longitude and latitude.
+/// Returns whether a pair is one, but of no longitude and latitude.
 fn is_about_bounds(value: &Bson, on_sphere: bool) -> bool {
     on_sphere && reader::pair(Some(value.into()), false).is_ok()
 }
@@ -258,17 +258,17 @@ fn geojson_form(operators: &Document) -> Result<Asked> {
     Ok(Asked { centre, least, most })
 }
 
-/// A distance, which is not negative.
+/// Returns a distance, which is not negative.
 ///
 /// # Errors
-/// Where it is, or no number.
+/// If it is, or no number.
 pub(in crate::query) fn distance_of(name: &str, value: &Bson) -> Result<f64> {
     let number = Number::of(value).ok_or_else(|| QueryError::bad_value(format!("{name} must be a number")))?;
     let distance = number.to_double();
     if distance >= 0.0 { Ok(distance) } else { Err(QueryError::bad_value(format!("{name} must not be negative"))) }
 }
 
-/// A distance, which is not negative and not infinite.
+/// Returns a distance, which is not negative and not infinite.
 fn finite_distance(name: &str, value: &Bson) -> Result<f64> {
     let distance = distance_of(name, value)?;
     if distance.is_finite() { Ok(distance) } else { Err(QueryError::bad_value(format!("{name} must be finite"))) }

@@ -17,7 +17,7 @@ pub(super) struct Rectangle {
 }
 
 impl Rectangle {
-    /// The rectangle between two opposite corners.
+    /// Returns the rectangle between two opposite corners.
     pub(super) fn between(a: Point, b: Point) -> Self {
         Self { least: (a.0.min(b.0), a.1.min(b.1)), greatest: (a.0.max(b.0), a.1.max(b.1)) }
     }
@@ -52,12 +52,12 @@ pub(super) struct Outline {
 }
 
 impl Outline {
-    /// The polygon, where it has enough corners.
+    /// Returns the polygon, where it has enough corners.
     pub(super) fn new(corners: Vec<Point>) -> Option<Self> {
         (corners.len() >= 3).then_some(Self { corners })
     }
 
-    /// Whether a point is a corner, on a level or upright edge, or one from which a ray
+    /// Returns whether a point is a corner, on a level or upright edge, or one from which a ray
     /// to the right passes an odd number of edges.
     pub(super) fn has(&self, (x, y): Point) -> bool {
         let mut inside = false;

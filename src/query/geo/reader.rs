@@ -13,7 +13,7 @@ const STRICT: &str = "urn:x-mongodb:crs:strictwinding:EPSG:4326";
 
 /// The types of GeoJSON that have a reference system and coordinates.
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum GeometryType {
     Point,
     LineString,
     Polygon,
@@ -30,7 +30,7 @@ fn wrong(message: impl Into<String>) -> QueryError {
 /// What a document has at a place: GeoJSON, or a pair of coordinates, perhaps with more behind it.
 ///
 /// # Errors
-/// Where it is neither.
+/// If it is neither.
 pub(super) fn stored(value: View<'_>) -> Result<Geometry> {
     geometry(value, true)
 }
@@ -38,7 +38,7 @@ pub(super) fn stored(value: View<'_>) -> Result<Geometry> {
 /// What a query has as `$geometry`.
 ///
 /// # Errors
-/// Where it is no geometry.
+/// If it is no geometry.
 pub(super) fn asked(value: View<'_>) -> Result<Geometry> {
     geometry(value, false)
 }
@@ -53,7 +53,7 @@ fn geometry(value: View<'_>, with_more: bool) -> Result<Geometry> {
     }
 }
 
-/// Whether a document is a pair of coordinates under any names.
+/// Returns whether a document is a pair of coordinates under any names.
 pub(super) fn begins_with_number(fields: Fields<'_>) -> bool {
     fields.iter().next().is_some_and(|(_, value)| matches!(value, View::Number(_)))
 }
@@ -61,7 +61,7 @@ pub(super) fn begins_with_number(fields: Fields<'_>) -> bool {
 /// Two finite numbers in an array or document; `with_more` allows more behind them.
 ///
 /// # Errors
-/// Where there is something else.
+/// If there is something else.
 pub(super) fn pair(value: Option<View<'_>>, with_more: bool) -> Result<plane::Point> {
     let mut values: Box<dyn Iterator<Item = View<'_>>> = match value {
         Some(View::Array(items)) => Box::new(items.iter()),
@@ -84,15 +84,15 @@ pub(super) fn pair(value: Option<View<'_>>, with_more: bool) -> Result<plane::Po
     Ok(point)
 }
 
-/// A longitude and a latitude.
+/// Returns a longitude and a latitude.
 fn position(value: Option<View<'_>>) -> Result<Position> {
     on_sphere(pair(value, true)?)
 }
 
-/// A position that must be on the sphere.
+/// Returns a position that must be on the sphere.
 ///
 /// # Errors
-/// Where the longitude is beyond ±180 or the latitude beyond ±90.
+/// If the longitude is beyond ±180 or the latitude beyond ±90.
 pub(super) fn on_sphere(flat: plane::Point) -> Result<Position> {
     let position = Position::new(flat);
     match position.sphere {
@@ -101,10 +101,10 @@ pub(super) fn on_sphere(flat: plane::Point) -> Result<Position> {
     }
 }
 
-/// The position of a GeoJSON Point; MongoDB looks at its coordinates only.
+/// Returns the position of a GeoJSON Point; MongoDB looks at its coordinates only.
 ///
 /// # Errors
-/// Where there are none.
+/// If there are none.
 pub(super) fn point(fields: Fields<'_>) -> Result<Position> {
     match is_strict(fields)? {
         true => Err(wrong("strict winding order is only supported for a Polygon")),
@@ -112,16 +112,16 @@ pub(super) fn point(fields: Fields<'_>) -> Result<Position> {
     }
 }
 
-fn kind(fields: Fields<'_>) -> Option<Kind> {
+fn geometry_type(fields: Fields<'_>) -> Option<GeometryType> {
     let Some(View::String(name)) = fields.get("type") else { return None };
     Some(match name {
-        "Point" => Kind::Point,
-        "LineString" => Kind::LineString,
-        "Polygon" => Kind::Polygon,
-        "MultiPoint" => Kind::MultiPoint,
-        "MultiLineString" => Kind::MultiLineString,
-        "MultiPolygon" => Kind::MultiPolygon,
-        "GeometryCollection" => Kind::Collection,
+        "Point" => GeometryType::Point,
+        "LineString" => GeometryType::LineString,
+        "Polygon" => GeometryType::Polygon,
+        "MultiPoint" => GeometryType::MultiPoint,
+        "MultiLineString" => GeometryType::MultiLineString,
+        "MultiPolygon" => GeometryType::MultiPolygon,
+        "GeometryCollection" => GeometryType::Collection,
         _ => return None,
     })
 }
@@ -130,21 +130,21 @@ fn unknown(fields: Fields<'_>) -> QueryError {
     wrong(format!("unknown GeoJSON type: {}", fields.to_document()))
 }
 
-/// A geometry in GeoJSON.
+/// Returns a geometry in GeoJSON.
 fn geojson(fields: Fields<'_>) -> Result<Geometry> {
-    let kind = kind(fields).ok_or_else(|| unknown(fields))?;
-    if let Kind::Collection = kind {
+    let geometry_type = geometry_type(fields).ok_or_else(|| unknown(fields))?;
+    if let GeometryType::Collection = geometry_type {
         return collection(fields).map(Geometry::Shapes);
     }
     if is_strict(fields)? {
-        return match kind {
-            Kind::Polygon => big_polygon(fields.get("coordinates")).map(Geometry::Big),
+        return match geometry_type {
+            GeometryType::Polygon => big_polygon(fields.get("coordinates")).map(Geometry::Big),
             _ => Err(wrong("strict winding order is only supported for a Polygon")),
         };
     }
-    let shapes = simple(kind, fields)?;
-    Ok(match (kind, shapes.as_slice()) {
-        (Kind::Point, [point]) => Geometry::Point(point.clone()),
+    let shapes = simple(geometry_type, fields)?;
+    Ok(match (geometry_type, shapes.as_slice()) {
+        (GeometryType::Point, [point]) => Geometry::Point(point.clone()),
         _ => Geometry::Shapes(shapes),
     })
 }
@@ -161,35 +161,41 @@ fn collection(fields: Fields<'_>) -> Result<Vec<Shape>> {
         let View::Document(fields) = item else {
             return Err(wrong("an element of a GeometryCollection is not an object"));
         };
-        match kind(fields).ok_or_else(|| unknown(fields))? {
-            Kind::Collection => return Err(wrong("a GeometryCollection cannot be in another")),
+        match geometry_type(fields).ok_or_else(|| unknown(fields))? {
+            GeometryType::Collection => return Err(wrong("a GeometryCollection cannot be in another")),
             _ if is_strict(fields)? => {
                 return Err(wrong("a GeometryCollection cannot have a polygon of strict winding order"));
             }
-            kind => shapes.extend(simple(kind, fields)?),
+            geometry_type => shapes.extend(simple(geometry_type, fields)?),
         }
     }
     Ok(shapes)
 }
 
-fn simple(kind: Kind, fields: Fields<'_>) -> Result<Vec<Shape>> {
+fn simple(geometry_type: GeometryType, fields: Fields<'_>) -> Result<Vec<Shape>> {
     let coordinates = fields.get("coordinates");
     let several = |name: &str| match coordinates {
         Some(View::Array(items)) if !items.is_empty() => Ok(items.iter()),
         _ => Err(wrong(format!("the coordinates of a {name} must be an array of at least one"))),
     };
-    match kind {
-        Kind::Point => Ok(vec![Shape::Point(position(coordinates)?)]),
-        Kind::LineString => Ok(vec![Shape::Line(line(coordinates)?)]),
-        Kind::Polygon => Ok(vec![Shape::Polygon(polygon(coordinates)?)]),
-        Kind::MultiPoint => several("MultiPoint")?.map(|item| Ok(Shape::Point(position(Some(item))?))).collect(),
-        Kind::MultiLineString => several("MultiLineString")?.map(|item| Ok(Shape::Line(line(Some(item))?))).collect(),
-        Kind::MultiPolygon => several("MultiPolygon")?.map(|item| Ok(Shape::Polygon(polygon(Some(item))?))).collect(),
-        Kind::Collection => collection(fields),
+    match geometry_type {
+        GeometryType::Point => Ok(vec![Shape::Point(position(coordinates)?)]),
+        GeometryType::LineString => Ok(vec![Shape::Line(line(coordinates)?)]),
+        GeometryType::Polygon => Ok(vec![Shape::Polygon(polygon(coordinates)?)]),
+        GeometryType::MultiPoint => {
+            several("MultiPoint")?.map(|item| Ok(Shape::Point(position(Some(item))?))).collect()
+        }
+        GeometryType::MultiLineString => {
+            several("MultiLineString")?.map(|item| Ok(Shape::Line(line(Some(item))?))).collect()
+        }
+        GeometryType::MultiPolygon => {
+            several("MultiPolygon")?.map(|item| Ok(Shape::Polygon(polygon(Some(item))?))).collect()
+        }
+        GeometryType::Collection => collection(fields),
     }
 }
 
-/// Whether the reference system is the one of strict winding order.
+/// Returns whether the reference system is the one of strict winding order.
 fn is_strict(fields: Fields<'_>) -> Result<bool> {
     let system = match fields.get("crs") {
         None => return Ok(false),
@@ -232,7 +238,7 @@ fn line(value: Option<View<'_>>) -> Result<Line> {
     Line::new(points).ok_or_else(|| wrong("a LineString cannot go to the opposite of a vertex"))
 }
 
-/// The vertices of a ring, without the last one that closes it.
+/// Returns the vertices of a ring, without the last one that closes it.
 fn ring(value: Option<View<'_>>) -> Result<Vec<Vector>> {
     let mut points = points(value)?;
     if points.is_empty() {

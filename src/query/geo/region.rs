@@ -10,11 +10,11 @@ use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 use crate::query::view::View;
 
-/// A region with what is asked of it.
+/// A region and the condition that a geometry must meet.
 #[derive(Debug)]
 pub(in crate::query) struct Region(Question);
 
-/// What is asked of a region.
+/// The condition on a geometry.
 #[derive(Debug)]
 enum Question {
     /// Positions of the plane within.
@@ -41,7 +41,7 @@ enum Round {
     Big(BigPolygon),
 }
 
-/// What an argument of the two operators describes.
+/// An argument of the two operators.
 enum Area {
     Flat(Flat),
     Cap(Cap),
@@ -52,7 +52,7 @@ impl Region {
     /// Reads what `$geoWithin` (and its older name `$within`) takes.
     ///
     /// # Errors
-    /// Where that is not one region that something can be within.
+    /// If that is not one region that something can be within.
     pub(in crate::query) fn within(operator: &str, argument: &Bson) -> Result<Self> {
         let areas = areas(argument)?;
         if areas.len() > 1 && operator == "$geoWithin" {
@@ -72,7 +72,7 @@ impl Region {
     /// Reads what `$geoIntersects` takes.
     ///
     /// # Errors
-    /// Where that is no geometry of the sphere.
+    /// If that is no geometry of the sphere.
     pub(in crate::query) fn meets(argument: &Bson) -> Result<Self> {
         match last(areas(argument)?)? {
             Area::Geometry(Geometry::Big(polygon)) => Ok(Self(Question::Meets(Round::Big(polygon)))),
@@ -82,7 +82,7 @@ impl Region {
         }
     }
 
-    /// Whether a value of a document is a geometry that the region is asked for.
+    /// Returns whether a value of a document is a geometry that the region is asked for.
     pub(in crate::query) fn takes(&self, value: View<'_>) -> bool {
         if !matches!(value, View::Document(_) | View::Array(_)) {
             return false;
@@ -182,7 +182,7 @@ fn area(name: &str, value: &Bson) -> Result<Area> {
     }
 }
 
-/// The radius behind the centre, with nothing after it.
+/// Returns the radius behind the centre, with nothing after it.
 fn radius(items: &[Bson]) -> Result<f64> {
     let radius = items.get(1).and_then(Number::of).map(Number::to_double).filter(|radius| *radius >= 0.0);
     let radius = radius.ok_or_else(|| QueryError::bad_value("the radius must be a number that is not negative"))?;
@@ -195,7 +195,7 @@ fn radius(items: &[Bson]) -> Result<f64> {
 /// Refuses other operators beside one that must be alone.
 ///
 /// # Errors
-/// Where there are any.
+/// If there are any.
 pub(in crate::query) fn alone(name: &str, siblings: &Document) -> Result<()> {
     match siblings.keys().find(|other| *other != name) {
         Some(other) if siblings.keys().next().is_some_and(|first| first == name) => {

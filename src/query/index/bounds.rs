@@ -24,7 +24,7 @@ const STRING: u8 = 15;
 /// The place of regular expressions, which a pattern matches too.
 const REGEX: u8 = 50;
 
-/// A place between keys: before or after all that begin with some bytes.
+/// A position between keys: before or after all keys with some prefix.
 #[derive(Debug, Clone)]
 pub(super) struct Limit<'f> {
     pub(super) bytes: Vec<u8>,
@@ -53,7 +53,7 @@ pub(super) struct Place<'a> {
     pub(super) sparse: bool,
 }
 
-/// What a filter says about a path; nothing where it says nothing that an index could use.
+/// What a filter says about a path; `None` if it says nothing that an index could use.
 pub(super) fn of_node<'f>(node: &'f Node, place: &Place<'_>) -> Option<Intervals<'f>> {
     match node {
         Node::And(children) => both(children.iter().filter_map(|child| of_node(child, place)), place.multikey),
@@ -102,7 +102,7 @@ fn of_leaf<'f>(leaf: &'f Leaf, place: &Place<'_>) -> Option<Intervals<'f>> {
 }
 
 impl Place<'_> {
-    /// Whether a part of the path may be the index of an element.
+    /// Returns whether a part of the path may be the index of an element.
     fn is_positional(&self) -> bool {
         self.path.split('.').any(|part| part.bytes().all(|byte| byte.is_ascii_digit()))
     }
@@ -155,7 +155,7 @@ fn ordered<'f>(order: Order, bound: &'f Bson, place: &Place<'_>) -> Option<Inter
     Some(vec![Interval { low, high, is_point: false }])
 }
 
-/// The texts that begin as a pattern says they must, and patterns, which match themselves.
+/// Returns the texts that begin as a pattern says they must, and patterns, which match themselves.
 fn matching<'f>(pattern: &str, options: &str) -> Option<Intervals<'f>> {
     let prefix = literal_prefix(pattern).filter(|prefix| !prefix.is_empty() && options.is_empty())?;
     let mut bytes = key::encode_value(&Bson::String(prefix));
@@ -198,7 +198,7 @@ fn both<'f>(all: impl Iterator<Item = Intervals<'f>>, multikey: bool) -> Option<
     })
 }
 
-/// A measure of how much intervals hold: ranges more than points.
+/// Returns a measure of how much intervals hold: ranges more than points.
 fn breadth(intervals: &[Interval<'_>]) -> usize {
     intervals.iter().map(|interval| if interval.is_point { 1 } else { 1_000 }).sum()
 }
@@ -219,7 +219,7 @@ fn intersection<'f>(a: &[Interval<'f>], b: &[Interval<'f>]) -> Intervals<'f> {
     common
 }
 
-/// The union, in order.
+/// Returns the union, in order.
 fn either(mut all: Intervals<'_>) -> Intervals<'_> {
     all.sort_by_key(|interval| interval.low.place());
     let mut merged: Intervals<'_> = Vec::with_capacity(all.len());
@@ -260,7 +260,7 @@ impl std::fmt::Display for Interval<'_> {
     }
 }
 
-/// What the end of a type is called.
+/// Returns the end of a type's values, for messages.
 fn type_name(bytes: &[u8]) -> String {
     match bytes {
         [UNDEFINED] => "undefined".to_owned(),
@@ -272,18 +272,18 @@ fn type_name(bytes: &[u8]) -> String {
 }
 
 impl Limit<'_> {
-    /// The first key at or behind this place.
+    /// Returns the first key at or behind this place.
     pub(super) fn place(&self) -> Vec<u8> {
         if self.after { successor(self.bytes.clone()) } else { self.bytes.clone() }
     }
 
-    /// The same place where bytes are inverted.
+    /// Returns the same place where bytes are inverted.
     pub(super) fn inverted(&self) -> Self {
         Self { bytes: self.bytes.iter().map(|byte| !byte).collect(), after: !self.after, value: self.value }
     }
 }
 
-/// The first bytes behind all that begin with these. (No key begins with 0xff only.)
+/// Returns the first bytes behind all that begin with these. (No key begins with 0xff only.)
 pub(super) fn successor(mut bytes: Vec<u8>) -> Vec<u8> {
     while let Some(last) = bytes.pop() {
         if last < 0xff {

@@ -1,4 +1,4 @@
-//! Indexes: which keys a document has in one, and what a query asks of it.
+//! Indexes: the keys of a document, and the ranges of keys that answer a query.
 //!
 //! A key is the values of the indexed paths as bytes in BSON order, descending
 //! ones inverted. As in mongod: a missing field is null; of an array each

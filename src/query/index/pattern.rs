@@ -39,7 +39,7 @@ impl Pattern {
     /// Reads a key pattern.
     ///
     /// # Errors
-    /// Where MongoDB refuses it, or it is of a kind that rmem does not have.
+    /// If MongoDB refuses it, or rmem does not support its type.
     pub fn parse(pattern: &Document) -> Result<Self> {
         Self::parse_with(pattern, &Document::new())
     }
@@ -61,9 +61,9 @@ impl Pattern {
             check_name(name)?;
             let descending = match (direction, Number::of(direction).map(Number::to_double)) {
                 (direction, _) if is_place(direction) => false,
-                (Bson::String(kind), _) => {
-                    let mut refusal = QueryError::unsupported(kind);
-                    refusal.message = format!("an index of the kind `{kind}` is not supported by the embedded store");
+                (Bson::String(index_type), _) => {
+                    let mut refusal = QueryError::unsupported(index_type);
+                    refusal.message = format!("an index of type `{index_type}` is not supported by the embedded store");
                     return Err(refusal);
                 }
                 (_, Some(number)) if number > 0.0 => false,
@@ -78,7 +78,7 @@ impl Pattern {
         Ok(Self { keys, places })
     }
 
-    /// Whether it is of a kind that has no ordered keys.
+    /// Returns whether it is a geospatial index, whose keys are not in the order of values.
     #[must_use]
     pub fn is_geospatial(&self) -> bool {
         self.places.is_some()
@@ -87,20 +87,20 @@ impl Pattern {
     /// Checks that an index of places can be asked what is near a point.
     ///
     /// # Errors
-    /// Where the point is outside of its bounds.
+    /// If the point is outside of its bounds.
     pub fn check_centre(&self, near: &Near) -> Result<()> {
         self.places.as_ref().map_or(Ok(()), |places| places.check_centre(near))
     }
 
-    /// The paths, and whether each is descending.
+    /// Returns the paths, and whether each is descending.
     pub fn fields(&self) -> impl ExactSizeIterator<Item = (&str, bool)> {
         self.keys.fields()
     }
 
-    /// The keys of a document; with `sparse`, none where all fields are missing.
+    /// Returns the keys of a document; with `sparse`, none where all fields are missing.
     ///
     /// # Errors
-    /// Where two paths run through different arrays, or a number in a path is
+    /// If two paths run through different arrays, or a number in a path is
     /// both an element and a field of an element; where something is no place.
     pub fn entries(&self, document: &RawDocument, sparse: bool) -> Result<Entries> {
         if let Some(places) = &self.places {
@@ -136,7 +136,7 @@ impl Pattern {
         keys.map_err(|unclear| unclear.complaint(parallel))
     }
 
-    /// The values behind a key of a document, path by path.
+    /// Returns the values behind a key of a document, path by path.
     #[must_use]
     pub fn values(&self, document: &RawDocument, wanted: &[u8]) -> Document {
         let mut found = Document::new();
@@ -160,14 +160,14 @@ fn check_name(name: &str) -> Result<()> {
     if name.split('.').next_back() == Some("$**") {
         return Err(QueryError::unsupported("$**").about(name));
     }
-    if name.split('.').any(|part| part.starts_with('$') && !crate::query::filter::is_reference_key(part)) {
+    if name.split('.').any(|part| part.starts_with('$') && !crate::query::dollar::is_reference_key(part)) {
         let message = format!("the key `{name}` of an index has a part that starts with '$'");
         return Err(QueryError::invalid(CANNOT_CREATE, message).about(name));
     }
     Ok(())
 }
 
-/// Whether a number of the path is both an element of an array and a field of one of its elements.
+/// Returns whether a number of the path is both an element of an array and a field of one of its elements.
 fn is_ambiguous(fields: Fields<'_>, parts: &[Part]) -> bool {
     if parts.iter().all(|part| part.index.is_none()) {
         return false;

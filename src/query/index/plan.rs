@@ -26,11 +26,11 @@ pub struct Candidate<'a> {
 pub struct Range {
     /// The first key.
     pub low: Vec<u8>,
-    /// What is behind the last key.
+    /// The first key behind the range.
     pub high: Vec<u8>,
 }
 
-/// A way to the documents through one index.
+/// A plan that reads ranges of one index.
 #[derive(Debug)]
 pub struct Access<'f> {
     /// Which candidate.
@@ -45,7 +45,7 @@ pub struct Access<'f> {
     rank: Rank,
 }
 
-/// How good a way is: by fields with fixed values, then with any bounds, then by the sort.
+/// The rank of a plan: by fields with fixed values, then with any bounds, then by the sort.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Rank {
     points: usize,
@@ -53,7 +53,7 @@ struct Rank {
     is_sorted: bool,
 }
 
-/// The ways to the matches through indexes, the most promising first. Several
+/// Returns the plans that find the matches through indexes, the most promising first. Several
 /// are given only where they are equally good in what can be told from here.
 /// Each gives all matches and, perhaps, more.
 #[must_use]
@@ -131,7 +131,7 @@ fn bounds<'f>(root: &'f Node, index: Candidate<'_>) -> Vec<Option<Intervals<'f>>
     fields
 }
 
-/// Whether the index has the order of the sort: forwards (false) or backwards
+/// Returns whether the index has the order of the sort: forwards (false) or backwards
 /// (true). Its first fields are `constant`, which sorting need not look at.
 fn in_order(sort: &Sort, index: Candidate<'_>, constant: usize) -> Option<bool> {
     if sort.is_empty() {
@@ -154,7 +154,7 @@ fn in_order(sort: &Sort, index: Candidate<'_>, constant: usize) -> Option<bool> 
     Some(backwards.unwrap_or(false))
 }
 
-/// The ranges of keys, in their order.
+/// Returns the ranges of keys, in their order.
 fn ranges(fields: &[Option<Intervals<'_>>], pattern: &Pattern) -> Vec<Range> {
     let mut prefixes: Vec<Vec<u8>> = vec![Vec::new()];
     let mut ranges = None;
@@ -181,7 +181,7 @@ fn ranges(fields: &[Option<Intervals<'_>>], pattern: &Pattern) -> Vec<Range> {
     })
 }
 
-/// The limits of intervals as bytes of the index, in its order.
+/// Returns the limits of intervals as bytes of the index, in its order.
 fn turned(intervals: &[Interval<'_>], descending: bool) -> Vec<(Vec<u8>, Vec<u8>)> {
     if !descending {
         return intervals.iter().map(|interval| (interval.low.place(), interval.high.place())).collect();
@@ -195,7 +195,7 @@ fn joined(prefix: &[u8], rest: &[u8]) -> Vec<u8> {
 }
 
 impl Access<'_> {
-    /// The bounds, path by path, in words.
+    /// Returns the bounds, path by path, in words.
     #[must_use]
     pub fn bounds(&self, pattern: &Pattern) -> Document {
         let words = |field: &Option<Intervals<'_>>| match field {

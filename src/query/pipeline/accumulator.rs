@@ -1,12 +1,16 @@
-//! Accumulators: what `$group` and its kin make of many values.
+//! Accumulators of `$group` and the bucket stages.
+
+use std::collections::btree_map::Entry;
 
 use bson::{Bson, Document};
 
 use super::run::Run;
+use super::script::Script;
 use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, field_value};
 use crate::query::key;
+use crate::query::limit::Memory;
 use crate::query::number::Number;
 use crate::query::sort::Sort;
 use crate::query::statistics::{Deviation, Sum};
@@ -18,12 +22,12 @@ const MAX_N: usize = 1 << 24;
 /// An accumulator as a stage names it.
 #[derive(Debug)]
 pub(super) struct Accumulator {
-    kind: Kind,
+    operator: Operator,
     input: Expression,
 }
 
 #[derive(Debug)]
-enum Kind {
+enum Operator {
     Sum,
     Average,
     Deviation {
@@ -53,20 +57,21 @@ enum Kind {
         bottom: bool,
         count: Option<Expression>,
     },
+    Script(Box<Script>),
 }
 
-/// What an accumulator has so far.
-#[derive(Debug)]
+/// The state of an accumulator.
+#[derive(Debug, Clone)]
 pub(super) enum State {
     Sum(Sum),
     Average(Sum, u64),
     Deviation(Deviation),
     One(Option<Bson>),
-    Many(Vec<Bson>),
-    Distinct(std::collections::BTreeMap<Vec<u8>, (usize, Bson)>),
-    Merged(Document),
-    Counted(usize, Vec<Bson>),
-    Ranked(usize, Vec<(Vec<u8>, Bson)>),
+    Many(Vec<Bson>, Memory),
+    Distinct(std::collections::BTreeMap<Vec<u8>, (usize, Bson)>, Memory),
+    Merged(Document, Memory),
+    Counted(usize, Vec<Bson>, Memory),
+    Ranked(usize, Vec<(Vec<u8>, Bson)>, Memory),
 }
 
 impl Accumulator {
@@ -78,27 +83,30 @@ impl Accumulator {
         let (Some((name, argument)), 1) = (spec.iter().next(), spec.len()) else {
             return Err(QueryError::invalid(40_238, "a computed field must specify exactly one accumulator"));
         };
-        let kind = match name.as_str() {
-            "$sum" => Kind::Sum,
-            "$avg" => Kind::Average,
-            "$stdDevPop" => Kind::Deviation { sample: false },
-            "$stdDevSamp" => Kind::Deviation { sample: true },
-            "$min" => Kind::Extreme { greatest: false },
-            "$max" => Kind::Extreme { greatest: true },
-            "$first" => Kind::First,
-            "$last" => Kind::Last,
-            "$push" => Kind::Push,
-            "$addToSet" => Kind::AddToSet,
-            "$mergeObjects" => Kind::Merge,
+        let operator = match name.as_str() {
+            "$sum" => Operator::Sum,
+            "$avg" => Operator::Average,
+            "$stdDevPop" => Operator::Deviation { sample: false },
+            "$stdDevSamp" => Operator::Deviation { sample: true },
+            "$min" => Operator::Extreme { greatest: false },
+            "$max" => Operator::Extreme { greatest: true },
+            "$first" => Operator::First,
+            "$last" => Operator::Last,
+            "$push" => Operator::Push,
+            "$addToSet" => Operator::AddToSet,
+            "$mergeObjects" => Operator::Merge,
             "$count" => {
                 if !matches!(argument, Bson::Document(argument) if argument.is_empty()) {
                     return Err(QueryError::type_mismatch("$count takes no arguments, i.e. $count: {}"));
                 }
-                return Ok(Self { kind: Kind::Sum, input: Expression::Constant(Some(Bson::Int32(1))) });
+                return Ok(Self { operator: Operator::Sum, input: Expression::Constant(Some(Bson::Int32(1))) });
             }
             "$firstN" | "$lastN" | "$minN" | "$maxN" => return Self::of_several(name, argument, scope),
             "$top" | "$bottom" | "$topN" | "$bottomN" => return Self::ranked(name, argument, scope),
-            "$accumulator" => return Err(QueryError::unsupported(name)),
+            "$accumulator" => {
+                let script = Script::parse(argument, scope)?;
+                return Ok(Self { operator: Operator::Script(Box::new(script)), input: Expression::Constant(None) });
+            }
             _ => return Err(QueryError::invalid(15_952, format!("unknown group operator '{name}'"))),
         };
         let argument = match argument {
@@ -107,23 +115,23 @@ impl Accumulator {
             }
             other => other,
         };
-        Ok(Self { kind, input: Expression::parse_in(argument, scope)? })
+        Ok(Self { operator, input: Expression::parse_in(argument, scope)? })
     }
 
     /// Counts documents.
     pub(super) fn counting() -> Self {
-        Self { kind: Kind::Sum, input: Expression::Constant(Some(Bson::Int32(1))) }
+        Self { operator: Operator::Sum, input: Expression::Constant(Some(Bson::Int32(1))) }
     }
 
     fn of_several(name: &str, argument: &Bson, scope: &Scope) -> Result<Self> {
         let fields = fields(name, argument, &["input", "n"])?;
         let count = Expression::parse_in(fields.get("n").unwrap_or(&Bson::Null), scope)?;
         let input = Expression::parse_in(fields.get("input").unwrap_or(&Bson::Null), scope)?;
-        let kind = match name {
-            "$firstN" | "$lastN" => Kind::Some { first: name == "$firstN", count },
-            _ => Kind::Extremes { greatest: name == "$maxN", count },
+        let operator = match name {
+            "$firstN" | "$lastN" => Operator::Some { first: name == "$firstN", count },
+            _ => Operator::Extremes { greatest: name == "$maxN", count },
         };
-        Ok(Self { kind, input })
+        Ok(Self { operator, input })
     }
 
     fn ranked(name: &str, argument: &Bson, scope: &Scope) -> Result<Self> {
@@ -137,57 +145,66 @@ impl Accumulator {
             if several { Some(Expression::parse_in(fields.get("n").unwrap_or(&Bson::Null), scope)?) } else { None };
         let input = Expression::parse_in(fields.get("output").unwrap_or(&Bson::Null), scope)?;
         Ok(Self {
-            kind: Kind::Ranked { sort: Sort::parse(pattern)?, bottom: name.starts_with("$bottom"), count },
+            operator: Operator::Ranked { sort: Sort::parse(pattern)?, bottom: name.starts_with("$bottom"), count },
             input,
         })
     }
 
-    /// The state before the first document; `fields` is the group's `_id` for counts that depend on it.
+    /// Returns the state before the first document; `fields` is the group's `_id` for counts that depend on it.
     pub(super) fn start<E>(&self, id: &Bson, run: &Run<'_, E>) -> Result<State> {
-        Ok(match &self.kind {
-            Kind::Sum => State::Sum(Sum::default()),
-            Kind::Average => State::Average(Sum::default(), 0),
-            Kind::Deviation { .. } => State::Deviation(Deviation::default()),
-            Kind::Extreme { .. } | Kind::First | Kind::Last => State::One(None),
-            Kind::Push => State::Many(Vec::new()),
-            Kind::AddToSet => State::Distinct(std::collections::BTreeMap::new()),
-            Kind::Merge => State::Merged(Document::new()),
-            Kind::Some { count, .. } | Kind::Extremes { count, .. } => {
-                State::Counted(limit(count, id, run)?, Vec::new())
+        Ok(match &self.operator {
+            Operator::Sum => State::Sum(Sum::default()),
+            Operator::Average => State::Average(Sum::default(), 0),
+            Operator::Deviation { .. } => State::Deviation(Deviation::default()),
+            Operator::Extreme { .. } | Operator::First | Operator::Last => State::One(None),
+            Operator::Push => State::Many(Vec::new(), Memory::default()),
+            Operator::AddToSet => State::Distinct(std::collections::BTreeMap::new(), Memory::default()),
+            Operator::Merge => State::Merged(Document::new(), Memory::default()),
+            Operator::Some { count, .. } | Operator::Extremes { count, .. } => {
+                State::Counted(limit(count, id, run)?, Vec::new(), Memory::default())
             }
-            Kind::Ranked { count: Some(count), .. } => State::Ranked(limit(count, id, run)?, Vec::new()),
-            Kind::Ranked { count: None, .. } => State::Ranked(1, Vec::new()),
+            Operator::Ranked { count: Some(count), .. } => {
+                State::Ranked(limit(count, id, run)?, Vec::new(), Memory::default())
+            }
+            Operator::Script(script) => State::One(script.start(id, run)?),
+            Operator::Ranked { count: None, .. } => State::Ranked(1, Vec::new(), Memory::default()),
         })
     }
 
     /// Takes the next document in.
     pub(super) fn add<E>(&self, state: &mut State, fields: Fields<'_>, run: &Run<'_, E>) -> Result<()> {
-        // What would not be kept is not computed.
-        match (&self.kind, &*state) {
-            (Kind::First, State::One(Some(_))) => return Ok(()),
-            // Only the value after the last that is kept says that there are enough.
-            (Kind::Some { first: true, .. }, State::Counted(limit, values)) if values.len() > *limit => return Ok(()),
+        // Values that would not be kept are not computed.
+        match (&self.operator, &*state) {
+            (Operator::First, State::One(Some(_))) => return Ok(()),
+            // As in mongod, one value more than is kept is evaluated.
+            (Operator::Some { first: true, .. }, State::Counted(limit, values, _)) if values.len() > *limit => {
+                return Ok(());
+            }
             _ => {}
         }
+        if let (Operator::Script(script), State::One(value)) = (&self.operator, &mut *state) {
+            *value = script.add(value.take(), fields, run)?;
+            return Ok(());
+        }
         let value = self.input.evaluate(&run.environment(fields))?;
-        match (&self.kind, state) {
-            (Kind::Sum, State::Sum(sum)) => {
+        match (&self.operator, state) {
+            (Operator::Sum, State::Sum(sum)) => {
                 if let Some(number) = value.as_ref().and_then(Number::of) {
                     sum.add(number);
                 }
             }
-            (Kind::Average, State::Average(sum, count)) => {
+            (Operator::Average, State::Average(sum, count)) => {
                 if let Some(number) = value.as_ref().and_then(Number::of) {
                     sum.add(number);
                     *count += 1;
                 }
             }
-            (Kind::Deviation { .. }, State::Deviation(deviation)) => {
+            (Operator::Deviation { .. }, State::Deviation(deviation)) => {
                 if let Some(number) = value.as_ref().and_then(Number::of) {
                     deviation.add(number);
                 }
             }
-            (Kind::Extreme { greatest }, State::One(best)) => {
+            (Operator::Extreme { greatest }, State::One(best)) => {
                 let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
                 let better = best.as_ref().is_none_or(|best| {
                     let order = compare_values(&value, best);
@@ -197,30 +214,43 @@ impl Accumulator {
                     *best = Some(value);
                 }
             }
-            (Kind::First, State::One(first)) if first.is_none() => {
+            (Operator::First, State::One(first)) if first.is_none() => {
                 *first = Some(value.unwrap_or(Bson::Null));
             }
-            (Kind::Last, State::One(last)) => *last = Some(value.unwrap_or(Bson::Null)),
-            (Kind::Push, State::Many(values)) => values.extend(value),
-            (Kind::AddToSet, State::Distinct(values)) => {
+            (Operator::Last, State::One(last)) => *last = Some(value.unwrap_or(Bson::Null)),
+            (Operator::Push, State::Many(values, memory)) => {
                 if let Some(value) = value {
-                    let place = values.len();
-                    values.entry(key::encode_value(&value)).or_insert((place, value));
+                    memory.add(&value)?;
+                    values.push(value);
                 }
             }
-            (Kind::Merge, State::Merged(document)) => match value {
-                Some(Bson::Document(more)) => document.extend(more),
+            (Operator::AddToSet, State::Distinct(values, memory)) => {
+                let place = values.len();
+                if let Some(value) = value
+                    && let Entry::Vacant(entry) = values.entry(key::encode_value(&value))
+                {
+                    memory.add(&value)?;
+                    entry.insert((place, value));
+                }
+            }
+            (Operator::Merge, State::Merged(document, memory)) => match value {
+                Some(Bson::Document(more)) => {
+                    memory.add_new(document, &more)?;
+                    document.extend(more);
+                }
                 None => {}
                 Some(value) if is_null(&value) => {}
                 Some(_) => return Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs")),
             },
-            (Kind::Some { first, .. }, State::Counted(limit, values)) => {
-                values.push(value.unwrap_or(Bson::Null));
+            (Operator::Some { first, .. }, State::Counted(limit, values, memory)) => {
+                let value = value.unwrap_or(Bson::Null);
+                memory.add(&value)?;
+                values.push(value);
                 if !*first && values.len() > *limit {
-                    values.remove(0);
+                    memory.remove(&values.remove(0));
                 }
             }
-            (Kind::Extremes { greatest, .. }, State::Counted(limit, values)) => {
+            (Operator::Extremes { greatest, .. }, State::Counted(limit, values, memory)) => {
                 let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
                 let order = |known: &Bson| {
                     let order = compare_values(known, &value);
@@ -232,55 +262,59 @@ impl Accumulator {
                     return Ok(());
                 }
                 let at = values.partition_point(|known| order(known).is_lt() || !*greatest && order(known).is_eq());
+                memory.add(&value)?;
                 values.insert(at, value);
-                values.truncate(*limit);
+                values.drain((*limit).min(values.len())..).for_each(|value| memory.remove(&value));
             }
-            (Kind::Ranked { sort, bottom, .. }, State::Ranked(limit, ranked)) => {
+            (Operator::Ranked { sort, bottom, .. }, State::Ranked(limit, ranked, memory)) => {
                 let key = rank(sort, fields);
                 if ranked.len() == *limit {
                     // Of equal ones, the earlier stays.
                     let worst = if *bottom { 0 } else { ranked.len().saturating_sub(1) };
                     match ranked.get(worst) {
                         Some((known, _)) if *bottom && key <= *known || !*bottom && key >= *known => return Ok(()),
-                        _ => drop(ranked.remove(worst)),
+                        _ => memory.remove(&ranked.remove(worst).1),
                     }
                 }
                 let at = ranked.partition_point(|(known, _)| *known <= key);
-                ranked.insert(at, (key, value.unwrap_or(Bson::Null)));
+                let value = value.unwrap_or(Bson::Null);
+                memory.add(&value)?;
+                ranked.insert(at, (key, value));
             }
             _ => {}
         }
         Ok(())
     }
 
-    /// What came of it.
-    pub(super) fn finish(&self, state: State) -> Bson {
-        match (&self.kind, state) {
+    /// Returns the accumulated value.
+    pub(super) fn finish(&self, state: State) -> Result<Bson> {
+        Ok(match (&self.operator, state) {
+            (Operator::Script(script), State::One(value)) => script.finish(value)?,
             (_, State::Sum(sum)) => sum.total().into(),
             (_, State::Average(sum, count)) => sum.mean(count).map_or(Bson::Null, Bson::from),
-            (Kind::Deviation { sample }, State::Deviation(deviation)) => deviation.value(*sample),
+            (Operator::Deviation { sample }, State::Deviation(deviation)) => deviation.value(*sample),
             (_, State::One(value)) => value.unwrap_or(Bson::Null),
-            (_, State::Many(values)) => Bson::Array(values),
-            (_, State::Counted(limit, mut values)) => {
+            (_, State::Many(values, _)) => Bson::Array(values),
+            (_, State::Counted(limit, mut values, _)) => {
                 values.truncate(limit);
                 Bson::Array(values)
             }
-            (_, State::Distinct(values)) => {
+            (_, State::Distinct(values, _)) => {
                 let mut values: Vec<_> = values.into_values().collect();
                 values.sort_by_key(|(place, _)| *place);
                 Bson::Array(values.into_iter().map(|(_, value)| value).collect())
             }
-            (_, State::Merged(document)) => Bson::Document(document),
-            (Kind::Ranked { count: None, .. }, State::Ranked(_, ranked)) => {
+            (_, State::Merged(document, _)) => Bson::Document(document),
+            (Operator::Ranked { count: None, .. }, State::Ranked(_, ranked, _)) => {
                 ranked.into_iter().next().map_or(Bson::Null, |(_, value)| value)
             }
-            (_, State::Ranked(_, ranked)) => Bson::Array(ranked.into_iter().map(|(_, value)| value).collect()),
+            (_, State::Ranked(_, ranked, _)) => Bson::Array(ranked.into_iter().map(|(_, value)| value).collect()),
             (_, State::Deviation(deviation)) => deviation.value(false),
-        }
+        })
     }
 }
 
-/// The place of a document for `$top` and its like. Unlike in `$sort`, arrays count as a whole
+/// Returns the place of a document for `$top` and its like. Unlike in `$sort`, arrays count as a whole
 /// there, except that an empty one comes before null.
 fn rank(sort: &Sort, fields: Fields<'_>) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -304,7 +338,7 @@ fn is_null(value: &Bson) -> bool {
     matches!(value, Bson::Null | Bson::Undefined)
 }
 
-/// A count as an int, or a long where it must be.
+/// Returns a count as an int, or a long where it must be.
 pub(super) fn count(count: i64) -> Bson {
     i32::try_from(count).map_or(Bson::Int64(count), Bson::Int32)
 }
@@ -324,7 +358,7 @@ fn limit<E>(count: &Expression, id: &Bson, run: &Run<'_, E>) -> Result<usize> {
         .ok_or_else(|| QueryError::invalid(5_787_908, "'n' must be a positive integral value"))
 }
 
-/// The arguments of an accumulator: exactly these names.
+/// Returns the arguments of an accumulator: exactly these names.
 fn fields<'a>(name: &str, argument: &'a Bson, names: &[&str]) -> Result<&'a Document> {
     let Bson::Document(fields) = argument else {
         return Err(QueryError::invalid(5_787_900, format!("{name} needs an object")));

@@ -2,11 +2,10 @@
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::Documents;
+use super::documents::{Documents, encode};
 use super::granularity::Granularity;
 use super::group::{Accumulators, Groups};
 use super::run::Run;
-use super::stage::encode;
 use crate::query::compare::{canonical_type, compare_values};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, constant_of};
@@ -91,7 +90,7 @@ impl Bucket {
             let id = self.bucket_of(&value)?;
             groups.add(id, (&*document).into(), run)?;
         }
-        let mut documents = groups.finish();
+        let mut documents = groups.finish()?;
         documents
             .sort_by(|a, b| compare_values(a.get("_id").unwrap_or(&Bson::Null), b.get("_id").unwrap_or(&Bson::Null)));
         Ok(documents.iter().map(encode).collect::<Result<_>>()?)
@@ -207,13 +206,13 @@ impl AutoBucket {
         let mut id = Document::new();
         id.insert("min", least);
         id.insert("max", greatest);
-        let mut document = groups.finish().pop().unwrap_or_default();
+        let mut document = groups.finish()?.pop().unwrap_or_default();
         document.insert("_id", id);
         Ok(document)
     }
 }
 
-/// So many, and those that equal the last of them.
+/// Returns `size`, plus the number of following values equal to the last one.
 fn with_equals(rest: &[(Bson, RawDocumentBuf)], size: usize) -> usize {
     let Some((last, _)) = size.checked_sub(1).and_then(|index| rest.get(index)) else { return size };
     rest.iter().skip(size).take_while(|(value, _)| compare_values(value, last).is_eq()).count() + size

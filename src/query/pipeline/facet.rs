@@ -2,12 +2,14 @@
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::parse::inner;
+use super::Pipeline;
+use super::argument::inner;
+use super::documents::{Documents, encode};
 use super::run::Run;
-use super::stage::{Stage, encode};
-use super::{Documents, Pipeline};
+use super::stage::Stage;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::Scope;
+use crate::query::limit::Held;
 
 /// A compiled `$facet`.
 #[derive(Debug)]
@@ -55,11 +57,16 @@ impl Facet {
     }
 }
 
-/// All documents as an array.
+/// Collects documents into an array.
+///
+/// # Errors
+/// If they have more than 64 MB, or need too much memory.
 pub(super) fn array<E: From<QueryError>>(documents: Documents<'_, E>) -> std::result::Result<Bson, E> {
-    let mut items = Vec::new();
+    let (mut items, mut held) = (Vec::new(), Held::default());
     for document in documents {
-        items.push(Bson::Document(Document::try_from(document?).map_err(QueryError::from)?));
+        let item = Bson::Document(Document::try_from(document?).map_err(QueryError::from)?);
+        held.add(&item)?;
+        items.push(item);
     }
     Ok(Bson::Array(items))
 }

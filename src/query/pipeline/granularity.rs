@@ -71,7 +71,7 @@ impl Granularity {
         }
     }
 
-    /// The next boundary above a value; 0 is one itself.
+    /// Returns the next boundary above a value; 0 is one itself.
     pub(super) fn above(&self, value: &Bson) -> Bson {
         self.rounded(value, |double| match self {
             Self::PowersOfTwo => (double.log2().floor() + 1.0).exp2(),
@@ -79,7 +79,7 @@ impl Granularity {
         })
     }
 
-    /// The next boundary below a value; 0 is one itself.
+    /// Returns the next boundary below a value; 0 is one itself.
     pub(super) fn below(&self, value: &Bson) -> Bson {
         self.rounded(value, |double| match self {
             Self::PowersOfTwo => (double.log2().ceil() - 1.0).exp2(),
@@ -111,7 +111,7 @@ fn ends(series: &[f64]) -> (f64, f64) {
     (series.first().copied().unwrap_or(1.0), series.last().copied().unwrap_or(1.0))
 }
 
-/// The least number of the series, times a power of ten, that is greater.
+/// Returns the least number of the series, times a power of ten, that is greater.
 fn next_above(series: &[f64], value: f64) -> f64 {
     let ((first, last), mut factor) = (ends(series), 1.0);
     while value >= last * factor {
@@ -128,7 +128,7 @@ fn next_above(series: &[f64], value: f64) -> f64 {
     series.get(place).map_or(value, |number| number * factor)
 }
 
-/// The greatest number of the series, times a power of ten, that is less.
+/// Returns the greatest number of the series, times a power of ten, that is less.
 fn next_below(series: &[f64], value: f64) -> f64 {
     let ((first, last), mut factor) = (ends(series), 1.0);
     while value <= first * factor {

@@ -6,15 +6,16 @@ use std::rc::Rc;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::lookup::{Index, origin, plain_path, reached_keys, target};
+use super::argument::{origin, plain_path, target};
+use super::documents::{Documents, Origin, encode};
+use super::lookup::{Index, reached_keys};
 use super::run::Run;
-use super::stage::encode;
 use super::unwind::put;
-use super::{Documents, Origin};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Context, Filter, Parser};
 use crate::query::key;
+use crate::query::limit::Memory;
 use crate::query::number::Number;
 use crate::query::path::Path;
 
@@ -114,7 +115,7 @@ impl GraphLookup {
         let mut frontier = keys(start);
         let mut asked: HashSet<Vec<u8>> = frontier.iter().cloned().collect();
         let mut seen: HashMap<Vec<u8>, ()> = HashMap::new();
-        let mut found = Vec::new();
+        let (mut found, mut memory) = (Vec::new(), Memory::default());
         let mut depth = 0i64;
         while !frontier.is_empty() && self.max_depth.is_none_or(|limit| depth <= limit) {
             let mut next = Vec::new();
@@ -131,7 +132,9 @@ impl GraphLookup {
                 if let Some(path) = &self.depth_field {
                     put(&mut document, path, Bson::Int64(depth));
                 }
-                found.push(Bson::Document(document));
+                let document = Bson::Document(document);
+                memory.add(&document)?;
+                found.push(document);
             }
             frontier = next;
             depth += 1;
@@ -146,7 +149,7 @@ impl GraphLookup {
     }
 }
 
-/// What a document is known by: its `_id`, or all of it.
+/// Returns the identity of a document: its `_id`, or the whole document.
 fn identity(document: &RawDocumentBuf) -> Vec<u8> {
     match document.get("_id") {
         Ok(Some(id)) => key::encode(id),
@@ -154,7 +157,7 @@ fn identity(document: &RawDocumentBuf) -> Vec<u8> {
     }
 }
 
-/// The keys of a value, or of the elements of an array.
+/// Returns the keys of a value, or of the elements of an array.
 fn keys(value: Option<Bson>) -> Vec<Vec<u8>> {
     match value {
         None => Vec::new(),

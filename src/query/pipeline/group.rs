@@ -4,10 +4,9 @@ use std::collections::HashMap;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::Documents;
 use super::accumulator::{Accumulator, State};
+use super::documents::{Documents, encode};
 use super::run::Run;
-use super::stage::encode;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::key;
@@ -52,7 +51,7 @@ impl Accumulators {
         Ok(Self { fields: accumulators })
     }
 
-    /// A `count` of documents.
+    /// Returns a `count` of documents.
     pub(super) fn counting() -> Self {
         Self { fields: vec![("count".to_owned(), Accumulator::counting())] }
     }
@@ -97,7 +96,7 @@ impl Group {
             }
             groups.add(id, fields, run)?;
         }
-        let documents = groups.finish();
+        let documents = groups.finish()?;
         Ok(documents.iter().map(encode).collect::<Result<_>>()?)
     }
 }
@@ -127,16 +126,19 @@ impl<'a> Groups<'a> {
         Ok(())
     }
 
-    /// A document per group.
-    pub(super) fn finish(self) -> Vec<Document> {
+    /// Returns a document per group.
+    ///
+    /// # Errors
+    /// If a function of `$accumulator` fails.
+    pub(super) fn finish(self) -> Result<Vec<Document>> {
         let accumulators = self.accumulators;
         let documents = self.groups.into_iter().map(|(id, states)| {
             let mut document = Document::new();
             document.insert("_id", id);
             for ((name, accumulator), state) in accumulators.fields.iter().zip(states) {
-                document.insert(name.clone(), accumulator.finish(state));
+                document.insert(name.clone(), accumulator.finish(state)?);
             }
-            document
+            Ok(document)
         });
         documents.collect()
     }

@@ -6,12 +6,13 @@ use std::rc::Rc;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
+use super::Pipeline;
+use super::argument::{inner, origin, plain_path, target, text};
+use super::documents::{Documents, Origin, encode};
 use super::facet::array;
-use super::parse::inner;
 use super::run::Run;
-use super::stage::{Stage, encode};
+use super::stage::Stage;
 use super::unwind::put;
-use super::{Documents, Origin, Pipeline};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, check_name};
 use crate::query::key;
@@ -55,7 +56,7 @@ impl Index {
         Ok(Self { documents, places })
     }
 
-    /// The documents that have one of the values, in their order.
+    /// Returns the documents that have one of the values, in their order.
     pub(super) fn find(&self, keys: &[Vec<u8>]) -> Vec<RawDocumentBuf> {
         let mut places: Vec<usize> = keys.iter().filter_map(|key| self.places.get(key)).flatten().copied().collect();
         places.sort_unstable();
@@ -64,7 +65,7 @@ impl Index {
     }
 }
 
-/// The key of a value; missing and undefined are null.
+/// Returns the key of a value; missing and undefined are null.
 fn key_of(value: Option<View<'_>>) -> Vec<u8> {
     let mut bytes = Vec::new();
     let value = value.filter(|value| !matches!(value, View::Undefined)).unwrap_or(View::Null);
@@ -72,7 +73,7 @@ fn key_of(value: Option<View<'_>>) -> Vec<u8> {
     bytes
 }
 
-/// The keys of the values that a path reaches; of none, null.
+/// Returns the keys of the values that a path reaches; of none, null.
 fn local_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
     let mut keys = reached_keys(path, fields);
     if keys.is_empty() {
@@ -81,7 +82,7 @@ fn local_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
     keys
 }
 
-/// The keys of the values that a path reaches: of an array, those of its elements.
+/// Returns the keys of the values that a path reaches: of an array, those of its elements.
 pub(super) fn reached_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
     let mut keys = Vec::new();
     path.any(fields, false, &mut |value, _| {
@@ -93,47 +94,6 @@ pub(super) fn reached_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
         false
     });
     keys
-}
-
-fn text<'a>(stage: &str, spec: &'a Document, name: &str) -> Result<Option<&'a str>> {
-    match spec.get(name) {
-        None => Ok(None),
-        Some(Bson::String(text)) => Ok(Some(text)),
-        Some(_) => Err(QueryError::failed_to_parse(format!("the argument '{name}' to {stage} must be a string"))),
-    }
-}
-
-/// Reads a collection's name, perhaps with its database.
-pub(super) fn origin(stage: &str, value: &Bson) -> Result<Origin> {
-    let wrong = || QueryError::failed_to_parse(format!("{stage} 'from' must be a collection"));
-    match value {
-        Bson::String(name) if !name.is_empty() => Ok(Origin { database: None, collection: name.clone() }),
-        Bson::Document(fields) => match (fields.get("db"), fields.get("coll")) {
-            (Some(Bson::String(database)), Some(Bson::String(collection))) if fields.len() == 2 => {
-                Ok(Origin { database: Some(database.clone()), collection: collection.clone() })
-            }
-            _ => Err(wrong()),
-        },
-        _ => Err(wrong()),
-    }
-}
-
-/// Reads a path that results are put at.
-pub(super) fn target(stage: &str, spec: &Document) -> Result<Vec<String>> {
-    let to = text(stage, spec, "as")?
-        .ok_or_else(|| QueryError::failed_to_parse(format!("must specify 'as' field for a {stage}")))?;
-    if to.is_empty() || to.split('.').any(|part| part.is_empty() || part.starts_with('$')) {
-        return Err(QueryError::invalid(16_410, format!("'{to}' cannot be the 'as' of {stage}")));
-    }
-    Ok(to.split('.').map(str::to_owned).collect())
-}
-
-/// A path of documents as stages name it, without `$`.
-pub(super) fn plain_path(text: &str) -> Result<Path> {
-    if text.is_empty() || text.split('.').any(|part| part.is_empty() || part.starts_with('$')) {
-        return Err(QueryError::invalid(16_410, format!("the field path '{text}' is not valid")));
-    }
-    Path::parse(text)
 }
 
 impl Lookup {
@@ -177,14 +137,14 @@ impl Lookup {
         Ok(Self { from, fields, bindings, pipeline, to: target("$lookup", spec)?, last: false })
     }
 
-    /// Whether it only compares fields, neither of which names an element by its index.
+    /// Returns whether it only compares fields, neither of which names an element by its index.
     pub(super) fn is_plain(&self) -> bool {
         let by_name = |path: &Path| path.parts().iter().all(|part| part.index.is_none());
         self.pipeline.is_none()
             && self.fields.as_ref().is_some_and(|(local, foreign)| by_name(local) && by_name(foreign))
     }
 
-    /// Whether the results are put at this path.
+    /// Returns whether the results are put at this path.
     pub(super) fn is_to(&self, path: &[String]) -> bool {
         self.to == path
     }

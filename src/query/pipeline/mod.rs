@@ -1,12 +1,16 @@
-//! Aggregation pipelines: stages in a row, as lazy as they can be.
+//! Aggregation pipelines: a sequence of stages, each evaluated lazily where it can be.
 //!
 //! A pipeline reads documents and gives documents. What it needs of other
 //! collections it asks of a function ([`Sources`]); where it ends in `$out` or
 //! `$merge`, [`Pipeline::output`] says what the store is to do with the results.
 
 mod accumulator;
+mod argument;
 mod bucket;
+mod densify;
+mod documents;
 mod facet;
+mod fill;
 mod granularity;
 mod graph;
 mod group;
@@ -15,36 +19,23 @@ mod near;
 mod output;
 mod parse;
 mod redact;
-mod reshape;
 mod run;
+mod script;
 mod stage;
 mod unwind;
+mod window;
 
-use bson::{DateTime, Document, RawDocumentBuf};
+use bson::{DateTime, Document};
 
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
 use super::geo::Near;
+use super::limit::check_result;
+pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
-pub(super) use reshape::Reshape;
 use run::Run;
 use stage::Stage;
-
-/// Documents on their way; the first error ends them.
-pub type Documents<'a, E> = Box<dyn Iterator<Item = std::result::Result<RawDocumentBuf, E>> + 'a>;
-
-/// Gives the documents of another collection, in natural order.
-pub type Sources<'a, E> = dyn Fn(&Origin) -> std::result::Result<Documents<'a, E>, E> + 'a;
-
-/// A collection that a stage names.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Origin {
-    /// The database, where the stage names one; else that of the pipeline.
-    pub database: Option<String>,
-    /// The collection.
-    pub collection: String,
-}
 
 /// A compiled pipeline.
 #[derive(Debug)]
@@ -58,7 +49,7 @@ impl Pipeline {
     /// Reads a pipeline.
     ///
     /// # Errors
-    /// Where MongoDB refuses it, or rmem does not support a stage.
+    /// If MongoDB refuses it, or rmem does not support a stage.
     pub fn parse(stages: &[Document]) -> Result<Self> {
         Self::parse_with(stages, &Document::new())
     }
@@ -82,7 +73,7 @@ impl Pipeline {
         Ok(Self { stages, output, variables: Variables::default() })
     }
 
-    /// The filter of the first stage, where it is `$match`: an index may be used for it.
+    /// Returns the filter of the first stage, where it is `$match`: an index may be used for it.
     #[must_use]
     pub fn first_match(&self) -> Option<&Filter> {
         match self.stages.first() {
@@ -91,13 +82,13 @@ impl Pipeline {
         }
     }
 
-    /// Whether the pipeline brings its own documents (`$documents`) and reads no collection.
+    /// Returns whether the pipeline brings its own documents (`$documents`) and reads no collection.
     #[must_use]
     pub fn brings_documents(&self) -> bool {
         matches!(self.stages.first(), Some(Stage::Documents(_)))
     }
 
-    /// What `$geoNear` asks for, where the pipeline begins with it.
+    /// Returns the distance condition of `$geoNear`, if the pipeline begins with it.
     #[must_use]
     pub fn near(&self) -> Option<&Near> {
         self.stages.iter().find_map(|stage| match stage {
@@ -106,27 +97,32 @@ impl Pipeline {
         })
     }
 
-    /// Whether what comes of a document depends on no other one that comes in: then the
+    /// Returns whether the output for a document depends on no other input document: then the
     /// pipeline may be run over some documents after the other.
     #[must_use]
     pub fn is_piecewise(&self) -> bool {
         self.stages.iter().all(Stage::is_piecewise)
     }
 
-    /// What to do with the results, where the last stage is `$out` or `$merge`.
+    /// Returns where results are written, if the last stage is `$out` or `$merge`.
     #[must_use]
     pub fn output(&self) -> Option<&Output> {
         self.output.as_ref()
     }
 
-    /// The documents that come out.
+    /// Returns the documents that come out.
     pub fn run<'a, E: From<QueryError> + 'a>(
         &'a self,
         input: Documents<'a, E>,
         now: DateTime,
         sources: &'a Sources<'a, E>,
     ) -> Documents<'a, E> {
-        self.run_with(input, Run::new(now, self.variables.clone(), sources))
+        let results = self.run_with(input, Run::new(now, self.variables.clone(), sources));
+        Box::new(results.map(|result| {
+            let result = result?;
+            check_result(&result)?;
+            Ok(result)
+        }))
     }
 
     fn run_with<'a, E: From<QueryError> + 'a>(&'a self, input: Documents<'a, E>, run: Run<'a, E>) -> Documents<'a, E> {

@@ -2,9 +2,8 @@
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::Documents;
+use super::documents::{Documents, encode};
 use super::run::Run;
-use super::stage::encode;
 use super::unwind::put;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
@@ -105,7 +104,7 @@ fn is_true(value: &Bson) -> bool {
     crate::query::view::View::from(value).truthy()
 }
 
-/// A value that does not depend on documents.
+/// Returns a value that does not depend on documents.
 fn constant(name: &str, value: &Bson, scope: &Scope) -> Result<Bson> {
     match Expression::parse_in(value, scope)? {
         Expression::Constant(value) => Ok(value.unwrap_or(Bson::Null)),
@@ -133,7 +132,7 @@ fn key(spec: &Document) -> Result<String> {
     }
 }
 
-/// A path that something is put at.
+/// Returns a path that something is put at.
 fn target(path: &str) -> Result<Vec<String>> {
     let parts: Vec<String> = path.split('.').map(str::to_owned).collect();
     if path.is_empty() {

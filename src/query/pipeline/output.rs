@@ -1,19 +1,18 @@
-//! `$out` and `$merge`: what the store does with the results.
+//! `$out` and `$merge`: where results are written.
 
 use bson::{Bson, Document};
 
-use super::Origin;
-use super::lookup::origin;
-use super::parse::inner;
+use super::argument::{inner, origin};
+use super::documents::Origin;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 
-/// What to do with the results.
+/// Where results are written.
 #[derive(Debug)]
 pub enum Output {
-    /// Replace the collection by them.
+    /// They replace a collection.
     Out(Origin),
-    /// Merge them into a collection.
+    /// They are merged into a collection.
     Merge(Merge),
 }
 
@@ -205,10 +204,11 @@ fn variables(value: &Bson, scope: &Scope) -> Result<Option<Document>> {
 }
 
 impl Merge {
-    /// The constants that the update of [`WhenMatched::Pipeline`] sees for one result: `new`, and those of `let`.
+    /// Returns the constants that the update of [`WhenMatched::Pipeline`] sees for one result: `new`, and those of
+    /// `let`.
     ///
     /// # Errors
-    /// Where an expression of `let` fails on the result.
+    /// If an expression of `let` fails on the result.
     pub fn constants(&self, result: &Document, now: bson::DateTime) -> Result<Document> {
         let mut constants = Document::new();
         if let Some(variables) = &self.variables {

@@ -1,23 +1,26 @@
-//! Stages from documents.
+//! Parses stages.
 
 use bson::{Bson, Document};
 
 use super::bucket::{AutoBucket, Bucket};
+use super::densify::Densify;
 use super::facet::Facet;
+use super::fill;
 use super::graph::GraphLookup;
 use super::group::Group;
 use super::lookup::{Lookup, Union};
 use super::near::GeoNear;
 use super::output::Output;
 use super::redact::Redact;
-use super::reshape::{Reshape, object};
 use super::stage::Stage;
 use super::unwind::Unwind;
+use super::window::Window;
 use crate::query::decimal::Rounding;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Filter, Parser};
 use crate::query::number::Number;
+use crate::query::reshape::{Reshape, object};
 use crate::query::sort::Sort;
 
 /// The most stages of a pipeline.
@@ -26,13 +29,11 @@ const MAX_STAGES: usize = 1000;
 const MAX_DEPTH: usize = 20;
 
 /// Stages of MongoDB that rmem refuses by name.
-const REFUSED: [&str; 23] = [
+const REFUSED: [&str; 20] = [
     "$changeStream",
     "$changeStreamSplitLargeEvent",
     "$collStats",
     "$currentOp",
-    "$densify",
-    "$fill",
     "$indexStats",
     "$listCatalog",
     "$listClusterCatalog",
@@ -42,7 +43,6 @@ const REFUSED: [&str; 23] = [
     "$planCacheStats",
     "$search",
     "$searchMeta",
-    "$setWindowFields",
     "$vectorSearch",
     "$querySettings",
     "$queryStats",
@@ -130,6 +130,12 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, depth: usize, stages: &mut 
         "$sample" => Stage::Sample(sample_size(object(name, argument)?)?),
         "$redact" => Stage::Redact(Redact::parse(argument, scope)?),
         "$geoNear" => Stage::GeoNear(Box::new(GeoNear::parse(argument, scope)?)),
+        "$setWindowFields" => Stage::Window(Window::parse(object(name, argument)?, scope)?),
+        "$densify" => Stage::Densify(Box::new(Densify::parse(object(name, argument)?)?)),
+        "$fill" => {
+            stages.extend(fill::stages(object(name, argument)?, scope)?);
+            return Ok(());
+        }
         "$documents" => Stage::Documents(Expression::parse_in(argument, scope)?),
         _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
         _ => return Err(QueryError::invalid(40_324, format!("unrecognized pipeline stage name: '{name}'"))),
@@ -151,8 +157,8 @@ fn drop_resorted(stages: &mut Vec<Stage>) {
     }
 }
 
-/// Marks the plain `$lookup`s at the front: mongod has another engine for them, which puts the new field last. One
-/// whose results are unwound at once is not for it.
+/// Marks the plain `$lookup`s at the front of a pipeline. mongod runs them in its slot-based executor, which puts the
+/// new field last. A `$lookup` whose results are unwound at once is not run there.
 fn place_lookups(stages: &mut [Stage]) {
     for index in 0..stages.len() {
         let (before, after) = stages.split_at_mut(index + 1);
@@ -172,13 +178,6 @@ fn place_lookups(stages: &mut [Stage]) {
 
 fn is_empty_match(stage: &Document) -> bool {
     stage.get_document("$match").is_ok_and(Document::is_empty)
-}
-
-/// The pipeline that a stage contains.
-pub(super) fn inner(stage: &str, value: &Bson) -> Result<Vec<Document>> {
-    let wrong = || QueryError::type_mismatch(format!("{stage} needs a pipeline: an array of objects"));
-    let Bson::Array(items) = value else { return Err(wrong()) };
-    items.iter().map(|item| item.as_document().cloned().ok_or_else(wrong)).collect()
 }
 
 fn positive(name: &str, argument: &Bson, least: i64) -> Result<u64> {

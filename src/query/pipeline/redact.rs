@@ -2,9 +2,8 @@
 
 use bson::{Bson, Document};
 
-use super::Documents;
+use super::documents::{Documents, encode};
 use super::run::Run;
-use super::stage::encode;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 

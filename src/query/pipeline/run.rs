@@ -1,14 +1,14 @@
-//! One run of a pipeline: the time, the variables, the other collections.
+//! The execution of a pipeline: its time, its variables, and the other collections.
 
 use std::rc::Rc;
 
 use bson::DateTime;
 
-use super::{Documents, Origin, Sources};
+use super::documents::{Documents, Origin, Sources};
 use crate::query::expression::{Environment, Variables};
 use crate::query::view::Fields;
 
-/// What all stages of a run share.
+/// The state that all stages of a run share.
 pub(super) struct Run<'a, E> {
     pub(super) now: DateTime,
     pub(super) variables: Rc<Variables>,
@@ -26,7 +26,7 @@ impl<'a, E> Run<'a, E> {
         Self { now, variables: Rc::new(variables), sources }
     }
 
-    /// The same run with other variables.
+    /// Returns the same run with other variables.
     pub(super) fn with(&self, variables: Variables) -> Self {
         Self { now: self.now, variables: Rc::new(variables), sources: self.sources }
     }

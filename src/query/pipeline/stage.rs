@@ -1,21 +1,24 @@
-//! The stages, and how each makes documents of documents.
+//! The compiled stages and their execution.
 
 use bson::{Document, RawDocumentBuf};
 
-use super::Documents;
 use super::bucket::{AutoBucket, Bucket};
+use super::densify::Densify;
+use super::documents::{Documents, deferred, encode};
 use super::facet::Facet;
 use super::graph::GraphLookup;
 use super::group::Group;
 use super::lookup::{Lookup, Union};
 use super::near::GeoNear;
 use super::redact::Redact;
-use super::reshape::Reshape;
 use super::run::Run;
 use super::unwind::Unwind;
-use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Expression, random};
+use super::window::Window;
+use crate::query::error::QueryError;
+use crate::query::expression::Expression;
 use crate::query::filter::{Context, Filter};
+use crate::query::random::random;
+use crate::query::reshape::Reshape;
 use crate::query::sort::Sort;
 
 /// A compiled stage.
@@ -39,38 +42,18 @@ pub(super) enum Stage {
     Redact(Redact),
     Documents(Expression),
     GeoNear(Box<GeoNear>),
-}
-
-/// Makes an iterator of a computation that needs all its input, begun when the first document is asked for.
-pub(super) fn deferred<'a, E: 'a>(
-    compute: impl FnOnce() -> std::result::Result<Vec<RawDocumentBuf>, E> + 'a,
-) -> Documents<'a, E> {
-    let mut compute = Some(compute);
-    let mut ready = Vec::new().into_iter();
-    Box::new(std::iter::from_fn(move || {
-        if let Some(compute) = compute.take() {
-            match compute() {
-                Ok(documents) => ready = documents.into_iter(),
-                Err(error) => return Some(Err(error)),
-            }
-        }
-        ready.next().map(Ok)
-    }))
-}
-
-/// The bytes of a document.
-pub(super) fn encode(document: &Document) -> Result<RawDocumentBuf> {
-    Ok(RawDocumentBuf::try_from(document)?)
+    Window(Window),
+    Densify(Box<Densify>),
 }
 
 impl Stage {
-    /// Whether what comes of a document depends on no other one that comes in.
+    /// Returns whether the output for a document depends on no other input document.
     pub(super) fn is_piecewise(&self) -> bool {
-        // `$lookup` does not either, but may keep what it looked up for the next ones.
+        // `$lookup` is left out because it keeps an index of the foreign collection between documents.
         matches!(self, Self::Match(_) | Self::Reshape(_) | Self::Unwind(_) | Self::Redact(_))
     }
 
-    /// The documents after this stage; `limit` says that no more are wanted of a sort.
+    /// Returns the output of this stage; a sort stops after `limit` documents.
     pub(super) fn run<'a, E: From<QueryError> + 'a>(
         &'a self,
         input: Documents<'a, E>,
@@ -119,6 +102,8 @@ impl Stage {
             Self::Sample(size) => deferred(move || sample(*size, input)),
             Self::Redact(redact) => redact.run(input, run),
             Self::GeoNear(near) => deferred(move || near.run(input, &run)),
+            Self::Window(window) => deferred(move || window.run(input, &run)),
+            Self::Densify(densify) => deferred(move || densify.run(input)),
             Self::Documents(expression) => deferred(move || documents(expression, &run)),
         }
     }
@@ -138,7 +123,7 @@ fn count<E: From<QueryError>>(name: &str, input: Documents<'_, E>) -> std::resul
     Ok(vec![encode(&document)?])
 }
 
-/// So many at random, in random order (a reservoir, then a shuffle).
+/// Returns `size` documents chosen at random, in random order.
 fn sample<E: From<QueryError>>(size: usize, input: Documents<'_, E>) -> std::result::Result<Vec<RawDocumentBuf>, E> {
     let mut keyed: Vec<(f64, RawDocumentBuf)> = Vec::new();
     for document in input {

@@ -2,8 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::Documents;
-use super::stage::encode;
+use super::documents::{Documents, encode};
 use crate::query::error::{QueryError, Result};
 
 /// A compiled `$unwind`.

@@ -6,6 +6,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf};
 use super::tree::{Branch, Item, Mode};
 use crate::query::error::Result;
 use crate::query::expression::{Environment, Variables};
+use crate::query::limit::Held;
 
 /// Without decoding, where only whole fields at the top are named.
 pub(super) fn flat(root: &Branch, document: &RawDocument) -> Result<Option<RawDocumentBuf>> {
@@ -22,12 +23,12 @@ pub(super) fn flat(root: &Branch, document: &RawDocument) -> Result<Option<RawDo
     Ok(Some(projected))
 }
 
-/// The projected document; computed fields see the whole one.
+/// Returns the projected document; computed fields see the whole one.
 pub(super) fn branch(root: &Branch, document: &Document, variables: &Variables, now: DateTime) -> Result<Document> {
     let environment = Environment::new(document.into(), variables, now);
     let mut projected = named(root, document);
     if root.computes() {
-        computed(root, &mut projected, &environment)?;
+        computed(root, &mut projected, &environment, &mut Held::default())?;
     }
     Ok(projected)
 }
@@ -59,12 +60,13 @@ fn named_value(branch: &Branch, value: &Bson) -> Option<Bson> {
 }
 
 /// Puts computed fields in, in the order of the specification.
-fn computed(branch: &Branch, document: &mut Document, environment: &Environment<'_>) -> Result<()> {
+fn computed(branch: &Branch, document: &mut Document, environment: &Environment<'_>, held: &mut Held) -> Result<()> {
     for (name, item) in &branch.children {
         match item {
             Item::Named => {}
             Item::Computed(expression) => match expression.evaluate(environment)? {
                 Some(value) => {
+                    held.add(&value)?;
                     document.insert(name.clone(), value);
                 }
                 None => {
@@ -73,7 +75,7 @@ fn computed(branch: &Branch, document: &mut Document, environment: &Environment<
             },
             Item::Branch(inner) if inner.computes() => {
                 let value = document.get(name).cloned();
-                document.insert(name.clone(), computed_value(inner, value, environment)?);
+                document.insert(name.clone(), computed_value(inner, value, environment, held)?);
             }
             Item::Branch(_) => {}
         }
@@ -81,19 +83,24 @@ fn computed(branch: &Branch, document: &mut Document, environment: &Environment<
     Ok(())
 }
 
-fn computed_value(branch: &Branch, value: Option<Bson>, environment: &Environment<'_>) -> Result<Bson> {
+fn computed_value(
+    branch: &Branch,
+    value: Option<Bson>,
+    environment: &Environment<'_>,
+    held: &mut Held,
+) -> Result<Bson> {
     match value {
         Some(Bson::Document(mut document)) => {
-            computed(branch, &mut document, environment)?;
+            computed(branch, &mut document, environment, held)?;
             Ok(Bson::Document(document))
         }
         Some(Bson::Array(items)) => {
-            let items = items.into_iter().map(|item| computed_value(branch, Some(item), environment));
+            let items = items.into_iter().map(|item| computed_value(branch, Some(item), environment, held));
             Ok(Bson::Array(items.collect::<Result<_>>()?))
         }
         _ => {
             let mut document = Document::new();
-            computed(branch, &mut document, environment)?;
+            computed(branch, &mut document, environment, held)?;
             Ok(Bson::Document(document))
         }
     }

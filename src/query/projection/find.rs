@@ -1,4 +1,4 @@
-//! What only projections of `find` have: `$slice`, `$elemMatch`, the positional `$`.
+//! Operators only in projections of `find`: `$slice`, `$elemMatch`, the positional `$`.
 
 use bson::{Bson, DateTime, Document};
 
@@ -10,14 +10,14 @@ use crate::query::number::Number;
 #[derive(Debug)]
 pub(super) struct Transform {
     pub(super) path: String,
-    pub(super) kind: Kind,
+    pub(super) operator: FindOperator,
     /// Whether the field stays where it was; else it comes last.
     pub(super) in_place: bool,
 }
 
 #[derive(Debug)]
-pub(super) enum Kind {
-    /// So many elements after `skip` (from the end, where negative).
+pub(super) enum FindOperator {
+    /// At most `limit` elements after `skip` (from the end if negative).
     Slice { skip: Option<i64>, limit: i64 },
     /// The first element that passes; the test is of the whole array.
     ElementMatch(Test),
@@ -25,8 +25,8 @@ pub(super) enum Kind {
     Positional,
 }
 
-impl Kind {
-    /// Reads `$slice`; nothing where it is the expression of that name.
+impl FindOperator {
+    /// Reads `$slice`; `None` if it is the expression of that name.
     pub(super) fn slice(value: &Bson) -> Result<Option<Self>> {
         let whole = |value: &Bson| Number::of(value).map(Number::to_long);
         match value {
@@ -68,12 +68,12 @@ impl Transform {
         filter: &Filter,
         now: DateTime,
     ) -> Result<Document> {
-        match &self.kind {
-            Kind::Slice { skip, limit } => {
+        match &self.operator {
+            FindOperator::Slice { skip, limit } => {
                 let parts: Vec<&str> = self.path.split('.').collect();
                 slice_at(&mut document, &parts, *skip, *limit);
             }
-            Kind::ElementMatch(test) => {
+            FindOperator::ElementMatch(test) => {
                 let found = first_match(test, whole.get(&self.path))?;
                 if !self.in_place || found.is_none() {
                     document.remove(&self.path);
@@ -82,7 +82,7 @@ impl Transform {
                     document.insert(self.path.clone(), Bson::Array(vec![found]));
                 }
             }
-            Kind::Positional => {
+            FindOperator::Positional => {
                 let parts: Vec<&str> = self.path.split('.').collect();
                 if !leads_through_array(&document, &parts) {
                     return Ok(document);
@@ -135,7 +135,7 @@ fn sliced(items: &[Bson], skip: Option<i64>, limit: i64) -> Vec<Bson> {
     items.iter().skip(start).take(count).cloned().collect()
 }
 
-/// Whether there is an array on a path.
+/// Returns whether there is an array on a path.
 fn leads_through_array(document: &Document, parts: &[&str]) -> bool {
     let Some((name, rest)) = parts.split_first() else { return false };
     match document.get(name) {

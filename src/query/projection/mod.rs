@@ -13,6 +13,7 @@ use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 use super::error::Result;
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
+use super::limit::encode_result;
 use find::Transform;
 pub(super) use tree::{Branch, Policy};
 
@@ -28,7 +29,7 @@ impl Projection {
     /// Reads a projection as `find` takes it.
     ///
     /// # Errors
-    /// Where MongoDB refuses it.
+    /// If MongoDB refuses it.
     pub fn parse(projection: &Document) -> Result<Self> {
         Self::parse_with(projection, &Document::new())
     }
@@ -43,10 +44,10 @@ impl Projection {
         Ok(Self { root, transforms, variables })
     }
 
-    /// The projected document. `filter` is the one the document matched, for the positional `$`.
+    /// Returns the projected document. `filter` is the one the document matched, for the positional `$`.
     ///
     /// # Errors
-    /// Where an expression fails on the document.
+    /// If an expression fails on the document.
     pub fn apply(&self, document: &RawDocument, filter: &Filter, now: DateTime) -> Result<RawDocumentBuf> {
         if self.transforms.is_empty()
             && let Some(projected) = apply::flat(&self.root, document)?
@@ -58,7 +59,7 @@ impl Projection {
         for transform in &self.transforms {
             projected = transform.apply(projected, &whole, filter, now)?;
         }
-        Ok(RawDocumentBuf::try_from(&projected)?)
+        encode_result(&projected)
     }
 }
 

@@ -1,8 +1,8 @@
-//! Projections from documents.
+//! Parses projections.
 
 use bson::{Bson, Document};
 
-use super::find::{Kind, Transform};
+use super::find::{FindOperator, Transform};
 use super::tree::{Branch, Item, Mode, Policy, check_path};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
@@ -16,7 +16,7 @@ enum Entry<'a> {
     Include,
     Exclude,
     Value(&'a Bson),
-    Transform(Kind),
+    Transform(FindOperator),
 }
 
 /// Reads a projection.
@@ -63,12 +63,12 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
                 id = if path == "_id" { Some(false) } else { id };
                 root.insert(&path, Item::Computed(Expression::parse_in(value, scope)?))?;
             }
-            Entry::Transform(kind) => {
+            Entry::Transform(operator) => {
                 check_path(&path)?;
                 if mode == Mode::Include {
                     root.insert(&path, Item::Named)?;
                 }
-                transforms.push(Transform { path, kind, in_place: mode == Mode::Exclude });
+                transforms.push(Transform { path, operator, in_place: mode == Mode::Exclude });
             }
         }
     }
@@ -78,13 +78,13 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
         (Mode::Exclude, Some(false)) => root.insert("_id", Item::Named)?,
         _ => {}
     }
-    if transforms.iter().filter(|transform| matches!(transform.kind, Kind::Positional)).count() > 1 {
+    if transforms.iter().filter(|transform| matches!(transform.operator, FindOperator::Positional)).count() > 1 {
         return Err(QueryError::invalid(31_276, "cannot specify more than one positional projection per query"));
     }
     Ok((root, transforms))
 }
 
-/// The first field other than `_id` decides.
+/// Returns the first field other than `_id` decides.
 fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
     let (mut mode, mut id, mut matching) = (None, None, false);
     for (path, entry) in entries {
@@ -93,9 +93,9 @@ fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
             Entry::Exclude if path == "_id" => id = Some(Mode::Exclude),
             Entry::Include | Entry::Value(_) => mode = mode.or(Some(Mode::Include)),
             Entry::Exclude => mode = mode.or(Some(Mode::Exclude)),
-            Entry::Transform(Kind::Slice { .. }) => {}
-            Entry::Transform(Kind::ElementMatch(_)) => matching = true,
-            Entry::Transform(Kind::Positional) => {
+            Entry::Transform(FindOperator::Slice { .. }) => {}
+            Entry::Transform(FindOperator::ElementMatch(_)) => matching = true,
+            Entry::Transform(FindOperator::Positional) => {
                 if mode == Some(Mode::Exclude) {
                     return Err(QueryError::invalid(31_395, "positional projection cannot be used with exclusion"));
                 }
@@ -129,7 +129,7 @@ fn flatten<'a>(
                 return Err(QueryError::invalid(31_308, "positional projection cannot be used with a literal"));
             }
             let path = path.trim_end_matches(".$").to_owned();
-            entries.push((path, Entry::Transform(Kind::Positional)));
+            entries.push((path, Entry::Transform(FindOperator::Positional)));
             continue;
         }
         check_path(&path).map_err(|error| error.about(name))?;
@@ -165,15 +165,15 @@ fn nested<'a>(
         return Err(QueryError::failed_to_parse("an expression must have exactly one field"));
     }
     let entry = match (first.as_str(), policy) {
-        ("$slice", Policy::Find) => match Kind::slice(inner.get("$slice").unwrap_or(&Bson::Null))? {
-            Some(kind) => Entry::Transform(kind),
+        ("$slice", Policy::Find) => match FindOperator::slice(inner.get("$slice").unwrap_or(&Bson::Null))? {
+            Some(operator) => Entry::Transform(operator),
             None => Entry::Value(value),
         },
         ("$elemMatch", Policy::Find) => {
             if path.contains('.') {
                 return Err(QueryError::invalid(31_275, "cannot use $elemMatch projection on a nested field"));
             }
-            Entry::Transform(Kind::element_match(inner.get("$elemMatch").unwrap_or(&Bson::Null))?)
+            Entry::Transform(FindOperator::element_match(inner.get("$elemMatch").unwrap_or(&Bson::Null))?)
         }
         _ => Entry::Value(value),
     };

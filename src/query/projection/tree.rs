@@ -3,7 +3,7 @@
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::Expression;
 
-/// Where a projection stands, which decides what it may contain.
+/// The place of a projection, which decides what it may contain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::query) enum Policy {
     /// In `find`.
@@ -12,14 +12,14 @@ pub(in crate::query) enum Policy {
     Stage,
 }
 
-/// What happens to fields that the projection does not name.
+/// How a projection treats fields that it does not name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::query) enum Mode {
-    /// They are left out.
+    /// Removes them.
     Include,
-    /// They stay, and so do elements of arrays that are no documents.
+    /// Keeps them, and elements of arrays that are not documents.
     Exclude,
-    /// They stay; scalars on the way of a computed field make room for it.
+    /// They stay; a scalar on the path of a computed field is replaced by a document.
     Add,
 }
 
@@ -30,7 +30,7 @@ pub(in crate::query) struct Branch {
     pub(super) children: Vec<(String, Item)>,
 }
 
-/// What happens to a field.
+/// How a projection treats a field.
 #[derive(Debug)]
 pub(in crate::query) enum Item {
     /// It is given, or it is left out, by the mode.
@@ -48,7 +48,7 @@ impl Branch {
         self.children.iter().find(|(known, _)| known == name).map(|(_, item)| item)
     }
 
-    /// Whether anything under this branch is computed.
+    /// Returns whether anything under this branch is computed.
     pub(super) fn computes(&self) -> bool {
         self.children.iter().any(|(_, item)| match item {
             Item::Computed(_) => true,
@@ -60,7 +60,7 @@ impl Branch {
     /// Puts an item at a dotted path.
     ///
     /// # Errors
-    /// Where another item is there, or on the way.
+    /// If another item is there, or on the way.
     pub(super) fn insert(&mut self, path: &str, item: Item) -> Result<()> {
         check_path(path)?;
         let parts: Vec<&str> = path.split('.').collect();

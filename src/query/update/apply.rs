@@ -1,43 +1,27 @@
-//! Following a path into a document and changing what is there.
+//! Applies modifiers along their paths through a document.
 
-use std::cell::Cell;
-
-use bson::{Bson, DateTime, Document};
+use bson::{Bson, Document};
 
 use super::field;
 use super::filters::ArrayFilters;
 use super::modifier::{Action, Modifier, Segment};
+use super::outcome::{Effects, Outcome, PATH_NOT_VIABLE};
 use super::rename;
+use crate::query::dollar::is_reference_key;
 use crate::query::error::{QueryError, Result};
-use crate::query::filter::is_reference_key;
 use crate::query::path::padded_index;
 
 /// How many nulls an update may pad an array with.
 const MAX_PADDING: usize = 1_500_000;
 
-/// MongoDB's code for a path that does not lead into a document.
-pub(super) const PATH_NOT_VIABLE: i32 = 28;
-
-/// An update on its way through one document.
+/// The application of an update to one document.
 pub(super) struct Application<'a> {
     pub(super) filters: &'a ArrayFilters,
-    /// What `$` stands for.
+    /// The array index that `$` selects.
     pub(super) position: Option<usize>,
-    pub(super) now: DateTime,
     /// Whether the document is being made by an upsert.
     pub(super) inserting: bool,
-    /// Whether something counts as changed even where it stayed the same.
-    pub(super) touched: Cell<bool>,
-}
-
-/// What an action leaves at a place.
-pub(super) enum Outcome {
-    /// As it was.
-    Keep,
-    /// This value.
-    Put(Bson),
-    /// Nothing; in an array, null.
-    Remove,
+    pub(super) effects: Effects,
 }
 
 impl Application<'_> {
@@ -64,10 +48,10 @@ impl Application<'_> {
 
     fn in_document(&self, document: &mut Document, path: &[Segment], modifier: &Modifier) -> Result<()> {
         let Some((segment, rest)) = path.split_first() else { return Ok(()) };
-        // Where there is no array, `$` is the number it stands for, as a name.
+        // Outside of arrays, `$` is a field whose name is the matched index.
         let Segment::Name(name) = &self.named(segment) else { return self.not_an_array(modifier) };
         if rest.is_empty() {
-            match field::change(&modifier.action, document.get(name), self)? {
+            match field::change(&modifier.action, document.get(name), &self.effects)? {
                 Outcome::Keep => {}
                 Outcome::Put(value) => {
                     document.insert(name.clone(), value);
@@ -136,11 +120,11 @@ impl Application<'_> {
 
     fn at_index(&self, items: &mut Vec<Bson>, index: usize, rest: &[Segment], modifier: &Modifier) -> Result<()> {
         if rest.is_empty() {
-            return match field::change(&modifier.action, items.get(index), self)? {
+            return match field::change(&modifier.action, items.get(index), &self.effects)? {
                 Outcome::Keep => Ok(()),
                 Outcome::Put(value) => put(items, index, value),
                 Outcome::Remove if index < items.len() => {
-                    self.touched.set(true);
+                    self.effects.touched.set(true);
                     put(items, index, Bson::Null)
                 }
                 Outcome::Remove => Ok(()),
@@ -155,7 +139,7 @@ impl Application<'_> {
         }
     }
 
-    /// What is made where the path did not lead on.
+    /// Returns what is created where the path ends early.
     fn created(&self, path: &[Segment], modifier: &Modifier) -> Result<Option<Bson>> {
         if path.iter().any(|segment| !matches!(segment, Segment::Name(_))) {
             if path.contains(&Segment::Matched) && self.position.is_none() {
@@ -206,7 +190,7 @@ fn check_name(modifier: &Modifier) -> Result<()> {
     }
 }
 
-/// Whether a path has `$[]` or `$[identifier]` in it, which want an array to be there.
+/// Returns whether a path has `$[]` or `$[identifier]` in it, which want an array to be there.
 fn has_all(path: &[Segment]) -> bool {
     path.iter().any(|segment| matches!(segment, Segment::All | Segment::Filtered(_)))
 }

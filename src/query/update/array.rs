@@ -1,14 +1,14 @@
-//! The operators on arrays: what they take, and what they leave.
+//! Update operators on arrays.
 
 use std::cmp::Ordering;
 
 use bson::{Bson, Document};
 
-use super::apply::Outcome;
-use super::modifier::is_modifiers;
+use super::outcome::Outcome;
 use crate::query::compare::{compare_values, equal_values};
+use crate::query::dollar::is_operators;
 use crate::query::error::{QueryError, Result};
-use crate::query::filter::{Context, Node, Parser, Test, is_operators};
+use crate::query::filter::{Context, Node, Parser, Test};
 use crate::query::number::Number;
 use crate::query::path::Path;
 use crate::query::ranking::Ranking;
@@ -52,7 +52,7 @@ impl Push {
         Ok(push)
     }
 
-    /// Whether it counts as a change even where the array stays the same.
+    /// Returns whether it counts as a change even where the array stays the same.
     pub(super) fn counts(&self, value: Option<&Bson>) -> bool {
         let has_elements = matches!(value, Some(Bson::Array(items)) if !items.is_empty());
         !self.each.is_empty() || self.sort.is_some() && has_elements
@@ -84,6 +84,11 @@ impl Push {
         }
         Ok(Outcome::Put(Bson::Array(items)))
     }
+}
+
+/// Returns whether the argument of `$push` has modifiers rather than being the value to push.
+fn is_modifiers(document: &Document) -> bool {
+    document.contains_key("$each")
 }
 
 fn order(value: &Bson) -> Result<Order> {
@@ -156,7 +161,7 @@ pub(super) fn pop(value: Option<&Bson>, first: bool) -> Result<Outcome> {
     Ok(Outcome::Put(Bson::Array(items)))
 }
 
-/// The array without the elements that are taken.
+/// Returns the array without the elements for which `takes` is true.
 pub(super) fn without(operator: &str, value: Option<&Bson>, takes: impl Fn(&Bson) -> Result<bool>) -> Result<Outcome> {
     let Some(items) = existing(operator, value)? else { return Ok(Outcome::Keep) };
     let mut kept = Vec::with_capacity(items.len());
@@ -172,7 +177,7 @@ pub(super) fn contains(values: &[Bson], item: &Bson) -> bool {
     values.iter().any(|value| equal_values(value, item))
 }
 
-/// The array there is; an error where there is something else.
+/// Returns the array there is; an error where there is something else.
 fn existing(operator: &str, value: Option<&Bson>) -> Result<Option<Vec<Bson>>> {
     match value {
         None => Ok(None),

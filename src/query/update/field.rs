@@ -1,20 +1,19 @@
-//! What each action makes of the value at its path.
+//! The effect of each action on the value at its path.
 
 use std::cmp::Ordering;
 
 use bson::Bson;
 
-use super::apply::{Application, Outcome};
 use super::array;
 use super::modifier::{Action, Bitwise};
-use super::timestamp;
+use super::outcome::{Effects, Outcome, timestamp};
 use crate::query::arithmetic::{Overflow, add, multiply};
 use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 
-/// The outcome of an action on a value, which may be missing.
-pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Application<'_>) -> Result<Outcome> {
+/// Returns the outcome of an action on a value, which may be missing.
+pub(super) fn change(action: &Action, value: Option<&Bson>, effects: &Effects) -> Result<Outcome> {
     Ok(match action {
         Action::Set(new) | Action::SetOnInsert(new) => Outcome::Put(new.clone()),
         Action::Unset => Outcome::Remove,
@@ -23,14 +22,14 @@ pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Applic
             None => Outcome::Put((*by).into()),
             Some(value) => {
                 let sum = add(numeric("$inc", value)?, *by, Overflow::Refuse)?;
-                application.touched.set(application.touched.get() || sum.is_nan());
+                effects.touched.set(effects.touched.get() || sum.is_nan());
                 put_unless_same(value, sum)
             }
         },
         Action::Multiply(by) => {
             let factor = value.map_or(Ok(Number::Int(0)), |value| numeric("$mul", value))?;
             let product = multiply(factor, *by, Overflow::Refuse)?;
-            application.touched.set(application.touched.get() || product.is_nan());
+            effects.touched.set(effects.touched.get() || product.is_nan());
             match value {
                 Some(value) => put_unless_same(value, product),
                 None => Outcome::Put(product.into()),
@@ -38,11 +37,11 @@ pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Applic
         }
         Action::Least(new) => replace_if(value, new, Ordering::Less),
         Action::Greatest(new) => replace_if(value, new, Ordering::Greater),
-        Action::CurrentDate { timestamp: true } => Outcome::Put(timestamp(application.now)),
-        Action::CurrentDate { timestamp: false } => Outcome::Put(Bson::DateTime(application.now)),
+        Action::CurrentDate { timestamp: true } => Outcome::Put(timestamp(effects.now)),
+        Action::CurrentDate { timestamp: false } => Outcome::Put(Bson::DateTime(effects.now)),
         Action::Bits(operations) => bits(operations, value)?,
         Action::Push(push) => {
-            application.touched.set(application.touched.get() || push.counts(value));
+            effects.touched.set(effects.touched.get() || push.counts(value));
             push.apply(value)?
         }
         Action::AddToSet(new) => array::add_to_set(value, new)?,
@@ -52,7 +51,7 @@ pub(super) fn change(action: &Action, value: Option<&Bson>, application: &Applic
     })
 }
 
-/// The new number, where it differs from the old one in type or value; 0 and -0 do not.
+/// Returns the new number, where it differs from the old one in type or value; 0 and -0 do not.
 fn put_unless_same(old: &Bson, new: Number) -> Outcome {
     let new = Bson::from(new);
     match new.element_type() == old.element_type() && compare_values(&new, old).is_eq() {

@@ -1,4 +1,4 @@
-//! `arrayFilters`: which elements `$[identifier]` stands for.
+//! `arrayFilters`: the elements that `$[identifier]` selects.
 
 use std::cell::Cell;
 
@@ -38,7 +38,7 @@ impl ArrayFilters {
         Ok(Self { filters })
     }
 
-    /// The filter of an identifier, noting that it is used.
+    /// Returns the filter of an identifier, noting that it is used.
     pub(super) fn mark(&self, name: &str) -> Result<()> {
         match self.filters.iter().find(|(known, ..)| known == name) {
             Some((.., used)) => {
@@ -59,7 +59,7 @@ impl ArrayFilters {
         }
     }
 
-    /// Whether an element passes.
+    /// Returns whether an element passes.
     pub(super) fn passes(&self, name: &str, element: &Bson) -> Result<bool> {
         let Some((_, filter, _)) = self.filters.iter().find(|(known, ..)| known == name) else { return Ok(false) };
         let mut wrapped = Document::new();
@@ -68,7 +68,7 @@ impl ArrayFilters {
     }
 }
 
-/// The first parts of all paths in a filter.
+/// Returns the first parts of all paths in a filter.
 fn identifiers(document: &Document, names: &mut Vec<String>, depth: usize) -> Result<()> {
     if depth > 100 {
         return Err(QueryError::bad_value("the array filter is nested too deeply"));

@@ -9,11 +9,10 @@ mod array;
 mod field;
 mod filters;
 mod modifier;
+mod outcome;
 mod parse;
 mod rename;
 mod upsert;
-
-use std::cell::Cell;
 
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 
@@ -21,11 +20,13 @@ use super::compare::equal_values;
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
+use super::limit::check_document;
 use super::nesting::MAX_DEPTH;
-use super::pipeline::Reshape;
+use super::reshape::Reshape;
 use apply::Application;
 use filters::ArrayFilters;
 use modifier::Modifier;
+use outcome::{Effects, timestamp};
 
 /// The largest document, in bytes.
 const MAX_SIZE: usize = 16 * 1024 * 1024;
@@ -33,11 +34,12 @@ const MAX_SIZE: usize = 16 * 1024 * 1024;
 /// A compiled update.
 #[derive(Debug)]
 pub struct Update {
-    kind: Kind,
+    form: Form,
 }
 
+/// The three forms of an update.
 #[derive(Debug)]
-enum Kind {
+enum Form {
     Replacement(Document),
     Operators(Vec<Modifier>, ArrayFilters),
     Pipeline(Vec<Reshape>, Variables),
@@ -47,26 +49,26 @@ impl Update {
     /// Reads operators, or a replacement document, which is one without operators.
     ///
     /// # Errors
-    /// Where MongoDB refuses it.
+    /// If MongoDB refuses it.
     pub fn parse(update: &Document, array_filters: &[Document]) -> Result<Self> {
         if update.keys().next().is_some_and(|name| name.starts_with('$')) {
             let filters = ArrayFilters::parse(array_filters)?;
             let modifiers = parse::modifiers(update, &filters)?;
-            return Ok(Self { kind: Kind::Operators(modifiers, filters) });
+            return Ok(Self { form: Form::Operators(modifiers, filters) });
         }
         if !array_filters.is_empty() {
             return Err(QueryError::failed_to_parse("arrayFilters need update operators"));
         }
-        if let Some(name) = update.keys().find(|name| name.starts_with('$') && !super::filter::is_reference_key(name)) {
+        if let Some(name) = update.keys().find(|name| name.starts_with('$') && !super::dollar::is_reference_key(name)) {
             return Err(QueryError::invalid(52, format!("the field {name} in a replacement may not start with '$'")));
         }
-        Ok(Self { kind: Kind::Replacement(update.clone()) })
+        Ok(Self { form: Form::Replacement(update.clone()) })
     }
 
     /// Reads an update in pipeline form.
     ///
     /// # Errors
-    /// Where MongoDB refuses it, or a stage cannot be in an update.
+    /// If MongoDB refuses it, or a stage cannot be in an update.
     pub fn parse_pipeline(stages: &[Document]) -> Result<Self> {
         Self::parse_pipeline_with(stages, &Document::new())
     }
@@ -79,42 +81,42 @@ impl Update {
         let (mut scope, variables) = Scope::with_constants(constants)?;
         scope.lazy = true;
         let stages = stages.iter().map(|stage| Reshape::parse_update(stage, &scope)).collect::<Result<_>>()?;
-        Ok(Self { kind: Kind::Pipeline(stages, variables) })
+        Ok(Self { form: Form::Pipeline(stages, variables) })
     }
 
-    /// Whether it is a replacement document, which MongoDB refuses for many documents.
+    /// Returns whether it is a replacement document, which MongoDB refuses for many documents.
     #[must_use]
     pub fn is_replacement(&self) -> bool {
-        matches!(self.kind, Kind::Replacement(_))
+        matches!(self.form, Form::Replacement(_))
     }
 
-    /// The changed document, or nothing where it counts as unmodified. `filter`
+    /// Returns the changed document, or nothing where it counts as unmodified. `filter`
     /// is the one the document matched, for the positional `$`. As in MongoDB, a
     /// replacement without `_id`, a `$push` and a sum that is NaN count as modifications even
     /// where the bytes are the same.
     ///
     /// # Errors
-    /// Where the update cannot be applied to this document.
+    /// If the update cannot be applied to this document.
     pub fn apply(&self, document: &RawDocument, filter: &Filter, now: DateTime) -> Result<Option<RawDocumentBuf>> {
         let before = Document::try_from(document)?;
         let id = before.get("_id").cloned();
         let touched;
-        let after = match &self.kind {
-            Kind::Replacement(replacement) => {
+        let after = match &self.form {
+            Form::Replacement(replacement) => {
                 // One that leaves `_id` to the document counts as a change, as in MongoDB. So does a pipeline.
                 touched = !replacement.contains_key("_id");
                 replaced(replacement, id.as_ref(), now)
             }
-            Kind::Pipeline(stages, variables) => {
+            Form::Pipeline(stages, variables) => {
                 let after = reshaped(stages, variables, before, now)?;
                 touched = !after.contains_key("_id");
                 with_id(after, id.as_ref())
             }
-            Kind::Operators(modifiers, filters) => {
+            Form::Operators(modifiers, filters) => {
                 let position = filter.position(document.into(), now)?;
-                let application = Application { filters, position, now, inserting: false, touched: Cell::new(false) };
+                let application = Application { filters, position, inserting: false, effects: Effects::new(now) };
                 let after = application.apply(modifiers, before)?;
-                touched = application.touched.get();
+                touched = application.effects.touched.get();
                 after
             }
         };
@@ -123,20 +125,20 @@ impl Update {
         Ok((touched || after.as_bytes() != document.as_bytes()).then_some(after))
     }
 
-    /// The document to insert where nothing matched `filter`. It has an `_id`
+    /// Returns the document to insert where nothing matched `filter`. It has an `_id`
     /// first, a new ObjectId where neither filter nor update names one.
     ///
     /// # Errors
-    /// Where the update cannot be applied to the filter's equalities.
+    /// If the update cannot be applied to the filter's equalities.
     pub fn upsert(&self, filter: &Document, now: DateTime) -> Result<RawDocumentBuf> {
         let base = upsert::equalities(filter, self.is_replacement())?;
         let id = base.get("_id").cloned();
-        let document = match &self.kind {
-            Kind::Replacement(replacement) => replaced(replacement, id.as_ref(), now),
-            Kind::Pipeline(stages, variables) => with_id(reshaped(stages, variables, base, now)?, id.as_ref()),
-            Kind::Operators(modifiers, filters) => {
-                let touched = Cell::new(false);
-                Application { filters, position: None, now, inserting: true, touched }.apply(modifiers, base)?
+        let document = match &self.form {
+            Form::Replacement(replacement) => replaced(replacement, id.as_ref(), now),
+            Form::Pipeline(stages, variables) => with_id(reshaped(stages, variables, base, now)?, id.as_ref()),
+            Form::Operators(modifiers, filters) => {
+                let effects = Effects::new(now);
+                Application { filters, position: None, inserting: true, effects }.apply(modifiers, base)?
             }
         };
         self.keep_id(&document, id.as_ref())?;
@@ -146,7 +148,7 @@ impl Update {
     /// Refuses a change of `_id`. Operators may not even change the type of a number.
     fn keep_id(&self, document: &Document, id: Option<&Bson>) -> Result<()> {
         let Some(id) = id else { return Ok(()) };
-        let exact = matches!(self.kind, Kind::Operators(..));
+        let exact = matches!(self.form, Form::Operators(..));
         match document.get("_id") {
             Some(new) if equal_values(new, id) && (!exact || is_same(new, id)?) => Ok(()),
             _ => {
@@ -156,11 +158,11 @@ impl Update {
     }
 }
 
-/// A document as it is stored by an insert: `_id` first (a new ObjectId where
+/// Returns a document as it is stored by an insert: `_id` first (a new ObjectId where
 /// there is none), empty timestamps at the top replaced by `now`.
 ///
 /// # Errors
-/// Where it is nested too deeply, too large, or has an `_id` that cannot be one.
+/// If it is nested too deeply, too large, or has an `_id` that cannot be one.
 pub fn prepare(document: &Document, now: DateTime) -> Result<RawDocumentBuf> {
     encode(&id_first(replaced(document, None, now))?)
 }
@@ -169,11 +171,12 @@ pub fn prepare(document: &Document, now: DateTime) -> Result<RawDocumentBuf> {
 fn reshaped(stages: &[Reshape], variables: &Variables, mut document: Document, now: DateTime) -> Result<Document> {
     for stage in stages {
         document = stage.apply(document, variables, now)?;
+        check_document(&document)?;
     }
     Ok(document)
 }
 
-/// The replacement, with the `_id` there was; empty timestamps at the top become now.
+/// Returns the replacement, with the `_id` there was; empty timestamps at the top become now.
 fn replaced(replacement: &Document, id: Option<&Bson>, now: DateTime) -> Document {
     let mut document = Document::new();
     if let Some(id) = id {
@@ -189,12 +192,6 @@ fn replaced(replacement: &Document, id: Option<&Bson>, now: DateTime) -> Documen
     document
 }
 
-/// The moment as a timestamp.
-fn timestamp(now: DateTime) -> Bson {
-    let time = u32::try_from(now.timestamp_millis() / 1000).unwrap_or(0);
-    Bson::Timestamp(bson::Timestamp { time, increment: 1 })
-}
-
 /// Puts back an `_id` that a pipeline dropped.
 fn with_id(document: Document, id: Option<&Bson>) -> Document {
     match id {
@@ -208,7 +205,7 @@ fn with_id(document: Document, id: Option<&Bson>) -> Document {
     }
 }
 
-/// Whether two values are the same to the byte.
+/// Returns whether two values are the same to the byte.
 fn is_same(a: &Bson, b: &Bson) -> Result<bool> {
     let bytes =
         |value: &Bson| RawDocumentBuf::try_from(&bson::doc! {"": value.clone()}).map(RawDocumentBuf::into_bytes);
@@ -222,7 +219,7 @@ fn check_id(id: &Bson) -> Result<()> {
         match value {
             Bson::Document(inner) => {
                 let is_reference = inner.keys().next().is_some_and(|name| name == "$ref");
-                let known = |name: &str| is_reference && super::filter::is_reference_key(name);
+                let known = |name: &str| is_reference && super::dollar::is_reference_key(name);
                 if let Some(name) = inner.keys().find(|name| name.starts_with('$') && !known(name)) {
                     let message = format!("the '_id' may not contain fields that start with '$', like {name}");
                     return Err(QueryError::invalid(52, message).about(name));
@@ -236,7 +233,7 @@ fn check_id(id: &Bson) -> Result<()> {
     Ok(())
 }
 
-/// The document with its `_id` first; makes one where there is none.
+/// Returns the document with its `_id` first; makes one where there is none.
 fn id_first(mut document: Document) -> Result<Document> {
     let id = match document.remove("_id") {
         Some(Bson::Array(_) | Bson::RegularExpression(_) | Bson::Undefined) => {
@@ -254,7 +251,7 @@ fn id_first(mut document: Document) -> Result<Document> {
     Ok(ordered)
 }
 
-/// The bytes of a document that may be stored.
+/// Returns the bytes of a document that may be stored.
 fn encode(document: &Document) -> Result<RawDocumentBuf> {
     if depth(document) > MAX_DEPTH {
         return Err(QueryError::invalid(15, "a document may not be nested deeper than 200 levels"));

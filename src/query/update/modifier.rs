@@ -1,8 +1,8 @@
-//! What one operator does at one path.
+//! Update operators and their paths.
 
 use std::cmp::Ordering;
 
-use bson::{Bson, Document};
+use bson::Bson;
 
 use super::array::{Pull, Push};
 use crate::query::error::{QueryError, Result};
@@ -18,7 +18,7 @@ pub(super) struct Modifier {
 }
 
 impl Modifier {
-    /// One at the same path that does nothing yet.
+    /// Returns a modifier of the same path, whose action is to be replaced.
     pub(super) fn moved(&self) -> Self {
         Self { path: self.path.clone(), text: self.text.clone(), action: Action::Unset }
     }
@@ -37,7 +37,7 @@ pub(super) enum Segment {
     Filtered(String),
 }
 
-/// What is done.
+/// The action of an update operator.
 #[derive(Debug)]
 pub(super) enum Action {
     Set(Bson),
@@ -47,7 +47,7 @@ pub(super) enum Action {
     Multiply(Number),
     Least(Bson),
     Greatest(Bson),
-    /// Takes the value away from that path, to put it at the modifier's.
+    /// Moves the value from that path to the modifier's.
     Rename(Vec<Segment>),
     /// Now, as a date or a timestamp.
     CurrentDate {
@@ -72,12 +72,12 @@ pub(super) enum Bitwise {
 }
 
 impl Action {
-    /// Whether it does not matter where a path cannot lead on.
+    /// Returns whether a path through a scalar is ignored rather than an error.
     pub(super) fn ignores_dead_ends(&self) -> bool {
         matches!(self, Self::Unset)
     }
 
-    /// Whether a missing path is made.
+    /// Returns whether missing documents on the path are created.
     pub(super) fn creates(&self) -> bool {
         !matches!(self, Self::Unset | Self::Pop { .. } | Self::Pull(_) | Self::PullAll(_))
     }
@@ -101,7 +101,7 @@ pub(super) fn path(text: &str) -> Result<Vec<Segment>> {
                 Some(name) => Segment::Filtered(name.to_owned()),
                 None if segments.is_empty()
                     && part.starts_with('$')
-                    && !crate::query::filter::is_reference_key(part) =>
+                    && !crate::query::dollar::is_reference_key(part) =>
                 {
                     let message =
                         format!("the dollar ($) prefixed field '{part}' in '{text}' is not valid for storage");
@@ -128,7 +128,7 @@ pub(super) fn path(text: &str) -> Result<Vec<Segment>> {
     Ok(segments)
 }
 
-/// The order in which paths are changed: numbers by value before names by bytes.
+/// Returns the order in which paths are changed: numbers by value before names by bytes.
 pub(super) fn order(a: &[Segment], b: &[Segment]) -> Ordering {
     for (first, second) in a.iter().zip(b) {
         let (first, second) = (spelled(first), spelled(second));
@@ -167,9 +167,4 @@ pub(super) fn check_conflicts(paths: &[(&[Segment], &str)]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Fields of a modifier's document that is not one of modifiers.
-pub(super) fn is_modifiers(document: &Document) -> bool {
-    document.contains_key("$each")
 }

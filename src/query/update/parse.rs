@@ -1,4 +1,4 @@
-//! Update operators from documents: one table, an operator per line.
+//! Parses update operators; a table with one operator per line.
 
 use bson::{Bson, Document};
 
@@ -55,7 +55,7 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
             }
             let action = read(text, value).map_err(|error| error.about(name))?;
             modifiers.push(match action {
-                // A rename happens when it is its target's turn.
+                // Renames are ordered by their targets.
                 Action::Rename(target) => {
                     if has_positions(&path) {
                         let message = format!("the source field for $rename may not be dynamic: {text}");

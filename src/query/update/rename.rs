@@ -1,16 +1,16 @@
-//! Where `$rename` takes a value from, and where it may put it: never through an array.
+//! Source and target of `$rename`, which may not lead through arrays.
 
 use bson::{Bson, Document};
 
-use super::apply::PATH_NOT_VIABLE;
 use super::modifier::Segment;
+use super::outcome::PATH_NOT_VIABLE;
 use crate::query::error::{QueryError, Result};
 use crate::query::path::padded_index;
 
-/// The value that is moved; nothing where there is none, also in an array.
+/// Returns the value that is moved; `None` if there is none, also in an array.
 ///
 /// # Errors
-/// Where the path cannot lead on, or the value is in an array.
+/// If the path cannot lead on, or the value is in an array.
 pub(super) fn source(document: &Document, path: &[Segment]) -> Result<Option<Bson>> {
     let mut names = path.iter().filter_map(name);
     let Some(mut value) = names.next().and_then(|first| document.get(first)) else { return Ok(None) };

@@ -1,12 +1,12 @@
-//! What a filter says for sure about a document: the start of an upserted one.
+//! The equalities of a filter, which an upserted document starts with.
 
 use bson::{Bson, Document};
 
 use crate::query::compare::equal_values as equal;
+use crate::query::dollar::is_operators;
 use crate::query::error::{QueryError, Result};
-use crate::query::filter::is_operators;
 
-/// A document of the filter's equalities.
+/// Returns a document of the filter's equalities.
 pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
     check_no_expression(filter, 0)?;
     let mut found = Vec::new();
@@ -36,7 +36,7 @@ pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
     Ok(document)
 }
 
-/// Whether a filter has a condition that nothing meets, which says nothing about fields.
+/// Returns whether a filter has a condition that nothing meets, which says nothing about fields.
 fn is_never_true(filter: &Document) -> bool {
     filter.iter().any(|(name, value)| match (name.as_str(), value) {
         ("$and", Bson::Array(items)) => items.iter().filter_map(Bson::as_document).any(is_never_true),
@@ -97,7 +97,7 @@ fn collect(filter: &Document, found: &mut Vec<(String, Bson)>, depth: usize) -> 
     Ok(())
 }
 
-/// The values that a field equals by its operators.
+/// Returns the values that a field equals by its operators.
 fn equal_values(operators: &Document) -> Vec<&Bson> {
     let mut values = Vec::new();
     for (name, value) in operators {
@@ -115,7 +115,7 @@ fn equal_values(operators: &Document) -> Vec<&Bson> {
     values
 }
 
-/// Whether a listed value is one to be equal to.
+/// Returns whether a listed value is one to be equal to.
 fn is_plain(value: &Bson) -> bool {
     match value {
         Bson::Document(inner) => !is_operators(inner.into()),

@@ -66,7 +66,7 @@ impl Embedded {
         sort: &Sort,
         is_explained: bool,
     ) -> Result<Chosen, StoreError> {
-        let kept: Vec<&Indexed> = indexes.iter().filter(|index| index.is_kept()).collect();
+        let kept: Vec<&Indexed> = indexes.iter().filter(|index| index.is_used()).collect();
         let candidates: Vec<Candidate<'_>> = [Candidate { pattern: &IDS, multikey: 0, sparse: false }]
             .into_iter()
             .chain(kept.iter().map(|index| Candidate {

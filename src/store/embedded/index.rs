@@ -6,25 +6,27 @@
 //! indexes; a store compares it with the generation of its cached indexes.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 
 use bson::raw::RawBsonRef;
-use bson::{Document, RawDocument, RawDocumentBuf};
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
-use super::indexed::{AllEntries, Indexed, Indexes, decay};
+use super::indexed::{AllEntries, HIDDEN, Indexed, Indexes, PARTIAL, decay};
 use super::{Embedded, body};
-use crate::query::QueryError;
 use crate::query::index::{Entries, Pattern};
+use crate::query::{Filter, QueryError};
 use crate::store::{Index, Namespace, StoreError, index, metadata};
 
 /// MongoDB's code for an index that is there with other options.
 const OPTIONS_CONFLICT: i32 = 85;
 /// MongoDB's code for an index of that name that is another one.
 const KEYS_CONFLICT: i32 = 86;
-/// Options of geospatial indexes.
-const PLACE_OPTIONS: [&str; 4] = ["2dsphereIndexVersion", "bits", "min", "max"];
+/// Options of geospatial indexes, and those that every index may have.
+const OPTIONS: [&str; 6] = ["2dsphereIndexVersion", "bits", "min", "max", PARTIAL, HIDDEN];
+/// MongoDB's code for an index that cannot be made.
+const CANNOT_CREATE: i32 = 67;
 /// MongoDB's code for an index that has to stay, or cannot be.
 const INVALID: i32 = 72;
 
@@ -52,8 +54,7 @@ impl Embedded {
             .map(|(id, definition, multikey)| {
                 let definition = RawDocumentBuf::from_bytes(definition).map_err(QueryError::from)?;
                 let definition = Index::parse(&Document::try_from(&*definition).map_err(QueryError::from)?)?;
-                let pattern = Pattern::parse_with(&definition.keys, &definition.other)?;
-                Ok(Indexed { id, definition, pattern, multikey: AtomicU64::new(multikey.cast_unsigned()) })
+                Ok(Indexed::new(id, definition, multikey.cast_unsigned())?)
             })
             .collect()
     }
@@ -210,12 +211,7 @@ impl Embedded {
             .prepare_cached("INSERT INTO indexes (collection, name, definition) VALUES (?, ?, ?)")
             .and_then(|mut insert| insert.execute(params![collection.id, index.name, definition.as_bytes()]))
             .map_err(|e| self.explain(&e))?;
-        let made = Indexed {
-            id: self.connection.last_insert_rowid(),
-            definition: index.clone(),
-            pattern: Pattern::parse_with(&index.keys, &index.other)?,
-            multikey: AtomicU64::new(0),
-        };
+        let made = Indexed::new(self.connection.last_insert_rowid(), index.clone(), 0)?;
         if made.is_kept() {
             let sql = format!(
                 "CREATE TABLE {} (key BLOB NOT NULL, position INTEGER NOT NULL, PRIMARY KEY (key, position)) \
@@ -299,11 +295,12 @@ fn may_decay(body: &RawDocument) -> bool {
 
 /// Refuses what only a server can keep.
 fn check(index: &Index) -> Result<(), QueryError> {
-    if let Some(option) = index.other.keys().find(|option| !PLACE_OPTIONS.contains(&option.as_str())) {
+    if let Some(option) = index.other.keys().find(|option| !OPTIONS.contains(&option.as_str())) {
         let mut refusal = QueryError::unsupported(option);
         refusal.message = format!("the option `{option}` of an index is not supported by the embedded store");
         return Err(refusal);
     }
+    check_partial(index)?;
     if index.expire_after.is_some() && index.keys.len() != 1 {
         return Err(QueryError::invalid(67, "an index by which documents expire has one key"));
     }
@@ -313,6 +310,48 @@ fn check(index: &Index) -> Result<(), QueryError> {
         return Err(QueryError::invalid(INVALID, message));
     }
     Ok(())
+}
+
+/// Refuses a partial filter that MongoDB refuses, and `hidden` that is neither true nor false.
+fn check_partial(index: &Index) -> Result<(), QueryError> {
+    if index.other.get(HIDDEN).is_some_and(|hidden| hidden.as_bool().is_none()) {
+        return Err(QueryError::type_mismatch("`hidden` of an index is true or false"));
+    }
+    let Some(partial) = index.other.get(PARTIAL) else { return Ok(()) };
+    let Bson::Document(partial) = partial else {
+        return Err(QueryError::type_mismatch("the partialFilterExpression of an index must be an object"));
+    };
+    if index.sparse {
+        return Err(QueryError::invalid(CANNOT_CREATE, "an index is either sparse or partial"));
+    }
+    Filter::parse(partial)?;
+    check_plain(partial)
+}
+
+/// Refuses conditions that a partial index cannot have.
+fn check_plain(filter: &Document) -> Result<(), QueryError> {
+    const PLAIN: [&str; 10] = ["$and", "$or", "$eq", "$gt", "$gte", "$lt", "$lte", "$in", "$exists", "$type"];
+    for (name, value) in filter {
+        if name.starts_with('$') && !PLAIN.contains(&name.as_str())
+            || name == "$exists" && *value == Bson::Boolean(false)
+        {
+            let message = format!("the partialFilterExpression of an index cannot have {name}: {value}");
+            return Err(QueryError::invalid(CANNOT_CREATE, message));
+        }
+        let inner: Vec<&Document> = match value {
+            Bson::Document(inner) if is_operators(inner) => vec![inner],
+            Bson::Array(items) if matches!(name.as_str(), "$and" | "$or") => {
+                items.iter().filter_map(Bson::as_document).collect()
+            }
+            _ => Vec::new(),
+        };
+        inner.into_iter().try_for_each(check_plain)?;
+    }
+    Ok(())
+}
+
+fn is_operators(document: &Document) -> bool {
+    document.keys().next().is_some_and(|name| name.starts_with('$'))
 }
 
 /// Refuses to drop what has to stay.

@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bson::RawDocument;
 
 use super::catalog::Collection;
-use crate::query::QueryError;
 use crate::query::index::{Entries, Pattern};
+use crate::query::{Filter, QueryError};
 use crate::store::{Index, index};
 
 /// An index, ready for use.
@@ -19,7 +19,14 @@ pub(super) struct Indexed {
     pub(super) pattern: Pattern,
     /// A bit for each path that runs through an array in some document.
     pub(super) multikey: AtomicU64,
+    /// Only documents that match are in the index.
+    partial: Option<Filter>,
 }
+
+/// The option of an index that holds only documents which match a filter.
+pub(super) const PARTIAL: &str = "partialFilterExpression";
+/// The option of an index that queries do not use.
+pub(super) const HIDDEN: &str = "hidden";
 
 /// The indexes of one collection.
 pub(super) type Indexes = Arc<Vec<Indexed>>;
@@ -48,6 +55,16 @@ impl Remembered {
 }
 
 impl Indexed {
+    /// Makes an index of its definition ready for use.
+    ///
+    /// # Errors
+    /// If the definition is none.
+    pub(super) fn new(id: i64, definition: Index, multikey: u64) -> Result<Self, QueryError> {
+        let pattern = Pattern::parse_with(&definition.keys, &definition.other)?;
+        let partial = definition.other.get_document(PARTIAL).ok().map(Filter::parse).transpose()?;
+        Ok(Self { id, definition, pattern, multikey: AtomicU64::new(multikey), partial })
+    }
+
     /// The name of the table with the keys.
     pub(super) fn table(&self) -> String {
         format!("entries_{}", self.id)
@@ -58,13 +75,24 @@ impl Indexed {
         !self.pattern.is_geospatial()
     }
 
+    /// Whether queries may use it. A partial index is left to the documents it is unique or expires for: whether a query
+    /// asks for its documents only is not examined.
+    pub(super) fn is_used(&self) -> bool {
+        self.is_kept()
+            && self.partial.is_none()
+            && self.definition.other.get(HIDDEN) != Some(&bson::Bson::Boolean(true))
+    }
+
     /// The paths that run through an array in some document, as bits.
     pub(super) fn multikey(&self) -> u64 {
         self.multikey.load(Ordering::Relaxed)
     }
 
     pub(super) fn entries(&self, body: &RawDocument) -> Result<Entries, QueryError> {
-        self.pattern.entries(body, self.definition.sparse)
+        match &self.partial {
+            Some(partial) if !partial.matches(body)? => Ok(Entries::default()),
+            _ => self.pattern.entries(body, self.definition.sparse),
+        }
     }
 }
 

@@ -96,7 +96,7 @@ impl Embedded {
 }
 
 fn no_index(near: &Near) -> String {
-    let (path, kind) = (near.path(), near.kind());
+    let (path, kind) = (near.path(), near.index_type());
     format!(
         "unable to find an index for what is near {path}: make one, like `rmem index NS \"{{'{path}': '{kind}'}}\"`"
     )

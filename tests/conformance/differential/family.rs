@@ -3,8 +3,8 @@
 use bson::{Bson, Document, doc};
 use proptest::prelude::*;
 
-use super::generate::expression;
 use super::generate::value::{Gen, any_of, either, fields, name, path, pick, typed, wild};
+use super::generate::{bomb, expression, window};
 use super::generate::{filter, pipeline, projection, update};
 
 /// What a family's cases are made of.
@@ -72,11 +72,39 @@ pub(super) const FAMILIES: &[Named] = &[
     ("stage_graph_lookup", || over(wild(), aggregate(pipeline::graph()))),
     ("stage_sequence", || over(wild(), aggregate(pipeline::sequence()))),
     ("stage_facet_union_redact", || over(wild(), aggregate(pipeline::combined()))),
+    ("stage_window", || over(both(), aggregate(window::window()))),
+    ("stage_densify_and_fill", || over(both(), aggregate(window::gaps()))),
+    ("javascript_where", || Family { cost: 4, ..over(wild(), find(window::predicate())) }),
+    ("javascript_function", || Family { cost: 4, ..one_by_one(window::function()) }),
+    ("bomb_result", || bombs(aggregate(pipeline_of("$project", bomb::expression())))),
+    ("bomb_group", || {
+        let group = |value| doc! { "$group": { "_id": Bson::Null, "x": { "$push": value } } };
+        bombs(aggregate(bomb::expression().prop_map(move |value| vec![group(value)]).boxed()))
+    }),
+    ("bomb_filter", || {
+        bombs(find(bomb::expression().prop_map(|value| doc! { "$expr": { "$ne": [value, 1] } }).boxed()))
+    }),
+    ("bomb_update", || {
+        let set = |value| doc! { "u": [{ "$set": { "x": value } }, { "$set": { "x": { "$type": "$x" } } }] };
+        bombs(statement(
+            pick(&[1, 2]).prop_map(|id| doc! { "_id": id }).boxed(),
+            bomb::expression().prop_map(set).boxed(),
+        ))
+    }),
     ("stage_out_and_merge", || Family { cost: 4, ..over(wild(), aggregate(pipeline::output())) }),
 ];
 
 fn over(documents: Gen<Document>, commands: Gen<Document>) -> Family {
     Family { documents, count: 12, commands, cost: 1 }
+}
+
+/// Values of any size; what mongod makes of one takes long.
+fn bombs(commands: Gen<Document>) -> Family {
+    Family { count: 2, cost: 100, ..over(typed(), commands) }
+}
+
+fn pipeline_of(stage: &'static str, value: Gen) -> Gen<Vec<Document>> {
+    value.prop_map(move |value| vec![doc! { stage: { "x": value } }]).boxed()
 }
 
 /// Expressions over very few documents: an error of one hides the values of all.

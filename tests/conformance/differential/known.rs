@@ -44,6 +44,13 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
     Known {
+        what: "Values that are no result and need more than 256 MB while an expression is evaluated: the embedded store ends \
+               them with code 146, mongod holds them",
+        holds: |difference| {
+            difference.ours.as_ref().is_err_and(|message| message.starts_with("146:")) && !difference.kind().0
+        },
+    },
+    Known {
         what: "Of numbers that are equal but not of one type, `$max` and `$min` may give either",
         holds: |difference| {
             uses(difference, &["$max", "$min"])

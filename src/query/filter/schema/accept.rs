@@ -1,4 +1,4 @@
-//! Whether a value is as its schema says.
+//! Validates a value against a schema.
 
 use super::{Items, Others, Properties, Rule, Schema};
 use crate::query::compare::{equal, views};
@@ -7,7 +7,7 @@ use crate::query::number::Number;
 use crate::query::view::{Fields, View};
 
 impl Schema {
-    /// Whether the schema accepts a value.
+    /// Returns whether the schema accepts a value.
     pub(in crate::query) fn accepts(&self, value: View<'_>) -> bool {
         self.rules.iter().all(|rule| rule.accepts(value))
     }

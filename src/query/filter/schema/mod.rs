@@ -54,7 +54,7 @@ struct Properties {
     others: Others,
 }
 
-/// What is said of fields or elements that nothing else speaks of.
+/// The rule for fields or elements that no other rule names.
 #[derive(Debug, Default)]
 enum Others {
     #[default]

@@ -1,4 +1,4 @@
-//! Schemas from documents.
+//! Parses schemas.
 
 use bson::{Bson, Document};
 
@@ -37,7 +37,7 @@ impl Schema {
     /// Reads a schema.
     ///
     /// # Errors
-    /// Where a keyword is unknown or its argument is wrong.
+    /// If a keyword is unknown or its argument is wrong.
     pub(in crate::query::filter) fn parse(schema: &Document) -> Result<Self> {
         read(schema, 0)
     }

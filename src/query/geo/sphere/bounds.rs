@@ -32,7 +32,7 @@ impl Bounds {
     /// All of the sphere.
     pub(super) const ALL: Self = Self { south: -FRAC_PI_2, north: FRAC_PI_2, longitudes: Longitudes::All };
 
-    /// The rectangle around a ring, which has the poles as `has` says.
+    /// Returns the rectangle around a ring, which has the poles as `has` says.
     pub(super) fn around(edges: impl Iterator<Item = (Vector, Vector)>, has: impl Fn(Vector) -> bool) -> Self {
         let around_edges = edges.map(|(a, b)| Self::around_edge(a, b)).reduce(Self::and);
         let mut bounds = around_edges.unwrap_or(Self::ALL);
@@ -103,7 +103,7 @@ fn eastward(from: f64, to: f64) -> f64 {
 }
 
 impl Longitudes {
-    /// The shorter way around.
+    /// Returns the shorter way around.
     fn shortest(a: f64, b: f64) -> Self {
         if eastward(a, b) <= PI { Self::Between(a, b) } else { Self::Between(b, a) }
     }
@@ -134,7 +134,7 @@ impl Longitudes {
         }
     }
 
-    /// The shortest interval around both.
+    /// Returns the shortest interval around both.
     fn and(self, other: Self) -> Self {
         let (Self::Between(west, east), Self::Between(start, end)) = (self, other) else { return Self::All };
         match (self.has(start), self.has(end)) {
@@ -169,8 +169,8 @@ mod tests {
         assert!(large.contains(small) && !small.contains(large) && !large.contains(far));
         assert!(large.meets(small) && small.meets(large) && !large.meets(far));
         // An edge from corner to corner bends towards the pole.
-        let wide = around(&[(-60.0, 0.0), (60.0, 0.0), (60.0, 40.0), (-60.0, 40.0)]);
-        assert!(wide.contains(square(40.0, 50.0)));
+        let broad = around(&[(-60.0, 0.0), (60.0, 0.0), (60.0, 40.0), (-60.0, 40.0)]);
+        assert!(broad.contains(square(40.0, 50.0)));
     }
 
     #[test]

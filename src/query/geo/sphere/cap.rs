@@ -16,7 +16,7 @@ pub(in crate::query::geo) struct Cap {
 }
 
 impl Cap {
-    /// The cap of a radius in radians.
+    /// Returns the cap of a radius in radians.
     pub(in crate::query::geo) fn new(centre: Vector, radius: f64) -> Self {
         let half = (0.5 * radius).sin();
         Self { centre, height: if radius >= PI { 2.0 } else { 2.0 * half * half } }
@@ -26,7 +26,7 @@ impl Cap {
         (self.centre - point).square() <= 2.0 * self.height
     }
 
-    /// Whether a part of the cell is in the cap.
+    /// Returns whether a part of the cell is in the cap.
     pub(in crate::query::geo) fn touches_cell(&self, cell: Cell) -> bool {
         let vertices = cell.vertices();
         if vertices.iter().any(|vertex| self.has(*vertex)) {
@@ -56,7 +56,7 @@ impl Cap {
         false
     }
 
-    /// The centre of the points outside of the cap, and how far they reach.
+    /// Returns the centre of the points outside of the cap, and how far they reach.
     fn outside(&self) -> (Vector, f64) {
         let height = if self.height >= 2.0 { -1.0 } else { 2.0 - self.height };
         (-self.centre, if height < 0.0 { -1.0 } else { 2.0 * (0.5 * height).sqrt().asin() })

@@ -19,7 +19,7 @@ pub(in crate::query::geo) struct Cell {
 }
 
 impl Cell {
-    /// The cell that a point is in.
+    /// Returns the cell that a point is in.
     pub(in crate::query::geo) fn of(point: Vector) -> Self {
         let face = face(point);
         let (u, v) = on_face(face, point);
@@ -32,14 +32,14 @@ impl Cell {
         self.face == other.face && self.place == other.place
     }
 
-    /// The corners, going left around.
+    /// Returns the corners, going left around.
     pub(super) fn vertices(self) -> [Vector; 4] {
         let [low, high] = self.corners;
         [(low.0, low.1), (high.0, low.1), (high.0, high.1), (low.0, high.1)]
             .map(|(u, v)| in_space(self.face, u, v).unit())
     }
 
-    /// Whether a point is in the cell or on its edge.
+    /// Returns whether a point is in the cell or on its edge.
     pub(super) fn contains(self, point: Vector) -> bool {
         let [low, high] = self.corners;
         let height = match self.face {
@@ -104,7 +104,7 @@ fn in_space(face: u8, u: f64, v: f64) -> Vector {
     }
 }
 
-/// The column or row of a coordinate of a face.
+/// Returns the column or row of a coordinate of a face.
 fn index(u: f64) -> f64 {
     let s = if u >= 0.0 { (1.0 + 3.0 * u).sqrt() - 1.0 } else { 1.0 - (1.0 - 3.0 * u).sqrt() };
     (HALF * s + (HALF - 0.5)).round_ties_even().clamp(0.0, 2.0 * HALF - 1.0)

@@ -27,7 +27,7 @@ pub(super) fn meeting(a: Vector, b: Vector, c: Vector, d: Vector) -> Meeting {
     }
 }
 
-/// Whether edges that share a vertex count as crossing there: of all edges that end in
+/// Returns whether edges that share a vertex count as crossing there: of all edges that end in
 /// a vertex, as many on each side of a path through it.
 pub(super) fn crosses_in_vertex(a: Vector, b: Vector, c: Vector, d: Vector) -> bool {
     if a == b || c == d {
@@ -45,7 +45,7 @@ pub(super) fn crosses_in_vertex(a: Vector, b: Vector, c: Vector, d: Vector) -> b
     }
 }
 
-/// Whether going along AB passes over CD.
+/// Returns whether going along AB passes over CD.
 pub(super) fn passes(a: Vector, b: Vector, c: Vector, d: Vector) -> bool {
     match meeting(a, b, c, d) {
         Meeting::Crossing => true,
@@ -54,7 +54,7 @@ pub(super) fn passes(a: Vector, b: Vector, c: Vector, d: Vector) -> bool {
     }
 }
 
-/// The point in which two edges cross.
+/// Returns the point in which two edges cross.
 pub(super) fn crossing(a: (Vector, Vector), b: (Vector, Vector)) -> Vector {
     let (normal_a, normal_b) = (a.0.normal(a.1).unit(), b.0.normal(b.1).unit());
     let mut point = normal_a.normal(normal_b).unit();
@@ -71,7 +71,7 @@ pub(super) fn crossing(a: (Vector, Vector), b: (Vector, Vector)) -> Vector {
     ends.min_by(|p, q| (point - *p).square().total_cmp(&(point - *q).square())).unwrap_or(point)
 }
 
-/// The angle from a point to the closest point of some edges. Which edge that is on is
+/// Returns the angle from a point to the closest point of some edges. Which edge that is on is
 /// found as S2 finds it, which beyond a quarter of the sphere can be the wrong one.
 pub(super) fn distance(point: Vector, edges: impl Iterator<Item = (Vector, Vector)>) -> f64 {
     let closest_edge =
@@ -79,7 +79,7 @@ pub(super) fn distance(point: Vector, edges: impl Iterator<Item = (Vector, Vecto
     closest_edge.map_or(f64::INFINITY, |(a, b)| point.angle(closest(point, a, b)))
 }
 
-/// The angle from a point to an edge, good for small ones.
+/// Returns the angle from a point to an edge, good for small ones.
 fn rough_distance(point: Vector, a: Vector, b: Vector) -> f64 {
     let normal = a.normal(b);
     if left(normal, a, point) && left(point, b, normal) {
@@ -89,7 +89,7 @@ fn rough_distance(point: Vector, a: Vector, b: Vector) -> f64 {
     2.0 * (0.5 * square.sqrt()).min(1.0).asin()
 }
 
-/// The point of the edge that is closest.
+/// Returns the point of the edge that is closest.
 fn closest(point: Vector, a: Vector, b: Vector) -> Vector {
     let normal = a.normal(b);
     let on_circle = point - normal * (point.dot(normal) / normal.square());

@@ -11,7 +11,7 @@ pub(in crate::query::geo) struct Line {
 }
 
 impl Line {
-    /// The line, where it is one.
+    /// Returns the line, where it is one.
     pub(in crate::query::geo) fn new(vertices: Vec<Vector>) -> Option<Self> {
         let sound = |pair: &[Vector]| matches!(pair, [a, b] if a != b && *a != -*b);
         (vertices.len() >= 2 && vertices.windows(2).all(sound)).then_some(Self { vertices })
@@ -25,12 +25,12 @@ impl Line {
         self.vertices.iter().copied().zip(self.vertices.iter().copied().skip(1))
     }
 
-    /// Whether two lines cross or touch.
+    /// Returns whether two lines cross or touch.
     pub(in crate::query::geo) fn meets(&self, other: &Self) -> bool {
         self.edges().any(|(a, b)| other.edges().any(|(c, d)| meeting(a, b, c, d) != Meeting::Apart))
     }
 
-    /// Whether the line goes through the cell.
+    /// Returns whether the line goes through the cell.
     pub(in crate::query::geo) fn touches_cell(&self, cell: Cell) -> bool {
         if self.vertices.iter().any(|vertex| cell.contains(*vertex)) {
             return true;
@@ -40,7 +40,7 @@ impl Line {
         sides.into_iter().any(|(from, to)| self.edges().any(|(a, b)| meeting(*from, *to, a, b) != Meeting::Apart))
     }
 
-    /// The angle from a point to the closest point of the line.
+    /// Returns the angle from a point to the closest point of the line.
     pub(in crate::query::geo) fn distance(&self, point: Vector) -> f64 {
         distance(point, self.edges())
     }

@@ -21,7 +21,7 @@ pub(in crate::query::geo) struct Polygon {
 }
 
 impl Polygon {
-    /// The polygon of rings of vertices, each around the smaller part of the sphere.
+    /// Returns the polygon of rings of vertices, each around the smaller part of the sphere.
     ///
     /// # Errors
     /// What is wrong with the rings.
@@ -59,17 +59,17 @@ impl Polygon {
         self.rings.iter().zip(&self.holes).filter(move |(_, hole)| **hole == holes).map(|(ring, _)| ring)
     }
 
-    /// Whether a point is inside; of one on the edge that is as the edge's direction has it.
+    /// Returns whether a point is inside; of one on the edge that is as the edge's direction has it.
     pub(in crate::query::geo) fn has(&self, point: Vector) -> bool {
         self.rings.iter().fold(false, |inside, ring| inside ^ ring.has(point))
     }
 
-    /// Whether a point is inside or, as near as a cell can say it, on the edge.
+    /// Returns whether a point is inside or, as near as a cell can say it, on the edge.
     pub(in crate::query::geo) fn has_or_touches(&self, point: Vector, cell: Cell) -> bool {
         self.has(point) || self.touches_cell(point, cell)
     }
 
-    /// Whether a part of the cell, in which the point is, is inside.
+    /// Returns whether a part of the cell, in which the point is, is inside.
     pub(in crate::query::geo) fn touches_cell(&self, point: Vector, cell: Cell) -> bool {
         if self.rings.first().is_some_and(|outer| outer.is_far_from(point)) {
             return false;
@@ -78,7 +78,7 @@ impl Polygon {
         self.meets(&cell)
     }
 
-    /// Whether all of another polygon is inside.
+    /// Returns whether all of another polygon is inside.
     pub(in crate::query::geo) fn contains(&self, other: &Self) -> bool {
         match (self.only_ring(), other.only_ring()) {
             (Some(own), Some(other)) => own.contains(other),
@@ -89,12 +89,12 @@ impl Polygon {
         }
     }
 
-    /// Whether a ring is inside of an odd number of rings; nothing where an edge crosses it.
+    /// Returns whether a ring is inside of an odd number of rings; `None` if an edge crosses it.
     fn encloses(&self, ring: &Ring) -> Option<bool> {
         self.rings.iter().try_fold(false, |inside, own| Some(inside ^ own.nests(ring)?))
     }
 
-    /// Whether two polygons have something in common.
+    /// Returns whether two polygons have something in common.
     pub(in crate::query::geo) fn meets(&self, other: &Self) -> bool {
         match (self.only_ring(), other.only_ring()) {
             (Some(own), Some(other)) => own.meets(other),
@@ -117,7 +117,7 @@ impl Polygon {
         inside
     }
 
-    /// The pieces of a line that are inside, or outside, as the points where each begins and ends.
+    /// Returns the pieces of a line that are inside, or outside, as the points where each begins and ends.
     fn clip(&self, line: &Line, outside: bool) -> Vec<(Vector, Vector)> {
         let mut pieces = Vec::new();
         let mut inside = line.vertices().first().is_some_and(|first| self.has(*first) != outside);
@@ -153,12 +153,12 @@ impl Polygon {
         pieces
     }
 
-    /// Whether a line is inside at some place.
+    /// Returns whether a line is inside at some place.
     pub(in crate::query::geo) fn meets_line(&self, line: &Line) -> bool {
         !self.clip(line, false).is_empty()
     }
 
-    /// Whether all of a line is inside: each of its edges from end to end.
+    /// Returns whether all of a line is inside: each of its edges from end to end.
     pub(in crate::query::geo) fn contains_line(&self, line: &Line) -> bool {
         line.edges().all(|(a, b)| Line::new(vec![a, b]).is_some_and(|edge| self.contains_edge(&edge, a, b)))
     }
@@ -173,7 +173,7 @@ impl Polygon {
         joined && ends.is_some_and(|(first, last)| first.0.angle(a) <= OVERHANG && last.1.angle(b) <= OVERHANG)
     }
 
-    /// The angle from a point to the closest point; 0 for one inside.
+    /// Returns the angle from a point to the closest point; 0 for one inside.
     pub(in crate::query::geo) fn distance(&self, point: Vector) -> f64 {
         if self.has(point) {
             return 0.0;
@@ -194,7 +194,7 @@ pub(in crate::query::geo) struct BigPolygon {
 }
 
 impl BigPolygon {
-    /// The polygon left of a ring of vertices.
+    /// Returns the polygon left of a ring of vertices.
     ///
     /// # Errors
     /// What is wrong with the ring.

@@ -6,11 +6,12 @@ use super::bounds::Bounds;
 use super::edge::{Meeting, meeting, passes};
 use super::vector::{Vector, in_order, turn};
 
-/// A point that is no vertex of anybody's ring, from which is counted how often a ring is passed.
+/// A point that is no vertex of any ring. A point is inside a ring if the edge from here to it crosses the ring an odd
+/// number of times.
 const ORIGIN: Vector = Vector::new(0.004_567_620_772_30, 0.999_474_766_130_78, 0.032_083_153_029_33);
-/// How little of a turn is no turn: half the sphere counts as the smaller part.
+/// Turning angles below this count as zero, so that half of the sphere counts as the smaller part.
 const TURN_ERROR: f64 = 1e-14;
-/// What is added to the circle around a ring, which is only there to save work.
+/// Margin of the circle around a ring, which only rejects distant points early.
 const MARGIN: f64 = 1e-6;
 
 /// A ring of at least three different vertices.
@@ -43,7 +44,7 @@ enum Wedge {
 }
 
 impl Ring {
-    /// The ring with its inside to the left.
+    /// Returns the ring with its inside to the left.
     pub(super) fn new(vertices: Vec<Vector>) -> Self {
         let mut ring = Self { vertices, has_origin: false, around: None, bounds: Bounds::ALL };
         if let [first, second, third, ..] = *ring.vertices.as_slice() {
@@ -54,14 +55,14 @@ impl Ring {
         ring
     }
 
-    /// The ring around the smaller part of the sphere; half of it is left as it is.
+    /// Returns the ring around the smaller part of the sphere; half of it is left as it is.
     pub(super) fn around_less(self) -> Self {
         let mut ring = if self.is_less() { self } else { self.inverted() };
         ring.around = ring.circle();
         ring
     }
 
-    /// Whether the inside is at most half of the sphere.
+    /// Returns whether the inside is at most half of the sphere.
     pub(super) fn is_less(&self) -> bool {
         let turns = self.wedges().map(|(a, b, c)| {
             let angle = b.normal(a).angle(c.normal(b));
@@ -74,7 +75,7 @@ impl Ring {
         Self::new(self.vertices.iter().rev().copied().collect())
     }
 
-    /// A circle around the ring that is less than half of the sphere, so that its inside is in it too.
+    /// Returns a circle around the ring that is less than half of the sphere, so that its inside is in it too.
     fn circle(&self) -> Option<(Vector, f64)> {
         let sum = self.vertices.iter().fold(Vector::new(0.0, 0.0, 0.0), |sum, vertex| sum + *vertex);
         let centre = sum.unit();
@@ -82,7 +83,7 @@ impl Ring {
         (radius < PI / 2.0 - MARGIN).then(|| (centre, radius.cos()))
     }
 
-    /// Whether a point is so far off that it is neither in nor on the ring.
+    /// Returns whether a point is so far off that it is neither in nor on the ring.
     pub(super) fn is_far_from(&self, point: Vector) -> bool {
         self.around.is_some_and(|(centre, cosine)| centre.dot(point) < cosine)
     }
@@ -101,7 +102,7 @@ impl Ring {
         self.vertices.contains(&point)
     }
 
-    /// Whether a point is inside. Of rings that share a vertex or an edge without
+    /// Returns whether a point is inside. Of rings that share a vertex or an edge without
     /// overlapping, one has it.
     pub(super) fn has(&self, point: Vector) -> bool {
         if self.is_far_from(point) {
@@ -147,7 +148,7 @@ impl Ring {
         false
     }
 
-    /// Whether all of another ring's inside is inside of this one.
+    /// Returns whether all of another ring's inside is inside of this one.
     pub(super) fn contains(&self, other: &Self) -> bool {
         if !self.bounds.contains(other.bounds) {
             return false;
@@ -168,7 +169,7 @@ impl Ring {
         !self.vertices.first().is_some_and(|own| other.has(*own) && !other.has_vertex(*own))
     }
 
-    /// Whether the insides have something in common.
+    /// Returns whether the insides have something in common.
     pub(super) fn meets(&self, other: &Self) -> bool {
         if !self.bounds.meets(other.bounds) {
             return false;
@@ -187,7 +188,7 @@ impl Ring {
         crosses || common || begins_in(self, other)
     }
 
-    /// Whether another ring is inside (and its edge too), or nothing where the edges cross.
+    /// Returns whether another ring is inside (and its edge too), or nothing where the edges cross.
     pub(super) fn nests(&self, other: &Self) -> Option<bool> {
         if !self.bounds.meets(other.bounds) {
             return Some(false);
@@ -215,13 +216,13 @@ impl Ring {
 }
 
 impl Shared {
-    /// Whether the inside of the other ring is within that of the own one here.
+    /// Returns whether the inside of the other ring is within that of the own one here.
     fn contains(self) -> bool {
         let Self { vertex, own: (a0, a2), other: (b0, b2) } = self;
         in_order(a2, b2, b0, vertex) && in_order(b0, a0, a2, vertex)
     }
 
-    /// Whether the insides have something in common here.
+    /// Returns whether the insides have something in common here.
     fn meets(self) -> bool {
         let Self { vertex, own: (a0, a2), other: (b0, b2) } = self;
         !(in_order(a0, b2, b0, vertex) && in_order(b0, a2, a0, vertex))
@@ -261,13 +262,13 @@ mod tests {
 
     #[test]
     fn a_ring_has_what_is_inside_of_its_geodesic_edges() {
-        let wide = ring(&[(-60.0, 0.0), (60.0, 0.0), (60.0, 40.0), (-60.0, 40.0)]);
-        assert!(wide.has(Vector::at(0.0, 20.0)));
-        assert!(!wide.has(Vector::at(0.0, -1.0)));
+        let broad = ring(&[(-60.0, 0.0), (60.0, 0.0), (60.0, 40.0), (-60.0, 40.0)]);
+        assert!(broad.has(Vector::at(0.0, 20.0)));
+        assert!(!broad.has(Vector::at(0.0, -1.0)));
         // The way from corner to corner bends towards the pole.
-        assert!(wide.has(Vector::at(0.0, 50.0)));
-        assert!(!wide.has(Vector::at(0.0, 70.0)));
-        assert!(!wide.has(Vector::at(180.0, -20.0)));
+        assert!(broad.has(Vector::at(0.0, 50.0)));
+        assert!(!broad.has(Vector::at(0.0, 70.0)));
+        assert!(!broad.has(Vector::at(180.0, -20.0)));
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub(in crate::query::geo) struct Vector {
 }
 
 impl Vector {
-    /// The point at a longitude and latitude in degrees.
+    /// Returns the point at a longitude and latitude in degrees.
     pub(in crate::query::geo) fn at(longitude: f64, latitude: f64) -> Self {
         let (theta, phi) = (longitude.to_radians(), latitude.to_radians());
         Self { x: theta.cos() * phi.cos(), y: theta.sin() * phi.cos(), z: phi.sin() }
@@ -40,7 +40,7 @@ impl Vector {
         }
     }
 
-    /// The square of the length.
+    /// Returns the square of the length.
     pub(super) fn square(self) -> f64 {
         self.dot(self)
     }
@@ -49,18 +49,18 @@ impl Vector {
         self.square().sqrt()
     }
 
-    /// The same direction with length 1.
+    /// Returns the same direction with length 1.
     pub(super) fn unit(self) -> Self {
         let length = self.length();
         if length == 0.0 { self } else { self * (1.0 / length) }
     }
 
-    /// The angle between two vectors, in radians.
+    /// Returns the angle between two vectors, in radians.
     pub(in crate::query::geo) fn angle(self, other: Self) -> f64 {
         self.cross(other).length().atan2(self.dot(other))
     }
 
-    /// A vector at right angles to both, exact also where they are nearly parallel.
+    /// Returns a vector at right angles to both, exact also where they are nearly parallel.
     pub(super) fn normal(self, other: Self) -> Self {
         let normal = (other + self).cross(other - self);
         if normal == Self::new(0.0, 0.0, 0.0) { self.orthogonal() } else { normal }
@@ -192,7 +192,7 @@ fn sign(value: f64) -> i8 {
     i8::from(value > 0.0) - i8::from(value < 0.0)
 }
 
-/// Whether A, B, C come in this order going left around O; also where A is B or B is C, not where A is C.
+/// Returns whether A, B, C come in this order going left around O; also where A is B or B is C, not where A is C.
 pub(super) fn in_order(a: Vector, b: Vector, c: Vector, o: Vector) -> bool {
     let count = u8::from(turn(b, o, a) >= 0) + u8::from(turn(c, o, b) >= 0) + u8::from(turn(a, o, c) > 0);
     count >= 2

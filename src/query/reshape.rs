@@ -1,14 +1,15 @@
-//! Stages that make one document of one document.
+//! Stages that turn each document into one document.
 
 use bson::{Bson, DateTime, Document};
 
-use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Environment, Expression, Scope, Variables};
-use crate::query::projection::Shape;
+use super::error::{QueryError, Result};
+use super::expression::{Environment, Expression, Scope, Variables};
+use super::projection::Shape;
+use super::view::View;
 
 /// `$project`, `$addFields`, `$unset`, `$replaceRoot` and their other names.
 #[derive(Debug)]
-pub(in crate::query) enum Reshape {
+pub(super) enum Reshape {
     Shape(Shape),
     Root(Expression),
 }
@@ -38,7 +39,7 @@ impl Reshape {
     }
 
     /// Reads a stage of a pipeline update.
-    pub(in crate::query) fn parse_update(stage: &Document, scope: &Scope) -> Result<Self> {
+    pub(super) fn parse_update(stage: &Document, scope: &Scope) -> Result<Self> {
         let (Some((name, argument)), 1) = (stage.iter().next(), stage.len()) else {
             return Err(QueryError::invalid(40_323, "a pipeline stage must have exactly one field"));
         };
@@ -48,16 +49,16 @@ impl Reshape {
         }
     }
 
-    /// The new document.
-    pub(in crate::query) fn apply(&self, document: Document, variables: &Variables, now: DateTime) -> Result<Document> {
+    /// Returns the new document.
+    pub(super) fn apply(&self, document: Document, variables: &Variables, now: DateTime) -> Result<Document> {
         match self {
             Self::Shape(shape) => shape.apply(&document, variables, now),
             Self::Root(expression) => {
                 match expression.evaluate(&Environment::new((&document).into(), variables, now))? {
                     Some(Bson::Document(root)) => Ok(root),
                     other => {
-                        let kind = other.map_or("missing", |other| crate::query::view::View::from(&other).type_name());
-                        Err(QueryError::invalid(40_228, format!("the new root must be an object, not {kind}")))
+                        let found = other.map_or("missing", |other| View::from(&other).type_name());
+                        Err(QueryError::invalid(40_228, format!("the new root must be an object, not {found}")))
                     }
                 }
             }
@@ -65,13 +66,13 @@ impl Reshape {
     }
 }
 
-/// The document a stage takes.
+/// Returns the document a stage takes.
 pub(super) fn object<'a>(stage: &str, argument: &'a Bson) -> Result<&'a Document> {
     match argument {
         Bson::Document(document) => Ok(document),
         other => {
-            let kind = crate::query::view::View::from(other).type_name();
-            Err(QueryError::invalid(15_969, format!("{stage} specification must be an object, not {kind}")))
+            let found = View::from(other).type_name();
+            Err(QueryError::invalid(15_969, format!("{stage} specification must be an object, not {found}")))
         }
     }
 }

@@ -1,5 +1,7 @@
-//! What the bytes of a document contain wherever it matches: by that most documents are passed
-//! over without being taken apart.
+//! A substring search over raw documents that rejects most of them before a filter is evaluated.
+//!
+//! A document that matches `{name: "B"}` contains the bytes of the string "B". A document without these bytes
+//! cannot match.
 
 use bson::Bson;
 use memchr::memmem::Finder;
@@ -7,13 +9,13 @@ use memchr::memmem::Finder;
 use super::test::{Leaf, Test};
 use super::tree::Node;
 
-/// Bytes that every match contains.
+/// Bytes that every matching document contains.
 #[derive(Debug)]
-pub(super) struct Needle(Box<Finder<'static>>);
+pub(super) struct Prefilter(Box<Finder<'static>>);
 
-impl Needle {
-    /// The longest there is, where the filter wants a text or an id. Where it computes, a
-    /// document that does not match may be an error all the same, and none is passed over.
+impl Prefilter {
+    /// Returns the longest string or id that the filter demands, if there is one. A filter with an expression has no
+    /// prefilter, because a document that does not match can still be an error.
     pub(super) fn of(root: &Node) -> Option<Self> {
         let conjuncts = match root {
             Node::And(children) => children.as_slice(),
@@ -24,13 +26,13 @@ impl Needle {
         Some(Self(Box::new(Finder::new(&longest).into_owned())))
     }
 
-    /// Whether these bytes contain it.
-    pub(super) fn is_in(&self, bytes: &[u8]) -> bool {
+    /// Returns whether a document with these bytes can match.
+    pub(super) fn may_match(&self, bytes: &[u8]) -> bool {
         self.0.find(bytes).is_some()
     }
 }
 
-/// What is in the bytes of a document in which a value at a path, or an element of it, equals another.
+/// Returns bytes contained in every document that passes this node.
 fn bytes(node: &Node) -> Option<Vec<u8>> {
     let Node::Field(_, test) = node else { return None };
     match test {
@@ -43,7 +45,7 @@ fn bytes(node: &Node) -> Option<Vec<u8>> {
     }
 }
 
-/// A value as it is written: what is equal to it and of another type is written alike.
+/// Returns the bytes of a value to be equal to. Strings and symbols, which are equal, have the same bytes.
 fn value(leaf: &Leaf) -> Option<Vec<u8>> {
     match leaf {
         Leaf::Equal(Bson::String(text) | Bson::Symbol(text)) => {
@@ -61,7 +63,7 @@ mod tests {
     use bson::{Bson, Document, RawDocumentBuf, doc, oid::ObjectId};
 
     #[test]
-    fn documents_that_match_contain_what_is_looked_for() {
+    fn a_prefilter_never_rejects_a_document_that_matches() {
         let id = ObjectId::from_bytes([9; 12]);
         let filters = [
             doc! { "a": "text" },

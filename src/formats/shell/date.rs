@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-const DAY: i64 = 86_400_000;
+use crate::calendar::{DAY, date_of, days_in_month, days_of};
 
 /// Milliseconds since 1970 of `2024-02-29`, `2024-02-29T12:00Z`, `+012024-02-29T12:00:00.123+01:00`.
 /// Without a zone it is UTC.
@@ -10,10 +10,10 @@ pub(super) fn parse(text: &str) -> Option<i64> {
     let (year, rest) = year(text)?;
     let (month, rest) = part(rest, '-', 2).unwrap_or((1, rest));
     let (day, rest) = part(rest, '-', 2).unwrap_or((1, rest));
-    if !(1..=12).contains(&month) || day < 1 || day > month_days(year, month) {
+    if !(1..=12).contains(&month) || day < 1 || day > days_in_month(year, month) {
         return None;
     }
-    let midnight = days(year, month, day).checked_mul(DAY)?;
+    let midnight = days_of(year, month, day).checked_mul(DAY)?;
     if rest.is_empty() {
         return Some(midnight);
     }
@@ -33,7 +33,7 @@ pub(super) fn parse(text: &str) -> Option<i64> {
 /// Like `2024-02-29T12:00:00.123Z`; milliseconds only where there are any.
 /// `None` where Extended JSON does not write text: before 1970 and after 9999.
 pub(super) fn format(millis: i64) -> Option<String> {
-    let (year, month, day) = date(millis.div_euclid(DAY));
+    let (year, month, day) = date_of(millis.div_euclid(DAY));
     if !(1970..=9999).contains(&year) {
         return None;
     }
@@ -91,34 +91,6 @@ fn zone(text: &str) -> Option<i64> {
     let rest = rest.strip_prefix(':').unwrap_or(rest);
     let (minutes, rest) = if rest.is_empty() { (0, rest) } else { number(rest, 2)? };
     (rest.is_empty() && hours < 24 && minutes < 60).then_some(sign * (hours * 60 + minutes) * 60_000)
-}
-
-fn month_days(year: i64, month: i64) -> i64 {
-    match month {
-        2 if year % 4 == 0 && (year % 100 != 0 || year % 400 == 0) => 29,
-        2 => 28,
-        4 | 6 | 9 | 11 => 30,
-        _ => 31,
-    }
-}
-
-/// Days since 1970 in the proleptic Gregorian calendar, counting years from March.
-fn days(year: i64, month: i64, day: i64) -> i64 {
-    let year = if month <= 2 { year - 1 } else { year };
-    let (era, year_of_era) = (year.div_euclid(400), year.rem_euclid(400));
-    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
-    era * 146_097 + year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year - 719_468
-}
-
-/// The inverse of [`days`].
-fn date(days: i64) -> (i64, i64, i64) {
-    let days = days + 719_468;
-    let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let march_month = (5 * day_of_year + 2) / 153;
-    let month = if march_month < 10 { march_month + 3 } else { march_month - 9 };
-    (year_of_era + era * 400 + i64::from(month <= 2), month, day_of_year - (153 * march_month + 2) / 5 + 1)
 }
 
 #[cfg(test)]

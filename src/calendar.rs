@@ -1,22 +1,26 @@
-//! The Gregorian calendar, proleptic, in days and milliseconds since 1970; no time zones.
+//! The proleptic Gregorian calendar, in days and milliseconds since 1970, without time zones.
+//!
+//! It is written here because BSON's dates reach 292 million years to either side of 1970; the dates of jiff, chrono
+//! and time end at the years 9999, 262,142 and 999,999.
 
 /// Milliseconds of a day.
-pub(super) const DAY: i64 = 86_400_000;
+pub(crate) const DAY: i64 = 86_400_000;
 
-/// A moment taken apart.
+/// A date and time of day by its fields. `month` and `day` begin with 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Civil {
-    pub(super) year: i64,
-    pub(super) month: i64,
-    pub(super) day: i64,
-    pub(super) hour: i64,
-    pub(super) minute: i64,
-    pub(super) second: i64,
-    pub(super) millisecond: i64,
+pub(crate) struct Civil {
+    pub(crate) year: i64,
+    pub(crate) month: i64,
+    pub(crate) day: i64,
+    pub(crate) hour: i64,
+    pub(crate) minute: i64,
+    pub(crate) second: i64,
+    pub(crate) millisecond: i64,
 }
 
 impl Civil {
-    pub(super) fn from_millis(millis: i64) -> Self {
+    /// Returns the fields of a time given as milliseconds since 1970.
+    pub(crate) fn from_millis(millis: i64) -> Self {
         let (year, month, day) = date_of(millis.div_euclid(DAY));
         let rest = millis.rem_euclid(DAY);
         Self {
@@ -30,8 +34,8 @@ impl Civil {
         }
     }
 
-    /// The moment; parts out of range carry over. Nothing where it is too far away.
-    pub(super) fn to_millis(self) -> Option<i64> {
+    /// Returns milliseconds since 1970; fields out of range carry over. `None` beyond the range of 64 bits.
+    pub(crate) fn to_millis(self) -> Option<i64> {
         let months = self.month.checked_sub(1)?;
         let year = self.year.checked_add(months.div_euclid(12))?;
         if year.unsigned_abs() > 400_000_000 {
@@ -46,23 +50,23 @@ impl Civil {
         i64::try_from(millis).ok()
     }
 
-    /// 1 is the first of January.
-    pub(super) fn day_of_year(self) -> i64 {
+    /// Returns the day of the year; 1 is the first of January.
+    pub(crate) fn day_of_year(self) -> i64 {
         days_of(self.year, self.month, self.day) - days_of(self.year, 1, 1) + 1
     }
 
-    /// 0 is Sunday.
-    pub(super) fn weekday(self) -> i64 {
+    /// Returns the day of the week; 0 is Sunday.
+    pub(crate) fn weekday(self) -> i64 {
         weekday(days_of(self.year, self.month, self.day))
     }
 
-    /// Weeks that begin on Sunday; days before the first Sunday are in week 0.
-    pub(super) fn week(self) -> i64 {
+    /// Returns the week of the year, weeks beginning on Sunday; days before the first Sunday are in week 0.
+    pub(crate) fn week(self) -> i64 {
         (self.day_of_year() + 6 - self.weekday()) / 7
     }
 
-    /// ISO 8601's year and week.
-    pub(super) fn iso_week(self) -> (i64, i64) {
+    /// Returns year and week of ISO 8601.
+    pub(crate) fn iso_week(self) -> (i64, i64) {
         let weekday = (self.weekday() + 6) % 7;
         let week = (self.day_of_year() - 1 - weekday + 10) / 7;
         if week < 1 {
@@ -75,22 +79,24 @@ impl Civil {
     }
 }
 
-/// 0 is Sunday.
-pub(super) fn weekday(days: i64) -> i64 {
+/// Returns the day of the week of a day since 1970; 0 is Sunday.
+pub(crate) fn weekday(days: i64) -> i64 {
     (days + 4).rem_euclid(7)
 }
 
-/// How many weeks ISO 8601 gives a year.
+/// Returns the number of weeks that a year has in ISO 8601.
 fn iso_weeks(year: i64) -> i64 {
     let first = weekday(days_of(year, 1, 1));
     if first == 4 || (first == 3 && is_leap(year)) { 53 } else { 52 }
 }
 
-pub(super) fn is_leap(year: i64) -> bool {
+/// Returns whether a year has a 29th of February.
+pub(crate) fn is_leap(year: i64) -> bool {
     year % 4 == 0 && (year % 100 != 0 || year % 400 == 0)
 }
 
-pub(super) fn days_in_month(year: i64, month: i64) -> i64 {
+/// Returns the number of days of a month (1 to 12).
+pub(crate) fn days_in_month(year: i64, month: i64) -> i64 {
     match month {
         2 => 28 + i64::from(is_leap(year)),
         4 | 6 | 9 | 11 => 30,
@@ -98,8 +104,8 @@ pub(super) fn days_in_month(year: i64, month: i64) -> i64 {
     }
 }
 
-/// Days since 1970 of a date. Counts in eras of 400 years that begin in March.
-pub(super) fn days_of(year: i64, month: i64, day: i64) -> i64 {
+/// Returns the days from 1970-01-01 to a date, counting in eras of 400 years that begin in March.
+pub(crate) fn days_of(year: i64, month: i64, day: i64) -> i64 {
     let year = if month <= 2 { year - 1 } else { year };
     let era = year.div_euclid(400);
     let of_era = year.rem_euclid(400);
@@ -107,8 +113,8 @@ pub(super) fn days_of(year: i64, month: i64, day: i64) -> i64 {
     era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468
 }
 
-/// Year, month and day.
-pub(super) fn date_of(days: i64) -> (i64, i64, i64) {
+/// Returns year, month and day of a day since 1970: the inverse of [`days_of`].
+pub(crate) fn date_of(days: i64) -> (i64, i64, i64) {
     let days = days + 719_468;
     let era = days.div_euclid(146_097);
     let of_era = days.rem_euclid(146_097);
@@ -120,8 +126,8 @@ pub(super) fn date_of(days: i64) -> (i64, i64, i64) {
     (year + era * 400 + i64::from(month <= 2), month, day)
 }
 
-/// The ISO 8601 text of a moment, with milliseconds.
-pub(super) fn iso_text(millis: i64) -> String {
+/// Returns the ISO 8601 text of milliseconds since 1970, in UTC, like `2000-02-29T00:00:00.123Z`.
+pub(crate) fn iso_text(millis: i64) -> String {
     let civil = Civil::from_millis(millis);
     format!(
         "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z",

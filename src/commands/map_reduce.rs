@@ -1,0 +1,88 @@
+//! `rmem map-reduce NS --map FUNCTION --reduce FUNCTION`: values reduced by key, with functions in JavaScript.
+
+use anyhow::Context as _;
+use bson::{Bson, Document, doc};
+use clap::Args;
+
+use super::Context;
+use super::query::{argument, blame};
+use crate::exit::Exit;
+use crate::query::MapReduce;
+use crate::store::{Find, Namespace};
+
+/// Reduce values by key, with functions in JavaScript
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  rmem map-reduce robmem.worldmodel --map 'function() { emit(this.relation, 1) }' \\\n    \
+                  --reduce 'function(key, values) { return Array.sum(values) }'"
+)]
+pub struct MapReduceArgs {
+    /// Collection as DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Function that sees a document as `this` and calls emit(key, value), or @FILE
+    #[arg(long, value_name = "FUNCTION")]
+    pub map: String,
+    /// Function of a key and an array of values that returns one value, or @FILE
+    #[arg(long, value_name = "FUNCTION")]
+    pub reduce: String,
+    /// Function of a key and its value that returns the final value, or @FILE
+    #[arg(long, value_name = "FUNCTION")]
+    pub finalize: Option<String>,
+    /// Query for the documents to map (default: all documents)
+    #[arg(long, value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub query: String,
+    /// Sort order of the documents, e.g. '{name: 1}' (-1 is descending)
+    #[arg(long, value_name = "SORT", default_value = "{}", hide_default_value = true)]
+    pub sort: String,
+    /// Map at most N documents
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub limit: u64,
+    /// Variables for the functions, e.g. '{factor: 2}'
+    #[arg(long, value_name = "DOC", default_value = "{}", hide_default_value = true)]
+    pub scope: String,
+    /// Replace this collection by the results, instead of printing them
+    #[arg(long, value_name = "NS")]
+    pub out: Option<Namespace>,
+}
+
+pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let (map, reduce) = (function(&args.map)?, function(&args.reduce)?);
+    let finalize = args.finalize.as_deref().map(function).transpose()?;
+    let functions = MapReduce::parse(&map, &reduce, finalize.as_deref(), &argument("<scope>", &args.scope)?)?;
+    let find = Find {
+        filter: argument("<query>", &args.query)?,
+        sort: argument("<sort>", &args.sort)?,
+        limit: args.limit,
+        ..Find::default()
+    };
+    let texts = [("<query>", args.query.as_str()), ("<sort>", args.sort.as_str())];
+    let memory = context.memory()?;
+    let documents = memory.find(&args.namespace, &find).map_err(|error| blame(error, &texts))?;
+    let results = functions.run(documents).map_err(|error| blame(error, &texts))?;
+    match &args.out {
+        Some(out) => {
+            memory.aggregate(out, &writing(out, results))?.try_for_each(|document| document.map(drop))?;
+        }
+        None => drop(context.print_documents(results.into_iter().map(Ok))?),
+    }
+    Ok(Exit::Done)
+}
+
+/// Returns the text of a function, which `@FILE` has in a file.
+fn function(text: &str) -> anyhow::Result<String> {
+    match text.strip_prefix('@') {
+        Some(path) => std::fs::read_to_string(path).with_context(|| format!("cannot read {path}")),
+        None => Ok(text.to_owned()),
+    }
+}
+
+/// Returns a pipeline that replaces a collection by documents in one step.
+fn writing(out: &Namespace, documents: Vec<Document>) -> Vec<Document> {
+    let documents: Vec<Bson> = documents.into_iter().map(Bson::Document).collect();
+    vec![
+        doc! { "$match": { "$alwaysFalse": 1 } },
+        doc! { "$unionWith": { "pipeline": [{ "$documents": { "$literal": documents } }] } },
+        doc! { "$out": { "db": &out.database, "coll": &out.collection } },
+    ]
+}

@@ -1,0 +1,209 @@
+//! Window functions: accumulators over windows, and functions of the order.
+
+use std::ops::Range;
+
+use bson::{Bson, Document};
+
+use super::bounds::Bounds;
+use super::series::{Covariance, Fill, MovingAverage, Slope};
+use super::{Member, Window, wrong};
+use crate::query::error::{QueryError, Result};
+use crate::query::expression::{Expression, Scope, constant_of};
+use crate::query::number::Number;
+use crate::query::pipeline::accumulator::{Accumulator, count};
+use crate::query::pipeline::run::Run;
+use crate::query::view::Fields;
+
+/// A compiled window function.
+#[derive(Debug)]
+pub(super) enum Function {
+    Accumulate(Accumulator),
+    Rank(Rank),
+    Shift { output: Expression, by: i64, default: Bson },
+    Covariance(Covariance),
+    Slope(Slope),
+    MovingAverage(MovingAverage),
+    Fill(Fill),
+}
+
+/// The functions that number documents.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Rank {
+    Sparse,
+    Dense,
+    Number,
+}
+
+const ACCUMULATORS: [&str; 18] = [
+    "$sum",
+    "$avg",
+    "$min",
+    "$max",
+    "$push",
+    "$addToSet",
+    "$first",
+    "$last",
+    "$stdDevPop",
+    "$stdDevSamp",
+    "$count",
+    "$firstN",
+    "$lastN",
+    "$minN",
+    "$maxN",
+    "$top",
+    "$bottom",
+    "$topN",
+];
+
+impl Function {
+    pub(super) fn parse(
+        name: &str,
+        argument: &Bson,
+        window: &Window,
+        bounds: Option<&Bounds>,
+        scope: &Scope,
+    ) -> Result<Self> {
+        let rank = |rank: Rank| {
+            if !matches!(argument, Bson::Document(argument) if argument.is_empty()) {
+                return Err(QueryError::invalid(5_371_603, format!("{name} takes {{}} as its argument")));
+            }
+            if bounds.is_some() {
+                return Err(QueryError::invalid(5_371_601, format!("{name} takes no window")));
+            }
+            if window.by().is_none() {
+                return Err(QueryError::invalid(5_371_602, format!("{name} needs a sortBy of exactly one field")));
+            }
+            Ok(Self::Rank(rank))
+        };
+        match name {
+            "$rank" => rank(Rank::Sparse),
+            "$denseRank" => rank(Rank::Dense),
+            "$documentNumber" => rank(Rank::Number),
+            "$shift" => shift(argument, window, bounds, scope),
+            "$covariancePop" | "$covarianceSamp" => Ok(Self::Covariance(Covariance::parse(name, argument, scope)?)),
+            "$derivative" | "$integral" => {
+                if name == "$derivative" && bounds.is_none() {
+                    return Err(wrong("$derivative needs a window with explicit bounds"));
+                }
+                Ok(Self::Slope(Slope::parse(name, argument, window.by().is_some(), scope)?))
+            }
+            "$expMovingAvg" => {
+                if bounds.is_some() {
+                    return Err(wrong("$expMovingAvg takes no window"));
+                }
+                Ok(Self::MovingAverage(MovingAverage::parse(argument, window.is_sorted(), scope)?))
+            }
+            "$linearFill" | "$locf" => {
+                if bounds.is_some() {
+                    return Err(wrong(format!("{name} takes no window")));
+                }
+                Ok(Self::Fill(Fill::parse(name, argument, window.by().is_some(), scope)?))
+            }
+            _ if ACCUMULATORS.contains(&name) || name == "$bottomN" => {
+                let spec = Document::from_iter([(name.to_owned(), argument.clone())]);
+                Ok(Self::Accumulate(Accumulator::parse(&Bson::Document(spec), scope)?))
+            }
+            _ => Err(wrong(format!("unrecognized window function, {name}"))),
+        }
+    }
+
+    /// Returns the value for each document of a partition.
+    pub(super) fn values<E>(
+        &self,
+        partition: &[Member],
+        windows: &[Range<usize>],
+        run: &Run<'_, E>,
+    ) -> Result<Vec<Bson>> {
+        match self {
+            Self::Accumulate(accumulator) => accumulated(accumulator, partition, windows, run),
+            Self::Rank(rank) => Ok(ranks(*rank, partition)),
+            Self::Shift { output, by, default } => shifted(output, *by, default, partition, run),
+            Self::Covariance(covariance) => covariance.values(partition, windows, run),
+            Self::Slope(slope) => slope.values(partition, windows, run),
+            Self::MovingAverage(average) => average.values(partition, run),
+            Self::Fill(fill) => fill.values(partition, run),
+        }
+    }
+}
+
+fn fields(member: &Member) -> Fields<'_> {
+    (&*member.document).into()
+}
+
+/// The value of an accumulator over each window. What one window shares with the one before is not added again, as
+/// long as windows only grow.
+fn accumulated<E>(
+    accumulator: &Accumulator,
+    partition: &[Member],
+    windows: &[Range<usize>],
+    run: &Run<'_, E>,
+) -> Result<Vec<Bson>> {
+    let mut values: Vec<Bson> = Vec::with_capacity(windows.len());
+    let mut state = accumulator.start(&Bson::Null, run)?;
+    let mut done = 0..0;
+    for window in windows {
+        if *window == done
+            && let Some(last) = values.last()
+        {
+            values.push(last.clone());
+            continue;
+        }
+        if window.start != done.start || window.end < done.end {
+            state = accumulator.start(&Bson::Null, run)?;
+            done = window.start..window.start;
+        }
+        for member in partition.get(done.end..window.end).unwrap_or_default() {
+            accumulator.add(&mut state, fields(member), run)?;
+        }
+        done = window.clone();
+        values.push(accumulator.finish(state.clone())?);
+    }
+    Ok(values)
+}
+
+fn ranks(rank: Rank, partition: &[Member]) -> Vec<Bson> {
+    let (mut values, mut current, mut before) = (Vec::with_capacity(partition.len()), 0i64, None);
+    for (member, number) in partition.iter().zip(1i64..) {
+        if before != Some(&member.place) || rank == Rank::Number {
+            current = if rank == Rank::Dense { current + 1 } else { number };
+        }
+        before = Some(&member.place);
+        values.push(count(current));
+    }
+    values
+}
+
+fn shift(argument: &Bson, window: &Window, bounds: Option<&Bounds>, scope: &Scope) -> Result<Function> {
+    let Bson::Document(spec) = argument else { return Err(wrong("$shift needs an object")) };
+    if bounds.is_some() {
+        return Err(wrong("$shift takes no window"));
+    }
+    if let Some(name) = spec.keys().find(|name| !matches!(name.as_str(), "output" | "by" | "default")) {
+        return Err(wrong(format!("$shift has the unknown argument: {name}")));
+    }
+    let output = spec.get("output").ok_or_else(|| wrong("$shift needs 'output'"))?;
+    let by = spec.get("by").ok_or_else(|| wrong("$shift needs 'by'"))?;
+    let by = Number::of(by).and_then(Number::integral).ok_or_else(|| wrong("the 'by' of $shift must be an integer"))?;
+    if !window.is_sorted() {
+        return Err(wrong("$shift needs a sortBy"));
+    }
+    let default = spec.get("default").map(|value| constant_of(value, scope)).transpose()?.unwrap_or(Bson::Null);
+    Ok(Function::Shift { output: Expression::parse_in(output, scope)?, by, default })
+}
+
+fn shifted<E>(
+    output: &Expression,
+    by: i64,
+    default: &Bson,
+    partition: &[Member],
+    run: &Run<'_, E>,
+) -> Result<Vec<Bson>> {
+    let value = |index: usize| {
+        let index = i64::try_from(index).ok().and_then(|index| index.checked_add(by));
+        match index.and_then(|index| usize::try_from(index).ok()).and_then(|index| partition.get(index)) {
+            Some(member) => Ok(output.evaluate(&run.environment(fields(member)))?.unwrap_or(Bson::Null)),
+            None => Ok(default.clone()),
+        }
+    };
+    (0..partition.len()).map(value).collect()
+}
