@@ -74,6 +74,7 @@ pub(super) fn no_plan(reason: &NoPlan) -> (String, i32) {
         NoPlan::GoalFalse => ("\nff: goal can be simplified to FALSE. No plan will solve it\n\n".to_owned(), 11),
         NoPlan::Exhausted => ("\nbest first search space empty! problem proven unsolvable.\n\n".to_owned(), 11),
         NoPlan::GaveUp(why) => (format!("\nsearch cap reached! no plan found{}.\n\n", bracketed(why)), 12),
+        NoPlan::Full(why) => (format!("\nnot enough memory: {why}\n\n"), 22),
         NoPlan::Doubted { doubt, why } => {
             let why = bracketed(why);
             (format!("\nsearch cap reached! no plan found{why}; no proof for a task with {doubt}.\n\n"), 12)
@@ -94,6 +95,8 @@ pub(super) enum NoPlan {
     Exhausted,
     /// The engine stopped without having seen everything.
     GaveUp(String),
+    /// It has no more memory, and this is what took it.
+    Full(String),
     /// It has seen everything it wanted to see, which for this task is no proof.
     Doubted {
         /// What in the task makes it none.

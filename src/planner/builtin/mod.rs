@@ -5,13 +5,16 @@
 //! crashes, like every other planner. As the planner of `rmem plan` it gets a task that has
 //! been read and written already, and is told so with [`CHECKED`].
 //!
-//! A classical task is worked on by a [`portfolio`] of the engine's searches; times, preferences
-//! and constraints have one way each, the engine's own. What ends a search is a number of
-//! states, never a clock, so that the same task has the same plan everywhere.
+//! A classical task is for the [`search`] of rmem's own. One with numbers is worked on by a [`portfolio`] of the
+//! engine's searches; times, preferences and constraints have one way each, the engine's own. What ends a
+//! search is an amount of work, never a clock, so that the same task has the same plan everywhere.
 
+mod classical;
+pub mod convert;
 mod ff_output;
 mod portfolio;
 mod proof;
+pub mod search;
 
 use std::ffi::OsString;
 use std::sync::mpsc;
@@ -20,11 +23,12 @@ use std::thread;
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
+use self::classical::Answer;
 use self::ff_output::NoPlan;
 use super::files::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner, Task, refuse};
 use crate::formats::pddl::portable::{self, Sent};
-use crate::formats::plan::{Transcript, ff};
+use crate::formats::plan::{Transcript, Verdict, ff};
 use crate::pddl::Feature;
 use crate::process::Host;
 
@@ -32,8 +36,7 @@ use crate::process::Host;
 const ENGINE: &str = "ferroplan 0.30.0";
 
 /// What the engine does not read, or refuses.
-const LACKS: [Feature; 4] =
-    [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables, Feature::ChangingDerivedPredicates];
+const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables];
 
 /// The requirements that the engine knows by name. Others announce what it may well
 /// be able to do: it reads `:derived` but not the keyword for it.
@@ -109,7 +112,15 @@ impl Planner for Builtin {
 
     fn read(&self, output: &Output) -> Transcript {
         let whole = if self.anytime { ff_output::whole(&output.stdout) } else { &output.stdout };
-        ff::read(whole, &output.stderr)
+        let answer = ff::read(whole, &output.stderr);
+        match output.code {
+            Some(22) if answer.verdict != Verdict::Plan => Transcript {
+                verdict: Verdict::OutOfMemory,
+                message: output.stdout.trim().lines().last().unwrap_or_default().to_owned(),
+                ..answer
+            },
+            _ => answer,
+        }
     }
 
     fn is_anytime(&self) -> bool {
@@ -197,7 +208,11 @@ fn answer(
     let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
     let posed = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
     if is_classical(&task, &posed) {
-        return portfolio::plan(&task, &posed, options, found);
+        return match classical::plan(&task, &posed, options.anytime, found)? {
+            Answer::Solved => Ok(None),
+            Answer::None(reason) => Ok(Some(reason)),
+            Answer::Declined => portfolio::plan(&task, &posed, options, found),
+        };
     }
     let mut reason = None;
     let mut known = false;
@@ -235,7 +250,6 @@ fn is_classical(domain: &Domain, problem: &Problem) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::formats::plan::Verdict;
 
     fn task(domain: &str, problem: &str) -> (Transcript, i32) {
         let read = |name: &str| {
