@@ -5,10 +5,11 @@ use ferroplan::{Plan, SolveError, Step};
 use rustix::process::{Resource, getrlimit};
 
 use super::convert::convert;
+use super::Options;
 use super::ff_output::NoPlan;
 use super::search::lifted::Lifted;
 use super::search::task::{OperatorId, Task};
-use super::search::{End, Event, Ground, Refusal, Settings, ground, solve};
+use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, solve};
 
 /// The bytes for states where this process has no limit.
 const MEMORY: usize = 4 << 30;
@@ -31,11 +32,11 @@ pub(super) enum Answer {
 pub(super) fn plan(
     domain: &Domain,
     problem: &Problem,
-    anytime: bool,
+    options: Options,
     found: &mut dyn FnMut(&Plan),
 ) -> Result<Answer, SolveError> {
     match convert(domain, problem) {
-        Ok(lifted) => search(&lifted, memory(), anytime, found),
+        Ok(lifted) => search(&lifted, memory(), options, found),
         Err(_) => Ok(Answer::Declined),
     }
 }
@@ -43,7 +44,7 @@ pub(super) fn plan(
 fn search(
     lifted: &Lifted,
     memory: usize,
-    anytime: bool,
+    options: Options,
     found: &mut dyn FnMut(&Plan),
 ) -> Result<Answer, SolveError> {
     let task = match ground(lifted, memory) {
@@ -58,10 +59,20 @@ fn search(
         }
     };
     let mut states = 0;
-    let end = solve(&task, Settings { anytime, memory }, &mut |event| match event {
-        Event::Plan(plan) => found(&report(&task, plan)),
+    let improvement = match options {
+        Options { anytime: true, .. } => Improvement::Unbounded,
+        Options { optimize: true, .. } if task.has_costs => Improvement::Bounded,
+        _ => Improvement::Brief,
+    };
+    let mut best = None;
+    let end = solve(&task, Settings { improvement, memory }, &mut |event| match event {
+        Event::Plan(plan) if improvement == Improvement::Unbounded => found(&report(&task, plan)),
+        Event::Plan(plan) => best = Some(report(&task, plan)),
         Event::States(count) => states = count,
     });
+    if let Some(plan) = best {
+        found(&plan);
+    }
     Ok(match end {
         End::Solved => Answer::Solved,
         End::Unsolvable => Answer::None(NoPlan::Exhausted),

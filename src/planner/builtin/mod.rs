@@ -208,7 +208,7 @@ fn answer(
     let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
     let posed = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
     if is_classical(&task, &posed) {
-        return match classical::plan(&task, &posed, options.anytime, found)? {
+        return match classical::plan(&task, &posed, options, found)? {
             Answer::Solved => Ok(None),
             Answer::None(reason) => Ok(Some(reason)),
             Answer::Declined => portfolio::plan(&task, &posed, options, found),

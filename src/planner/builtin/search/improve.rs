@@ -48,12 +48,17 @@ impl Improver<'_> {
         is_better
     }
 
-    /// Improves the plan until it is known to be the cheapest one, or until there is no more room.
-    pub(super) fn run(&mut self, relaxed: Relaxed) {
-        let (mut weight, mut work, mut size) = (0, SLICE, WINDOW);
+    /// Improves the plan until it is known to be the cheapest one, until there is no more room, or until so much
+    /// work is done.
+    pub(super) fn run(&mut self, relaxed: Relaxed, limit: u64) {
+        let (mut weight, mut work, mut size) = (0, SLICE.min(limit), WINDOW);
+        let mut left = limit;
         let mut search = self.search(relaxed, weight);
-        while self.cost(&self.plan) > 0 {
-            match search.run(work, self.memory) {
+        while self.cost(&self.plan) > 0 && left > 0 {
+            let before = search.work();
+            let step = search.run(work.min(left), self.memory);
+            left = left.saturating_sub(search.work() - before);
+            match step {
                 Step::Plan(plan) => {
                     self.take(plan);
                     weight = (weight + 1).min(WEIGHTS.len() - 1);
@@ -69,12 +74,15 @@ impl Improver<'_> {
                 }
                 Step::Full => break,
             }
-            self.windows(size, work);
+            let share = work.min(left);
+            left = left.saturating_sub(share);
+            self.windows(size, share);
             (work, size) = (work.saturating_mul(2), size.saturating_mul(2));
         }
         // Without room for all states, the neighbourhood of the plan is what is left.
         drop(search);
-        while self.windows(size, work) || size < self.plan.len() {
+        while left > 0 && (self.windows(size, work.min(left)) || size < self.plan.len()) {
+            left = left.saturating_sub(work);
             (work, size) = (work.saturating_mul(2), size.saturating_mul(2));
         }
     }

@@ -6,7 +6,7 @@
 //! operators only; they are asked in turn, and those of preferred operators are asked more often after progress.
 
 use super::axiom::Axioms;
-use super::landmark::count::Counter;
+use super::landmark::count::{Achieved, Counter};
 use super::open::OpenList;
 use super::relaxed::Relaxed;
 use super::state::{NO_STATE, Space, StateId};
@@ -123,6 +123,11 @@ impl<'t> Lazy<'t> {
         self.space.len()
     }
 
+    /// Returns how much work was done, by this search and those that had its relaxed task before.
+    pub(super) fn work(&self) -> u64 {
+        self.relaxed.work + self.work
+    }
+
     fn bytes(&self) -> usize {
         let entries: usize = self.lists.iter().map(OpenList::len).sum();
         self.space.bytes() + (self.accepted.capacity() + self.paid.capacity()) * 8 + entries * 12
@@ -130,8 +135,8 @@ impl<'t> Lazy<'t> {
 
     /// Searches until so much work is done, in so many bytes.
     pub(super) fn run(&mut self, work: u64, memory: usize) -> Step {
-        let start = self.relaxed.work + self.work;
-        while self.relaxed.work + self.work - start < work {
+        let start = self.work();
+        while self.work() - start < work {
             let Some(list) = self.next_list() else { return Step::Exhausted };
             self.lists[list].priority += 1;
             let Some((parent, operator)) = self.lists[list].pop() else { return Step::Exhausted };
@@ -248,16 +253,22 @@ impl<'t> Lazy<'t> {
 
     /// Appends what is applicable to the open lists.
     fn expand(&mut self, id: StateId, state: &[Fact], preferred: &[OperatorId], keys: [u32; 2]) {
-        let Scratch { applicable, is_preferred, .. } = &mut self.scratch;
+        let Scratch { applicable, is_preferred, accepted, .. } = &mut self.scratch;
         applicable.clear();
         self.generator.applicable(self.task, state, applicable);
         self.work += applicable.len() as u64 * 2 + 16;
         preferred.iter().for_each(|operator| is_preferred[*operator as usize] = true);
+        let achieves =
+            |operator: &OperatorId| self.counter.achieves(self.task, state, accepted, &self.task.operators[*operator as usize]);
+        let achieved: Vec<Achieved> = applicable.iter().map(achieves).collect();
+        // Disjunctive landmarks count where no simple one can be achieved.
+        let most = achieved.iter().copied().max().unwrap_or(Achieved::Nothing);
         let heuristics = if self.counter.words() > 0 { 2 } else { 1 };
-        for operator in applicable.iter() {
+        for (operator, achieved) in applicable.iter().zip(achieved) {
+            let is_next = most > Achieved::Nothing && achieved == most;
             for (place, key) in keys.into_iter().enumerate().take(heuristics) {
                 self.lists[place * 2].push(key, (id, *operator));
-                if is_preferred[*operator as usize] {
+                if is_next || is_preferred[*operator as usize] {
                     self.lists[place * 2 + 1].push(key, (id, *operator));
                 }
             }

@@ -26,4 +26,4 @@ mod tests;
 mod width;
 
 pub use ground::{Ground, Refusal, ground};
-pub use solve::{End, Event, Settings, solve};
+pub use solve::{End, Event, Improvement, Settings, solve};

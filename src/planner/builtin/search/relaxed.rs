@@ -20,6 +20,15 @@ struct Rule {
     cost: u32,
 }
 
+/// How far a rule is from being applied.
+#[derive(Debug, Clone, Copy)]
+struct Progress {
+    /// How many of the facts that it needs are not reached.
+    open: u32,
+    /// What it costs, with the facts that are reached.
+    sum: u32,
+}
+
 /// The axioms and other rules have no operator.
 const AXIOM: OperatorId = OperatorId::MAX;
 
@@ -90,15 +99,14 @@ pub(super) struct Relaxed {
     uses: Lists,
     /// The rules without conditions.
     free: Vec<u32>,
-    /// How many facts each rule needs.
-    needs: Vec<u32>,
+    /// What is open of each rule at first.
+    start: Vec<Progress>,
     is_goal: Vec<bool>,
     goals: Vec<Fact>,
     /// For each fact, its cost, and the rule that achieves it at that cost.
     costs: Vec<u32>,
     supporters: Vec<u32>,
-    open: Vec<u32>,
-    sums: Vec<u32>,
+    progress: Vec<Progress>,
     buckets: Vec<Vec<Fact>>,
     marks: Vec<bool>,
     marked: Vec<Fact>,
@@ -136,8 +144,10 @@ impl Relaxed {
             effects.push([fact]);
         }
         let facts = task.relaxed_facts.max(task.facts());
-        let needs: Vec<u32> = (0..rules.len()).map(|rule| conditions.get(rule).len() as u32).collect();
-        let free = (0..rules.len() as u32).filter(|rule| needs[*rule as usize] == 0).collect();
+        let needs = |rule: usize| conditions.get(rule).len() as u32;
+        let start: Vec<Progress> =
+            rules.iter().enumerate().map(|(number, rule)| Progress { open: needs(number), sum: rule.cost }).collect();
+        let free = (0..rules.len() as u32).filter(|rule| needs(*rule as usize) == 0).collect();
         let uses = conditions.inverted(facts);
         Self {
             uses,
@@ -146,8 +156,7 @@ impl Relaxed {
             goals: Vec::new(),
             costs: vec![u32::MAX; facts],
             supporters: vec![NONE; facts],
-            open: needs.clone(),
-            sums: vec![0; rules.len()],
+            progress: start.clone(),
             buckets: Vec::new(),
             marks: vec![false; facts],
             marked: Vec::new(),
@@ -156,7 +165,7 @@ impl Relaxed {
             rules,
             conditions,
             effects,
-            needs,
+            start,
         }
     }
 
@@ -175,10 +184,7 @@ impl Relaxed {
         self.goals.extend_from_slice(goals);
         goals.iter().for_each(|goal| self.is_goal[*goal as usize] = true);
         self.costs.fill(u32::MAX);
-        self.open.copy_from_slice(&self.needs);
-        for (sum, rule) in self.sums.iter_mut().zip(&self.rules) {
-            *sum = rule.cost;
-        }
+        self.progress.copy_from_slice(&self.start);
         self.buckets.iter_mut().for_each(Vec::clear);
         for fact in state {
             self.reach(*fact, 0, NONE);
@@ -219,15 +225,14 @@ impl Relaxed {
         let (start, count) = (self.range(fact), uses.len());
         for place in start..start + count {
             let rule = self.uses.items[place];
-            let open = &mut self.open[rule as usize];
+            let progress = &mut self.progress[rule as usize];
             // A fact of the last bucket may come twice.
-            if *open == 0 {
+            if progress.open == 0 {
                 continue;
             }
-            *open -= 1;
-            let sum = &mut self.sums[rule as usize];
-            *sum = sum.saturating_add(cost);
-            if *open == 0 {
+            progress.open -= 1;
+            progress.sum = progress.sum.saturating_add(cost);
+            if progress.open == 0 {
                 self.apply(rule);
             }
         }
@@ -238,7 +243,7 @@ impl Relaxed {
     }
 
     fn apply(&mut self, rule: u32) {
-        let cost = self.sums[rule as usize];
+        let cost = self.progress[rule as usize].sum;
         let start = if rule == 0 { 0 } else { self.effects.ends[rule as usize - 1] };
         for place in start..self.effects.ends[rule as usize] {
             let fact = self.effects.items[place as usize];
@@ -252,6 +257,10 @@ impl Relaxed {
         }
         self.costs[fact as usize] = cost;
         self.supporters[fact as usize] = supporter;
+        // What nobody needs is not looked at again.
+        if self.range(fact as usize) == self.uses.ends[fact as usize] as usize && !self.is_goal[fact as usize] {
+            return;
+        }
         let bucket = (cost as usize).min(DEEP);
         if bucket >= self.buckets.len() {
             self.buckets.resize_with(bucket + 1, Vec::new);
@@ -277,7 +286,7 @@ impl Relaxed {
             if operator != AXIOM && !std::mem::replace(&mut self.used[operator as usize], true) {
                 operators.push(operator);
                 value = value.saturating_add(cost);
-                if self.sums[rule as usize] == cost {
+                if self.progress[rule as usize].sum == cost {
                     preferred.push(operator);
                 }
             }
@@ -325,7 +334,7 @@ impl Relaxed {
     /// Operators that are sure to add one of the facts cannot be applied before it.
     pub(super) fn reach_before(&mut self, state: &[Fact], facts: &[Fact], achievers: &Lists, sure: &[bool], reached: &mut [bool]) {
         reached.fill(false);
-        self.open.copy_from_slice(&self.needs);
+        self.progress.copy_from_slice(&self.start);
         let mut banned: Vec<OperatorId> = Vec::new();
         for fact in facts {
             for rule in achievers.get(*fact as usize) {
@@ -348,8 +357,9 @@ impl Relaxed {
             self.work += count as u64;
             for place in start..start + count {
                 let rule = self.uses.items[place];
-                self.open[rule as usize] -= 1;
-                if self.open[rule as usize] == 0 {
+                let progress = &mut self.progress[rule as usize];
+                progress.open -= 1;
+                if progress.open == 0 {
                     self.add_before(rule, facts, reached, &mut queue);
                 }
             }
@@ -377,7 +387,7 @@ impl Relaxed {
     /// Returns, for each rule, whether it applies whenever its operator does.
     pub(super) fn sure(&self, task: &Task) -> Vec<bool> {
         let is_sure = |(number, rule): (usize, &Rule)| {
-            let needs = self.needs[number] as usize;
+            let needs = self.start[number].open as usize;
             task.operators.get(rule.operator as usize).is_none_or(|operator| operator.condition.len() == needs)
         };
         self.rules.iter().enumerate().map(is_sure).collect()

@@ -17,13 +17,27 @@ use super::width::Width;
 /// The work of the first slices.
 const SLICE: u64 = 20_000_000;
 
+/// The work for a better plan where that is bounded.
+const BOUNDED: std::ops::Range<u64> = 4_000_000..50_000_000;
+
 /// What to look for, and with how much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Settings {
-    /// Look for better plans after the first one, until there is none.
-    pub anytime: bool,
+    /// How long to look for better plans after the first one.
+    pub improvement: Improvement,
     /// How many bytes the states may take.
     pub memory: usize,
+}
+
+/// How long to look for better plans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Improvement {
+    /// Only drop what a plan does not need.
+    Brief,
+    /// A part of what the first plan took.
+    Bounded,
+    /// Until there is none.
+    Unbounded,
 }
 
 /// What happens during a search.
@@ -61,21 +75,26 @@ pub fn solve(task: &Task, settings: Settings, tell: &mut dyn FnMut(Event<'_>)) -
     }
     let mut graph = back::landmarks(task, &mut relaxed);
     reasonable::order(task, &relaxed, &mut graph);
-    let counter = Counter::new(&graph);
+    let counter = Counter::new(task, &graph);
     drop(graph);
     let costs = scaled(task);
-    let plan = match first(task, &generator, &counter, &costs, relaxed, &init, settings.memory, tell) {
+    let (plan, spent) = match first(task, &generator, &counter, &costs, relaxed, &init, settings.memory, tell) {
         Ok(plan) => plan,
         Err(end) => return end,
     };
     let plan = eliminate(task, &init, &plan);
     tell(Event::Plan(&plan));
-    if settings.anytime {
+    let work = match settings.improvement {
+        Improvement::Brief => 0,
+        Improvement::Bounded => (spent / 4).clamp(BOUNDED.start, BOUNDED.end),
+        Improvement::Unbounded => u64::MAX,
+    };
+    if work > 0 {
         let found = &mut |plan: &[OperatorId]| tell(Event::Plan(plan));
         let memory = settings.memory;
         let (counter, costs) = (&counter, costs.as_slice());
         let mut improver = Improver { task, generator: &generator, counter, costs, init, memory, plan, found };
-        improver.run(Relaxed::new(task, Costs::PlusOne));
+        improver.run(Relaxed::new(task, Costs::PlusOne), work);
     }
     End::Solved
 }
@@ -90,7 +109,7 @@ fn first(
     init: &[Fact],
     memory: usize,
     tell: &mut dyn FnMut(Event<'_>),
-) -> Result<Vec<OperatorId>, End> {
+) -> Result<(Vec<OperatorId>, u64), End> {
     let aim = Aim { init: init.to_vec(), goal: task.goal.clone(), weight: None, bound: u64::MAX };
     let mut lazy = Lazy::new(task, generator, counter, costs, relaxed.clone(), aim);
     let mut width: Option<Width<'_>> = None;
@@ -98,7 +117,7 @@ fn first(
     while !is_full[0] || !is_full[1] {
         if !is_full[0] {
             match lazy.run(work, memory / 3 * 2) {
-                Step::Plan(plan) => return Ok(plan),
+                Step::Plan(plan) => return Ok((plan, lazy.work())),
                 Step::Exhausted => return Err(End::Unsolvable),
                 Step::Spent => {}
                 Step::Full => is_full[0] = true,
@@ -107,7 +126,7 @@ fn first(
         let search = width.get_or_insert_with(|| Width::new(task, generator, counter, relaxed.clone()));
         if !is_full[1] {
             match search.run(work / 2, memory / 3) {
-                Step::Plan(plan) => return Ok(plan),
+                Step::Plan(plan) => return Ok((plan, search.work())),
                 Step::Exhausted => return Err(End::Unsolvable),
                 Step::Spent => {}
                 Step::Full => is_full[1] = true,

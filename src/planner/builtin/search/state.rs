@@ -21,7 +21,7 @@ pub(super) struct Packer {
 impl Packer {
     /// Gives each variable as many bits as its values need, the largest first, none across two words.
     pub(super) fn new(task: &Task) -> Self {
-        let bits = |variable: usize| usize::BITS - (task.domain(variable).len() - 1).leading_zeros();
+        let bits = |variable: usize| (usize::BITS - (task.domain(variable).len() - 1).leading_zeros()).max(1);
         let mut order: Vec<usize> = (0..task.len()).collect();
         order.sort_by_key(|variable| std::cmp::Reverse(bits(*variable)));
         let mut places = vec![(0, 0, 0); task.len()];

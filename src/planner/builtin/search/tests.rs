@@ -5,15 +5,16 @@ use std::collections::{HashMap, VecDeque};
 use super::axiom::Axioms;
 use super::example::{door, names, random};
 use super::relaxed::{Costs, Relaxed};
-use super::solve::{End, Event, Settings, solve};
+use super::solve::{End, Event, Improvement, Settings, solve};
 use super::successor::{apply, holds};
 use super::task::{Axiom, Fact, OperatorId, Task};
 
-const SETTINGS: Settings = Settings { anytime: false, memory: 1 << 26 };
+const SETTINGS: Settings = Settings { improvement: Improvement::Brief, memory: 1 << 26 };
 
 fn plans(task: &Task, anytime: bool) -> (Vec<Vec<OperatorId>>, End) {
+    let improvement = if anytime { Improvement::Unbounded } else { Improvement::Brief };
     let mut plans = Vec::new();
-    let end = solve(task, Settings { anytime, ..SETTINGS }, &mut |event| {
+    let end = solve(task, Settings { improvement, ..SETTINGS }, &mut |event| {
         if let Event::Plan(plan) = event {
             plans.push(plan.to_vec());
         }
@@ -136,7 +137,7 @@ fn a_search_without_room_for_its_states_says_so() {
     let goal: Vec<(usize, u32)> = switches.into_iter().chain([(22, 1)]).collect();
     let task = super::example::task(&[2; 23], &init, &goal, &borrowed);
     let mut states = 0;
-    let end = solve(&task, Settings { anytime: false, memory: 1 << 20 }, &mut |event| {
+    let end = solve(&task, Settings { memory: 1 << 20, ..SETTINGS }, &mut |event| {
         if let Event::States(count) = event {
             states = count;
         }

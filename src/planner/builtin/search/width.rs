@@ -95,6 +95,11 @@ impl<'t> Width<'t> {
         self.space.bytes() + self.nodes.capacity() * size_of::<Node>() + self.accepted.capacity() * 8 + entries * 12 + sets
     }
 
+    /// Returns how much work was done.
+    pub(super) fn work(&self) -> u64 {
+        self.relaxed.work + self.work
+    }
+
     /// Returns how many states were reached.
     pub(super) fn states(&self) -> usize {
         self.space.len()
@@ -102,9 +107,9 @@ impl<'t> Width<'t> {
 
     /// Searches until so much work is done, in so many bytes.
     pub(super) fn run(&mut self, work: u64, memory: usize) -> Step {
-        let start = self.relaxed.work + self.work;
+        let start = self.work();
         let mut count = 0_usize;
-        while self.relaxed.work + self.work - start < work {
+        while self.work() - start < work {
             let Some((id, _)) = self.lists.iter_mut().find_map(OpenList::pop) else { return Step::Exhausted };
             if let Some(plan) = self.expand(id) {
                 return Step::Plan(plan);

@@ -2,7 +2,7 @@
 
 use std::collections::BinaryHeap;
 
-use super::super::hash::NumberMap;
+use super::super::hash::{self, NumberMap};
 use super::super::lifted::Lifted;
 use super::super::task::{Axiom, Effect, Fact, Operator, Task};
 use super::formula::{Atoms, Literal};
@@ -245,7 +245,7 @@ impl Encoder<'_> {
             None => vec![0, NONE],
         };
         let schemas = reached.lifted.schemas.len() as u32;
-        let mut known: NumberMap<(Vec<Fact>, Vec<u64>), usize> = NumberMap::default();
+        let mut known: NumberMap<u64, usize> = NumberMap::default();
         let mut operators: Vec<Operator> = Vec::new();
         for operator in &instances.operators {
             let Some(condition) = self.conjunction(operator.condition.iter()) else { continue };
@@ -256,11 +256,15 @@ impl Encoder<'_> {
             let name = std::iter::once(operator.schema as u32).chain(operator.arguments.iter().map(|object| schemas + object));
             let new = Operator { name: name.collect(), condition, effects, cost: operator.cost };
             let next = operators.len();
-            match *known.entry((new.condition.clone(), flat(&new.effects))).or_insert(next) {
-                same if same == next => operators.push(new),
-                // Of operators that do the same, the cheapest.
-                same if new.cost < operators[same].cost => operators[same] = new,
-                _ => {}
+            let same = *known.entry(digest(&new)).or_insert(next);
+            match operators.get_mut(same) {
+                Some(other) if other.condition == new.condition && other.effects == new.effects => {
+                    // Of operators that do the same, the cheapest.
+                    if new.cost < other.cost {
+                        *other = new;
+                    }
+                }
+                _ => operators.push(new),
             }
         }
         self.task.operators = operators;
@@ -290,11 +294,9 @@ impl Task {
     }
 }
 
-/// Effects as numbers.
-fn flat(effects: &[Effect]) -> Vec<u64> {
-    let words = effects.iter().flat_map(|effect| {
-        std::iter::once(u64::from(effect.fact) << 32 | effect.condition.len() as u64)
-            .chain(effect.condition.iter().map(|fact| u64::from(*fact)))
-    });
-    words.collect()
+/// A number that is the same for operators that do the same.
+fn digest(operator: &Operator) -> u64 {
+    let effects = operator.effects.iter().flat_map(|effect| effect.condition.iter().chain([&effect.fact]));
+    let numbers = operator.condition.iter().chain([&NONE]).chain(effects).map(|fact| u64::from(*fact));
+    numbers.fold(0, |sum, number| hash::words(&[sum, number]))
 }

@@ -32,7 +32,9 @@ impl<'l> Reached<'l> {
             .map(|schema| columns(schema.parameters, &schema.condition))
             .chain(lifted.axioms.iter().map(|axiom| columns(axiom.head.terms.len(), &axiom.condition)))
             .collect();
-        let arities = lifted.predicates.iter().map(|(_, arity)| *arity).chain(columns.iter().map(Vec::len));
+        // Each instance is found once, from the last of the atoms that it needs.
+        let predicates = lifted.predicates.iter().map(|(_, arity)| (*arity, false));
+        let arities = predicates.chain(columns.iter().map(|columns| (columns.len(), true)));
         let relations = Relations::new(lifted.objects.len(), arities).ok_or(Refusal::Wide)?;
         let mut is_fluent = vec![false; lifted.predicates.len()];
         for effect in lifted.schemas.iter().flat_map(|schema| &schema.effects) {
@@ -160,7 +162,8 @@ impl<'l> Reached<'l> {
         let mut added = 0;
         if arity == 0 {
             // One mark for each time it was found.
-            if !found.is_empty() && self.relations.insert(relation, &[]).is_some() {
+            let is_new = self.relations.get(relation).len() == 0;
+            if is_new && !found.is_empty() && self.relations.insert(relation, &[]).is_some() {
                 queue.push(relation);
                 added += 1;
             }

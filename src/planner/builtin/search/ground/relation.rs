@@ -12,6 +12,9 @@ pub(super) type Key = u128;
 #[derive(Debug, Default)]
 pub(super) struct Relation {
     arity: usize,
+    /// Whether nothing is added twice, so that nobody has to look.
+    is_distinct: bool,
+    count: u32,
     tuples: Vec<Object>,
     visible: usize,
     ids: NumberMap<Key, u32>,
@@ -22,7 +25,7 @@ pub(super) struct Relation {
 impl Relation {
     /// Returns how many tuples there are.
     pub(super) fn len(&self) -> usize {
-        if self.arity == 0 { self.ids.len() } else { self.tuples.len() / self.arity }
+        self.count as usize
     }
 
     /// Returns a tuple.
@@ -40,10 +43,12 @@ pub(super) struct Relations {
 }
 
 impl Relations {
-    /// Makes empty relations of these arities over so many objects. `None` where the tuples of one do not fit a key.
-    pub(super) fn new(objects: usize, arities: impl Iterator<Item = usize>) -> Option<Self> {
+    /// Makes empty relations of these arities over so many objects, and says to which of them nothing is added
+    /// twice. `None` where the tuples of one do not fit a key.
+    pub(super) fn new(objects: usize, arities: impl Iterator<Item = (usize, bool)>) -> Option<Self> {
         let bits = usize::BITS - objects.max(2).leading_zeros();
-        let relations: Vec<_> = arities.map(|arity| Relation { arity, ..Relation::default() }).collect();
+        let relations: Vec<_> =
+            arities.map(|(arity, is_distinct)| Relation { arity, is_distinct, ..Relation::default() }).collect();
         let fits = relations.iter().all(|relation| relation.arity <= 32 && relation.arity * bits as usize <= 128);
         fits.then_some(Self { bits, relations })
     }
@@ -65,11 +70,11 @@ impl Relations {
     pub(super) fn insert(&mut self, relation: usize, tuple: &[Object]) -> Option<u32> {
         let key = self.key(tuple.iter().copied());
         let relation = &mut self.relations[relation];
-        let next = relation.ids.len() as u32;
-        let entry = relation.ids.entry(key).or_insert(next);
-        if *entry != next {
+        let next = relation.count;
+        if !relation.is_distinct && *relation.ids.entry(key).or_insert(next) != next {
             return None;
         }
+        relation.count += 1;
         relation.tuples.extend_from_slice(tuple);
         Some(next)
     }
@@ -92,7 +97,7 @@ impl Relations {
         if mask == 0 {
             return relation.visible;
         }
-        if mask.count_ones() as usize == relation.arity {
+        if !relation.is_distinct && mask.count_ones() as usize == relation.arity {
             return usize::from(relation.ids.get(&key).is_some_and(|id| (*id as usize) < relation.visible));
         }
         self.index(number, mask).get(&key).map_or(0, Vec::len)
@@ -103,7 +108,7 @@ impl Relations {
         let relation = &self.relations[number];
         if mask == 0 {
             ids.extend(0..relation.visible as u32);
-        } else if mask.count_ones() as usize == relation.arity {
+        } else if !relation.is_distinct && mask.count_ones() as usize == relation.arity {
             ids.extend(relation.ids.get(&key).copied().filter(|id| (*id as usize) < relation.visible));
         } else if let Some(found) = self.index(number, mask).get(&key) {
             ids.extend_from_slice(found);

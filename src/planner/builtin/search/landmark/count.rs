@@ -1,13 +1,16 @@
 //! The landmark count: how many landmarks are still to be achieved on the way to a state (Richter, Helmert and
 //! Westphal 2008; Richter and Westphal 2010, section 5).
 
-use super::super::task::{Fact, Task};
+use super::super::successor::holds;
+use super::super::task::{Fact, Operator, Task};
 use super::graph::{Graph, Order};
 
 /// The landmarks of a task, made ready to be counted.
 #[derive(Debug, Default)]
 pub(in super::super) struct Counter {
     landmarks: Vec<Entry>,
+    /// The landmark that a fact is in: [`NONE`] for none.
+    by_fact: Vec<u32>,
     words: usize,
 }
 
@@ -24,14 +27,18 @@ struct Entry {
 const NONE: u32 = u32::MAX;
 
 impl Counter {
-    pub(in super::super) fn new(graph: &Graph) -> Self {
+    pub(in super::super) fn new(task: &Task, graph: &Graph) -> Self {
         let mut numbers = vec![NONE; graph.landmarks.len()];
         let kept = graph.landmarks.iter().enumerate().filter(|(_, landmark)| !landmark.is_gone);
         for (next, (number, _)) in kept.clone().enumerate() {
             numbers[number] = next as u32;
         }
+        let mut by_fact = vec![NONE; task.facts()];
         let mut landmarks = Vec::new();
         for (_, landmark) in kept {
+            for fact in &landmark.facts {
+                by_fact[*fact as usize] = landmarks.len() as u32;
+            }
             let strict = landmark.after.iter().filter(|(_, order)| *order == Order::GreedyNecessary);
             landmarks.push(Entry {
                 facts: landmark.facts.clone(),
@@ -41,7 +48,7 @@ impl Counter {
             });
         }
         let words = landmarks.len().div_ceil(64);
-        Self { landmarks, words }
+        Self { landmarks, by_fact, words }
     }
 
     /// Returns how many words the set of accepted landmarks takes.
@@ -93,6 +100,41 @@ impl Counter {
         };
         (0..self.landmarks.len()).filter(is_open).count() as u32
     }
+}
+
+impl Counter {
+    /// Says what an operator that is applicable achieves of the landmarks that are next.
+    pub(in super::super) fn achieves(
+        &self,
+        task: &Task,
+        state: &[Fact],
+        accepted: &[u64],
+        operator: &Operator,
+    ) -> Achieved {
+        let mut best = Achieved::Nothing;
+        for effect in &operator.effects {
+            let Some(number) = self.by_fact.get(effect.fact as usize).copied().filter(|number| *number != NONE) else {
+                continue;
+            };
+            let landmark = &self.landmarks[number as usize];
+            let is_next = || landmark.before.iter().all(|before| has(accepted, *before));
+            if !has(accepted, number) && is_next() && holds(task, state, &effect.condition) {
+                best = best.max(if landmark.facts.len() == 1 { Achieved::Simple } else { Achieved::Disjunctive });
+            }
+        }
+        best
+    }
+}
+
+/// What an operator achieves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(in super::super) enum Achieved {
+    /// No landmark.
+    Nothing,
+    /// One of several facts.
+    Disjunctive,
+    /// A fact of its own.
+    Simple,
 }
 
 fn has(set: &[u64], number: u32) -> bool {

@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn landmarks_are_counted_until_they_are_achieved() {
         let task = door();
-        let counter = Counter::new(&graph(&task));
+        let counter = Counter::new(&task, &graph(&task));
         let mut marks = vec![0; counter.words()];
         counter.start(&task, &task.init, &mut marks);
         // To come: the store, the key, the open door, the room.
