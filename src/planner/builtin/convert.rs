@@ -70,7 +70,8 @@ impl Names {
             }
         }
         let mut kinds: HashMap<String, usize> = HashMap::from([(OBJECT.to_owned(), 0)]);
-        let mentioned = domain.types.iter().chain(domain.type_parent.iter().flat_map(|(child, parent)| [child, parent]));
+        let mentioned =
+            domain.types.iter().chain(domain.type_parent.iter().flat_map(|(child, parent)| [child, parent]));
         let of_objects = domain.constants.iter().chain(&problem.objects).map(|(_, kind)| kind);
         for kind in mentioned.chain(of_objects) {
             let next = kinds.len();
@@ -100,7 +101,9 @@ impl Names {
         for (name, arguments) in &problem.init_atoms {
             self.predicate(name, arguments.len());
         }
-        for name in domain.functions.iter().map(|(name, _)| name).chain(problem.init_fluents.iter().map(|((name, _), _)| name)) {
+        for name in
+            domain.functions.iter().map(|(name, _)| name).chain(problem.init_fluents.iter().map(|((name, _), _)| name))
+        {
             let next = self.functions.len();
             self.functions.entry(name.clone()).or_insert(next);
         }

@@ -15,6 +15,7 @@ mod ff_output;
 mod portfolio;
 mod proof;
 pub mod search;
+mod temporal;
 
 use std::ffi::OsString;
 use std::sync::mpsc;
@@ -214,6 +215,9 @@ fn answer(
             Answer::Declined => portfolio::plan(&task, &posed, options, found),
         };
     }
+    if is_plain(&task, &posed) && temporal::plan(&task, &posed, options.anytime, classical::memory(), found) {
+        return Ok(None);
+    }
     let mut reason = None;
     let mut known = false;
     // A plan for what must be is there sooner than one that pleases as well.
@@ -240,11 +244,12 @@ fn answer(
 
 /// Whether states and actions are all there is to a task: no time, no preferences, no constraints.
 fn is_classical(domain: &Domain, problem: &Problem) -> bool {
-    domain.durative_actions.is_empty()
-        && problem.til.is_empty()
-        && domain.constraints.is_empty()
-        && problem.constraints.is_empty()
-        && !pddl3::has_preferences(problem)
+    domain.durative_actions.is_empty() && problem.til.is_empty() && is_plain(domain, problem)
+}
+
+/// Whether nothing is preferred or constrained.
+fn is_plain(domain: &Domain, problem: &Problem) -> bool {
+    domain.constraints.is_empty() && problem.constraints.is_empty() && !pddl3::has_preferences(problem)
 }
 
 #[cfg(test)]

@@ -53,7 +53,8 @@ impl Axioms {
     fn layer(&mut self, task: &Task, state: &mut [Fact], range: std::ops::Range<usize>) {
         for number in range.clone() {
             let axiom = &task.axioms[number];
-            self.open[number] = axiom.condition.iter().filter(|fact| state[task.variable(**fact)] != **fact).count() as u32;
+            self.open[number] =
+                axiom.condition.iter().filter(|fact| state[task.variable(**fact)] != **fact).count() as u32;
         }
         for number in range.clone().filter(|number| self.open[*number] == 0).collect::<Vec<_>>() {
             self.set(task, state, task.axioms[number].fact);

@@ -148,7 +148,10 @@ impl Improver<'_> {
                 task.operators[*operator as usize].effects.iter().all(|effect| effect.condition.is_empty())
             });
         if !is_simple {
-            return (0..task.len()).filter(|variable| !task.is_derived[*variable]).map(|variable| state[variable]).collect();
+            return (0..task.len())
+                .filter(|variable| !task.is_derived[*variable])
+                .map(|variable| state[variable])
+                .collect();
         }
         let mut needed = vec![false; task.len()];
         task.goal.iter().for_each(|fact| needed[task.variable(*fact)] = true);

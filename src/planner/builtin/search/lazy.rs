@@ -258,8 +258,9 @@ impl<'t> Lazy<'t> {
         self.generator.applicable(self.task, state, applicable);
         self.work += applicable.len() as u64 * 2 + 16;
         preferred.iter().for_each(|operator| is_preferred[*operator as usize] = true);
-        let achieves =
-            |operator: &OperatorId| self.counter.achieves(self.task, state, accepted, &self.task.operators[*operator as usize]);
+        let achieves = |operator: &OperatorId| {
+            self.counter.achieves(self.task, state, accepted, &self.task.operators[*operator as usize])
+        };
         let achieved: Vec<Achieved> = applicable.iter().map(achieves).collect();
         // Disjunctive landmarks count where no simple one can be achieved.
         let most = achieved.iter().copied().max().unwrap_or(Achieved::Nothing);

@@ -183,6 +183,23 @@ impl Condition {
         }
     }
 
+    /// Returns the conditions that this one is the disjunction of: one for each part of its shortest disjunction, where
+    /// that has at most so many.
+    #[must_use]
+    pub fn cases(&self, most: usize) -> Vec<Self> {
+        let parts = self.conjuncts();
+        let disjunctions = parts.iter().enumerate().filter_map(|(place, part)| match part {
+            Self::Or(cases) if cases.len() <= most => Some((cases.len(), place, cases)),
+            _ => None,
+        });
+        let Some((_, chosen, cases)) = disjunctions.min_by_key(|(count, ..)| *count) else {
+            return vec![self.clone()];
+        };
+        let rest = parts.iter().enumerate().filter(|(place, _)| *place != chosen).map(|(_, part)| (*part).clone());
+        let rest: Vec<Self> = rest.collect();
+        cases.iter().map(|case| Self::all([rest.as_slice(), std::slice::from_ref(case)].concat())).collect()
+    }
+
     /// Returns the slots of the quantifiers that [`Self::conjuncts`] drops.
     #[must_use]
     pub fn hoisted(&self) -> Vec<usize> {

@@ -12,11 +12,12 @@ mod improve;
 mod landmark;
 mod lazy;
 pub mod lifted;
+pub mod makespan;
 mod open;
 mod relaxed;
 mod shorten;
 #[cfg(test)]
-mod simulate;
+pub(super) mod simulate;
 mod solve;
 mod state;
 mod successor;

@@ -127,7 +127,8 @@ impl Relaxed {
             let mut left: Vec<&super::task::Effect> =
                 operator.effects.iter().filter(|effect| wanted[effect.fact as usize]).collect();
             while let Some(first) = left.first().copied() {
-                let (same, rest): (Vec<&super::task::Effect>, Vec<_>) = left.iter().partition(|effect| effect.condition == first.condition);
+                let (same, rest): (Vec<&super::task::Effect>, Vec<_>) =
+                    left.iter().partition(|effect| effect.condition == first.condition);
                 rules.push(Rule { operator: number as OperatorId, cost });
                 let mut condition = [operator.condition.as_slice(), &first.condition].concat();
                 condition.sort_unstable();
@@ -332,14 +333,24 @@ impl Relaxed {
     /// Marks the facts that are reachable before any of some facts is, in `reached`, which has a place for each fact.
     ///
     /// Operators that are sure to add one of the facts cannot be applied before it.
-    pub(super) fn reach_before(&mut self, state: &[Fact], facts: &[Fact], achievers: &Lists, sure: &[bool], reached: &mut [bool]) {
+    pub(super) fn reach_before(
+        &mut self,
+        state: &[Fact],
+        facts: &[Fact],
+        achievers: &Lists,
+        sure: &[bool],
+        reached: &mut [bool],
+    ) {
         reached.fill(false);
         self.progress.copy_from_slice(&self.start);
         let mut banned: Vec<OperatorId> = Vec::new();
         for fact in facts {
             for rule in achievers.get(*fact as usize) {
                 let operator = self.rules[*rule as usize].operator;
-                if operator != AXIOM && sure[*rule as usize] && !std::mem::replace(&mut self.used[operator as usize], true) {
+                if operator != AXIOM
+                    && sure[*rule as usize]
+                    && !std::mem::replace(&mut self.used[operator as usize], true)
+                {
                     banned.push(operator);
                 }
             }

@@ -40,7 +40,11 @@ pub fn check(task: &Lifted, plan: &[(String, Vec<String>)]) -> Result<(), String
         derive(task, &mut facts);
     }
     let mut binding = vec![Object::MAX; task.goal_slots.len()];
-    if holds(task, &facts, &task.goal, &mut binding, &task.goal_slots) { Ok(()) } else { Err("the goal is not reached".to_owned()) }
+    if holds(task, &facts, &task.goal, &mut binding, &task.goal_slots) {
+        Ok(())
+    } else {
+        Err("the goal is not reached".to_owned())
+    }
 }
 
 fn ground(atom: &Atom, binding: &[Object]) -> (usize, Vec<Object>) {
@@ -51,7 +55,13 @@ fn ground(atom: &Atom, binding: &[Object]) -> (usize, Vec<Object>) {
     (atom.predicate, objects.collect())
 }
 
-fn bindings(task: &Lifted, open: &[usize], slots: &[usize], binding: &mut Vec<Object>, each: &mut dyn FnMut(&mut Vec<Object>)) {
+fn bindings(
+    task: &Lifted,
+    open: &[usize],
+    slots: &[usize],
+    binding: &mut Vec<Object>,
+    each: &mut dyn FnMut(&mut Vec<Object>),
+) {
     let Some((slot, rest)) = open.split_first() else { return each(binding) };
     for object in &task.types[slots[*slot]] {
         binding[*slot] = *object;

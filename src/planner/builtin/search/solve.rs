@@ -27,6 +27,8 @@ pub struct Settings {
     pub improvement: Improvement,
     /// How many bytes the states may take.
     pub memory: usize,
+    /// The work after which the search for a first plan gives up.
+    pub work: u64,
 }
 
 /// How long to look for better plans.
@@ -58,6 +60,8 @@ pub enum End {
     Unsolvable,
     /// There is no room for more states.
     Full,
+    /// The work is done.
+    Spent,
 }
 
 /// Searches for plans, and says them as they are found.
@@ -78,7 +82,7 @@ pub fn solve(task: &Task, settings: Settings, tell: &mut dyn FnMut(Event<'_>)) -
     let counter = Counter::new(task, &graph);
     drop(graph);
     let costs = scaled(task);
-    let (plan, spent) = match first(task, &generator, &counter, &costs, relaxed, &init, settings.memory, tell) {
+    let (plan, spent) = match first(task, &generator, &counter, &costs, relaxed, &init, settings, tell) {
         Ok(plan) => plan,
         Err(end) => return end,
     };
@@ -107,12 +111,13 @@ fn first(
     costs: &[u32],
     relaxed: Relaxed,
     init: &[Fact],
-    memory: usize,
+    settings: Settings,
     tell: &mut dyn FnMut(Event<'_>),
 ) -> Result<(Vec<OperatorId>, u64), End> {
     let aim = Aim { init: init.to_vec(), goal: task.goal.clone(), weight: None, bound: u64::MAX };
     let mut lazy = Lazy::new(task, generator, counter, costs, relaxed.clone(), aim);
     let mut width: Option<Width<'_>> = None;
+    let memory = settings.memory;
     let (mut work, mut is_full) = (SLICE, [false; 2]);
     while !is_full[0] || !is_full[1] {
         if !is_full[0] {
@@ -133,6 +138,9 @@ fn first(
             }
         }
         tell(Event::States(lazy.states() + search.states()));
+        if work > settings.work {
+            return Err(End::Spent);
+        }
         work = work.saturating_mul(2);
     }
     Err(End::Full)
@@ -142,5 +150,8 @@ fn first(
 fn scaled(task: &Task) -> Vec<u32> {
     let has_fractions = task.operators.iter().any(|operator| operator.cost.fract() != 0.0);
     let factor = if has_fractions { 1000.0 } else { 1.0 };
-    task.operators.iter().map(|operator| (operator.cost * factor).round().clamp(0.0, f64::from(u32::MAX >> 8)) as u32).collect()
+    task.operators
+        .iter()
+        .map(|operator| (operator.cost * factor).round().clamp(0.0, f64::from(u32::MAX >> 8)) as u32)
+        .collect()
 }

@@ -119,8 +119,7 @@ mod tests {
             for operator in &task.operators {
                 let mut found = Vec::new();
                 generator.applicable(&task, &state, &mut found);
-                let is_applicable =
-                    |number: &u32| holds(&task, &state, &task.operators[*number as usize].condition);
+                let is_applicable = |number: &u32| holds(&task, &state, &task.operators[*number as usize].condition);
                 let expected: Vec<u32> = (0..task.operators.len() as u32).filter(is_applicable).collect();
                 assert_eq!(found, expected);
                 apply(&task, &mut axioms, operator, &mut state);

@@ -9,7 +9,7 @@ use super::solve::{End, Event, Improvement, Settings, solve};
 use super::successor::{apply, holds};
 use super::task::{Axiom, Fact, OperatorId, Task};
 
-const SETTINGS: Settings = Settings { improvement: Improvement::Brief, memory: 1 << 26 };
+const SETTINGS: Settings = Settings { improvement: Improvement::Brief, memory: 1 << 26, work: u64::MAX };
 
 fn plans(task: &Task, anytime: bool) -> (Vec<Vec<OperatorId>>, End) {
     let improvement = if anytime { Improvement::Unbounded } else { Improvement::Brief };

@@ -92,7 +92,11 @@ impl<'t> Width<'t> {
     fn bytes(&self) -> usize {
         let entries: usize = self.lists.iter().map(OpenList::len).sum();
         let sets = self.seen.len() * (self.task.facts() / 8 + 64) + self.pair_bytes;
-        self.space.bytes() + self.nodes.capacity() * size_of::<Node>() + self.accepted.capacity() * 8 + entries * 12 + sets
+        self.space.bytes()
+            + self.nodes.capacity() * size_of::<Node>()
+            + self.accepted.capacity() * 8
+            + entries * 12
+            + sets
     }
 
     /// Returns how much work was done.
@@ -183,9 +187,11 @@ impl<'t> Width<'t> {
                     self.nodes.push(Node { left, plan: NONE, achieved: [0; WORDS] });
                     return;
                 }
-                let facts = self.relaxed.planned().iter().filter(|fact| {
-                    (**fact as usize) < task.facts() && state[task.variable(**fact)] != **fact
-                });
+                let facts = self
+                    .relaxed
+                    .planned()
+                    .iter()
+                    .filter(|fact| (**fact as usize) < task.facts() && state[task.variable(**fact)] != **fact);
                 let mut plan: NumberMap<Fact, u32> = NumberMap::default();
                 plan.extend(facts.enumerate().map(|(place, fact)| (*fact, place as u32)));
                 self.plans.push(plan);

@@ -253,7 +253,8 @@ impl Encoder<'_> {
             if effects.is_empty() {
                 continue;
             }
-            let name = std::iter::once(operator.schema as u32).chain(operator.arguments.iter().map(|object| schemas + object));
+            let name =
+                std::iter::once(operator.schema as u32).chain(operator.arguments.iter().map(|object| schemas + object));
             let new = Operator { name: name.collect(), condition, effects, cost: operator.cost };
             let next = operators.len();
             let same = *known.entry(digest(&new)).or_insert(next);
@@ -278,7 +279,8 @@ impl Encoder<'_> {
             group.iter().map(|atom| self.facts[*atom as usize][0]).filter(|fact| *fact != NONE).collect::<Vec<_>>()
         });
         let mutexes: Vec<Vec<Fact>> = facts.filter(|facts| facts.len() > 1).collect();
-        let is_new = |facts: &Vec<Fact>| facts.iter().any(|fact| self.task.variable(*fact) != self.task.variable(facts[0]));
+        let is_new =
+            |facts: &Vec<Fact>| facts.iter().any(|fact| self.task.variable(*fact) != self.task.variable(facts[0]));
         let mutexes = mutexes.into_iter().filter(is_new).collect();
         self.task.mutexes = mutexes;
         self.task.relaxed_facts = self.task.facts();

@@ -58,28 +58,37 @@ impl Atoms {
     /// Returns the predicate and the objects of an atom; `None` for one that stands for a disjunction.
     pub(super) fn tuple<'r>(&self, reached: &'r Reached<'_>, atom: u32) -> Option<(usize, &'r [Object])> {
         let fluents = self.base.iter().enumerate().filter_map(|(predicate, base)| Some((predicate, (*base)?)));
-        let (predicate, base) = fluents.take_while(|(_, base)| *base <= atom).filter(|(predicate, base)| {
-            ((atom - base) as usize) < reached.relations.get(*predicate).len()
-        }).last()?;
+        let (predicate, base) = fluents
+            .take_while(|(_, base)| *base <= atom)
+            .filter(|(predicate, base)| ((atom - base) as usize) < reached.relations.get(*predicate).len())
+            .last()?;
         Some((predicate, reached.relations.get(predicate).tuple(atom - base)))
     }
 
     /// Returns a condition for the objects of a binding.
-    pub(super) fn ground(&self, reached: &Reached<'_>, condition: &Condition, binding: &mut [Object], slots: &[usize]) -> Ground {
+    pub(super) fn ground(
+        &self,
+        reached: &Reached<'_>,
+        condition: &Condition,
+        binding: &mut [Object],
+        slots: &[usize],
+    ) -> Ground {
         match condition {
             Condition::True => Ground::True,
             Condition::False => Ground::False,
             Condition::Equal(left, right, negated) => {
                 truth((object(*left, binding) == object(*right, binding)) != *negated)
             }
-            Condition::Literal(atom, negated) => match (reached.is_fluent[atom.predicate], self.number(reached, atom, binding)) {
-                (true, Some(number)) => Ground::Literal(number << 1 | u32::from(*negated)),
-                (true, None) => truth(*negated),
-                (false, _) => {
-                    let objects = atom.terms.iter().map(|term| object(*term, binding));
-                    truth(reached.relations.find(atom.predicate, objects).is_some() != *negated)
+            Condition::Literal(atom, negated) => {
+                match (reached.is_fluent[atom.predicate], self.number(reached, atom, binding)) {
+                    (true, Some(number)) => Ground::Literal(number << 1 | u32::from(*negated)),
+                    (true, None) => truth(*negated),
+                    (false, _) => {
+                        let objects = atom.terms.iter().map(|term| object(*term, binding));
+                        truth(reached.relations.find(atom.predicate, objects).is_some() != *negated)
+                    }
                 }
-            },
+            }
             Condition::And(parts) => self.junction(reached, parts, binding, slots, true),
             Condition::Or(parts) => self.junction(reached, parts, binding, slots, false),
             Condition::Forall(variables, inner) => self.quantifier(reached, variables, inner, binding, slots, true),
@@ -87,7 +96,14 @@ impl Atoms {
         }
     }
 
-    fn junction(&self, reached: &Reached<'_>, parts: &[Condition], binding: &mut [Object], slots: &[usize], all: bool) -> Ground {
+    fn junction(
+        &self,
+        reached: &Reached<'_>,
+        parts: &[Condition],
+        binding: &mut [Object],
+        slots: &[usize],
+        all: bool,
+    ) -> Ground {
         let mut done = Vec::new();
         // What is quick to decide is decided first.
         let is_slow = |part: &Condition| !matches!(part, Condition::Literal(..) | Condition::Equal(..));
@@ -147,7 +163,8 @@ impl Atoms {
         disjunctions.sort_by_key(Vec::len);
         let mut all = vec![literals];
         for parts in disjunctions {
-            let choices: Vec<Vec<Literal>> = parts.into_iter().flat_map(|part| self.alternatives(part, SPLIT)).collect();
+            let choices: Vec<Vec<Literal>> =
+                parts.into_iter().flat_map(|part| self.alternatives(part, SPLIT)).collect();
             if all.len() * choices.len() > most {
                 let derived = self.disjunction(choices) << 1;
                 all.iter_mut().for_each(|literals| literals.push(derived));

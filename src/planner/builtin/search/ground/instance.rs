@@ -2,9 +2,9 @@
 
 use super::super::hash::NumberMap;
 use super::super::lifted::{Amount, Condition, Object, Schema, Term};
-use super::refusal::Refusal;
 use super::formula::{Atoms, Ground, GroundAxiom, Literal};
 use super::reach::Reached;
+use super::refusal::Refusal;
 use super::rule::{OPEN, Rule};
 
 /// What an operator changes under a condition.

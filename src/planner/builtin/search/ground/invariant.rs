@@ -75,7 +75,8 @@ impl<'a> Finder<'a> {
         let mut groups = Vec::new();
         let mut queue: Vec<Vec<Part>> = Vec::new();
         for (predicate, members) in self.members.iter().enumerate().filter(|(_, members)| !members.is_empty()) {
-            let arity = members.first().and_then(|atom| self.tuples[*atom as usize]).map_or(0, |(_, tuple)| tuple.len());
+            let arity =
+                members.first().and_then(|atom| self.tuples[*atom as usize]).map_or(0, |(_, tuple)| tuple.len());
             queue.push(vec![Part { predicate, parameters: (0..arity).collect() }]);
             for counted in 0..arity {
                 let parameters = (0..arity).filter(|position| *position != counted).collect();
@@ -130,15 +131,18 @@ impl<'a> Finder<'a> {
                 if group == NONE || is_dead[group as usize] {
                     continue;
                 }
-                let is_heavy = operator.changes[place + 1..].iter().any(|other| {
-                    other.adds && other.atom != change.atom && group_of[other.atom as usize] == group
-                });
+                let is_heavy = operator.changes[place + 1..]
+                    .iter()
+                    .any(|other| other.adds && other.atom != change.atom && group_of[other.atom as usize] == group);
                 let knows = |literal: Literal| {
-                    operator.condition.binary_search(&literal).is_ok() || change.condition.binary_search(&literal).is_ok()
+                    operator.condition.binary_search(&literal).is_ok()
+                        || change.condition.binary_search(&literal).is_ok()
                 };
                 if is_heavy {
                     is_dead[group as usize] = true;
-                } else if !knows(change.atom << 1) && !deleted(operator, &knows).any(|atom| group_of[atom as usize] == group) {
+                } else if !knows(change.atom << 1)
+                    && !deleted(operator, &knows).any(|atom| group_of[atom as usize] == group)
+                {
                     is_dead[group as usize] = true;
                     // One operator of a schema tells what would balance it.
                     if !blamed.contains(&operator.schema) {

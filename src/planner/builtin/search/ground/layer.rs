@@ -55,7 +55,10 @@ fn relax(task: &mut Task) {
     let conditions = conditions.chain(task.axioms.iter().flat_map(|axiom| &axiom.condition)).chain(&task.goal);
     for fact in conditions {
         let variable = task.variable(*fact);
-        if task.is_derived[variable] && *fact == task.offsets[variable] && !std::mem::replace(&mut is_wanted[variable], true) {
+        if task.is_derived[variable]
+            && *fact == task.offsets[variable]
+            && !std::mem::replace(&mut is_wanted[variable], true)
+        {
             queue.push(variable);
         }
     }

@@ -20,6 +20,9 @@ pub(super) struct Reached<'l> {
     pub(super) columns: Vec<Vec<usize>>,
 }
 
+/// Most parts of a disjunction that are looked at one by one.
+const CASES: usize = 8;
+
 /// Bytes that an instance and what it leads to take at least.
 const INSTANCE: usize = 100;
 
@@ -32,9 +35,12 @@ impl<'l> Reached<'l> {
             .map(|schema| columns(schema.parameters, &schema.condition))
             .chain(lifted.axioms.iter().map(|axiom| columns(axiom.head.terms.len(), &axiom.condition)))
             .collect();
-        // Each instance is found once, from the last of the atoms that it needs.
         let predicates = lifted.predicates.iter().map(|(_, arity)| (*arity, false));
-        let arities = predicates.chain(columns.iter().map(|columns| (columns.len(), true)));
+        let schemas = lifted.schemas.iter().map(|schema| &schema.condition);
+        let conditions = schemas.chain(lifted.axioms.iter().map(|axiom| &axiom.condition));
+        // Each instance is found once, from the last of the atoms that it needs, unless it may be found in several cases.
+        let is_distinct = conditions.map(|condition| condition.cases(CASES).len() == 1);
+        let arities = predicates.chain(columns.iter().map(Vec::len).zip(is_distinct));
         let relations = Relations::new(lifted.objects.len(), arities).ok_or(Refusal::Wide)?;
         let mut is_fluent = vec![false; lifted.predicates.len()];
         for effect in lifted.schemas.iter().flat_map(|schema| &schema.effects) {
@@ -69,9 +75,12 @@ impl<'l> Reached<'l> {
         let is_static = |predicate: usize| !self.is_fluent[predicate];
         let lifted = self.lifted;
         let mut instances = |number: usize, slots: &[usize], condition: &Condition| {
-            let (body, filters) = split(condition, &is_static);
-            let wanted = self.columns[number].clone();
-            rules.push(Rule { slots: slots.to_vec(), wanted, body, filters, head: self.instance(number) });
+            // The parts of a disjunction often have what never changes, which leaves few instances.
+            for case in condition.cases(CASES) {
+                let (body, filters) = split(&case, &is_static);
+                let wanted = self.columns[number].clone();
+                rules.push(Rule { slots: slots.to_vec(), wanted, body, filters, head: self.instance(number) });
+            }
         };
         for (number, schema) in lifted.schemas.iter().enumerate() {
             instances(number, &schema.slots, &schema.condition);
@@ -108,7 +117,8 @@ impl<'l> Reached<'l> {
                 queue.push(*predicate);
             }
         }
-        let mut triggers: Vec<Vec<(usize, usize)>> = vec![Vec::new(); self.lifted.predicates.len() + self.columns.len()];
+        let mut triggers: Vec<Vec<(usize, usize)>> =
+            vec![Vec::new(); self.lifted.predicates.len() + self.columns.len()];
         for (number, rule) in rules.iter().enumerate() {
             for (place, atom) in rule.body.iter().enumerate().filter(|(_, atom)| self.triggers(atom)) {
                 triggers[atom.predicate].push((number, place));
@@ -215,12 +225,9 @@ impl Amount {
                 });
                 values(*function, objects.collect())?
             }
-            Self::Sum(parts) => {
-                parts.iter().map(|part| part.value(binding, values)).sum::<Option<f64>>()?
-            }
+            Self::Sum(parts) => parts.iter().map(|part| part.value(binding, values)).sum::<Option<f64>>()?,
             Self::Product(left, right) => left.value(binding, values)? * right.value(binding, values)?,
             Self::Quotient(left, right) => left.value(binding, values)? / right.value(binding, values)?,
         })
     }
 }
-

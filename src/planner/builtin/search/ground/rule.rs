@@ -128,7 +128,10 @@ impl Join<'_> {
             },
             Filter::Absent(atom) => {
                 let open = atom.terms.iter().any(|term| self.value(*term).is_none());
-                open || self.relations.find(atom.predicate, atom.terms.iter().filter_map(|term| self.value(*term))).is_none()
+                open || self
+                    .relations
+                    .find(atom.predicate, atom.terms.iter().filter_map(|term| self.value(*term)))
+                    .is_none()
             }
         })
     }
@@ -178,9 +181,9 @@ impl Join<'_> {
         self.relations.select(atom.predicate, mask, key, &mut self.ids);
         for position in base..self.ids.len() {
             let id = self.ids[position];
-            let is_met = self.start.is_some_and(|(start, met)| {
-                place < start && met == id && rule.body[start].predicate == atom.predicate
-            });
+            let is_met = self
+                .start
+                .is_some_and(|(start, met)| place < start && met == id && rule.body[start].predicate == atom.predicate);
             if is_met {
                 continue;
             }

@@ -17,7 +17,16 @@ pub(in super::super) fn landmarks(task: &Task, relaxed: &mut Relaxed) -> Graph {
     let achievers = relaxed.achievers();
     let sure = relaxed.sure(task);
     let transitions = Transitions::new(task);
-    let mut finder = Finder { task, relaxed, achievers, sure, transitions, graph: Graph::default(), queue: Vec::new(), later: Vec::new() };
+    let mut finder = Finder {
+        task,
+        relaxed,
+        achievers,
+        sure,
+        transitions,
+        graph: Graph::default(),
+        queue: Vec::new(),
+        later: Vec::new(),
+    };
     for goal in &task.goal {
         let (number, _) = finder.graph.add_simple(*goal);
         finder.graph.landmarks[number as usize].is_goal = true;

@@ -45,7 +45,8 @@ pub(in super::super) fn order(task: &Task, relaxed: &Relaxed, graph: &mut Graph)
         })
         .collect();
     let mut orders: Vec<(u32, u32)> = Vec::new();
-    let goals: Vec<u32> = (0..graph.landmarks.len() as u32).filter(|number| graph.landmarks[*number as usize].is_goal).collect();
+    let goals: Vec<u32> =
+        (0..graph.landmarks.len() as u32).filter(|number| graph.landmarks[*number as usize].is_goal).collect();
     let mut pairs = 0;
     for number in 0..graph.landmarks.len() as u32 {
         let landmark = &graph.landmarks[number as usize];
