@@ -14,6 +14,19 @@ use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, 
 /// The bytes for states where this process has no limit.
 const MEMORY: usize = 4 << 30;
 
+/// What is said while a task is worked on.
+pub(super) enum Said<'p> {
+    /// A plan, better than those before.
+    Plan(&'p Plan),
+    /// How far it is.
+    Progress(String),
+}
+
+/// How far a grounding is, in words.
+pub(super) fn grounding(action: &str, instances: usize) -> String {
+    format!("grounding: the action {action} has {instances} instances so far")
+}
+
 /// What becomes of a task.
 pub(super) enum Answer {
     /// Its plans were said.
@@ -33,10 +46,10 @@ pub(super) fn plan(
     domain: &Domain,
     problem: &Problem,
     options: Options,
-    found: &mut dyn FnMut(&Plan),
+    said: &mut dyn FnMut(Said<'_>),
 ) -> Result<Answer, SolveError> {
     match convert(domain, problem) {
-        Ok(lifted) => search(&lifted, memory(), options, found),
+        Ok(lifted) => search(&lifted, memory(), options, said),
         Err(_) => Ok(Answer::Declined),
     }
 }
@@ -47,7 +60,8 @@ fn search(
     options: Options,
     found: &mut dyn FnMut(&Plan),
 ) -> Result<Answer, SolveError> {
-    let task = match ground(lifted, memory) {
+    let told = &mut |action: &str, instances| said(Said::Progress(grounding(action, instances)));
+    let task = match ground(lifted, memory, told) {
         Ok(Ground::Task(task)) => task,
         Ok(Ground::GoalFalse) => return Ok(Answer::None(NoPlan::GoalFalse)),
         Err(Refusal::Wide) => return Ok(Answer::Declined),
@@ -66,12 +80,15 @@ fn search(
     };
     let mut best = None;
     let end = solve(&task, Settings { improvement, memory, work: u64::MAX }, &mut |event| match event {
-        Event::Plan(plan) if improvement == Improvement::Unbounded => found(&report(&task, plan)),
+        Event::Plan(plan) if improvement == Improvement::Unbounded => said(Said::Plan(&report(&task, plan))),
         Event::Plan(plan) => best = Some(report(&task, plan)),
-        Event::States(count) => states = count,
+        Event::States(count) => {
+            states = count;
+            said(Said::Progress(format!("{states} states")));
+        }
     });
     if let Some(plan) = best {
-        found(&plan);
+        said(Said::Plan(&plan));
     }
     Ok(match end {
         End::Solved => Answer::Solved,
@@ -114,7 +131,7 @@ mod tests {
     }
 
     fn grounded(domain: &str, problem: &str) -> Task {
-        match ground(&lifted(domain, problem).unwrap(), 1 << 26) {
+        match ground(&lifted(domain, problem).unwrap(), 1 << 26, &mut |_, _| {}) {
             Ok(Ground::Task(task)) => *task,
             other => panic!("{other:?}"),
         }
@@ -133,7 +150,8 @@ mod tests {
             ("ffbug_dom", "ffbug_p1"),
         ] {
             let task = lifted(&read(&fixtures, domain), &read(&fixtures, problem)).unwrap();
-            search(&task, 1 << 26, Options::default(), &mut |plan| {
+            search(&task, 1 << 26, Options::default(), &mut |said| {
+                let Said::Plan(plan) = said else { return };
                 let steps: Vec<_> = plan.steps.iter().map(|step| (step.action.clone(), step.args.clone())).collect();
                 assert_eq!(check(&task, &steps), Ok(()), "{domain} {problem}");
                 checked += 1;
@@ -170,13 +188,13 @@ mod tests {
     #[test]
     fn a_goal_that_is_not_reachable_is_false() {
         let task = lifted(ROADS, &TRIP.replace("(:goal (at t c))", "(:goal (at t d))")).unwrap();
-        assert!(matches!(ground(&task, 1 << 26), Ok(Ground::GoalFalse)));
+        assert!(matches!(ground(&task, 1 << 26, &mut |_, _| {}), Ok(Ground::GoalFalse)));
     }
 
     #[test]
     fn two_places_at_once_are_a_goal_that_is_false() {
         let task = lifted(ROADS, &TRIP.replace("(:goal (at t c))", "(:goal (and (at t c) (at t b)))")).unwrap();
-        assert!(matches!(ground(&task, 1 << 26), Ok(Ground::GoalFalse)));
+        assert!(matches!(ground(&task, 1 << 26, &mut |_, _| {}), Ok(Ground::GoalFalse)));
     }
 
     #[test]
@@ -190,7 +208,7 @@ mod tests {
             objects.iter().map(|name| format!("(p {name})")).collect::<Vec<_>>().join(" ")
         );
         let task = lifted(domain, &problem).unwrap();
-        match ground(&task, 1 << 20) {
+        match ground(&task, 1 << 20, &mut |_, _| {}) {
             Err(Refusal::Explosion { action, instances }) => {
                 assert!(action == "CONNECT" && instances > 1000, "{instances}")
             }
@@ -212,7 +230,12 @@ mod tests {
             (:goal (forall (?l - lamp) (seen ?l))))";
         let task = lifted(&domain.replace(":derived-predicates", ""), problem).unwrap();
         let mut plans = Vec::new();
-        search(&task, 1 << 26, Options::default(), &mut |plan| plans.push(plan.clone())).unwrap();
+        search(&task, 1 << 26, Options::default(), &mut |said| {
+            if let Said::Plan(plan) = said {
+                plans.push(plan.clone());
+            }
+        })
+        .unwrap();
         let steps: Vec<_> = plans[0].steps.iter().map(|step| (step.action.clone(), step.args.clone())).collect();
         assert_eq!((steps.len(), check(&task, &steps)), (4, Ok(())), "{steps:?}");
     }

@@ -58,6 +58,19 @@ pub(super) fn plan(plan: &Plan, sent: Option<&Sent>) -> String {
     text
 }
 
+/// What a line about the progress begins with.
+const PROGRESS: &str = "ff: so far: ";
+
+/// How far the work is, in a line that no reader of FF's takes for anything else.
+pub(super) fn progress(words: &str) -> String {
+    format!("{PROGRESS}{words}\n")
+}
+
+/// The last that was said about the progress, or nothing.
+pub(super) fn last_progress(text: &str) -> String {
+    text.lines().rev().find_map(|line| line.strip_prefix(PROGRESS)).unwrap_or_default().to_owned()
+}
+
 /// A step in words, with the names of the task.
 fn words(step: &Step, sent: Option<&Sent>) -> String {
     let Some(sent) = sent else {

@@ -24,7 +24,7 @@ use std::thread;
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
-use self::classical::Answer;
+use self::classical::{Answer, Said};
 use self::ff_output::NoPlan;
 use super::files::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner, Task, refuse};
@@ -120,6 +120,10 @@ impl Planner for Builtin {
                 message: output.stdout.trim().lines().last().unwrap_or_default().to_owned(),
                 ..answer
             },
+            // How far it was when it was ended.
+            _ if answer.verdict == Verdict::Unclear && answer.message.is_empty() => {
+                Transcript { message: ff_output::last_progress(&output.stdout), ..answer }
+            }
             _ => answer,
         }
     }
@@ -169,7 +173,11 @@ fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say
         let work = move || {
             // Nobody listens any more only when this process ends.
             let tell = |text: String| drop(sender.send(text));
-            match answer(domain, problem, options, &mut |plan| tell(ff_output::plan(plan, sent))) {
+            let said = &mut |said: Said<'_>| match said {
+                Said::Plan(plan) => tell(ff_output::plan(plan, sent)),
+                Said::Progress(words) => tell(ff_output::progress(&words)),
+            };
+            match answer(domain, problem, options, said) {
                 Ok(None) => 0,
                 Ok(Some(reason)) => {
                     let (text, code) = ff_output::no_plan(&reason);
@@ -204,17 +212,18 @@ fn answer(
     domain: &str,
     problem: &str,
     options: Options,
-    found: &mut dyn FnMut(&Plan),
+    said: &mut dyn FnMut(Said<'_>),
 ) -> Result<Option<NoPlan>, SolveError> {
     let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
     let posed = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
     if is_classical(&task, &posed) {
-        return match classical::plan(&task, &posed, options, found)? {
+        return match classical::plan(&task, &posed, options, said)? {
             Answer::Solved => Ok(None),
             Answer::None(reason) => Ok(Some(reason)),
-            Answer::Declined => portfolio::plan(&task, &posed, options, found),
+            Answer::Declined => portfolio::plan(&task, &posed, options, &mut |plan| said(Said::Plan(plan))),
         };
     }
+    let found = &mut |plan: &Plan| said(Said::Plan(plan));
     if is_plain(&task, &posed) && temporal::plan(&task, &posed, options.anytime, classical::memory(), found) {
         return Ok(None);
     }

@@ -39,7 +39,7 @@ pub(super) fn plan(
     }
     let (flat, posed) = compressed(domain, problem);
     let Ok(lifted) = convert(&flat, &posed) else { return false };
-    let Ok(Ground::Task(mut task)) = ground(&lifted, memory) else { return false };
+    let Ok(Ground::Task(mut task)) = ground(&lifted, memory, &mut |_, _| {}) else { return false };
     let Some(mut timing) = Clock::new(domain, problem).timing(&task) else { return false };
     let settings = Settings { improvement: Improvement::Brief, memory, work: WORK };
     let mut first = None;

@@ -18,8 +18,8 @@ pub(super) struct Axioms {
 
 impl Axioms {
     pub(super) fn new(task: &Task) -> Self {
-        let mut axioms = Self::default();
-        axioms.derived = (0..task.len() as u32).filter(|variable| task.is_derived[*variable as usize]).collect();
+        let derived = (0..task.len() as u32).filter(|variable| task.is_derived[*variable as usize]).collect();
+        let mut axioms = Self { derived, ..Self::default() };
         if task.axioms.is_empty() {
             return axioms;
         }

@@ -7,7 +7,7 @@ use super::lifted::{Atom, Condition, Lifted, Object, Term};
 type Facts = HashSet<(usize, Vec<Object>)>;
 
 /// Says what is wrong with a plan, given as names and arguments.
-pub fn check(task: &Lifted, plan: &[(String, Vec<String>)]) -> Result<(), String> {
+pub(crate) fn check(task: &Lifted, plan: &[(String, Vec<String>)]) -> Result<(), String> {
     let mut facts: Facts = task.init.iter().cloned().collect();
     derive(task, &mut facts);
     for (step, (name, arguments)) in plan.iter().enumerate() {

@@ -9,6 +9,9 @@ use super::solve::{End, Event, Improvement, Settings, solve};
 use super::successor::{apply, holds};
 use super::task::{Axiom, Fact, OperatorId, Task};
 
+/// Values of variables.
+type Values = Vec<(usize, u32)>;
+
 const SETTINGS: Settings = Settings { improvement: Improvement::Brief, memory: 1 << 26, work: u64::MAX };
 
 fn plans(task: &Task, anytime: bool) -> (Vec<Vec<OperatorId>>, End) {
@@ -124,7 +127,7 @@ fn the_estimate_is_zero_exactly_at_goals() {
 fn a_search_without_room_for_its_states_says_so() {
     // Twenty switches, and a goal that needs one which nothing sets: only the relaxed task believes in it.
     let switches: Vec<(usize, u32)> = (0..20).map(|switch| (switch, 1)).collect();
-    let mut operators: Vec<(&str, Vec<(usize, u32)>, Vec<(usize, u32)>)> = Vec::new();
+    let mut operators: Vec<(&str, Values, Values)> = Vec::new();
     for switch in 0..20 {
         operators.push(("on", vec![(switch, 0)], vec![(switch, 1)]));
         operators.push(("off", vec![(switch, 1)], vec![(switch, 0)]));

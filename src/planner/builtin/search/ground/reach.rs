@@ -23,12 +23,15 @@ pub(super) struct Reached<'l> {
 /// Most parts of a disjunction that are looked at one by one.
 const CASES: usize = 8;
 
+/// So many more instances are worth a word.
+const TELL: usize = 1 << 20;
+
 /// Bytes that an instance and what it leads to take at least.
 const INSTANCE: usize = 100;
 
 impl<'l> Reached<'l> {
-    /// Computes the fixpoint within so many bytes.
-    pub(super) fn new(lifted: &'l Lifted, memory: usize) -> Result<Self, Refusal> {
+    /// Computes the fixpoint within so many bytes, and tells from time to time which action has how many instances.
+    pub(super) fn new(lifted: &'l Lifted, memory: usize, tell: &mut dyn FnMut(&str, usize)) -> Result<Self, Refusal> {
         let columns: Vec<Vec<usize>> = lifted
             .schemas
             .iter()
@@ -55,7 +58,7 @@ impl<'l> Reached<'l> {
         if rules.iter().any(|rule| rule.slots.len() > 64) {
             return Err(Refusal::Wide);
         }
-        reached.run(&rules, memory)?;
+        reached.run(&rules, memory, tell)?;
         Ok(reached)
     }
 
@@ -110,7 +113,7 @@ impl<'l> Reached<'l> {
         Rule { slots: slots.to_vec(), wanted: wanted.collect(), body, filters, head: head.clone() }
     }
 
-    fn run(&mut self, rules: &[Rule], memory: usize) -> Result<(), Refusal> {
+    fn run(&mut self, rules: &[Rule], memory: usize, tell: &mut dyn FnMut(&str, usize)) -> Result<(), Refusal> {
         let mut queue: Vec<usize> = Vec::new();
         for (predicate, tuple) in &self.lifted.init {
             if self.relations.insert(*predicate, tuple).is_some() {
@@ -137,7 +140,7 @@ impl<'l> Reached<'l> {
             join.extend(0, &mut |binding| head(rule, binding, &mut found));
             self.add(rule, &mut found, &mut queue);
         }
-        let (mut next, mut instances) = (0, 0);
+        let (mut next, mut instances, mut told) = (0, 0, 0);
         let mut shown = vec![0_u32; triggers.len()];
         while next < queue.len() {
             let predicate = queue[next];
@@ -151,7 +154,13 @@ impl<'l> Reached<'l> {
                 instances += self.add(rule, &mut found, &mut queue);
             }
             if instances * INSTANCE > memory {
-                return Err(self.explosion());
+                let (action, instances) = self.most();
+                return Err(Refusal::Explosion { action: action.to_owned(), instances });
+            }
+            if instances >= told + TELL {
+                let (action, instances) = self.most();
+                tell(action, instances);
+                told = instances.max(told + TELL);
             }
         }
         Ok(())
@@ -189,12 +198,11 @@ impl<'l> Reached<'l> {
         added
     }
 
-    /// The schema with most instances.
-    fn explosion(&self) -> Refusal {
+    /// The schema with most instances, and how many.
+    fn most(&self) -> (&'l str, usize) {
         let count = |schema: &usize| self.relations.get(self.instances(*schema)).len();
         let most = (0..self.lifted.schemas.len()).max_by_key(count).unwrap_or_default();
-        let action = self.lifted.schemas.get(most).map(|schema| schema.name.clone()).unwrap_or_default();
-        Refusal::Explosion { action, instances: count(&most) }
+        (self.lifted.schemas.get(most).map_or("", |schema| &schema.name), count(&most))
     }
 }
 
