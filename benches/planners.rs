@@ -1,9 +1,13 @@
 //! Each task of a folder with each planner, and what rmem adds to each.
 //!
-//! `cargo bench --bench planners -- FOLDER [--timeout 30] [--planner NAME]… [--only WORD] [--pairs 3]`
+//! `cargo bench --bench planners -- FOLDER [--timeout 30] [--planner NAME]… [--only WORD] [--pairs 3] [--every N]
+//! [--odd | --even]`
 //!
-//! `FOLDER` has one folder per task with `domain.pddl` and `problem.pddl`; without one, the small tasks of
-//! the fixtures are taken. Planners that are not installed are left out. A task that a planner
+//! `FOLDER` has one folder per task with `domain.pddl` and `problem.pddl`, or one per domain with several problems, as the
+//! collections of the competitions have; without one, the small tasks of the fixtures are taken. Of the problems of a
+//! domain, `--odd` and `--even` take every other one, and `--every` only each Nth of those. A second table says by domain how
+//! many each planner solved, and how the first one compares with each other on the tasks that both solve: medians of the
+//! quotients of processor times and of plan costs. Planners that are not installed are left out. A task that a planner
 //! solves in less than two seconds is run again, `rmem plan` and the planner alone in turn, and rmem's own
 //! share is the median of the differences.
 
@@ -23,12 +27,30 @@ struct Settings {
     planners: Vec<String>,
     only: String,
     pairs: usize,
+    every: usize,
+    parity: Option<usize>,
+}
+
+/// A task, and the folder of its domain.
+struct Task {
+    group: String,
+    name: String,
+    domain: PathBuf,
+    problem: PathBuf,
 }
 
 impl Settings {
     fn read() -> Self {
         let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/tasks");
-        let mut settings = Self { tasks: fixtures, timeout: 30, planners: Vec::new(), only: String::new(), pairs: 3 };
+        let mut settings = Self {
+            tasks: fixtures,
+            timeout: 30,
+            planners: Vec::new(),
+            only: String::new(),
+            pairs: 3,
+            every: 1,
+            parity: None,
+        };
         let mut words = std::env::args().skip(1);
         while let Some(word) = words.next() {
             let mut value = || words.next().unwrap_or_else(|| panic!("expected a value after {word}"));
@@ -39,6 +61,9 @@ impl Settings {
                 "--pairs" => settings.pairs = value().parse().expect("a number"),
                 "--planner" => settings.planners.push(value()),
                 "--only" => settings.only = value(),
+                "--every" => settings.every = value().parse().expect("a number"),
+                "--odd" => settings.parity = Some(0),
+                "--even" => settings.parity = Some(1),
                 folder => settings.tasks = folder.into(),
             }
         }
@@ -49,17 +74,46 @@ impl Settings {
         settings
     }
 
-    fn tasks(&self) -> Vec<PathBuf> {
-        let entries = fs::read_dir(&self.tasks).unwrap_or_else(|error| panic!("{}: {error}", self.tasks.display()));
-        let mut tasks: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-        tasks.retain(|task| task.join("problem.pddl").is_file() && name(task).contains(&self.only));
-        tasks.sort();
+    fn tasks(&self) -> Vec<Task> {
+        let mut folders = entries(&self.tasks);
+        folders.retain(|folder| folder.is_dir());
+        let mut tasks: Vec<Task> = folders.iter().flat_map(|folder| self.of_domain(folder)).collect();
+        tasks.retain(|task| task.name.contains(&self.only) || task.group.contains(&self.only));
         tasks
+    }
+
+    /// The tasks of a folder: one, or those of a domain.
+    fn of_domain(&self, folder: &Path) -> Vec<Task> {
+        let (group, domain) = (name(folder), folder.join("domain.pddl"));
+        let problem = folder.join("problem.pddl");
+        if problem.is_file() {
+            return vec![Task { group: group.clone(), name: group, domain, problem }];
+        }
+        let is_problem =
+            |path: &PathBuf| path.extension().is_some_and(|end| end == "pddl") && !name(path).contains("domain");
+        let problems = entries(folder).into_iter().filter(is_problem).enumerate();
+        let chosen = problems.filter(|(place, _)| self.parity.is_none_or(|parity| place % 2 == parity));
+        let tasks = chosen.step_by(self.every.max(1)).filter_map(|(_, problem)| {
+            let file = name(&problem);
+            let first = file.split('-').next().unwrap_or_default();
+            let known = [format!("domain_{file}"), format!("domain-{file}"), format!("{first}-domain.pddl")];
+            let own = known.iter().map(|name| folder.join(name)).find(|path| path.is_file());
+            let domain = own.or_else(|| domain.is_file().then(|| domain.clone()))?;
+            Some(Task { group: group.clone(), name: format!("{group}/{file}"), domain, problem })
+        });
+        tasks.collect()
     }
 }
 
-fn name(task: &Path) -> String {
-    task.file_name().unwrap_or_default().to_string_lossy().into_owned()
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    paths
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn is_installed(planner: &str) -> bool {
@@ -90,17 +144,17 @@ fn spent() -> Duration {
     Duration::from_millis(fields.filter_map(|field| field.parse::<u64>().ok()).sum::<u64>() * 10)
 }
 
-fn rmem(task: &Path, planner: &str, settings: &Settings) -> Command {
+fn rmem(task: &Task, planner: &str, settings: &Settings) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
     command.args(["--memory", "mem:", "-q", "plan", "--format", "text", "--planner", planner, "--timeout"]);
     command.arg(format!("{}s", settings.timeout));
-    command.arg("-d").arg(task.join("domain.pddl")).arg("-p").arg(task.join("problem.pddl"));
+    command.arg("-d").arg(&task.domain).arg("-p").arg(&task.problem);
     command
 }
 
 /// The planner without rmem around it; none where that cannot be said.
-fn alone(task: &Path, planner: &str, folder: &Path) -> Option<Command> {
-    let (domain, problem) = (task.join("domain.pddl"), task.join("problem.pddl"));
+fn alone(task: &Task, planner: &str, folder: &Path) -> Option<Command> {
+    let (domain, problem) = (&task.domain, &task.problem);
     let mut command = match planner {
         "builtin" => Command::new(env!("CARGO_BIN_EXE_rmem")),
         "ff" | "fast-downward" => Command::new(planner),
@@ -116,7 +170,7 @@ fn alone(task: &Path, planner: &str, folder: &Path) -> Option<Command> {
 }
 
 /// What rmem adds to a planner on a task, and what the planner takes alone: medians of pairs.
-fn share(task: &Path, planner: &str, settings: &Settings) -> Option<(f64, f64)> {
+fn share(task: &Task, planner: &str, settings: &Settings) -> Option<(f64, f64)> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut pairs: Vec<(f64, f64)> = Vec::new();
     for _ in 0..settings.pairs {
@@ -135,13 +189,14 @@ fn main() {
     let settings = Settings::read();
     println!("| task | planner | outcome | wall s | cpu s | steps | alone s | rmem's share |");
     println!("|---|---|---|--:|--:|--:|--:|--:|");
-    let mut solved: Vec<(String, usize)> = settings.planners.iter().map(|name| (name.clone(), 0)).collect();
+    let mut results: Vec<(String, Vec<Option<Solved>>)> = Vec::new();
     for task in settings.tasks() {
-        for (planner, solved) in &mut solved {
+        let mut row = Vec::new();
+        for planner in &settings.planners {
             let whole = run(rmem(&task, planner, &settings));
             let steps = whole.stdout.lines().filter(|line| line.contains('(') && !line.starts_with(';')).count();
             let is_solved = whole.code == Some(0);
-            *solved += usize::from(is_solved);
+            row.push(is_solved.then(|| Solved { cpu: whole.cpu, cost: cost(&whole.stdout).unwrap_or(steps as f64) }));
             let outcome = whole.code.map_or_else(|| "a signal".to_owned(), |code| code.to_string());
             let share = (is_solved && whole.wall < QUICK).then(|| share(&task, planner, &settings)).flatten();
             let (alone, share) = share.map_or_else(Default::default, |(share, alone)| {
@@ -149,11 +204,55 @@ fn main() {
             });
             let steps = if is_solved { steps.to_string() } else { String::new() };
             let (wall, cpu) = (whole.wall.as_secs_f64(), whole.cpu.as_secs_f64());
-            let task = name(&task);
+            let task = &task.name;
             println!("| {task} | {planner} | {outcome} | {wall:.2} | {cpu:.2} | {steps} | {alone} | {share} |");
         }
+        results.push((task.group, row));
     }
-    for (planner, solved) in solved {
-        println!("\n{planner}: {solved} solved");
+    summary(&settings.planners, &results);
+}
+
+/// What a planner needed for a task that it solved.
+#[derive(Clone, Copy)]
+struct Solved {
+    cpu: Duration,
+    cost: f64,
+}
+
+/// The cost that rmem prints with a plan.
+fn cost(text: &str) -> Option<f64> {
+    let line = text.lines().find(|line| line.starts_with("; cost"))?;
+    line.split(|sign: char| !sign.is_ascii_digit() && sign != '.').find_map(|word| word.parse().ok())
+}
+
+/// A row for each domain, and one for all.
+fn summary(planners: &[String], results: &[(String, Vec<Option<Solved>>)]) {
+    println!("\n| domain | tasks | {} | time | cost |", planners.join(" | "));
+    println!("|---|--:|{}--:|--:|", "--:|".repeat(planners.len()));
+    let mut groups: Vec<&str> = results.iter().map(|(group, _)| group.as_str()).collect();
+    groups.dedup();
+    for group in groups.into_iter().map(Some).chain([None]) {
+        let rows: Vec<&[Option<Solved>]> = results
+            .iter()
+            .filter(|(name, _)| group.is_none_or(|group| group == name))
+            .map(|(_, row)| row.as_slice())
+            .collect();
+        let solved =
+            (0..planners.len()).map(|place| rows.iter().filter(|row| row[place].is_some()).count().to_string());
+        let solved = solved.collect::<Vec<_>>().join(" | ");
+        let quotients = |of: fn(&Solved) -> f64| -> String {
+            let compared = (1..planners.len()).map(|place| {
+                let both = rows.iter().filter_map(|row| Some(of(&row[0]?) / of(&row[place]?)));
+                median(both.filter(|quotient| quotient.is_finite()).collect())
+            });
+            compared.collect::<Vec<_>>().join(", ")
+        };
+        let (times, costs) = (quotients(|solved| solved.cpu.as_secs_f64()), quotients(|solved| solved.cost));
+        println!("| {} | {} | {solved} | {times} | {costs} |", group.unwrap_or("all"), rows.len());
     }
+}
+
+fn median(mut numbers: Vec<f64>) -> String {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).map_or_else(|| "-".to_owned(), |median| format!("{median:.2}"))
 }

@@ -309,7 +309,13 @@ fn conclude(
         }
         End::OutOfTime if !keeps => {
             let time = limits.time.unwrap_or_default();
-            return (Outcome::OutOfTime, format!("no plan within {time:?}"));
+            let words = match answer.verdict {
+                Verdict::Unclear if !answer.message.is_empty() => {
+                    format!("no plan within {time:?} ({})", answer.message)
+                }
+                _ => format!("no plan within {time:?}"),
+            };
+            return (Outcome::OutOfTime, words);
         }
         End::Starved if !keeps => return (Outcome::OutOfMemory, memory(limits)),
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),

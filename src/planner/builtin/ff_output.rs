@@ -58,6 +58,19 @@ pub(super) fn plan(plan: &Plan, sent: Option<&Sent>) -> String {
     text
 }
 
+/// What a line about the progress begins with.
+const PROGRESS: &str = "ff: so far: ";
+
+/// How far the work is, in a line that no reader of FF's takes for anything else.
+pub(super) fn progress(words: &str) -> String {
+    format!("{PROGRESS}{words}\n")
+}
+
+/// The last that was said about the progress, or nothing.
+pub(super) fn last_progress(text: &str) -> String {
+    text.lines().rev().find_map(|line| line.strip_prefix(PROGRESS)).unwrap_or_default().to_owned()
+}
+
 /// A step in words, with the names of the task.
 fn words(step: &Step, sent: Option<&Sent>) -> String {
     let Some(sent) = sent else {
@@ -74,6 +87,7 @@ pub(super) fn no_plan(reason: &NoPlan) -> (String, i32) {
         NoPlan::GoalFalse => ("\nff: goal can be simplified to FALSE. No plan will solve it\n\n".to_owned(), 11),
         NoPlan::Exhausted => ("\nbest first search space empty! problem proven unsolvable.\n\n".to_owned(), 11),
         NoPlan::GaveUp(why) => (format!("\nsearch cap reached! no plan found{}.\n\n", bracketed(why)), 12),
+        NoPlan::Full(why) => (format!("\nnot enough memory: {why}\n\n"), 22),
         NoPlan::Doubted { doubt, why } => {
             let why = bracketed(why);
             (format!("\nsearch cap reached! no plan found{why}; no proof for a task with {doubt}.\n\n"), 12)
@@ -94,6 +108,8 @@ pub(super) enum NoPlan {
     Exhausted,
     /// The engine stopped without having seen everything.
     GaveUp(String),
+    /// It has no more memory, and this is what took it.
+    Full(String),
     /// It has seen everything it wanted to see, which for this task is no proof.
     Doubted {
         /// What in the task makes it none.

@@ -5,13 +5,17 @@
 //! crashes, like every other planner. As the planner of `rmem plan` it gets a task that has
 //! been read and written already, and is told so with [`CHECKED`].
 //!
-//! A classical task is worked on by a [`portfolio`] of the engine's searches; times, preferences
-//! and constraints have one way each, the engine's own. What ends a search is a number of
-//! states, never a clock, so that the same task has the same plan everywhere.
+//! A classical task is for the [`search`] of rmem's own. One with numbers is worked on by a [`portfolio`] of the
+//! engine's searches; times, preferences and constraints have one way each, the engine's own. What ends a
+//! search is an amount of work, never a clock, so that the same task has the same plan everywhere.
 
+mod classical;
+pub mod convert;
 mod ff_output;
 mod portfolio;
 mod proof;
+pub mod search;
+mod temporal;
 
 use std::ffi::OsString;
 use std::sync::mpsc;
@@ -20,12 +24,13 @@ use std::thread;
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
+use self::classical::{Answer, Said};
 use self::ff_output::NoPlan;
 use super::files::{DOMAIN, PROBLEM};
 use super::run::{Output, Planner, refuse};
 use super::task::Task;
 use crate::formats::pddl::portable::{self, Sent};
-use crate::formats::plan::{Transcript, ff};
+use crate::formats::plan::{Transcript, Verdict, ff};
 use crate::pddl::Feature;
 use crate::process::Host;
 
@@ -33,8 +38,7 @@ use crate::process::Host;
 const ENGINE: &str = "ferroplan 0.30.0";
 
 /// What the engine does not read, or refuses.
-const LACKS: [Feature; 4] =
-    [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables, Feature::ChangingDerivedPredicates];
+const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables];
 
 /// The requirements that the engine knows by name. Others announce what it may well
 /// be able to do: it reads `:derived` but not the keyword for it.
@@ -110,7 +114,19 @@ impl Planner for Builtin {
 
     fn read(&self, output: &Output) -> Transcript {
         let whole = if self.anytime { ff_output::whole(&output.stdout) } else { &output.stdout };
-        ff::read(whole, &output.stderr)
+        let answer = ff::read(whole, &output.stderr);
+        match output.code {
+            Some(22) if answer.verdict != Verdict::Plan => Transcript {
+                verdict: Verdict::OutOfMemory,
+                message: output.stdout.trim().lines().last().unwrap_or_default().to_owned(),
+                ..answer
+            },
+            // How far it was when it was ended.
+            _ if answer.verdict == Verdict::Unclear && answer.message.is_empty() => {
+                Transcript { message: ff_output::last_progress(&output.stdout), ..answer }
+            }
+            _ => answer,
+        }
     }
 
     fn is_anytime(&self) -> bool {
@@ -158,7 +174,11 @@ fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say
         let work = move || {
             // Nobody listens any more only when this process ends.
             let tell = |text: String| drop(sender.send(text));
-            match answer(domain, problem, options, &mut |plan| tell(ff_output::plan(plan, sent))) {
+            let said = &mut |said: Said<'_>| match said {
+                Said::Plan(plan) => tell(ff_output::plan(plan, sent)),
+                Said::Progress(words) => tell(ff_output::progress(&words)),
+            };
+            match answer(domain, problem, options, said) {
                 Ok(None) => 0,
                 Ok(Some(reason)) => {
                     let (text, code) = ff_output::no_plan(&reason);
@@ -193,12 +213,20 @@ fn answer(
     domain: &str,
     problem: &str,
     options: Options,
-    found: &mut dyn FnMut(&Plan),
+    said: &mut dyn FnMut(Said<'_>),
 ) -> Result<Option<NoPlan>, SolveError> {
     let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
     let posed = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
     if is_classical(&task, &posed) {
-        return portfolio::plan(&task, &posed, options, found);
+        return match classical::plan(&task, &posed, options, said)? {
+            Answer::Solved => Ok(None),
+            Answer::None(reason) => Ok(Some(reason)),
+            Answer::Declined => portfolio::plan(&task, &posed, options, &mut |plan| said(Said::Plan(plan))),
+        };
+    }
+    let found = &mut |plan: &Plan| said(Said::Plan(plan));
+    if is_plain(&task, &posed) && temporal::plan(&task, &posed, options.anytime, classical::memory(), found) {
+        return Ok(None);
     }
     let mut reason = None;
     let mut known = false;
@@ -226,17 +254,17 @@ fn answer(
 
 /// Whether states and actions are all there is to a task: no time, no preferences, no constraints.
 fn is_classical(domain: &Domain, problem: &Problem) -> bool {
-    domain.durative_actions.is_empty()
-        && problem.til.is_empty()
-        && domain.constraints.is_empty()
-        && problem.constraints.is_empty()
-        && !pddl3::has_preferences(problem)
+    domain.durative_actions.is_empty() && problem.til.is_empty() && is_plain(domain, problem)
+}
+
+/// Whether nothing is preferred or constrained.
+fn is_plain(domain: &Domain, problem: &Problem) -> bool {
+    domain.constraints.is_empty() && problem.constraints.is_empty() && !pddl3::has_preferences(problem)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::formats::plan::Verdict;
 
     fn task(domain: &str, problem: &str) -> (Transcript, i32) {
         let read = |name: &str| {

@@ -1,0 +1,242 @@
+//! A classical task, by the search of rmem's own.
+
+use ferroplan::types::{Domain, Problem};
+use ferroplan::{Plan, SolveError, Step};
+use rustix::process::{Resource, getrlimit};
+
+use super::Options;
+use super::convert::convert;
+use super::ff_output::NoPlan;
+use super::search::lifted::Lifted;
+use super::search::task::{OperatorId, Task};
+use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, solve};
+
+/// The bytes for states where this process has no limit.
+const MEMORY: usize = 4 << 30;
+
+/// What is said while a task is worked on.
+pub(super) enum Said<'p> {
+    /// A plan, better than those before.
+    Plan(&'p Plan),
+    /// How far it is.
+    Progress(String),
+}
+
+/// How far a grounding is, in words.
+pub(super) fn grounding(action: &str, instances: usize) -> String {
+    format!("grounding: the action {action} has {instances} instances so far")
+}
+
+/// What becomes of a task.
+pub(super) enum Answer {
+    /// Its plans were said.
+    Solved,
+    /// It has none, or none was found.
+    None(NoPlan),
+    /// It is not for this search.
+    Declined,
+}
+
+/// Finds a plan, and better and better ones where they are wanted.
+///
+/// # Errors
+///
+/// For axioms that have no order.
+pub(super) fn plan(
+    domain: &Domain,
+    problem: &Problem,
+    options: Options,
+    said: &mut dyn FnMut(Said<'_>),
+) -> Result<Answer, SolveError> {
+    match convert(domain, problem) {
+        Ok(lifted) => search(&lifted, memory(), options, said),
+        Err(_) => Ok(Answer::Declined),
+    }
+}
+
+fn search(
+    lifted: &Lifted,
+    memory: usize,
+    options: Options,
+    found: &mut dyn FnMut(&Plan),
+) -> Result<Answer, SolveError> {
+    let told = &mut |action: &str, instances| said(Said::Progress(grounding(action, instances)));
+    let task = match ground(lifted, memory, told) {
+        Ok(Ground::Task(task)) => task,
+        Ok(Ground::GoalFalse) => return Ok(Answer::None(NoPlan::GoalFalse)),
+        Err(Refusal::Wide) => return Ok(Answer::Declined),
+        Err(Refusal::Circular) => {
+            return Err(SolveError::Derived("a derived predicate depends on its own negation".to_owned()));
+        }
+        Err(Refusal::Explosion { action, instances }) => {
+            return Ok(Answer::None(NoPlan::Full(format!("the action {action} has more than {instances} instances"))));
+        }
+    };
+    let mut states = 0;
+    let improvement = match options {
+        Options { anytime: true, .. } => Improvement::Unbounded,
+        Options { optimize: true, .. } if task.has_costs => Improvement::Bounded,
+        _ => Improvement::Brief,
+    };
+    let mut best = None;
+    let end = solve(&task, Settings { improvement, memory, work: u64::MAX }, &mut |event| match event {
+        Event::Plan(plan) if improvement == Improvement::Unbounded => said(Said::Plan(&report(&task, plan))),
+        Event::Plan(plan) => best = Some(report(&task, plan)),
+        Event::States(count) => {
+            states = count;
+            said(Said::Progress(format!("{states} states")));
+        }
+    });
+    if let Some(plan) = best {
+        said(Said::Plan(&plan));
+    }
+    Ok(match end {
+        End::Solved => Answer::Solved,
+        End::Unsolvable => Answer::None(NoPlan::Exhausted),
+        End::Full | End::Spent => Answer::None(NoPlan::Full(format!("it had found more than {states} states"))),
+    })
+}
+
+/// The bytes that states may take: about half of what this process may have, as lists that grow are copied.
+pub(super) fn memory() -> usize {
+    let limit = getrlimit(Resource::As).current.and_then(|bytes| usize::try_from(bytes).ok());
+    limit.map_or(MEMORY, |bytes| (bytes / 2).min(MEMORY))
+}
+
+/// A plan of operators as one of actions.
+fn report(task: &Task, plan: &[OperatorId]) -> Plan {
+    let step = |(index, operator): (usize, &OperatorId)| {
+        let mut words = task.name(*operator).map(str::to_owned);
+        Step { index, action: words.next().unwrap_or_default(), args: words.collect(), time: None, duration: None }
+    };
+    let steps = plan.iter().enumerate().map(step).collect();
+    Plan { length: plan.len(), steps, metric: task.has_costs.then(|| task.cost(plan)), makespan: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use ferroplan::parser::{parse_domain, parse_problem};
+
+    use super::super::search::simulate::check;
+    use super::*;
+
+    fn read(folder: &Path, name: &str) -> String {
+        std::fs::read_to_string(folder.join(name).with_extension("pddl")).unwrap()
+    }
+
+    fn lifted(domain: &str, problem: &str) -> Option<Lifted> {
+        convert(&parse_domain(domain).ok()?, &parse_problem(problem).ok()?).ok()
+    }
+
+    fn grounded(domain: &str, problem: &str) -> Task {
+        match ground(&lifted(domain, problem).unwrap(), 1 << 26, &mut |_, _| {}) {
+            Ok(Ground::Task(task)) => *task,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn every_plan_for_the_fixtures_is_right_for_the_task_as_it_was_written() {
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/transcripts/tasks");
+        let mut checked = 0;
+        for (domain, problem) in [
+            ("dom", "p_plan"),
+            ("dom", "p_disj"),
+            ("dom", "p_neg"),
+            ("acdom", "acp"),
+            ("adldom", "adlp"),
+            ("ffbug_dom", "ffbug_p1"),
+        ] {
+            let task = lifted(&read(&fixtures, domain), &read(&fixtures, problem)).unwrap();
+            search(&task, 1 << 26, Options::default(), &mut |said| {
+                let Said::Plan(plan) = said else { return };
+                let steps: Vec<_> = plan.steps.iter().map(|step| (step.action.clone(), step.args.clone())).collect();
+                assert_eq!(check(&task, &steps), Ok(()), "{domain} {problem}");
+                checked += 1;
+            })
+            .unwrap();
+        }
+        assert_eq!(checked, 6);
+    }
+
+    const ROADS: &str = "(define (domain roads) (:requirements :adl) (:types truck place)
+        (:predicates (at ?t - truck ?p - place) (road ?a ?b - place) (open ?a - place))
+        (:action drive :parameters (?t - truck ?a ?b - place)
+          :precondition (and (at ?t ?a) (road ?a ?b) (open ?b)) :effect (and (not (at ?t ?a)) (at ?t ?b))))";
+
+    const TRIP: &str = "(define (problem trip) (:domain roads) (:objects t - truck a b c d - place)
+        (:init (at t a) (road a b) (road b c) (road c d) (open b) (open c)) (:goal (at t c)))";
+
+    #[test]
+    fn only_what_is_reachable_is_grounded() {
+        // From a to b to c: there is no way back, and d is closed.
+        let task = grounded(ROADS, TRIP);
+        let names: Vec<String> =
+            (0..task.operators.len()).map(|number| task.name(number as u32).collect::<Vec<_>>().join(" ")).collect();
+        assert_eq!(names, ["DRIVE T A B", "DRIVE T B C"]);
+    }
+
+    #[test]
+    fn a_truck_is_one_variable_whose_values_are_places() {
+        let task = grounded(ROADS, TRIP);
+        assert_eq!((task.len(), task.facts()), (1, 3));
+        assert_eq!(task.operators[0].condition, [task.init[0]]);
+    }
+
+    #[test]
+    fn a_goal_that_is_not_reachable_is_false() {
+        let task = lifted(ROADS, &TRIP.replace("(:goal (at t c))", "(:goal (at t d))")).unwrap();
+        assert!(matches!(ground(&task, 1 << 26, &mut |_, _| {}), Ok(Ground::GoalFalse)));
+    }
+
+    #[test]
+    fn two_places_at_once_are_a_goal_that_is_false() {
+        let task = lifted(ROADS, &TRIP.replace("(:goal (at t c))", "(:goal (and (at t c) (at t b)))")).unwrap();
+        assert!(matches!(ground(&task, 1 << 26, &mut |_, _| {}), Ok(Ground::GoalFalse)));
+    }
+
+    #[test]
+    fn too_many_instances_are_refused_with_their_action() {
+        let objects: Vec<String> = (0..60).map(|number| format!("o{number}")).collect();
+        let domain = "(define (domain many) (:requirements :strips) (:predicates (p ?x) (q ?x ?y ?z))
+            (:action connect :parameters (?x ?y ?z) :precondition (and (p ?x) (p ?y) (p ?z)) :effect (q ?x ?y ?z)))";
+        let problem = format!(
+            "(define (problem all) (:domain many) (:objects {}) (:init {}) (:goal (q o1 o2 o3)))",
+            objects.join(" "),
+            objects.iter().map(|name| format!("(p {name})")).collect::<Vec<_>>().join(" ")
+        );
+        let task = lifted(domain, &problem).unwrap();
+        match ground(&task, 1 << 20, &mut |_, _| {}) {
+            Err(Refusal::Explosion { action, instances }) => {
+                assert!(action == "CONNECT" && instances > 1000, "{instances}")
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn quantifiers_conditional_effects_and_axioms_are_kept() {
+        // All lamps are off, or the switch is: a lamp is lit by an axiom, and an effect depends on it.
+        let domain = "(define (domain lamps) (:requirements :adl :derived-predicates) (:types lamp)
+            (:predicates (on ?l - lamp) (power) (lit ?l - lamp) (seen ?l - lamp))
+            (:derived (lit ?l - lamp) (and (on ?l) (power)))
+            (:action press :parameters (?l - lamp) :precondition (not (on ?l)) :effect (on ?l))
+            (:action plug :parameters () :precondition (forall (?l - lamp) (not (lit ?l))) :effect (power))
+            (:action look :parameters () :precondition (exists (?l - lamp) (lit ?l))
+              :effect (forall (?l - lamp) (when (lit ?l) (seen ?l)))))";
+        let problem = "(define (problem see) (:domain lamps) (:objects a b - lamp) (:init)
+            (:goal (forall (?l - lamp) (seen ?l))))";
+        let task = lifted(&domain.replace(":derived-predicates", ""), problem).unwrap();
+        let mut plans = Vec::new();
+        search(&task, 1 << 26, Options::default(), &mut |said| {
+            if let Said::Plan(plan) = said {
+                plans.push(plan.clone());
+            }
+        })
+        .unwrap();
+        let steps: Vec<_> = plans[0].steps.iter().map(|step| (step.action.clone(), step.args.clone())).collect();
+        assert_eq!((steps.len(), check(&task, &steps)), (4, Ok(())), "{steps:?}");
+    }
+}

@@ -1,0 +1,17 @@
+//! Why a task cannot be grounded.
+
+/// Why a task cannot be grounded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Refusal {
+    /// More instances of actions than there is memory for.
+    Explosion {
+        /// The action that has most of them.
+        action: String,
+        /// How many.
+        instances: usize,
+    },
+    /// An action or a predicate has too many parameters.
+    Wide,
+    /// A derived predicate depends on its own negation.
+    Circular,
+}

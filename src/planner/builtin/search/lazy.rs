@@ -1,0 +1,279 @@
+//! Lazy best-first search with several open lists (Richter and Westphal 2010, "The LAMA planner: guiding cost-based
+//! anytime planning with landmarks"): greedy for a first plan, weighted A* for better ones.
+//!
+//! A state is made and estimated only when it is taken from an open list, where it waits with the estimates of the
+//! state before it. There is an open list for each heuristic, and another one for each with the successors by preferred
+//! operators only; they are asked in turn, and those of preferred operators are asked more often after progress.
+
+use super::axiom::Axioms;
+use super::landmark::count::{Achieved, Counter};
+use super::open::OpenList;
+use super::relaxed::Relaxed;
+use super::state::{NO_STATE, Space, StateId};
+use super::successor::{Generator, apply, holds};
+use super::task::{Fact, OperatorId, Task};
+
+/// How many turns an open list of preferred operators gets for progress.
+const BOOST: i64 = 1000;
+
+/// The operator that leads to the first state.
+const ROOT: OperatorId = OperatorId::MAX;
+
+/// What became of a search, or of a slice of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Step {
+    /// It found a plan.
+    Plan(Vec<OperatorId>),
+    /// There is nothing left to look at, and nothing was left out but what is too expensive.
+    Exhausted,
+    /// Its work is done; it may go on.
+    Spent,
+    /// It may not remember more.
+    Full,
+}
+
+/// What a search looks for.
+#[derive(Debug, Clone)]
+pub(super) struct Aim {
+    /// Where it starts; derived variables have their values.
+    pub(super) init: Vec<Fact>,
+    pub(super) goal: Vec<Fact>,
+    /// How much an estimate counts against what was paid so far; without a weight, the search is greedy.
+    pub(super) weight: Option<u32>,
+    /// Plans must be cheaper than this.
+    pub(super) bound: u64,
+}
+
+/// The search, which can be continued.
+pub(super) struct Lazy<'t> {
+    task: &'t Task,
+    generator: &'t Generator,
+    counter: &'t Counter,
+    /// What each operator costs, for plans with a bound.
+    costs: &'t [u32],
+    axioms: Axioms,
+    relaxed: Relaxed,
+    aim: Aim,
+    space: Space,
+    /// What was paid for each state, where that matters.
+    paid: Vec<u64>,
+    /// The accepted landmarks of each state.
+    accepted: Vec<u64>,
+    /// By estimate: all and preferred operators, first of the relaxed plan, then of the landmarks.
+    lists: [OpenList; 4],
+    best: [u32; 2],
+    /// Work besides the relaxed task's.
+    work: u64,
+    /// How many states were estimated.
+    pub(super) evaluated: usize,
+    scratch: Scratch,
+}
+
+#[derive(Default)]
+struct Scratch {
+    state: Vec<Fact>,
+    applicable: Vec<OperatorId>,
+    accepted: Vec<u64>,
+    is_preferred: Vec<bool>,
+}
+
+impl<'t> Lazy<'t> {
+    pub(super) fn new(
+        task: &'t Task,
+        generator: &'t Generator,
+        counter: &'t Counter,
+        costs: &'t [u32],
+        relaxed: Relaxed,
+        aim: Aim,
+    ) -> Self {
+        let mut lists: [OpenList; 4] = Default::default();
+        lists[0].push(0, (NO_STATE, ROOT));
+        let scratch = Scratch {
+            state: aim.init.clone(),
+            applicable: Vec::new(),
+            accepted: vec![0; counter.words()],
+            is_preferred: vec![false; task.operators.len()],
+        };
+        Self {
+            task,
+            generator,
+            counter,
+            costs,
+            axioms: Axioms::new(task),
+            relaxed,
+            aim,
+            space: Space::new(task),
+            paid: Vec::new(),
+            accepted: Vec::new(),
+            lists,
+            best: [u32::MAX; 2],
+            work: 0,
+            evaluated: 0,
+            scratch,
+        }
+    }
+
+    /// Returns the relaxed task, to be used by another search.
+    pub(super) fn into_relaxed(self) -> Relaxed {
+        self.relaxed
+    }
+
+    /// Returns how many states were reached.
+    pub(super) fn states(&self) -> usize {
+        self.space.len()
+    }
+
+    /// Returns how much work was done, by this search and those that had its relaxed task before.
+    pub(super) fn work(&self) -> u64 {
+        self.relaxed.work + self.work
+    }
+
+    fn bytes(&self) -> usize {
+        let entries: usize = self.lists.iter().map(OpenList::len).sum();
+        self.space.bytes() + (self.accepted.capacity() + self.paid.capacity()) * 8 + entries * 12
+    }
+
+    /// Searches until so much work is done, in so many bytes.
+    pub(super) fn run(&mut self, work: u64, memory: usize) -> Step {
+        let start = self.work();
+        while self.work() - start < work {
+            let Some(list) = self.next_list() else { return Step::Exhausted };
+            self.lists[list].priority += 1;
+            let Some((parent, operator)) = self.lists[list].pop() else { return Step::Exhausted };
+            self.work += 4;
+            if let Some(plan) = self.visit(parent, operator) {
+                return Step::Plan(plan);
+            }
+            if self.evaluated.is_multiple_of(256) && self.bytes() > memory {
+                return Step::Full;
+            }
+        }
+        Step::Spent
+    }
+
+    /// The list whose turn it is.
+    fn next_list(&self) -> Option<usize> {
+        let open = (0..self.lists.len()).filter(|list| !self.lists[*list].is_empty());
+        open.min_by_key(|list| self.lists[*list].priority)
+    }
+
+    /// Makes the state that an operator leads to, and expands it; returns a plan where it is a goal.
+    fn visit(&mut self, parent: StateId, operator: OperatorId) -> Option<Vec<OperatorId>> {
+        let paid = match parent {
+            NO_STATE => 0,
+            _ if self.aim.weight.is_none() => 0,
+            _ => self.paid[parent as usize] + u64::from(self.costs[operator as usize]),
+        };
+        if paid >= self.aim.bound {
+            return None;
+        }
+        let mut state = std::mem::take(&mut self.scratch.state);
+        self.enter(parent, operator, &mut state);
+        let (id, is_new) = self.space.insert(&state, parent, operator);
+        let is_better = !is_new && self.aim.weight.is_some() && paid < self.paid[id as usize];
+        let plan = if is_new || is_better { self.look(parent, operator, id, paid, is_new, &state) } else { None };
+        self.scratch.state = state;
+        plan
+    }
+
+    fn enter(&mut self, parent: StateId, operator: OperatorId, state: &mut [Fact]) {
+        if parent == NO_STATE {
+            state.copy_from_slice(&self.aim.init);
+            return;
+        }
+        self.space.state(parent, state);
+        let operator = &self.task.operators[operator as usize];
+        apply(self.task, &mut self.axioms, operator, state);
+        self.work += (self.task.len() / 8 + self.task.axioms.len() + operator.effects.len() + 8) as u64;
+    }
+
+    /// Estimates a state that is new, or was reached at less cost.
+    fn look(
+        &mut self,
+        parent: StateId,
+        operator: OperatorId,
+        id: StateId,
+        paid: u64,
+        is_new: bool,
+        state: &[Fact],
+    ) -> Option<Vec<OperatorId>> {
+        if !is_new {
+            self.space.set_parent(id, parent, operator);
+            self.paid[id as usize] = paid;
+        } else if self.aim.weight.is_some() {
+            self.paid.push(paid);
+        }
+        self.advance(parent, id, is_new, state);
+        if holds(self.task, state, &self.aim.goal) {
+            return Some(self.space.plan(id));
+        }
+        self.evaluated += 1;
+        let estimate = self.relaxed.estimate(state, &self.aim.goal);
+        let relaxed = estimate.value?;
+        let landmarks = self.counter.count(self.task, state, &self.scratch.accepted);
+        self.work += self.counter.words() as u64 * 64;
+        let estimates = [relaxed, landmarks];
+        let mut is_progress = false;
+        for (best, value) in self.best.iter_mut().zip(estimates) {
+            is_progress |= value < *best;
+            *best = value.min(*best);
+        }
+        if is_progress {
+            self.lists[1].priority -= BOOST;
+            self.lists[3].priority -= BOOST;
+        }
+        let keys = estimates.map(|estimate| match self.aim.weight {
+            None => estimate,
+            Some(weight) => u32::try_from(paid).unwrap_or(u32::MAX).saturating_add(estimate.saturating_mul(weight)),
+        });
+        self.expand(id, state, &estimate.preferred, keys);
+        None
+    }
+
+    /// Computes the accepted landmarks of a state.
+    fn advance(&mut self, parent: StateId, id: StateId, is_new: bool, state: &[Fact]) {
+        let words = self.counter.words();
+        if parent == NO_STATE {
+            self.counter.start(self.task, state, &mut self.scratch.accepted);
+        } else {
+            let start = parent as usize * words;
+            self.counter.accept(self.task, state, &self.accepted[start..start + words], &mut self.scratch.accepted);
+        }
+        if is_new {
+            self.accepted.extend_from_slice(&self.scratch.accepted);
+            return;
+        }
+        // What is achieved on one way to a state but not on another is still to be achieved (Karpas and Domshlak 2009).
+        let start = id as usize * words;
+        for (known, word) in self.accepted[start..start + words].iter_mut().zip(&mut self.scratch.accepted) {
+            *known &= *word;
+            *word = *known;
+        }
+    }
+
+    /// Appends what is applicable to the open lists.
+    fn expand(&mut self, id: StateId, state: &[Fact], preferred: &[OperatorId], keys: [u32; 2]) {
+        let Scratch { applicable, is_preferred, accepted, .. } = &mut self.scratch;
+        applicable.clear();
+        self.generator.applicable(self.task, state, applicable);
+        self.work += applicable.len() as u64 * 2 + 16;
+        preferred.iter().for_each(|operator| is_preferred[*operator as usize] = true);
+        let achieves = |operator: &OperatorId| {
+            self.counter.achieves(self.task, state, accepted, &self.task.operators[*operator as usize])
+        };
+        let achieved: Vec<Achieved> = applicable.iter().map(achieves).collect();
+        // Disjunctive landmarks count where no simple one can be achieved.
+        let most = achieved.iter().copied().max().unwrap_or(Achieved::Nothing);
+        let heuristics = if self.counter.words() > 0 { 2 } else { 1 };
+        for (operator, achieved) in applicable.iter().zip(achieved) {
+            let is_next = most > Achieved::Nothing && achieved == most;
+            for (place, key) in keys.into_iter().enumerate().take(heuristics) {
+                self.lists[place * 2].push(key, (id, *operator));
+                if is_next || is_preferred[*operator as usize] {
+                    self.lists[place * 2 + 1].push(key, (id, *operator));
+                }
+            }
+        }
+        preferred.iter().for_each(|operator| is_preferred[*operator as usize] = false);
+    }
+}

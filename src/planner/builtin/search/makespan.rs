@@ -1,0 +1,302 @@
+//! Plans whose steps overlap: each starts as early as what it touches is free, and the search looks for plans that end
+//! early.
+//!
+//! Where no action needs another one to happen within it, every plan of a temporal task is a sequential plan whose
+//! steps were moved (Coles, Fox, Long and Smith 2009, "Managing concurrency in temporal planning using planner-scheduler
+//! interaction"; Edelkamp 2003 for the critical path). So a best-first search over sequential plans is guided by the time
+//! at which their steps end, not by their number.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::axiom::Axioms;
+use super::relaxed::{Costs, Relaxed};
+use super::state::{NO_STATE, Space, StateId};
+use super::successor::{Generator, apply, holds};
+use super::task::{Fact, OperatorId, Task};
+
+/// The work of the first round of searches.
+const ROUND: u64 = 30_000_000;
+
+/// Of so many states, one is expanded by all operators, and the others by preferred ones.
+const TURNS: u64 = 8;
+
+/// How much an estimate counts against the time so far, in quarters: first to find plans, then to find short ones.
+const WEIGHTS: [u64; 6] = [400, 40, 16, 8, 4, 1];
+
+/// How long operators take and what they touch. Times are in whole units.
+#[derive(Debug, Clone, Default)]
+pub struct Timing {
+    /// How long each operator takes.
+    pub durations: Vec<u64>,
+    /// The resources that each operator needs unchanged.
+    pub reads: Vec<Vec<u32>>,
+    /// The resources that each operator changes.
+    pub writes: Vec<Vec<u32>>,
+    /// How many resources there are.
+    pub resources: usize,
+    /// How much time a unit of the operators' costs stands for.
+    pub unit: u64,
+    /// The least time between two operators of which one changes what the other touches.
+    pub gap: u64,
+}
+
+/// When each resource was read and written last; 0 for never.
+#[derive(Debug, Clone)]
+struct Times {
+    read: Vec<u64>,
+    written: Vec<u64>,
+    end: u64,
+}
+
+impl Timing {
+    fn begin(&self) -> Times {
+        Times { read: vec![0; self.resources], written: vec![0; self.resources], end: 0 }
+    }
+
+    /// Adds an operator as early as it may start; returns when that is.
+    fn add(&self, times: &mut Times, operator: OperatorId) -> u64 {
+        let number = operator as usize;
+        let after = |time: u64| if time == 0 { 0 } else { time + self.gap };
+        let reads = self.reads[number].iter().map(|resource| after(times.written[*resource as usize]));
+        let writes = self.writes[number]
+            .iter()
+            .map(|resource| after(times.written[*resource as usize].max(times.read[*resource as usize])));
+        let start = reads.chain(writes).max().unwrap_or(0);
+        // What takes no time happens all the same: at the end, it was.
+        let end = start + self.durations[number].max(1);
+        for resource in &self.reads[number] {
+            let read = &mut times.read[*resource as usize];
+            *read = end.max(*read);
+        }
+        for resource in &self.writes[number] {
+            times.written[*resource as usize] = end;
+        }
+        times.end = end.max(times.end);
+        start
+    }
+
+    /// Returns when each step of a plan starts, and when the last one ends.
+    #[must_use]
+    pub fn schedule(&self, plan: &[OperatorId]) -> (Vec<u64>, u64) {
+        let mut times = self.begin();
+        let starts = plan.iter().map(|operator| self.add(&mut times, *operator)).collect();
+        (starts, times.end)
+    }
+}
+
+/// Looks for plans that end before `best` until so much work is done, and says each. Costs of operators, and one more,
+/// are their durations in [`Timing::unit`]s.
+pub fn hasten(
+    task: &Task,
+    timing: &Timing,
+    mut best: u64,
+    work: u64,
+    memory: usize,
+    found: &mut dyn FnMut(&[OperatorId]),
+) {
+    let generator = Generator::new(task);
+    let mut relaxed = Relaxed::new(task, Costs::PlusOne);
+    let mut round = ROUND.min(work);
+    // What one round does not find, a longer one may.
+    while relaxed.work < work {
+        let mut is_full = true;
+        for weight in WEIGHTS {
+            let limit = relaxed.work + round / WEIGHTS.len() as u64;
+            let mut search = Search::new(task, timing, &generator, &mut relaxed, weight);
+            is_full &= search.run(&mut best, limit, memory, found);
+        }
+        if is_full {
+            return;
+        }
+        round = round.saturating_mul(2);
+    }
+}
+
+struct Search<'a> {
+    task: &'a Task,
+    timing: &'a Timing,
+    generator: &'a Generator,
+    relaxed: &'a mut Relaxed,
+    axioms: Axioms,
+    space: Space,
+    nodes: Vec<Node>,
+    /// The states to be expanded by preferred operators, and by all.
+    queues: [BinaryHeap<Reverse<(u64, u64, StateId)>>; 2],
+    weight: u64,
+    count: u64,
+}
+
+struct Node {
+    times: Times,
+    /// The estimate; none where no plan leads on.
+    left: Option<u32>,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        task: &'a Task,
+        timing: &'a Timing,
+        generator: &'a Generator,
+        relaxed: &'a mut Relaxed,
+        weight: u64,
+    ) -> Self {
+        Self {
+            task,
+            timing,
+            generator,
+            relaxed,
+            axioms: Axioms::new(task),
+            space: Space::new(task),
+            nodes: Vec::new(),
+            queues: Default::default(),
+            weight,
+            count: 0,
+        }
+    }
+
+    /// Searches; says whether it has nothing left to do, or no room for it.
+    fn run(&mut self, best: &mut u64, limit: u64, memory: usize, found: &mut dyn FnMut(&[OperatorId])) -> bool {
+        let task = self.task;
+        let mut state = task.init.clone();
+        self.axioms.derive(task, &mut state);
+        self.reach(NO_STATE, 0, &state, self.timing.begin(), *best, found);
+        let size = self.timing.resources * 16 + task.len() / 8 + 100;
+        let mut next = state.clone();
+        let mut applicable = Vec::new();
+        let mut turn = 0;
+        while let Some((id, is_preferring)) = self.next(&mut turn) {
+            if self.nodes.len() * size > memory {
+                return true;
+            }
+            if self.relaxed.work > limit {
+                return false;
+            }
+            if self.nodes[id as usize].times.end >= *best {
+                continue;
+            }
+            self.space.state(id, &mut state);
+            applicable.clear();
+            self.generator.applicable(task, &state, &mut applicable);
+            if is_preferring {
+                let preferred = self.relaxed.estimate(&state, &task.goal).preferred;
+                applicable.retain(|operator| preferred.binary_search(operator).is_ok());
+            }
+            self.relaxed.work += (applicable.len() * 8) as u64;
+            for operator in &applicable {
+                let mut times = self.nodes[id as usize].times.clone();
+                self.timing.add(&mut times, *operator);
+                if times.end >= *best {
+                    continue;
+                }
+                next.copy_from_slice(&state);
+                apply(task, &mut self.axioms, &task.operators[*operator as usize], &mut next);
+                if let Some(end) = self.reach(id, *operator, &next, times, *best, found) {
+                    *best = end;
+                }
+            }
+        }
+        true
+    }
+
+    /// The next state, and whether only preferred operators are to be applied in it.
+    fn next(&mut self, turn: &mut u64) -> Option<(StateId, bool)> {
+        *turn += 1;
+        let [preferring, all] = &mut self.queues;
+        let (first, second) = if turn.is_multiple_of(TURNS) { (all, preferring) } else { (preferring, all) };
+        let is_first = !first.is_empty();
+        let Reverse((_, _, id)) = first.pop().or_else(|| second.pop())?;
+        Some((id, is_first != turn.is_multiple_of(TURNS)))
+    }
+
+    /// Adds a state, or a better way to it; returns the end of a plan where it is a goal.
+    fn reach(
+        &mut self,
+        parent: StateId,
+        operator: OperatorId,
+        state: &[Fact],
+        times: Times,
+        best: u64,
+        found: &mut dyn FnMut(&[OperatorId]),
+    ) -> Option<u64> {
+        let (id, is_new) = self.space.insert(state, parent, operator);
+        let end = times.end;
+        if is_new {
+            let left = self.relaxed.estimate(state, &self.task.goal).value;
+            self.nodes.push(Node { times, left });
+        } else {
+            let node = &mut self.nodes[id as usize];
+            let rank = |times: &Times| (times.end, times.written.iter().sum::<u64>());
+            if rank(&times) >= rank(&node.times) {
+                return None;
+            }
+            node.times = times;
+            self.space.set_parent(id, parent, operator);
+        }
+        if holds(self.task, state, &self.task.goal) {
+            // The way to a state may have become a better one since: what counts is when the plan ends.
+            let plan = self.space.plan(id);
+            let (_, end) = self.timing.schedule(&plan);
+            if end < best {
+                found(&plan);
+                return Some(end);
+            }
+            return None;
+        }
+        if let Some(left) = self.nodes[id as usize].left {
+            self.count += 1;
+            let key = end * 4 + self.weight * self.timing.unit * u64::from(left);
+            self.queues.iter_mut().for_each(|queue| queue.push(Reverse((key, self.count, id))));
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::example::task;
+    use super::*;
+
+    /// Two robots that may each carry any of four boxes, one after the other.
+    fn carriers() -> (Task, Timing) {
+        let names: Vec<String> = (0..8).map(|number| format!("carry-{}-{}", number / 4, number % 4)).collect();
+        let parts: Vec<_> = (0..8).map(|number| (vec![(number % 4, 0)], vec![(number % 4, 1)])).collect();
+        let operators: Vec<_> = names
+            .iter()
+            .zip(&parts)
+            .map(|(name, (pre, eff))| (name.as_str(), pre.as_slice(), eff.as_slice()))
+            .collect();
+        let task = task(&[2; 4], &[0; 4], &[(0, 1), (1, 1), (2, 1), (3, 1)], &operators);
+        let writes = (0..8_u32).map(|number| vec![number % 4, 4 + number / 4]).collect();
+        let timing =
+            Timing { durations: vec![10; 8], reads: vec![Vec::new(); 8], writes, resources: 6, unit: 5, gap: 1 };
+        (task, timing)
+    }
+
+    #[test]
+    fn what_shares_a_resource_comes_one_after_the_other() {
+        let (_, timing) = carriers();
+        assert_eq!(timing.schedule(&[0, 1, 6]), (vec![0, 11, 0], 21));
+    }
+
+    #[test]
+    fn what_only_reads_overlaps() {
+        let timing = Timing {
+            durations: vec![10, 20, 5],
+            reads: vec![vec![0], vec![0], Vec::new()],
+            writes: vec![Vec::new(), Vec::new(), vec![0]],
+            resources: 1,
+            unit: 1,
+            gap: 1,
+        };
+        assert_eq!(timing.schedule(&[0, 1, 2, 0]), (vec![0, 0, 21, 27], 37));
+    }
+
+    #[test]
+    fn two_robots_share_the_work() {
+        let (task, timing) = carriers();
+        let mut best = Vec::new();
+        hasten(&task, &timing, 44, 10_000_000, 1 << 26, &mut |plan| best = plan.to_vec());
+        assert_eq!(timing.schedule(&best).1, 21);
+    }
+}

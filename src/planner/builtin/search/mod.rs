@@ -1,0 +1,30 @@
+//! A satisficing planner for classical tasks: what it is given is a [`lifted`] task, which [`ground()`] makes a
+//! [`task`], for which [`solve()`] finds plans.
+//!
+//! It knows nothing of the rest of the crate. Each file names the paper that its algorithm is from.
+
+mod axiom;
+#[cfg(test)]
+mod example;
+pub mod ground;
+mod hash;
+mod improve;
+mod landmark;
+mod lazy;
+pub mod lifted;
+pub mod makespan;
+mod open;
+mod relaxed;
+mod shorten;
+#[cfg(test)]
+pub(super) mod simulate;
+mod solve;
+mod state;
+mod successor;
+pub mod task;
+#[cfg(test)]
+mod tests;
+mod width;
+
+pub use ground::{Ground, Refusal, ground};
+pub use solve::{End, Event, Improvement, Settings, solve};
