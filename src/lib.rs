@@ -21,6 +21,9 @@ pub mod settings;
 pub mod commands;
 
 pub mod bench;
+#[cfg(feature = "serve")]
+pub mod serve;
+
 pub mod memory;
 pub mod store;
 
