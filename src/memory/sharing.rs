@@ -24,6 +24,15 @@ impl Memory {
         self.routes.scoped(&Scope::All).map(drop)
     }
 
+    /// Opens the stores, each of which keeps at most about so many bytes of what was read in this
+    /// process.
+    ///
+    /// # Errors
+    /// Where one cannot be opened.
+    pub fn limit_caches(&self, bytes: usize) -> Result<(), StoreError> {
+        self.routes.stores()?.into_iter().try_for_each(|store| store.limit_cache(bytes))
+    }
+
     /// All collections of both stores, with those that rmem keeps for itself.
     ///
     /// # Errors

@@ -19,20 +19,34 @@ use crate::store::{Documents, Namespace};
 /// How long a thread that has cursors waits before it looks for those that are too old.
 pub(super) const TICK: Duration = Duration::from_secs(10);
 
+/// How many bytes a connection keeps of what it has read; the system keeps the rest for all.
+const CACHE: usize = 2 << 20;
+
 /// A memory that is opened by its first use.
 pub(super) struct Lazy {
     server: Arc<Server>,
     memory: OnceCell<Memory>,
+    /// How much it keeps of what was read.
+    cache: Option<usize>,
 }
 
 impl Lazy {
+    /// The memory of the one who writes.
     pub(super) fn new(server: &Arc<Server>) -> Self {
-        Self { server: Arc::clone(server), memory: OnceCell::new() }
+        Self { server: Arc::clone(server), memory: OnceCell::new(), cache: None }
+    }
+
+    /// The memory of one connection of many.
+    pub(super) fn of_connection(server: &Arc<Server>) -> Self {
+        Self { cache: Some(CACHE), ..Self::new(server) }
     }
 
     pub(super) fn get(&self) -> Result<&Memory, Failure> {
         if self.memory.get().is_none() {
             let memory = self.server.open()?;
+            if let Some(bytes) = self.cache {
+                memory.limit_caches(bytes)?;
+            }
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
             let _ = self.memory.set(memory);
         }

@@ -162,6 +162,12 @@ pub trait Store: Send {
         work()
     }
 
+    /// Keeps at most about so many bytes of what was read, where the store keeps it in this process.
+    fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
+        let _ = bytes;
+        Ok(())
+    }
+
     /// Whether [`Store::atomically`] is atomic.
     fn is_atomic(&self) -> bool {
         false

@@ -13,6 +13,7 @@ import collections
 import json
 import pathlib
 import sys
+import time
 
 import bson
 import pymongo
@@ -260,7 +261,7 @@ class Test:
         if "session" in arguments:
             arguments["session"] = self.entities[arguments["session"]]
         if name == "iterateUntilDocumentOrError":
-            return next(target)
+            return self.event(target)
         if name == "close":
             return target.close()
         if isinstance(target, pymongo.client_session.ClientSession):
@@ -275,6 +276,15 @@ class Test:
                 return list(target.list_databases(**arguments))
             raise Skip(f"the operation {name}")
         return self.collection(target, name, arguments)
+
+    @staticmethod
+    def event(stream):
+        until = time.monotonic() + 5
+        while time.monotonic() < until:
+            event = stream.try_next()
+            if event is not None:
+                return event
+        raise Differs("no event came within 5 s")
 
     def runner(self, name, arguments):
         if name == "createEntities":

@@ -137,6 +137,12 @@ impl Store for Embedded {
         self.before(scope, time)
     }
 
+    fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
+        // A negative number is one of kibibytes.
+        let kibibytes = i64::try_from(bytes / 1024).unwrap_or(i64::MAX);
+        self.connection.pragma_update(None, "cache_size", -kibibytes).map_err(|e| self.explain(&e))
+    }
+
     fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
         self.write(work)
     }
