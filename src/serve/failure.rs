@@ -28,6 +28,7 @@ pub(super) mod codes {
     pub(in crate::serve) const INVALID_NAMESPACE: i32 = 73;
     pub(in crate::serve) const SHUTDOWN: i32 = 91;
     pub(in crate::serve) const FAILED: i32 = 96;
+    pub(in crate::serve) const WRITE_CONFLICT: i32 = 112;
     pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
     pub(in crate::serve) const CONFLICT: i32 = 117;
     pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
@@ -48,6 +49,9 @@ pub(super) mod codes {
 
 /// The label of what may be tried again as a whole transaction.
 pub(super) const TRANSIENT: &str = "TransientTransactionError";
+
+/// The label of what ends a change stream for good.
+pub(super) const NOT_RESUMABLE: &str = "NonResumableChangeStreamError";
 
 /// What a command answers.
 pub(super) type Answer = Result<RawDocumentBuf, Failure>;

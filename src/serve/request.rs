@@ -23,6 +23,8 @@ pub(super) struct Request {
     pub(super) since: Instant,
     /// `maxTimeMS`.
     pub(super) limit: Option<Duration>,
+    /// Whether the write is to be confirmed by members that there are not.
+    pub(super) wants_others: bool,
 }
 
 /// What a command says of the transaction, or retryable write, that it belongs to.
@@ -48,7 +50,7 @@ impl Request {
             Some(database) => database.to_owned(),
             None => return Err(Failure::new(40_571, "OP_MSG requests require a $db argument")),
         };
-        check_concerns(fields)?;
+        let wants_others = check_concerns(fields)?;
         let session = fields.document("lsid")?.map(SessionId::read).transpose()?;
         let transaction = transaction(fields)?;
         if transaction.is_some() && session.is_none() {
@@ -56,7 +58,7 @@ impl Request {
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
         let limit = fields.size("maxTimeMS")?.filter(|limit| *limit > 0).map(Duration::from_millis);
-        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, body })
+        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, wants_others, body })
     }
 
     pub(super) fn fields(&self) -> Fields<'_> {
@@ -130,8 +132,8 @@ fn transaction(fields: Fields<'_>) -> Result<Option<TransactionPart>, Failure> {
 }
 
 /// Whether what is asked of durability and of what reads see is kept here: all but snapshots
-/// of the past is.
-fn check_concerns(fields: Fields<'_>) -> Result<(), Failure> {
+/// of the past is. Says whether a write is to be confirmed by members that there are not.
+fn check_concerns(fields: Fields<'_>) -> Result<bool, Failure> {
     if let Some(concern) = fields.document("readConcern")? {
         let concern = Fields::new("readConcern", concern);
         concern.known_inside(&["level", "afterClusterTime", "atClusterTime", "provenance"])?;
@@ -141,7 +143,7 @@ fn check_concerns(fields: Fields<'_>) -> Result<(), Failure> {
             None | Some("local" | "majority" | "available" | "linearizable") => {}
             Some("snapshot") if in_transaction => {}
             Some("snapshot") => {
-                let message = "reads of the past (readConcern snapshot outside of a transaction) are not kept by rmem";
+                let message = "readConcern snapshot outside of a transaction is not supported by rmem, which does not keep the past";
                 return Err(Failure::new(codes::NO_SNAPSHOT, message));
             }
             Some(other) => {
@@ -154,22 +156,22 @@ fn check_concerns(fields: Fields<'_>) -> Result<(), Failure> {
     if let Some(concern) = fields.document("writeConcern")? {
         let concern = Fields::new("writeConcern", concern);
         concern.known_inside(&["w", "j", "fsync", "wtimeout", "wtimeoutMS", "getLastError", "provenance"])?;
-        check_members(concern.document.get("w"))?;
+        return check_members(concern.document.get("w"));
     }
-    Ok(())
+    Ok(false)
 }
 
-/// There is one member, which is a majority.
-fn check_members(members: Option<&Bson>) -> Result<(), Failure> {
+/// There is one member, which is a majority. Says whether more are asked for.
+fn check_members(members: Option<&Bson>) -> Result<bool, Failure> {
     match members {
-        None | Some(Bson::Null) => Ok(()),
-        Some(Bson::String(mode)) if mode == "majority" => Ok(()),
+        None | Some(Bson::Null) => Ok(false),
+        Some(Bson::String(mode)) if mode == "majority" => Ok(false),
         Some(Bson::String(mode)) => {
             Err(Failure::new(79, format!("No write concern mode named '{mode}' found in replica set configuration")))
         }
         Some(number) => match super::fields::whole(number) {
-            Some(0 | 1) => Ok(()),
-            Some(2..=50) => Err(Failure::new(100, "Not enough data-bearing nodes: rmem is one member")),
+            Some(0 | 1) => Ok(false),
+            Some(2..=50) => Ok(true),
             _ => Err(Failure::new(codes::FAILED_TO_PARSE, "w has to be a number from 0 to 50, or 'majority'")),
         },
     }
@@ -191,7 +193,8 @@ mod tests {
         assert_eq!(code(doc! { "ping": 1, "$db": 3 }), codes::TYPE_MISMATCH);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "txnNumber": 1_i64 }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "snapshot" } }), codes::NO_SNAPSHOT);
-        assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }), 100);
+        let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
+        assert!(others.wants_others);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }), 79);
     }
 

@@ -21,11 +21,18 @@ use crate::store::{Namespace, StoreError};
 /// How long a transaction may take.
 pub(super) const LIMIT: Duration = Duration::from_secs(60);
 
+/// How long the first command of a transaction waits for one that is open.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How often it is looked whether one has waited long enough.
+const SLICE: Duration = Duration::from_millis(200);
+
 /// A command of a transaction.
 pub(super) struct Step {
     pub(super) once: Once,
     pub(super) action: Action,
     pub(super) reply: Mailbox,
+    /// When it came.
+    pub(super) since: Instant,
 }
 
 /// A command, to be run where the transaction is.
@@ -103,6 +110,18 @@ fn superseded(once: &Once, last: i64) -> Failure {
     Failure::new(codes::TRANSACTION_TOO_OLD, message)
 }
 
+/// Tells those that have waited long enough to begin that another transaction is open: whoever began both, one
+/// after the other, would wait for himself.
+fn refuse_patient(desk: &mut Desk<'_>) {
+    let has_waited = |job: &mut Job| matches!(job, Job::Step(step) if step.since.elapsed() >= PATIENCE);
+    while let Some(index) = desk.waiting.iter_mut().position(has_waited) {
+        if let Some(Job::Step(step)) = desk.waiting.remove(index) {
+            let message = "another transaction is open, and one is at a time; try again";
+            step.reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
+        }
+    }
+}
+
 fn none(once: &Once) -> Failure {
     let message = format!(
         "Given transaction number {} does not match any in-progress transactions of session {}.",
@@ -170,9 +189,11 @@ impl Open {
             if failed {
                 break End::Abort(None);
             }
+            refuse_patient(desk);
             let left = self.until.saturating_duration_since(Instant::now());
-            match desk.arriving(left) {
-                None => break End::Abort(None),
+            match desk.arriving(left.min(SLICE)) {
+                None if left.is_zero() => break End::Abort(None),
+                None => {}
                 Some(Job::Step(step)) if step.once == self.once => match step.action {
                     Action::Commit => break End::Commit(step.reply),
                     Action::Abort => break End::Abort(Some(step.reply)),

@@ -8,7 +8,7 @@ use super::token::{Place, Token};
 use crate::query::QueryError;
 use crate::serve::access::Metadata;
 use crate::serve::clock;
-use crate::serve::failure::{Failure, codes};
+use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
 use crate::store::{Change, ChangeKind, Namespace, metadata};
 
 /// How changes are told.
@@ -80,7 +80,8 @@ fn checked(image: &Option<Document>, is_required: bool) -> Result<Bson, Failure>
     match image {
         Some(document) => Ok(document.clone().into()),
         None if is_required => {
-            Err(Failure::new(codes::STREAM_FATAL, "an image of the document is required and was not kept"))
+            Err(Failure::new(codes::STREAM_FATAL, "an image of the document is required and was not kept")
+                .labeled(NOT_RESUMABLE))
         }
         None => Ok(Bson::Null),
     }

@@ -3,6 +3,7 @@
 use bson::{Bson, Document};
 
 use super::token::{Place, Token};
+use crate::query::Pipeline;
 use crate::serve::clock;
 use crate::serve::failure::{Failure, codes};
 use crate::serve::fields::Fields;
@@ -90,13 +91,15 @@ impl Spec {
 }
 
 fn check_stages(stages: &[Document]) -> Result<(), Failure> {
-    for name in stages.iter().filter_map(|stage| stage.keys().next()) {
+    for stage in stages {
+        let Some(name) = stage.keys().next() else { continue };
         if name == "$changeStreamSplitLargeEvent" {
             return Err(Failure::unsupported("the stage $changeStreamSplitLargeEvent"));
         }
         if !STAGES.contains(&name.as_str()) {
-            let message = format!("{name} is not permitted in a $changeStream pipeline");
-            return Err(Failure::new(20, message));
+            // A stage that there is not is another mistake than one that cannot be here.
+            Pipeline::parse(std::slice::from_ref(stage))?;
+            return Err(Failure::new(codes::ILLEGAL, format!("{name} is not permitted in a $changeStream pipeline")));
         }
     }
     Ok(())

@@ -12,7 +12,7 @@ use super::token::{Place, Token};
 use crate::memory::Memory;
 use crate::query::{Origin, Pipeline, QueryError};
 use crate::serve::access::Metadata;
-use crate::serve::failure::{Failure, codes};
+use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
 use crate::store::{ChangeKind, Kept, MAX_SIZE, Scope};
 
 /// How many changes are read at once.
@@ -141,7 +141,7 @@ impl Stream {
             let message = "Encountered an event whose _id field, which contains the resume token, was modified by \
                            the pipeline. Modifying the _id field of an event makes it impossible to resume the stream \
                            from that point.";
-            return Err(Failure::new(codes::STREAM_FATAL, message));
+            return Err(Failure::new(codes::STREAM_FATAL, message).labeled(NOT_RESUMABLE));
         }
         Ok(Some((token, result)))
     }

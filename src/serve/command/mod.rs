@@ -23,7 +23,8 @@ mod write;
 
 use std::sync::Arc;
 
-use bson::{Document, RawDocumentBuf};
+use bson::raw::cstr;
+use bson::{Document, RawDocumentBuf, rawdoc};
 
 use super::access::{Access, Metadata};
 use super::client::Client;
@@ -121,6 +122,17 @@ impl Call {
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
+    let wants_others = request.wants_others;
+    let mut reply = dispatch(host, client, request, form)?;
+    if wants_others {
+        let message = "Not enough data-bearing nodes: rmem is one member";
+        let error = rawdoc! { "code": 100, "codeName": "UnsatisfiableWriteConcern", "errmsg": message };
+        reply.append(cstr!("writeConcernError"), error);
+    }
+    Ok(reply)
+}
+
+fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Form) -> Answer {
     let Some(command) = find(&request.name) else { return Err(unknown(&request)) };
     if form == Form::Query && !matches!(command.name, "hello" | "isMaster") {
         let message = format!("Unsupported OP_QUERY command: {}; use OP_MSG", request.name);
@@ -190,7 +202,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
     }
     let is_end = !matches!(action, Action::Run { .. });
     let reply: Mailbox = host.inbox.mailbox();
-    let answer = host.submit(Job::Step(Step { once, action, reply }));
+    let answer = host.submit(Job::Step(Step { once, action, reply, since: std::time::Instant::now() }));
     if is_end {
         client.transactions.remove(&session);
     }

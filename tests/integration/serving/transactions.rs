@@ -11,6 +11,7 @@ use super::{Case, Served};
 pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_is_kept_as_a_whole_or_not_at_all", whole),
     ("nobody_sees_a_transaction_before_it_is_committed_and_writers_wait", alone),
+    ("a_second_transaction_is_told_that_one_is_open", second),
     ("a_transaction_whose_client_is_gone_is_over", abandoned),
     ("a_failed_statement_ends_its_transaction", failed),
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
@@ -113,6 +114,21 @@ fn alone() -> Result<(), Failed> {
     let (written, after) = writer.join().map_err(|_| "it panicked")?;
     assert!(written == Ok(1) && after > before);
     assert_eq!(count(&mut session.wire)?, 3);
+    Ok(())
+}
+
+fn second() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let (mut one, mut other) = (Session::open(&served)?, Session::open(&served)?);
+    fine(one.run(1, true, insert(1))?);
+    let answer = other.run(1, true, insert(2))?;
+    assert_eq!(answer.get_array("errorLabels")?, &vec![Bson::from("TransientTransactionError")]);
+    refused(answer, 112);
+    fine(one.end(1, "commitTransaction")?);
+    fine(other.run(2, true, insert(2))?);
+    fine(other.end(2, "commitTransaction")?);
+    assert_eq!(count(&mut one.wire)?, 2);
     Ok(())
 }
 
