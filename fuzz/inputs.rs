@@ -226,3 +226,14 @@ pub(crate) fn query(bytes: &[u8]) {
         }
     }
 }
+
+/// A message of MongoDB's wire protocol; what is read is answered.
+#[cfg(feature = "serve")]
+pub(crate) fn wire(bytes: &[u8]) {
+    let Ok(message) = rmem::serve::Message::parse(bytes) else { return };
+    if let Ok(command) = &message.command
+        && let Ok(raw) = bson::RawDocumentBuf::try_from(command)
+    {
+        assert!(rmem::serve::Reply::to(&message).bytes(&raw).len() > raw.as_bytes().len());
+    }
+}

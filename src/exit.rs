@@ -113,6 +113,10 @@ impl Exit {
         {
             return Some(Self::BadInput);
         }
+        #[cfg(feature = "serve")]
+        if let Some(exit) = Self::of_server(cause) {
+            return Some(exit);
+        }
         if cause.is::<UsageError>() || cause.is::<crate::planner::UnknownPlanner>() || cause.is::<NamespaceError>() {
             return Some(Self::Usage);
         }
@@ -124,6 +128,22 @@ impl Exit {
             Some(DumpError::Write { .. } | DumpError::Nowhere { .. }) => Some(Self::Store),
             _ => cause.is::<WriteError>().then_some(Self::Store),
         }
+    }
+
+    /// The code where a memory cannot be served.
+    #[cfg(feature = "serve")]
+    fn of_server(cause: &(dyn std::error::Error + 'static)) -> Option<Self> {
+        use crate::serve::lock::LockError;
+        use crate::serve::{ListenError, TlsError, UsersError};
+        match cause.downcast_ref() {
+            Some(LockError::Held { .. }) => return Some(Self::Conflict),
+            Some(LockError::File { .. }) => return Some(Self::Store),
+            None => {}
+        }
+        if cause.is::<TlsError>() || cause.is::<UsersError>() {
+            return Some(Self::BadInput);
+        }
+        cause.is::<ListenError>().then_some(Self::Store)
     }
 }
 

@@ -95,6 +95,9 @@ pub mod settings;
 pub mod commands;
 
 pub mod bench;
+#[cfg(feature = "serve")]
+pub mod serve;
+
 pub mod memory;
 pub mod store;
 

@@ -12,6 +12,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "count",
             "distinct",
             "aggregate",
+            "map-reduce",
             "update",
             "delete",
             "index",
@@ -25,7 +26,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
     ("Problems and plans", &["gen-problem", "import-problem", "plan", "validate", "ff"]),
     ("World models", &["dump", "restore", "diff"]),
     ("CLIPS", &["clips"]),
-    ("Robots", &["lock", "unlock", "backend"]),
+    ("Robots", &["serve", "lock", "unlock", "backend"]),
     ("Tools", &["backup", "repair", "bench", "config", "doctor", "completions", "man", "exit-codes", "help"]),
 ];
 
@@ -41,7 +42,9 @@ pub(super) fn grouped(command: Command) -> Command {
 }
 
 fn group(title: &str, names: &[&str], command: &Command, width: usize) -> String {
-    let lines = names.iter().map(|name| {
+    // A build without a feature lacks its command.
+    let present = |name: &&&str| **name == "help" || command.find_subcommand(name).is_some();
+    let lines = names.iter().filter(present).map(|name| {
         let about = command.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string);
         let about = about.unwrap_or_else(|| "Print the help of a command".to_owned());
         format!("  {name:width$}  {about}\n")

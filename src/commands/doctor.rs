@@ -39,6 +39,10 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Resul
         }
     };
     context.output.line(&format!("memory     {address}: {state}"))?;
+    #[cfg(feature = "serve")]
+    if let Some(server) = super::serve::server(&context.settings) {
+        context.output.line(&format!("served     by process {} at {}", server.process, server.uris))?;
+    }
 
     if args.deep && healthy {
         healthy = deep(context)?;

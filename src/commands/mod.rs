@@ -35,6 +35,8 @@ mod print;
 mod query;
 mod repair;
 mod restore;
+#[cfg(feature = "serve")]
+mod serve;
 mod table;
 mod template;
 mod unlock;
@@ -75,6 +77,8 @@ pub enum Command {
     Lock(lock::LockArgs),
     Unlock(unlock::UnlockArgs),
     Watch(watch::WatchArgs),
+    #[cfg(feature = "serve")]
+    Serve(serve::ServeArgs),
     Backend(backend::BackendArgs),
     Computables(computables::ComputablesArgs),
     GenProblem(gen_problem::GenProblemArgs),
@@ -128,6 +132,8 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Query(args) => query::run(args, context),
         Command::Repair(args) => repair::run(args, context),
         Command::Restore(args) => restore::run(args, context),
+        #[cfg(feature = "serve")]
+        Command::Serve(args) => serve::run(args, context),
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),

@@ -16,6 +16,7 @@ mod journal;
 pub mod lock;
 mod operations;
 mod route;
+mod sharing;
 pub mod watch;
 
 pub use clock::Clock;

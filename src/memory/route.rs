@@ -3,7 +3,7 @@
 use std::cell::{Cell, OnceCell};
 
 use crate::query::QueryError;
-use crate::store::{self, Embedded, Name, Namespace, Role, Store, StoreError, StoreUri};
+use crate::store::{self, Embedded, Name, Namespace, Role, Scope, Store, StoreError, StoreUri};
 
 /// A store that is opened by its first use.
 pub(super) struct Lazy {
@@ -153,6 +153,25 @@ impl Routes {
         [Some(&self.local), self.shared.as_ref()].into_iter().flatten().map(Lazy::reading).collect()
     }
 
+    /// The store that a scope is in; that of everything is the local one.
+    pub(super) fn scoped(&self, scope: &Scope) -> Result<&dyn Store, StoreError> {
+        let is_shared =
+            scope.database().is_some_and(|database| self.shared_databases.iter().any(|name| name == database));
+        match &self.shared {
+            Some(shared) if is_shared => shared.get(),
+            _ => self.local.get(),
+        }
+    }
+
+    /// The scopes whose changes are kept.
+    pub(super) fn kept_scopes(&self) -> Result<Vec<Scope>, StoreError> {
+        let mut all = self.local.get()?.kept_scopes()?;
+        if let (Some(shared), false) = (&self.shared, self.shared_databases.is_empty()) {
+            all.extend(shared.get()?.kept_scopes()?);
+        }
+        Ok(all)
+    }
+
     /// All collections, each in the store its database belongs to, sorted.
     pub(super) fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         let mut all = self.local.reading()?.collections()?;
@@ -195,7 +214,7 @@ impl Routes {
         }
     }
 
-    fn is_shared(&self, ns: &Namespace) -> bool {
+    pub(super) fn is_shared(&self, ns: &Namespace) -> bool {
         self.shared_databases.contains(&ns.database)
     }
 }

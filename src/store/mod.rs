@@ -29,9 +29,10 @@ pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
 pub use request::{Checked, Find, Inserted, Put, UpdateRequest, UpdateSpec, Updated};
 pub use uri::{Role, StoreUri, UriError, open};
-pub use watch::{Change, ChangeKind, Changes, Name, Next};
+pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope};
 
 use std::path::Path;
+use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
@@ -115,11 +116,58 @@ pub trait Store: Send {
     /// All names of [`Store::watch`], sorted by collection.
     fn names(&self) -> Result<Vec<Name>, StoreError>;
 
+    /// Makes an empty collection; says whether there was none. Durable on return.
+    fn create(&self, ns: &Namespace) -> Result<bool, StoreError>;
+
+    /// Keeps the changes of a scope from now on, or goes on doing so; those that are older than
+    /// `age` go. Whoever calls this has to do so again every few seconds.
+    fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
+        let _ = (scope, age);
+        Err(self.keeps_none())
+    }
+
+    /// Stops keeping the changes of a scope.
+    fn release_changes(&self, scope: &Scope) -> Result<(), StoreError> {
+        let _ = scope;
+        Ok(())
+    }
+
+    /// The scopes whose changes are kept.
+    fn kept_scopes(&self) -> Result<Vec<Scope>, StoreError> {
+        Ok(Vec::new())
+    }
+
+    /// At most `most` changes of a scope behind a position, in order. Changes that are not kept
+    /// any more are an error with MongoDB's code 286.
+    fn changes(&self, scope: &Scope, behind: i64, most: usize) -> Result<ChangePage, StoreError> {
+        let _ = (scope, behind, most);
+        Err(self.keeps_none())
+    }
+
+    /// The position before the first kept change at or after a time.
+    fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
+        let _ = (scope, time);
+        Err(self.keeps_none())
+    }
+
+    /// The error of a store that keeps no changes itself.
+    fn keeps_none(&self) -> StoreError {
+        let reason = "does not keep changes itself; use Store::watch".to_owned();
+        StoreError::Unfit { address: self.describe(), reason }
+    }
+
     /// Runs operations so that all they do is kept or, where they fail, nothing; a process
     /// that is killed has done nothing. Other writers wait meanwhile. Where [`Store::is_atomic`]
     /// is false, the operations just run.
+    /// An operation that fails among others has done nothing by itself, and the others may go on.
     fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
         work()
+    }
+
+    /// Keeps at most about so many bytes of what was read, where the store keeps it in this process.
+    fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
+        let _ = bytes;
+        Ok(())
     }
 
     /// Whether [`Store::atomically`] is atomic.

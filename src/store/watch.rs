@@ -55,6 +55,47 @@ pub struct Change {
     pub position: String,
 }
 
+/// Which collections changes are followed of.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub enum Scope {
+    /// One collection.
+    Collection(Namespace),
+    /// All collections of a database.
+    Database(String),
+    /// All collections.
+    All,
+}
+
+impl Scope {
+    /// The database, where it is one.
+    #[must_use]
+    pub fn database(&self) -> Option<&str> {
+        match self {
+            Self::Collection(ns) => Some(&ns.database),
+            Self::Database(database) => Some(database),
+            Self::All => None,
+        }
+    }
+}
+
+/// Between which positions changes are kept ([`super::Store::keep_changes`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Kept {
+    /// All changes behind this position are there.
+    pub from: i64,
+    /// The position of the last change that was made.
+    pub last: i64,
+}
+
+/// Changes behind a position ([`super::Store::changes`]).
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChangePage {
+    /// The changes in order, each with its collection.
+    pub changes: Vec<(Namespace, Change)>,
+    /// All changes up to this position have been looked at.
+    pub until: i64,
+}
+
 /// A name by which the changes of a collection are followed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Name {

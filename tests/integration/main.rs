@@ -26,6 +26,8 @@ mod processes;
 mod restores;
 #[cfg(feature = "mongodb")]
 mod server;
+#[cfg(all(feature = "mongodb", feature = "serve"))]
+mod serving;
 #[cfg(feature = "mongodb")]
 mod triggers;
 mod watching;
@@ -53,9 +55,13 @@ fn main() -> ExitCode {
     trials.extend(engine::trials());
     trials.extend(watching::trials());
     trials.extend(computables::embedded());
+    #[cfg(all(feature = "mongodb", feature = "serve"))]
+    trials.extend(serving::trials());
     let stop = with_servers(&arguments, &mut trials);
     let conclusion = libtest_mimic::run(&arguments, trials);
     stop();
+    #[cfg(all(feature = "mongodb", feature = "serve"))]
+    serving::stop();
     conclusion.exit_code()
 }
 

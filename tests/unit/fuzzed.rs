@@ -204,6 +204,40 @@ fn a_damaged_bson_file_is_an_error() {
     fuzz(vec![whole, documents()[1].as_bytes().to_vec()], 1, inputs::bson);
 }
 
+/// A message of the wire protocol with a command in it.
+#[cfg(feature = "serve")]
+fn message(operation: i32, body: &[u8]) -> Vec<u8> {
+    let length = i32::try_from(16 + body.len()).expect("a length");
+    let mut message: Vec<u8> = [length, 1, 0, operation].iter().flat_map(|number| number.to_le_bytes()).collect();
+    message.extend_from_slice(body);
+    message
+}
+
+#[cfg(feature = "serve")]
+#[test]
+fn a_damaged_message_is_an_error() {
+    use std::io::Write as _;
+    let command =
+        RawDocumentBuf::try_from(&doc! { "insert": "c", "$db": "a", "documents": [{ "a": 1 }] }).expect("raw");
+    let sequence =
+        [b"\x01\x21\0\0\0documents\0".as_slice(), documents()[0].as_bytes(), documents()[0].as_bytes()].concat();
+    let plain = [&[0; 5], command.as_bytes()].concat();
+    let checked = [&[1, 0, 0, 0, 0], command.as_bytes(), &[0; 4]].concat();
+    let query = [&[0; 4], b"admin.$cmd\0".as_slice(), &[0; 8], command.as_bytes()].concat();
+    let mut packed = [2013_i32.to_le_bytes(), i32::try_from(plain.len()).expect("a length").to_le_bytes()].concat();
+    packed.push(2);
+    let mut encoder = flate2::write::ZlibEncoder::new(packed, flate2::Compression::fast());
+    encoder.write_all(&plain).expect("written");
+    let seeds = vec![
+        message(2013, &plain),
+        message(2013, &[plain.as_slice(), &sequence].concat()),
+        message(2013, &checked),
+        message(2004, &query),
+        message(2012, &encoder.finish().expect("packed")),
+    ];
+    fuzz(seeds, 1, inputs::wire);
+}
+
 #[test]
 fn a_damaged_archive_is_an_error() {
     let collections = [Metadata::plain("b"), Metadata::plain("c")];

@@ -382,6 +382,10 @@ impl Store for Talkative {
         unreachable!("templates only read")
     }
 
+    fn create(&self, _: &Namespace) -> Result<bool, StoreError> {
+        unreachable!("templates only read")
+    }
+
     fn drop(&self, _: &Namespace) -> Result<bool, StoreError> {
         unreachable!("templates only read")
     }

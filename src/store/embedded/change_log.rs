@@ -9,6 +9,7 @@ use std::cell::{Cell, RefCell};
 use bson::{DateTime, RawDocument};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
+use super::retention;
 use crate::store::{ChangeKind, Namespace};
 
 /// The most bytes of changes that are kept for watchers.
@@ -82,6 +83,7 @@ pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> 
                ORDER BY sequence DESC LIMIT 1";
     let last: Option<i64> = connection.query_row(sql, [most / 4 * 3], |row| row.get(0)).optional()?;
     let Some(last) = last else { return Ok(()) };
+    retention::cut(connection, last)?;
     connection.execute(
         "UPDATE watchers SET missed = 1 WHERE position < ?1 AND EXISTS (
              SELECT 1 FROM changes WHERE database = watchers.database AND collection = watchers.collection
@@ -93,9 +95,12 @@ pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> 
 
 /// Removes the changes of a collection that all its watchers are done with.
 pub(super) fn trim(connection: &Connection, ns: &Namespace) -> rusqlite::Result<()> {
+    if ns.collection.is_empty() {
+        return retention::trim(connection, ns);
+    }
     let sql = "DELETE FROM changes WHERE database = ?1 AND collection = ?2 AND sequence <= coalesce((
-                   SELECT min(position) FROM watchers WHERE database = ?1 AND collection = ?2 AND missed = 0),
-                   9223372036854775807)";
+                   SELECT min(position) FROM watchers
+                   WHERE database IN ('', ?1) AND collection IN ('', ?2) AND missed = 0), 9223372036854775807)";
     connection.prepare_cached(sql)?.execute(params![ns.database, ns.collection]).map(|_| ())
 }
 

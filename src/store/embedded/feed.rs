@@ -49,6 +49,16 @@ struct Feed<'a> {
 }
 
 impl Embedded {
+    pub(super) fn explain_page(&self, ns: &Namespace, error: PageError) -> StoreError {
+        match error {
+            PageError::Store(error) => self.explain(&error),
+            PageError::Query(error) => error.into(),
+            PageError::Damaged(damage, _) => {
+                self.fail(&format!("a change of {ns} in the log is damaged: {}", damage.describe()))
+            }
+        }
+    }
+
     /// Follows the changes of a collection, by a name or until the process ends.
     pub(super) fn follow(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
         let Place::File(path) = &self.place else {
@@ -114,13 +124,7 @@ fn identity(path: &Path) -> Option<(u64, u64)> {
 impl Feed<'_> {
     /// Reads the next page, and checks that no change before it was lost.
     fn turn(&mut self) -> Result<(), StoreError> {
-        let page = self.read().map_err(|error| match error {
-            PageError::Store(error) => self.store.explain(&error),
-            PageError::Query(error) => error.into(),
-            PageError::Damaged(damage, _) => {
-                self.store.fail(&format!("a change of {} in the log is damaged: {}", self.namespace, damage.describe()))
-            }
-        })?;
+        let page = self.read().map_err(|error| self.store.explain_page(&self.namespace, error))?;
         // The log may be shortened at any moment, so the state is read after the page.
         match self.noted.state(&self.store.connection).map_err(|e| self.store.explain(&e))? {
             State::Good => {
@@ -239,7 +243,8 @@ impl Drop for Feed<'_> {
     }
 }
 
-fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
+/// A row of the log.
+pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
     let document = |column: &str| -> Result<Option<RawDocumentBuf>, PageError> {
         let bytes: Option<Vec<u8>> = row.get(column)?;
         let Some(bytes) = bytes else { return Ok(None) };

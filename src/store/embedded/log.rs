@@ -53,7 +53,12 @@ impl Embedded {
         if watched.is_none() {
             *watched = Some(watcher::watched(&self.connection).map_err(|e| self.explain(&e))?);
         }
-        Ok(watched.as_ref().is_some_and(|watched| watched.contains(ns)))
+        Ok(watched.as_ref().is_some_and(|watched| watched.iter().any(|kept| watcher::covers(kept, ns))))
+    }
+
+    /// To be called when who watches has changed within a write transaction.
+    pub(super) fn look_again(&self) {
+        self.log.watched.replace(None);
     }
 
     /// Resets the log. Called when a write transaction begins.

@@ -30,6 +30,7 @@ mod page;
 mod pipeline;
 mod place;
 mod repair;
+mod retention;
 mod scan;
 mod slices;
 mod snapshot;
@@ -46,6 +47,7 @@ use indexed::Remembered;
 use place::Place;
 
 pub use file::VERSION;
+pub(crate) use notifier::Notifier;
 pub use repair::Repaired;
 
 /// A memory in a file, or in this process only.

@@ -23,14 +23,14 @@ pub(super) fn notify(path: &Path) {
 }
 
 /// Receives notifications from its creation on.
-pub(super) struct Notifier {
+pub(crate) struct Notifier {
     #[cfg(target_os = "linux")]
     calls: Option<rustix::fd::OwnedFd>,
 }
 
 #[cfg(target_os = "linux")]
 impl Notifier {
-    pub(super) fn new(path: &Path) -> Self {
+    pub(crate) fn new(path: &Path) -> Self {
         use rustix::fs::inotify::{CreateFlags, WatchFlags, add_watch, init};
         // Where the system is out of inotify instances, the watcher polls.
         let calls = init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC).ok();
@@ -39,7 +39,7 @@ impl Notifier {
     }
 
     /// Waits for a notification, for at most `timeout`.
-    pub(super) fn wait(&self, timeout: Duration) {
+    pub(crate) fn wait(&self, timeout: Duration) {
         use rustix::event::{PollFd, PollFlags, Timespec, poll};
         let Some(calls) = &self.calls else { return std::thread::sleep(timeout.min(LONGEST / 25)) };
         let Ok(timeout) = Timespec::try_from(timeout.min(LONGEST)) else { return };
@@ -51,12 +51,12 @@ impl Notifier {
 
 #[cfg(not(target_os = "linux"))]
 impl Notifier {
-    pub(super) fn new(_: &Path) -> Self {
+    pub(crate) fn new(_: &Path) -> Self {
         Self {}
     }
 
     /// Waits a little.
-    pub(super) fn wait(&self, timeout: Duration) {
+    pub(crate) fn wait(&self, timeout: Duration) {
         std::thread::sleep(timeout.min(LONGEST));
     }
 }

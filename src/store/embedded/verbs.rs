@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use bson::{Bson, DateTime, Document};
 
@@ -9,7 +10,8 @@ use super::catalog::Collection;
 use super::change_log::Noted;
 use super::{Embedded, busy, failure, file};
 use crate::store::{
-    Changes, Checked, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated,
+    ChangePage, Changes, Checked, Documents, Find, Index, Inserted, Kept, Name, Namespace, Put, Scope, Store,
+    StoreError, UpdateRequest, Updated,
 };
 
 impl Store for Embedded {
@@ -107,6 +109,40 @@ impl Store for Embedded {
         self.watch_names()
     }
 
+    fn create(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        self.write(|| {
+            let is_new = self.collection(ns)?.is_none();
+            Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            Ok(is_new)
+        })
+    }
+
+    fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
+        self.retain(scope, age)
+    }
+
+    fn release_changes(&self, scope: &Scope) -> Result<(), StoreError> {
+        self.release(scope)
+    }
+
+    fn kept_scopes(&self) -> Result<Vec<Scope>, StoreError> {
+        self.retained()
+    }
+
+    fn changes(&self, scope: &Scope, behind: i64, most: usize) -> Result<ChangePage, StoreError> {
+        self.changes_behind(scope, behind, most)
+    }
+
+    fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
+        self.before(scope, time)
+    }
+
+    fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
+        // A negative number is one of kibibytes.
+        let kibibytes = i64::try_from(bytes / 1024).unwrap_or(i64::MAX);
+        self.connection.pragma_update(None, "cache_size", -kibibytes).map_err(|e| self.explain(&e))
+    }
+
     fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
         self.write(work)
     }
@@ -130,13 +166,26 @@ impl Store for Embedded {
 
 impl Embedded {
     /// Runs `work` in a write transaction: all of it is kept, or, where it fails, nothing.
-    /// Within [`Store::atomically`] there is one already, and what fails has to fail as a whole.
+    /// Within [`Store::atomically`] there is one already, of which it is a step.
     pub(super) fn write<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         if !self.connection.is_autocommit() {
-            return work();
+            return self.step(work);
         }
         self.run("BEGIN IMMEDIATE").map_err(|e| self.explain(&e))?;
         self.finish(work)
+    }
+
+    /// Runs a part of a write transaction; where it fails, it alone is taken back.
+    fn step<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+        self.run("SAVEPOINT step").map_err(|e| self.explain(&e))?;
+        let result = work();
+        if result.is_err() {
+            self.indexes.clear();
+            // A transaction that SQLite gave up as a whole has no savepoints any more.
+            let _ = self.run("ROLLBACK TO step");
+        }
+        let released = self.run("RELEASE step");
+        result.and_then(|value| released.map(|()| value).map_err(|e| self.explain(&e)))
     }
 
     /// The same, where no other process is writing (else nothing, soon), for what may be lost

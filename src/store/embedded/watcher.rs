@@ -5,7 +5,7 @@
 use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
-use super::change_log;
+use super::{change_log, retention};
 use crate::process::holder::{Holder, Life};
 use crate::store::Namespace;
 use crate::store::watch::{Name, Waiting};
@@ -95,6 +95,13 @@ pub(super) fn watched(connection: &Connection) -> rusqlite::Result<Vec<Namespace
     Ok(watched)
 }
 
+/// Whether what is watched of a pattern (a collection, or with empty names a database or
+/// everything) is a collection. What rmem keeps for itself is watched by its own name only.
+pub(super) fn covers(pattern: &Namespace, ns: &Namespace) -> bool {
+    let in_database = pattern.database.is_empty() || pattern.database == ns.database;
+    pattern == ns || (pattern.collection.is_empty() && in_database && !ns.is_own())
+}
+
 /// Adds a watcher, or takes over an existing name. In a write transaction only.
 pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) -> rusqlite::Result<Taken> {
     // Watchers of ended processes keep no changes.
@@ -132,9 +139,9 @@ pub(super) fn names(connection: &Connection) -> rusqlite::Result<Vec<Name>> {
                    (SELECT total(coalesce(length(before), 0) + coalesce(length(after), 0)) FROM changes
                         WHERE database = watchers.database AND collection = watchers.collection
                           AND sequence > watchers.position)
-               FROM watchers WHERE name IS NOT NULL ORDER BY database, collection, name";
+               FROM watchers WHERE name IS NOT NULL AND substr(name, 1, length(?1)) <> ?1 ORDER BY database, collection, name";
     let mut statement = connection.prepare(sql)?;
-    let names = statement.query_map([], |found| {
+    let names = statement.query_map([retention::PREFIX], |found| {
         let watcher = row(found)?;
         let (changes, bytes): (i64, f64) = (found.get(8)?, found.get(9)?);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of lengths")]

@@ -199,6 +199,14 @@ impl Store for MongoDb {
         self.watch_names()
     }
 
+    fn create(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        match self.client().database(&ns.database).create_collection(&ns.collection).run() {
+            Ok(()) => Ok(true),
+            Err(error) if failure::code(&error) == Some(48) => Ok(false),
+            Err(error) => Err(self.explain(&error)),
+        }
+    }
+
     fn describe(&self) -> String {
         self.address.clone()
     }

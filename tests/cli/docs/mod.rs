@@ -49,6 +49,7 @@ pages! {
     the_page_for_contributors_is_true: "CONTRIBUTING.md" in Lab::new(),
     the_page_on_the_examples_is_true: "examples/README.md" in Lab::new(),
     the_page_on_the_domains_is_true: "domains/README.md" in Lab::new(),
+    the_page_on_serving_is_true: "docs/serve.md" in Lab::new(),
 }
 
 #[test]

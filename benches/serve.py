@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""Clients of servers, side by side: how many operations a second, and how long each takes.
+
+    serve.py [--connections N] [--seconds S] [--load] URI...
+
+Each kind of work is done on each server in turn, for S seconds (default: 3), by N processes with a
+connection each (default: 1 and 64). With --load, all kinds at once, for S seconds on the first server, which is
+checked: nothing that was acknowledged may be missing. Writes are journaled. Needs pymongo.
+"""
+
+import argparse
+import multiprocessing
+import random
+import time
+
+from pymongo import MongoClient
+from pymongo.write_concern import WriteConcern
+
+DOCUMENTS = 10_000
+
+
+def collection(uri):
+    client = MongoClient(uri, maxPoolSize=1)
+    return client.get_database("bench", write_concern=WriteConcern(w=1, j=True)).things
+
+
+def document(name):
+    return {"name": name, "position": {"x": 1.5, "y": 2.5, "room": "kitchen"}, "tidied": False, "count": 0}
+
+
+def prepare(uri):
+    things = collection(uri)
+    things.drop()
+    things.insert_many([{"_id": n, **document(f"thing {n}")} for n in range(DOCUMENTS)])
+    things.create_index("name")
+
+
+WORK = {
+    "insert": lambda things, n: things.insert_one(document(f"new {n}")),
+    "find by _id": lambda things, n: things.find_one({"_id": n % DOCUMENTS}),
+    "indexed find": lambda things, n: things.find_one({"name": f"thing {n % DOCUMENTS}"}),
+    "update": lambda things, n: things.update_one({"_id": n % DOCUMENTS}, {"$inc": {"count": 1}}),
+}
+
+
+def worker(uri, kind, seconds, barrier, results, seed):
+    things, choose = collection(uri), random.Random(seed)
+    things.find_one({"_id": 0})
+    barrier.wait()
+    times, end = [], time.perf_counter() + seconds
+    while (start := time.perf_counter()) < end:
+        WORK[kind](things, choose.randrange(1 << 30))
+        times.append(time.perf_counter() - start)
+    results.put(times)
+
+
+def measure(uri, kind, connections, seconds):
+    barrier, results = multiprocessing.Barrier(connections), multiprocessing.Queue()
+    workers = [
+        multiprocessing.Process(target=worker, args=(uri, kind, seconds, barrier, results, seed))
+        for seed in range(connections)
+    ]
+    [one.start() for one in workers]
+    times = sorted(time for _ in workers for time in results.get())
+    [one.join() for one in workers]
+    at = lambda part: times[min(len(times) - 1, int(len(times) * part))] * 1e3
+    return len(times) / seconds, at(0.5), at(0.99)
+
+
+def loader(uri, seconds, barrier, results, seed):
+    things, choose = collection(uri), random.Random(seed)
+    barrier.wait()
+    inserted, updated, errors, n, end = 0, 0, [], 0, time.time() + seconds
+    while time.time() < end:
+        n += 1
+        try:
+            things.insert_one({"_id": f"{seed}-{n}", **document("load")})
+            inserted += 1
+            things.update_one({"_id": f"counter {seed}"}, {"$inc": {"n": 1}}, upsert=True)
+            updated += 1
+            things.find_one({"name": f"thing {choose.randrange(DOCUMENTS)}"})
+            if n % 20 == 0:
+                len(list(things.find({"name": "load"}, limit=300, batch_size=50)))
+                things.delete_one({"_id": f"{seed}-{n}"})
+                inserted -= 1
+        except Exception as error:  # Whatever goes wrong is told.
+            errors.append(repr(error))
+    results.put((seed, inserted, updated, errors))
+
+
+def load(uri, connections, seconds):
+    barrier, results = multiprocessing.Barrier(connections), multiprocessing.Queue()
+    workers = [
+        multiprocessing.Process(target=loader, args=(uri, seconds, barrier, results, seed)) for seed in range(connections)
+    ]
+    [one.start() for one in workers]
+    told = [results.get() for _ in workers]
+    [one.join() for one in workers]
+    things = collection(uri)
+    errors = [error for *_, found in told for error in found]
+    missing = sum(inserted for _, inserted, *_ in told) - things.count_documents({"name": "load"})
+    wrong = [
+        seed for seed, _, updated, _ in told if (things.find_one({"_id": f"counter {seed}"}) or {}).get("n", 0) != updated
+    ]
+    writes = sum(inserted + updated for _, inserted, updated, _ in told)
+    print(f"{connections} clients, {seconds} s: {writes} writes, {len(errors)} errors, {missing} missing, {len(wrong)} wrong counters")
+    print("\n".join(errors[:3]))
+
+
+def main():
+    arguments = argparse.ArgumentParser()
+    arguments.add_argument("--connections", type=int, action="append")
+    arguments.add_argument("--seconds", type=float, default=3)
+    arguments.add_argument("--load", action="store_true")
+    arguments.add_argument("uri", nargs="+")
+    given = arguments.parse_args()
+    for uri in given.uri:
+        prepare(uri)
+    if given.load:
+        return load(given.uri[0], (given.connections or [64])[0], given.seconds)
+    for connections in given.connections or [1, 64]:
+        for kind in WORK:
+            for uri in given.uri:
+                rate, median, tail = measure(uri, kind, connections, given.seconds)
+                print(f"{connections:3} {kind:13} {uri:40} {rate:9.0f}/s  p50 {median:7.2f} ms  p99 {tail:7.2f} ms", flush=True)
+
+
+if __name__ == "__main__":
+    multiprocessing.set_start_method("fork")
+    main()

@@ -1,0 +1,105 @@
+//! What a server needs of a memory that it shares among clients.
+
+use std::time::Duration;
+
+use bson::DateTime;
+
+use super::Memory;
+use crate::store::{ChangePage, Kept, Namespace, Scope, Store, StoreError};
+
+impl Memory {
+    /// The store that a collection is in, as it is: for those who keep metadata themselves.
+    ///
+    /// # Errors
+    /// Where the store cannot be opened.
+    pub fn bare(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
+        self.store(ns)
+    }
+
+    /// Opens the local store, making its file where there is none.
+    ///
+    /// # Errors
+    /// Where it cannot be opened.
+    pub fn open_local(&self) -> Result<(), StoreError> {
+        self.routes.scoped(&Scope::All).map(drop)
+    }
+
+    /// Opens the stores, each of which keeps at most about so many bytes of what was read in this
+    /// process.
+    ///
+    /// # Errors
+    /// Where one cannot be opened.
+    pub fn limit_caches(&self, bytes: usize) -> Result<(), StoreError> {
+        self.routes.stores()?.into_iter().try_for_each(|store| store.limit_cache(bytes))
+    }
+
+    /// All collections of both stores, with those that rmem keeps for itself.
+    ///
+    /// # Errors
+    /// Where a store fails.
+    pub fn all_collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        self.routes.collections()
+    }
+
+    /// Whether a database is shared among robots.
+    #[must_use]
+    pub fn is_shared(&self, ns: &Namespace) -> bool {
+        self.routes.is_shared(ns)
+    }
+
+    /// Makes an empty collection; see [`Store::create`].
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn create_collection(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        self.journal.note("create", Some(ns), |made| u64::from(*made), || self.routes.of(ns)?.create(ns))
+    }
+
+    /// Runs operations on the store that a collection is in as one write; see [`Store::atomically`].
+    ///
+    /// # Errors
+    /// What `work` fails with, or the store; then nothing was done.
+    pub fn as_one(&self, ns: &Namespace, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        self.store(ns)?.atomically(work)
+    }
+
+    /// Keeps the changes of a scope; see [`Store::keep_changes`].
+    ///
+    /// # Errors
+    /// Where the store keeps none.
+    pub fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
+        self.routes.scoped(scope)?.keep_changes(scope, age)
+    }
+
+    /// See [`Store::release_changes`].
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn release_changes(&self, scope: &Scope) -> Result<(), StoreError> {
+        self.routes.scoped(scope)?.release_changes(scope)
+    }
+
+    /// The scopes whose changes are kept, of both stores.
+    ///
+    /// # Errors
+    /// Where a store fails.
+    pub fn kept_scopes(&self) -> Result<Vec<Scope>, StoreError> {
+        self.routes.kept_scopes()
+    }
+
+    /// See [`Store::changes`].
+    ///
+    /// # Errors
+    /// Where the store keeps none, or not so far back.
+    pub fn changes(&self, scope: &Scope, behind: i64, most: usize) -> Result<ChangePage, StoreError> {
+        self.routes.scoped(scope)?.changes(scope, behind, most)
+    }
+
+    /// See [`Store::position_at`].
+    ///
+    /// # Errors
+    /// Where the store keeps none.
+    pub fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
+        self.routes.scoped(scope)?.position_at(scope, time)
+    }
+}

@@ -1,0 +1,107 @@
+//! The memory as a client sees it.
+//!
+//! A plain client sees documents without `_robmem_info`, which the memory keeps; with `--meta`,
+//! with it. rmem itself as a client keeps the metadata, and computes, by itself, as it does on
+//! MongoDB: it is given the store as it is.
+
+use bson::{Bson, Document};
+
+use super::retry;
+use crate::memory::Memory;
+use crate::store::{Documents, Find, Inserted, Namespace, Store, StoreError, UpdateRequest, Updated};
+
+/// Who keeps `_robmem_info`, and who sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Metadata {
+    /// The memory keeps it, and nobody sees it.
+    #[default]
+    Hidden,
+    /// The memory keeps it, and the client sees it.
+    Shown,
+    /// The client keeps it: it is rmem.
+    Own,
+}
+
+/// A memory and how a client sees it.
+#[derive(Clone, Copy)]
+pub(super) struct Access<'m> {
+    pub(super) memory: &'m Memory,
+    pub(super) metadata: Metadata,
+}
+
+impl<'m> Access<'m> {
+    pub(super) fn new(memory: &'m Memory, metadata: Metadata) -> Self {
+        Self { memory, metadata }
+    }
+
+    fn store(self, ns: &Namespace) -> Result<Option<&'m dyn Store>, StoreError> {
+        (self.metadata == Metadata::Own).then(|| self.memory.bare(ns)).transpose()
+    }
+
+    pub(super) fn find(self, ns: &Namespace, find: &Find) -> Result<Documents<'m>, StoreError> {
+        match (self.store(ns)?, self.metadata) {
+            (Some(store), _) => store.find(ns, find),
+            (None, Metadata::Shown) => self.memory.find_with_metadata(ns, find),
+            (None, _) => self.memory.find(ns, find),
+        }
+    }
+
+    pub(super) fn aggregate(self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'m>, StoreError> {
+        match (self.store(ns)?, self.metadata) {
+            (Some(store), _) => store.aggregate(ns, stages),
+            (None, Metadata::Shown) => self.memory.aggregate_with_metadata(ns, stages),
+            (None, _) => self.memory.aggregate(ns, stages),
+        }
+    }
+
+    pub(super) fn explain(self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        self.store(ns)?.map_or_else(|| self.memory.explain(ns, find), |store| store.explain(ns, find))
+    }
+
+    pub(super) fn count(self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        self.store(ns)?.map_or_else(|| self.memory.count(ns, filter), |store| store.count(ns, filter))
+    }
+
+    pub(super) fn distinct(self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        match self.store(ns)? {
+            Some(store) => store.distinct(ns, field, filter),
+            None => self.memory.distinct(ns, field, filter),
+        }
+    }
+
+    pub(super) fn insert(self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        match self.store(ns)? {
+            Some(store) => store.insert(ns, documents),
+            None => self.memory.insert(ns, documents),
+        }
+    }
+
+    pub(super) fn update(self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
+        match self.store(ns)? {
+            Some(store) => store.update(ns, update, None),
+            None => self.memory.update(ns, update),
+        }
+    }
+
+    pub(super) fn delete(self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        match self.store(ns)? {
+            Some(store) => store.delete(ns, filter, first_only),
+            None => self.memory.delete(ns, filter, first_only),
+        }
+    }
+
+    pub(super) fn collections(self) -> Result<Vec<Namespace>, StoreError> {
+        match self.metadata {
+            Metadata::Own => {
+                let mut all = self.memory.all_collections()?;
+                all.retain(|ns| !retry::is_record(ns));
+                Ok(all)
+            }
+            _ => self.memory.collections(),
+        }
+    }
+
+    pub(super) fn drop(self, ns: &Namespace) -> Result<bool, StoreError> {
+        self.store(ns)?.map_or_else(|| self.memory.drop_collection(ns), |store| store.drop(ns))
+    }
+}

@@ -1,0 +1,95 @@
+//! A change as MongoDB tells it.
+
+use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
+
+use super::difference;
+use super::spec::{After, Before};
+use super::token::{Place, Token};
+use crate::query::QueryError;
+use crate::serve::access::Metadata;
+use crate::serve::clock;
+use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
+use crate::store::{Change, ChangeKind, Namespace, metadata};
+
+/// How changes are told.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shape {
+    pub(super) after: After,
+    pub(super) before: Before,
+    pub(super) metadata: Metadata,
+}
+
+impl Shape {
+    /// The event of a change; none where it is none for whoever is told.
+    pub(super) fn event(&self, ns: &Namespace, change: Change, position: i64) -> Result<Option<Document>, Failure> {
+        let (Some(before), Some(after)) = (self.shown(change.before)?, self.shown(change.after)?) else {
+            return Ok(None);
+        };
+        let is_update = change.kind == ChangeKind::Update;
+        if self.metadata == Metadata::Hidden && is_update && before == after {
+            return Ok(None);
+        }
+        let at = change.time;
+        let mut event = doc! {
+            "_id": Token { position, place: Place::Change }.to_document(),
+            "operationType": change.kind.name(),
+            "clusterTime": clock::of(at, position),
+            "wallTime": at,
+        };
+        let has_after = matches!(change.kind, ChangeKind::Insert | ChangeKind::Replace);
+        if has_after || (is_update && self.after != After::No) {
+            event.insert("fullDocument", checked(&after, self.after == After::Required)?);
+        }
+        event.insert("ns", doc! { "db": &ns.database, "coll": &ns.collection });
+        event.extend(change.id.map(|id| ("documentKey".to_owned(), doc! { "_id": id }.into())));
+        if let (true, Some(before), Some(after)) = (is_update, &before, &after) {
+            event.insert("updateDescription", difference::describe(before, after));
+        }
+        let had_before = matches!(change.kind, ChangeKind::Update | ChangeKind::Replace | ChangeKind::Delete);
+        if had_before && self.before != Before::No {
+            event.insert("fullDocumentBeforeChange", checked(&before, self.before == Before::Required)?);
+        }
+        Ok(Some(event))
+    }
+
+    /// The document as whoever is told sees it. None where nobody does; none inside where there is no document.
+    #[expect(clippy::option_option, reason = "that there is none is another answer than that nobody sees it")]
+    fn shown(&self, document: Option<RawDocumentBuf>) -> Result<Option<Option<Document>>, Failure> {
+        let Some(document) = document else { return Ok(Some(None)) };
+        let shown = match self.metadata {
+            Metadata::Own => document,
+            _ if is_computed(&document)? => return Ok(None),
+            Metadata::Shown => document,
+            Metadata::Hidden => metadata::hide(document)?,
+        };
+        Ok(Some(Some(Document::try_from(&*shown)?)))
+    }
+}
+
+/// The end of a stream whose collection is gone.
+pub(super) fn invalidate(at: bson::DateTime, position: i64) -> Document {
+    doc! {
+        "_id": Token { position, place: Place::End }.to_document(),
+        "operationType": "invalidate",
+        "clusterTime": clock::of(at, position),
+        "wallTime": at,
+    }
+}
+
+fn checked(image: &Option<Document>, is_required: bool) -> Result<Bson, Failure> {
+    match image {
+        Some(document) => Ok(document.clone().into()),
+        None if is_required => {
+            Err(Failure::new(codes::STREAM_FATAL, "an image of the document is required and was not kept")
+                .labeled(NOT_RESUMABLE))
+        }
+        None => Ok(Bson::Null),
+    }
+}
+
+/// Whether a computable made the document.
+fn is_computed(document: &RawDocument) -> Result<bool, QueryError> {
+    let info = document.get(metadata::INFO)?.and_then(|info| info.as_document());
+    let computed = info.map(|info| info.get("computed")).transpose()?.flatten();
+    Ok(computed.and_then(|computed| computed.as_bool()).unwrap_or(false))
+}

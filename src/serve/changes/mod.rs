@@ -1,0 +1,12 @@
+//! Change streams: the memory's triggers as MongoDB tells them.
+
+mod difference;
+mod event;
+mod scopes;
+mod spec;
+mod stream;
+mod token;
+
+pub(super) use scopes::Scopes;
+pub(super) use spec::Spec;
+pub(super) use stream::{Batch, Stream};

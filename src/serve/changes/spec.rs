@@ -1,0 +1,183 @@
+//! `$changeStream`: what is to be followed, from where, and how it is told.
+
+use bson::{Bson, Document};
+
+use super::token::{Place, Token};
+use crate::query::Pipeline;
+use crate::serve::clock;
+use crate::serve::failure::{Failure, codes};
+use crate::serve::fields::Fields;
+use crate::serve::request::{Request, namespace};
+use crate::store::Scope;
+
+/// The stages that may follow `$changeStream`.
+const STAGES: [&str; 9] = [
+    "$addFields",
+    "$match",
+    "$project",
+    "$redact",
+    "$replaceRoot",
+    "$replaceWith",
+    "$set",
+    "$unset",
+    "$changeStreamSplitLargeEvent",
+];
+
+/// A change stream as it is asked for.
+#[derive(Debug, Clone)]
+pub(in crate::serve) struct Spec {
+    pub(in crate::serve) scope: Scope,
+    pub(super) start: Start,
+    pub(super) after: After,
+    pub(super) before: Before,
+    /// The stages behind `$changeStream`.
+    pub(super) stages: Vec<Document>,
+}
+
+/// Where a stream begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Start {
+    Now,
+    Behind(Token),
+    At(bson::Timestamp),
+}
+
+/// Whether updates are told with the document after them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum After {
+    No,
+    Available,
+    Required,
+}
+
+/// Whether changes are told with the document before them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Before {
+    No,
+    Available,
+    Required,
+}
+
+impl Spec {
+    /// Reads the pipeline of a change stream; none where it is that of something else.
+    ///
+    /// # Errors
+    /// Where an option is wrong, or a stage cannot follow.
+    pub(in crate::serve) fn read(request: &Request, stages: &[Document]) -> Result<Option<Self>, Failure> {
+        let Some((first, rest)) = stages.split_first() else { return Ok(None) };
+        let Some(options) = first.get("$changeStream") else { return Ok(None) };
+        let Bson::Document(options) = options else {
+            return Err(Failure::new(6_188_500, "$changeStream must take a nested object"));
+        };
+        let options = Fields::new("$changeStream", options);
+        options.known_inside(&[
+            "allChangesForCluster",
+            "fullDocument",
+            "fullDocumentBeforeChange",
+            "resumeAfter",
+            "showExpandedEvents",
+            "startAfter",
+            "startAtOperationTime",
+        ])?;
+        check_stages(rest)?;
+        Ok(Some(Self {
+            scope: scope(request, options)?,
+            start: start(options)?,
+            after: after(options)?,
+            before: before(options)?,
+            stages: rest.to_vec(),
+        }))
+    }
+}
+
+fn check_stages(stages: &[Document]) -> Result<(), Failure> {
+    for stage in stages {
+        let Some(name) = stage.keys().next() else { continue };
+        if name == "$changeStreamSplitLargeEvent" {
+            return Err(Failure::unsupported("the stage $changeStreamSplitLargeEvent"));
+        }
+        if !STAGES.contains(&name.as_str()) {
+            // A stage that there is not is another mistake than one that cannot be here.
+            Pipeline::parse(std::slice::from_ref(stage))?;
+            return Err(Failure::new(codes::ILLEGAL, format!("{name} is not permitted in a $changeStream pipeline")));
+        }
+    }
+    Ok(())
+}
+
+fn scope(request: &Request, options: Fields<'_>) -> Result<Scope, Failure> {
+    let is_all = options.flag("allChangesForCluster")?;
+    match request.target() {
+        Some(Bson::String(collection)) if is_all => {
+            let message = format!(
+                "allChangesForCluster is for `aggregate: 1` on the database admin, not for {}.{collection}",
+                request.database
+            );
+            Err(Failure::new(codes::INVALID_OPTIONS, message))
+        }
+        Some(Bson::String(collection)) => Ok(Scope::Collection(namespace(&request.database, collection)?)),
+        _ if is_all && request.database == "admin" => Ok(Scope::All),
+        _ if is_all => Err(Failure::new(codes::INVALID_OPTIONS, "allChangesForCluster is for the database admin")),
+        _ if ["admin", "config", "local"].contains(&request.database.as_str()) => {
+            let message = format!("$changeStream may not be opened on the internal {} database", request.database);
+            Err(Failure::new(codes::INVALID_NAMESPACE, message))
+        }
+        _ => Ok(Scope::Database(namespace(&request.database, "x")?.database)),
+    }
+}
+
+fn start(options: Fields<'_>) -> Result<Start, Failure> {
+    let (resume, after) = (options.document("resumeAfter")?, options.document("startAfter")?);
+    let at = match options.document.get("startAtOperationTime") {
+        None | Some(Bson::Null) => None,
+        Some(Bson::Timestamp(at)) => Some(*at),
+        Some(_) => return Err(Failure::new(codes::TYPE_MISMATCH, "startAtOperationTime has to be a timestamp")),
+    };
+    match (resume, after, at) {
+        (None, None, None) => Ok(Start::Now),
+        (None, None, Some(at)) => Ok(Start::At(at)),
+        (Some(token), None, None) => match Token::read(token)? {
+            Token { place: Place::End, .. } => {
+                let message = "Attempting to resume a change stream using 'resumeAfter' is not allowed from an \
+                               invalidate notification; use startAfter";
+                Err(Failure::new(codes::INVALID_TOKEN, message))
+            }
+            token => Ok(Start::Behind(token)),
+        },
+        (None, Some(token), None) => Ok(Start::Behind(Token::read(token)?)),
+        _ => {
+            let message = "Only one of resumeAfter, startAfter and startAtOperationTime is allowed for $changeStream";
+            Err(Failure::new(40_674, message))
+        }
+    }
+}
+
+fn after(options: Fields<'_>) -> Result<After, Failure> {
+    match options.text("fullDocument")? {
+        None | Some("default") => Ok(After::No),
+        Some("updateLookup" | "whenAvailable") => Ok(After::Available),
+        Some("required") => Ok(After::Required),
+        Some(other) => Err(not_valid("fullDocument", other)),
+    }
+}
+
+fn before(options: Fields<'_>) -> Result<Before, Failure> {
+    match options.text("fullDocumentBeforeChange")? {
+        None | Some("off") => Ok(Before::No),
+        Some("whenAvailable") => Ok(Before::Available),
+        Some("required") => Ok(Before::Required),
+        Some(other) => Err(not_valid("fullDocumentBeforeChange", other)),
+    }
+}
+
+fn not_valid(name: &str, value: &str) -> Failure {
+    let message = format!("Enumeration value '{value}' for field '$changeStream.{name}' is not a valid value.");
+    Failure::new(codes::BAD_VALUE, message)
+}
+
+impl Start {
+    /// The date of a time to begin at.
+    pub(super) fn date(at: bson::Timestamp) -> bson::DateTime {
+        clock::date(at)
+    }
+}

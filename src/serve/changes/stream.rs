@@ -1,0 +1,148 @@
+//! An open change stream: a position, and how changes behind it are told. It holds nothing of a thread or a store.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use bson::raw::cstr;
+use bson::{DateTime, Document, RawArrayBuf, RawDocumentBuf};
+
+use super::event::{Shape, invalidate};
+use super::spec::{Spec, Start};
+use super::token::{Place, Token};
+use crate::memory::Memory;
+use crate::query::{Origin, Pipeline, QueryError};
+use crate::serve::access::Metadata;
+use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
+use crate::store::{ChangeKind, Kept, MAX_SIZE, Scope};
+
+/// How many changes are read at once.
+const PAGE: usize = 1000;
+
+/// An open change stream.
+pub(in crate::serve) struct Stream {
+    pub(in crate::serve) used: Instant,
+    scope: Scope,
+    /// All changes up to here have been looked at.
+    position: i64,
+    shape: Shape,
+    stages: Vec<Document>,
+    /// What was not sent yet, each with its token.
+    pending: VecDeque<(Token, RawDocumentBuf)>,
+    token: Token,
+    /// The collection is gone: nothing more comes.
+    is_over: bool,
+}
+
+/// Some events.
+pub(in crate::serve) struct Batch {
+    pub(in crate::serve) events: RawArrayBuf,
+    pub(in crate::serve) count: usize,
+    pub(in crate::serve) token: Document,
+    pub(in crate::serve) is_over: bool,
+}
+
+impl Stream {
+    /// Opens a stream; the changes of its scope are being kept.
+    ///
+    /// # Errors
+    /// Where it is to begin with changes that are not kept any more, or a stage is wrong.
+    pub(in crate::serve) fn open(memory: &Memory, spec: Spec, kept: Kept, metadata: Metadata) -> Result<Self, Failure> {
+        Pipeline::parse(&spec.stages)?;
+        let position = match spec.start {
+            Start::Now => kept.last,
+            Start::Behind(token) => token.position,
+            Start::At(time) => memory.position_at(&spec.scope, Start::date(time))?,
+        };
+        let shape = Shape { after: spec.after, before: spec.before, metadata };
+        let mut stream = Self {
+            used: Instant::now(),
+            scope: spec.scope,
+            position,
+            shape,
+            stages: spec.stages,
+            pending: VecDeque::new(),
+            token: Token { position, place: Place::Between },
+            is_over: false,
+        };
+        // What is not kept any more is an error now, not later.
+        stream.turn(memory)?;
+        Ok(stream)
+    }
+
+    pub(in crate::serve) fn scope(&self) -> &Scope {
+        &self.scope
+    }
+
+    /// The next events that are there.
+    pub(in crate::serve) fn next(&mut self, memory: &Memory, most: Option<u64>) -> Result<Batch, Failure> {
+        self.used = Instant::now();
+        let (mut events, mut bytes, mut count) = (RawArrayBuf::new(), 0, 0);
+        while most.is_none_or(|most| (count as u64) < most) {
+            if self.pending.is_empty() && !self.turn(memory)? {
+                break;
+            }
+            let Some((token, event)) = self.pending.pop_front() else { continue };
+            let size = event.as_bytes().len() + 16;
+            if count > 0 && bytes + size > MAX_SIZE {
+                self.pending.push_front((token, event));
+                break;
+            }
+            events.push(event.as_ref());
+            self.token = token;
+            (bytes, count) = (bytes + size, count + 1);
+        }
+        if self.pending.is_empty() && !self.is_over {
+            self.token = Token { position: self.position, place: Place::Between };
+        }
+        let is_over = self.is_over && self.pending.is_empty();
+        Ok(Batch { events, count, token: self.token.to_document(), is_over })
+    }
+
+    /// Reads the next page of changes; says whether there was one.
+    fn turn(&mut self, memory: &Memory) -> Result<bool, Failure> {
+        if self.is_over {
+            return Ok(false);
+        }
+        let page = memory.changes(&self.scope, self.position, PAGE)?;
+        let is_empty = page.until == self.position;
+        let mut events = Vec::new();
+        for (ns, change) in page.changes {
+            let position = change.position.parse().unwrap_or(page.until);
+            let ends = change.kind == ChangeKind::Drop && matches!(self.scope, Scope::Collection(_));
+            let at = change.time;
+            if let Some(event) = self.shape.event(&ns, change, position)? {
+                events.push((Token { position, place: Place::Change }, event));
+            }
+            if ends {
+                events.push((Token { position, place: Place::End }, invalidate(at, position)));
+                self.is_over = true;
+                break;
+            }
+        }
+        self.position = page.until;
+        for (token, event) in events {
+            self.pending.extend(self.through_stages(token, &event)?);
+        }
+        Ok(!is_empty)
+    }
+
+    fn through_stages(&self, token: Token, event: &Document) -> Result<Option<(Token, RawDocumentBuf)>, Failure> {
+        let raw = RawDocumentBuf::try_from(event)?;
+        if self.stages.is_empty() {
+            return Ok(Some((token, raw)));
+        }
+        let pipeline = Pipeline::parse(&self.stages)?;
+        let none = |_: &Origin| Ok::<_, QueryError>(Box::new(std::iter::empty()) as _);
+        let mut results = pipeline.run(Box::new(std::iter::once(Ok(raw))), DateTime::now(), &none);
+        let Some(result) = results.next().transpose()? else { return Ok(None) };
+        let wanted = RawDocumentBuf::try_from(&token.to_document())?;
+        let id = result.get(cstr!("_id")).ok().flatten().and_then(|id| id.as_document());
+        if id.map(bson::RawDocument::as_bytes) != Some(wanted.as_bytes()) {
+            let message = "Encountered an event whose _id field, which contains the resume token, was modified by \
+                           the pipeline. Modifying the _id field of an event makes it impossible to resume the stream \
+                           from that point.";
+            return Err(Failure::new(codes::STREAM_FATAL, message).labeled(NOT_RESUMABLE));
+        }
+        Ok(Some((token, result)))
+    }
+}

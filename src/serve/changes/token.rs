@@ -1,0 +1,77 @@
+//! Resume tokens: where in the order of changes a stream is.
+//!
+//! `{_data: HEX}`: the position, 8 bytes so that tokens sort as they follow each other, and what is there.
+
+use bson::{Bson, Document, doc};
+
+use crate::serve::failure::{Failure, codes};
+
+/// A place in the order of changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Token {
+    pub(super) position: i64,
+    pub(super) place: Place,
+}
+
+/// What is at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    /// A change.
+    Change,
+    /// The end of a stream, behind the change that ended it.
+    End,
+    /// Nothing; all changes up to it have been looked at.
+    Between,
+}
+
+impl Token {
+    pub(super) fn to_document(self) -> Document {
+        let kind: u8 = match self.place {
+            Place::Change => 1,
+            Place::End => 2,
+            Place::Between => 3,
+        };
+        doc! { "_data": format!("{:016x}{kind:02x}", self.position) }
+    }
+
+    /// Reads a token.
+    ///
+    /// # Errors
+    /// Where it is none of these.
+    pub(super) fn read(token: &Document) -> Result<Self, Failure> {
+        let data = match token.get("_data") {
+            Some(Bson::String(data)) if data.is_ascii() && data.len() == 18 => data,
+            _ => return Err(invalid()),
+        };
+        let (position, kind) = data.split_at_checked(16).ok_or_else(invalid)?;
+        let place = match kind {
+            "01" => Place::Change,
+            "02" => Place::End,
+            "03" => Place::Between,
+            _ => return Err(invalid()),
+        };
+        let position = i64::from_str_radix(position, 16).map_err(|_| invalid())?;
+        Ok(Self { position, place })
+    }
+}
+
+fn invalid() -> Failure {
+    let message = "the resume token was not made by this memory; expected one that a change stream of it gave";
+    Failure::new(codes::INVALID_TOKEN, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tokens_are_read_as_written_and_sort_by_position() {
+        let token = |position| Token { position, place: Place::Change };
+        let text = |position| token(position).to_document().get_str("_data").unwrap().to_owned();
+        assert_eq!(Token::read(&token(7).to_document()), Ok(token(7)));
+        assert!(text(9) < text(10) && text(255) < text(256));
+        for wrong in [doc! {}, doc! { "_data": 3 }, doc! { "_data": "82ab" }, doc! { "_data": "x".repeat(18) }] {
+            assert_eq!(Token::read(&wrong).unwrap_err().code, codes::INVALID_TOKEN);
+        }
+    }
+}

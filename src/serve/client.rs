@@ -1,0 +1,36 @@
+//! Who is at the other end of a connection.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use super::access::Metadata;
+use super::auth::Conversation;
+use super::session::SessionId;
+
+/// A client, as far as it has said who it is.
+pub(super) struct Client {
+    pub(super) id: i64,
+    /// Its address.
+    pub(super) peer: String,
+    /// This server, as the client reaches it.
+    pub(super) host: String,
+    pub(super) metadata: Metadata,
+    /// Whether it has to say who it is before anything else.
+    pub(super) needs_login: bool,
+    /// Who it has proven to be.
+    pub(super) user: Option<User>,
+    /// A login that has begun.
+    pub(super) login: Option<Conversation>,
+    /// The sessions whose transactions it has begun.
+    pub(super) transactions: HashSet<SessionId>,
+    /// Whether it is being answered.
+    pub(super) is_busy: Arc<AtomicBool>,
+}
+
+/// A user, and the database it logged in at.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct User {
+    pub(super) name: String,
+    pub(super) database: String,
+}

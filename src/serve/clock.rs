@@ -1,0 +1,65 @@
+//! Times of operations as MongoDB tells them: seconds, and a count within the second.
+//!
+//! The count is the milliseconds times a thousand, and a number that keeps two from being the same.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use bson::{DateTime, Timestamp};
+
+/// Gives times that grow.
+#[derive(Debug, Default)]
+pub(super) struct Clock(AtomicU64);
+
+impl Clock {
+    /// The time, later than all that were given.
+    pub(super) fn tick(&self) -> Timestamp {
+        let now = packed(of(DateTime::now(), 0));
+        let last = self.0.fetch_max(now, Ordering::Relaxed);
+        if now > last {
+            return unpacked(now);
+        }
+        unpacked(self.0.fetch_add(1, Ordering::Relaxed) + 1)
+    }
+}
+
+/// The time of the change with a number.
+pub(super) fn of(time: DateTime, number: i64) -> Timestamp {
+    let millis = time.timestamp_millis();
+    let part = millis.rem_euclid(1000) * 1000 + number.rem_euclid(999) + 1;
+    let (time, increment) = (u32::try_from(millis.div_euclid(1000)), u32::try_from(part));
+    Timestamp { time: time.unwrap_or(u32::MAX), increment: increment.unwrap_or(u32::MAX) }
+}
+
+/// The date of a time, to the millisecond.
+pub(super) fn date(time: Timestamp) -> DateTime {
+    let millis = i64::from(time.time) * 1000 + i64::from(time.increment.saturating_sub(1) / 1000).min(999);
+    DateTime::from_millis(millis)
+}
+
+fn packed(time: Timestamp) -> u64 {
+    u64::from(time.time) << 32 | u64::from(time.increment)
+}
+
+fn unpacked(time: u64) -> Timestamp {
+    let [time, increment] = [time >> 32, time & 0xFFFF_FFFF].map(|half| u32::try_from(half).unwrap_or(u32::MAX));
+    Timestamp { time, increment }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_grow() {
+        let clock = Clock::default();
+        let times: Vec<u64> = (0..1000).map(|_| packed(clock.tick())).collect();
+        assert!(times.is_sorted_by(|a, b| a < b));
+    }
+
+    #[test]
+    fn a_date_is_kept_to_the_millisecond() {
+        for millis in [0, 1, 999, 1_700_000_000_123] {
+            assert_eq!(date(of(DateTime::from_millis(millis), 12_345)).timestamp_millis(), millis);
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! `aggregate`: pipelines over documents, over changes, and over what the server knows of itself.
+
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::{Call, Command, statistics};
+use crate::memory::Memory;
+use crate::query::{Origin, Pipeline, QueryError};
+use crate::serve::changes::{Spec, Stream};
+use crate::serve::cursor::{Open, Owner};
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::Fields;
+use crate::serve::host::{FirstBatch, Host};
+use crate::serve::request::{Request, namespace};
+use crate::store::{Documents, Namespace, Scope, StoreError};
+
+pub(super) const COMMANDS: &[Command] = &[Command {
+    name: "aggregate",
+    run: super::Run::Either(writes, read, write),
+    is_open: false,
+    in_transaction: true,
+}];
+
+/// The collection of a pipeline that brings its own documents.
+const NO_COLLECTION: &str = "$cmd.aggregate";
+
+const FIELDS: [&str; 14] = [
+    "pipeline",
+    "cursor",
+    "explain",
+    "allowDiskUse",
+    "bypassDocumentValidation",
+    "collation",
+    "hint",
+    "let",
+    "encryptionInformation",
+    "exchange",
+    "fromMongos",
+    "needsMerge",
+    "isMapReduceCommand",
+    "runtimeConstants",
+];
+
+/// Whether the pipeline ends in a collection.
+fn writes(request: &Request) -> bool {
+    let last = request.body.get_array("pipeline").ok().and_then(|stages| stages.last()).and_then(Bson::as_document);
+    last.and_then(|stage| stage.keys().next()).is_some_and(|name| name == "$out" || name == "$merge")
+}
+
+/// The collection, where there is one, and the stages.
+pub(super) fn pipeline(call: &Call, fields: Fields<'_>) -> Result<(Namespace, Vec<Document>), Failure> {
+    fields.known(&FIELDS)?;
+    fields.refuse(&["collation", "let", "encryptionInformation", "exchange"])?;
+    let stages = fields.documents("pipeline")?.ok_or_else(|| fields.missing("pipeline"))?;
+    let stages: Vec<Document> = stages.into_iter().cloned().collect();
+    let ns = match call.request.target() {
+        Some(Bson::String(_)) => call.request.readable()?,
+        Some(number) if crate::serve::fields::whole(number) == Some(1) => {
+            let database = namespace(&call.request.database, "x")?.database;
+            Namespace { database, collection: NO_COLLECTION.to_owned() }
+        }
+        _ => {
+            return Err(Failure::new(
+                codes::FAILED_TO_PARSE,
+                "Invalid command format: the 'aggregate' field must specify a collection name or 1",
+            ));
+        }
+    };
+    if stages.iter().any(|stage| stage.len() != 1) {
+        let message = "A pipeline stage specification object must contain exactly one field.";
+        return Err(Failure::new(40_323, message));
+    }
+    Ok((ns, stages))
+}
+
+fn batch(fields: Fields<'_>) -> Result<FirstBatch, Failure> {
+    let Some(cursor) = fields.document("cursor")? else {
+        let message = "The 'cursor' option is required, except for aggregate with the explain argument";
+        return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+    };
+    let cursor = Fields::new("aggregate.cursor", cursor);
+    cursor.known_inside(&["batchSize"])?;
+    Ok(FirstBatch { size: cursor.size("batchSize")?, ..FirstBatch::default() })
+}
+
+fn read(host: &mut Host<'_>, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    let (ns, stages) = pipeline(call, fields)?;
+    if fields.flag("explain")? {
+        return super::explain::of_pipeline(host, call, &ns, &stages);
+    }
+    let batch = batch(fields)?;
+    if let Some(spec) = Spec::read(&call.request, &stages)? {
+        return follow(host, call, spec, batch);
+    }
+    let memory = host.memory()?;
+    let documents = match own_source(host, call, &ns, &stages)? {
+        Some(documents) => through(stages.get(1..).unwrap_or_default(), documents)?,
+        None => {
+            check_source(&ns, &stages)?;
+            super::index::check_hint(memory, &ns, fields)?;
+            call.access(memory).aggregate(&ns, &stages)?
+        }
+    };
+    call.request.check_time()?;
+    host.answer(&ns, call.request.session.as_ref(), documents, batch)
+}
+
+fn write(memory: &Memory, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    let (ns, stages) = pipeline(call, fields)?;
+    if call.request.is_in_transaction() {
+        let message = "$out and $merge cannot be used in a transaction";
+        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+    }
+    let level = fields.document("readConcern")?.and_then(|concern| concern.get_str("level").ok());
+    if level == Some("linearizable") {
+        let message = "$out and $merge cannot be used with a 'linearizable' read concern level";
+        return Err(Failure::new(codes::INVALID_OPTIONS, message));
+    }
+    batch(fields)?;
+    check_source(&ns, &stages)?;
+    call.access(memory).aggregate(&ns, &stages)?.try_for_each(|document| document.map(drop))?;
+    Ok(crate::serve::cursor::reply(0, &ns.to_string(), &bson::RawArrayBuf::new(), true))
+}
+
+/// A pipeline of no collection brings its own documents.
+fn check_source(ns: &Namespace, stages: &[Document]) -> Result<(), Failure> {
+    let brings = stages.first().is_some_and(|stage| stage.contains_key("$documents"));
+    if brings == (ns.collection == NO_COLLECTION) {
+        return Ok(());
+    }
+    let first = stages.first().and_then(|stage| stage.keys().next()).map_or("an empty pipeline", String::as_str);
+    let message = match brings {
+        true => "$documents is for `aggregate: 1`, not for a collection".to_owned(),
+        false => format!("{{aggregate: 1}} is not valid for {first}; a collection is required"),
+    };
+    Err(Failure::new(codes::INVALID_NAMESPACE, message))
+}
+
+/// What the server knows of itself, where that is asked for.
+fn own_source(
+    host: &Host<'_>,
+    call: &Call,
+    ns: &Namespace,
+    stages: &[Document],
+) -> Result<Option<Vec<Document>>, Failure> {
+    let Some((name, argument)) = stages.first().and_then(|stage| stage.iter().next()) else { return Ok(None) };
+    let memory = host.memory()?;
+    Ok(Some(match name.as_str() {
+        "$collStats" => vec![statistics::stage(memory, call, ns, argument)?],
+        "$indexStats" => statistics::indexes(memory, ns)?,
+        "$currentOp" => super::server::operations(&host.server),
+        "$listSessions" | "$listLocalSessions" | "$planCacheStats" => {
+            return Err(Failure::unsupported(&format!("the stage {name}")));
+        }
+        _ => return Ok(None),
+    }))
+}
+
+/// Documents that are there already, through the stages behind the one that gave them.
+fn through<'m>(stages: &[Document], documents: Vec<Document>) -> Result<Documents<'m>, Failure> {
+    let mut raw = Vec::new();
+    for document in &documents {
+        raw.push(Ok::<_, QueryError>(RawDocumentBuf::try_from(document)?));
+    }
+    let none = |_: &Origin| Ok::<_, QueryError>(Box::new(std::iter::empty()) as _);
+    let pipeline = Pipeline::parse(stages)?;
+    let results: Vec<_> = pipeline.run(Box::new(raw.into_iter()), bson::DateTime::now(), &none).collect();
+    Ok(Box::new(results.into_iter().map(|result| result.map_err(StoreError::from))))
+}
+
+/// Opens a change stream.
+fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> Answer {
+    if call.request.is_in_transaction() {
+        let message = "$changeStream cannot be used in a transaction";
+        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+    }
+    if host.server.options.read_only {
+        let message = "changes are not kept where a memory is served read-only, so there are no change streams";
+        return Err(Failure::new(codes::ILLEGAL, message));
+    }
+    let ns = place(&spec.scope);
+    let (scope, server) = (spec.scope.clone(), std::sync::Arc::clone(&host.server));
+    let kept = host.write(
+        ns.clone(),
+        None,
+        Box::new(move |memory| {
+            let kept = server.scopes.keep(memory, &scope)?;
+            super::raw(&doc! { "from": kept.from, "last": kept.last })
+        }),
+    )?;
+    let number = |name| kept.get_i64(name).map_err(|error| Failure::new(codes::INTERNAL, error.to_string()));
+    let kept = crate::store::Kept { from: number("from")?, last: number("last")? };
+    let memory = host.memory()?;
+    let mut stream = Stream::open(memory, spec, kept, call.metadata)?;
+    let first = stream.next(memory, Some(crate::serve::cursor::first_batch(batch.size)))?;
+    let id = if first.is_over {
+        0
+    } else {
+        let owner = Owner::Stream(std::sync::Arc::new(std::sync::Mutex::new(stream)));
+        host.server.cursors.open(Open { namespace: ns.clone(), session: call.request.session.clone(), owner })?
+    };
+    super::cursor::stream_reply(id, &ns.to_string(), &first, true)
+}
+
+/// The namespace of a stream's cursor.
+fn place(scope: &Scope) -> Namespace {
+    let all = |database: &str| Namespace { database: database.to_owned(), collection: NO_COLLECTION.to_owned() };
+    match scope {
+        Scope::Collection(ns) => ns.clone(),
+        Scope::Database(database) => all(database),
+        Scope::All => all("admin"),
+    }
+}

@@ -1,0 +1,131 @@
+//! `create`, `drop`, `renameCollection`, `collMod`, `listCollections`
+
+use bson::{Document, RawDocumentBuf, doc};
+
+use super::{Call, Command, raw};
+use crate::memory::Memory;
+use crate::query::Filter;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::Fields;
+use crate::serve::host::{FirstBatch, Host};
+use crate::serve::request::namespace;
+use crate::store::{Namespace, index};
+
+pub(super) const COMMANDS: &[Command] = &[
+    Command::write("create", create).transactional(),
+    Command::write("drop", drop_collection),
+    Command::write("renameCollection", rename),
+    Command::write("collMod", modify),
+    Command::read("listCollections", list),
+];
+
+const OPTIONS: [&str; 18] = [
+    "autoIndexId",
+    "capped",
+    "changeStreamPreAndPostImages",
+    "clusteredIndex",
+    "collation",
+    "encryptedFields",
+    "expireAfterSeconds",
+    "flags",
+    "idIndex",
+    "indexOptionDefaults",
+    "max",
+    "pipeline",
+    "size",
+    "storageEngine",
+    "timeseries",
+    "validationAction",
+    "validationLevel",
+    "validator",
+];
+
+fn create(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&[&OPTIONS[..], &["viewOn"]].concat())?;
+    fields.refuse(&["capped", "clusteredIndex", "collation", "encryptedFields", "expireAfterSeconds", "max"])?;
+    fields.refuse(&["pipeline", "size", "timeseries", "validator", "viewOn"])?;
+    if !memory.create_collection(&ns)? {
+        let message = format!("Collection {ns} already exists.");
+        return Err(Failure::new(codes::NAMESPACE_EXISTS, message));
+    }
+    crate::serve::host::empty()
+}
+
+fn drop_collection(memory: &Memory, call: &Call) -> Answer {
+    let ns = call.request.namespace()?;
+    call.request.fields().known(&[])?;
+    let count = i32::try_from(memory.indexes(&ns)?.len()).unwrap_or(i32::MAX);
+    match call.access(memory).drop(&ns)? {
+        true => raw(&doc! { "nIndexesWas": count, "ns": ns.to_string() }),
+        false => Err(Failure::new(codes::NO_NAMESPACE, "ns not found")),
+    }
+}
+
+fn rename(memory: &Memory, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    fields.known(&["to", "dropTarget", "stayTemp"])?;
+    let read = |text: Option<&str>, name: &str| -> Result<Namespace, Failure> {
+        let text = text.ok_or_else(|| fields.missing(name))?;
+        let (database, collection) = text.split_once('.').unwrap_or((text, ""));
+        namespace(database, collection)
+    };
+    let (from, to) = (read(fields.text("renameCollection")?, "renameCollection")?, read(fields.text("to")?, "to")?);
+    if from.database != to.database {
+        return Err(Failure::unsupported("renaming a collection into another database"));
+    }
+    if from == to {
+        return Err(Failure::new(codes::ILLEGAL, "Can't rename a collection to itself"));
+    }
+    let all = memory.all_collections()?;
+    if !all.contains(&from) {
+        return Err(Failure::new(codes::NO_NAMESPACE, format!("Source collection {from} does not exist")));
+    }
+    if all.contains(&to) && !fields.flag("dropTarget")? {
+        return Err(Failure::new(codes::NAMESPACE_EXISTS, "target namespace exists"));
+    }
+    memory.rename_collection(&from, &to)?;
+    crate::serve::host::empty()
+}
+
+/// Images of documents before and after changes are always kept; nothing else can be modified.
+fn modify(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&["changeStreamPreAndPostImages", "index", "validator", "validationLevel", "validationAction"])?;
+    fields.refuse(&["index", "validator"])?;
+    if !memory.all_collections()?.contains(&ns) {
+        return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
+    }
+    crate::serve::host::empty()
+}
+
+fn list(host: &mut Host<'_>, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    fields.known(&["filter", "nameOnly", "authorizedCollections", "cursor"])?;
+    let database = namespace(&call.request.database, "x")?.database;
+    let (filter, name_only) = (Filter::parse(&fields.document_or_empty("filter")?)?, fields.flag("nameOnly")?);
+    let mut documents = Vec::new();
+    let mut names = call.access(host.memory()?).collections()?;
+    names.retain(|ns| ns.database == database);
+    for ns in names {
+        let listed = RawDocumentBuf::try_from(&described(&ns))?;
+        if filter.matches(&listed)? {
+            let short = doc! { "name": &ns.collection, "type": "collection" };
+            documents.push(Ok(if name_only { RawDocumentBuf::try_from(&short)? } else { listed }));
+        }
+    }
+    let size = fields.document("cursor")?.map(|cursor| Fields::new("cursor", cursor).size("batchSize")).transpose()?;
+    let batch = FirstBatch { size: size.flatten(), ..FirstBatch::default() };
+    let place = Namespace { database, collection: "$cmd.listCollections".to_owned() };
+    host.answer(&place, call.request.session.as_ref(), Box::new(documents.into_iter()), batch)
+}
+
+fn described(ns: &Namespace) -> Document {
+    doc! {
+        "name": &ns.collection,
+        "type": "collection",
+        "options": {},
+        "info": { "readOnly": false },
+        "idIndex": { "v": 2, "key": { "_id": 1 }, "name": index::ID },
+    }
+}

@@ -1,0 +1,111 @@
+//! `getMore`, `killCursors`
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use bson::raw::cstr;
+use bson::{Bson, RawDocumentBuf, doc};
+
+use super::{Call, Command, raw};
+use crate::serve::changes::{Batch, Stream};
+use crate::serve::cursor::{Open, Owner, not_found};
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::host::Host;
+
+pub(super) const COMMANDS: &[Command] =
+    &[Command::read("getMore", more).transactional(), Command::read("killCursors", kill).transactional()];
+
+/// How long a change stream waits where nothing is said.
+const AWAIT: Duration = Duration::from_secs(1);
+
+fn more(host: &mut Host<'_>, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    fields.known(&["collection", "batchSize", "term", "lastKnownCommittedOpTime"])?;
+    let id = match call.request.target() {
+        Some(Bson::Int64(id)) => *id,
+        _ => {
+            let message = "BSON field 'getMore.getMore' is the wrong type, expected type 'long'";
+            return Err(Failure::new(codes::TYPE_MISMATCH, message));
+        }
+    };
+    let collection = fields.text("collection")?.ok_or_else(|| fields.missing("collection"))?;
+    let open = host.server.cursors.get(id).ok_or_else(|| not_found(id))?;
+    let ns = &open.namespace;
+    if (ns.database.as_str(), ns.collection.as_str()) != (call.request.database.as_str(), collection) {
+        let message = format!(
+            "Requested getMore on namespace '{}.{collection}', but cursor belongs to a different namespace {ns}",
+            call.request.database
+        );
+        return Err(Failure::new(codes::UNAUTHORIZED, message));
+    }
+    let batch = fields.size("batchSize")?;
+    match &open.owner {
+        Owner::Thread(_) => host.more(id, &open, batch),
+        Owner::Stream(stream) => events(host, call, id, &open, stream, batch.filter(|size| *size > 0)),
+    }
+}
+
+/// The next events of a change stream, which are waited for.
+fn events(
+    host: &mut Host<'_>,
+    call: &Call,
+    id: i64,
+    open: &Open,
+    stream: &Arc<Mutex<Stream>>,
+    batch: Option<u64>,
+) -> Answer {
+    let until = Instant::now() + call.request.limit.unwrap_or(AWAIT);
+    loop {
+        let calls = host.server.hub.calls();
+        let memory = host.memory()?;
+        let next = {
+            let mut stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
+            host.server.scopes.touch(stream.scope());
+            stream.next(memory, batch)
+        };
+        let next = next.inspect_err(|_| host.server.cursors.forget(id))?;
+        if next.count > 0 || next.is_over || Instant::now() >= until {
+            if next.is_over {
+                host.server.cursors.forget(id);
+            }
+            return stream_reply(if next.is_over { 0 } else { id }, &open.namespace.to_string(), &next, false);
+        }
+        host.server.check_running()?;
+        if host.server.cursors.get(id).is_none() {
+            return Err(Failure::new(codes::CURSOR_KILLED, format!("cursor id {id} was killed")));
+        }
+        host.wait_for_changes(calls, until);
+    }
+}
+
+/// The answer with events of a change stream.
+pub(super) fn stream_reply(id: i64, ns: &str, batch: &Batch, is_first: bool) -> Answer {
+    let mut cursor = RawDocumentBuf::new();
+    cursor.append(if is_first { cstr!("firstBatch") } else { cstr!("nextBatch") }, batch.events.as_ref());
+    cursor.append(cstr!("postBatchResumeToken"), RawDocumentBuf::try_from(&batch.token)?);
+    cursor.append(cstr!("id"), id);
+    cursor.append(cstr!("ns"), ns);
+    let mut reply = RawDocumentBuf::new();
+    reply.append(cstr!("cursor"), cursor);
+    Ok(reply)
+}
+
+fn kill(host: &mut Host<'_>, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    fields.known(&["cursors"])?;
+    let ids = fields.array("cursors")?.ok_or_else(|| fields.missing("cursors"))?;
+    let (mut killed, mut missing) = (Vec::new(), Vec::new());
+    for id in ids {
+        let Bson::Int64(id) = id else {
+            return Err(Failure::new(codes::TYPE_MISMATCH, "BSON field 'killCursors.cursors' has to have longs"));
+        };
+        let found = host.server.cursors.kill(*id);
+        if found { killed.push(*id) } else { missing.push(*id) }
+    }
+    host.server.hub.call();
+    host.handle_letters();
+    let none: Vec<i64> = Vec::new();
+    raw(
+        &doc! { "cursorsKilled": killed, "cursorsNotFound": missing, "cursorsAlive": none.clone(), "cursorsUnknown": none },
+    )
+}

@@ -1,0 +1,61 @@
+//! `listDatabases`, `dropDatabase`
+
+use std::collections::BTreeMap;
+
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::{Call, Command, raw, statistics};
+use crate::memory::Memory;
+use crate::query::Filter;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::host::Host;
+use crate::store::Namespace;
+
+pub(super) const COMMANDS: &[Command] =
+    &[Command::read("listDatabases", list), Command::write("dropDatabase", drop_database)];
+
+fn list(host: &mut Host<'_>, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    fields.known(&["filter", "nameOnly", "authorizedDatabases"])?;
+    if call.request.database != "admin" {
+        let message = "listDatabases may only be run against the admin database.";
+        return Err(Failure::new(codes::UNAUTHORIZED, message));
+    }
+    let (filter, name_only) = (Filter::parse(&fields.document_or_empty("filter")?)?, fields.flag("nameOnly")?);
+    let memory = host.memory()?;
+    let mut all: BTreeMap<String, Vec<Namespace>> = BTreeMap::new();
+    for ns in call.access(memory).collections()? {
+        all.entry(ns.database.clone()).or_default().push(ns);
+    }
+    let (mut databases, mut total) = (Vec::new(), 0_i64);
+    for (name, collections) in all {
+        let size = if name_only { 0 } else { statistics::bytes(memory, &collections)? };
+        let mut entry: Document = doc! { "name": name };
+        if !name_only {
+            entry.extend(doc! { "sizeOnDisk": size, "empty": false });
+        }
+        if filter.matches(&RawDocumentBuf::try_from(&entry)?)? {
+            total += size;
+            databases.push(Bson::Document(entry));
+        }
+    }
+    let mut reply = doc! { "databases": databases };
+    if !name_only {
+        reply.extend(doc! { "totalSize": total, "totalSizeMb": total >> 20 });
+    }
+    raw(&reply)
+}
+
+fn drop_database(memory: &Memory, call: &Call) -> Answer {
+    call.request.fields().known(&[])?;
+    let mut all = memory.all_collections()?;
+    all.retain(|ns| ns.database == call.request.database);
+    for ns in &all {
+        call.access(memory).drop(ns)?;
+    }
+    let mut reply = Document::new();
+    if !all.is_empty() {
+        reply.insert("dropped", &call.request.database);
+    }
+    raw(&reply)
+}

@@ -1,0 +1,49 @@
+//! `delete`
+
+use bson::doc;
+
+use super::update::is_of_command;
+use super::write::{COMMON, Outcome, is_ordered, statements};
+use super::{Call, Command};
+use crate::memory::Memory;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::Fields;
+use crate::store::Namespace;
+
+pub(super) const COMMANDS: &[Command] = &[Command::write("delete", delete).transactional()];
+
+fn delete(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&[&COMMON[..], &["deletes"]].concat())?;
+    fields.refuse(&["let"])?;
+    let (ordered, mut outcome) = (is_ordered(fields)?, Outcome::default());
+    for (index, statement) in statements(fields, "deletes")?.into_iter().enumerate() {
+        match delete_one(memory, call, &ns, Fields::new("delete.deletes", statement)) {
+            Ok(count) => outcome.n += count,
+            Err(failure) if is_of_command(&failure) => return Err(failure),
+            Err(failure) => {
+                if !outcome.fail(index, &failure, ordered) {
+                    break;
+                }
+            }
+        }
+    }
+    outcome.reply(doc! {})
+}
+
+fn delete_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) -> Result<u64, Failure> {
+    fields.known_inside(&["q", "limit", "collation", "hint"])?;
+    fields.refuse(&["collation"])?;
+    super::index::check_hint(memory, ns, fields)?;
+    let filter = fields.document("q")?.ok_or_else(|| fields.missing("q"))?;
+    let first_only = match fields.whole("limit")? {
+        Some(0) => false,
+        Some(1) => true,
+        Some(other) => {
+            let message = format!("The limit field in delete objects must be 0 or 1. Got {other}");
+            return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+        }
+        None => return Err(fields.missing("limit")),
+    };
+    Ok(call.access(memory).delete(ns, filter, first_only)?)
+}

@@ -1,0 +1,119 @@
+//! `find`, `count`, `distinct`
+
+use bson::{Bson, doc};
+
+use super::{Call, Command, raw};
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::Fields;
+use crate::serve::host::{FirstBatch, Host};
+use crate::store::Find;
+
+pub(super) const COMMANDS: &[Command] = &[
+    Command::read("find", find).transactional(),
+    Command::read("count", count),
+    Command::read("distinct", distinct).transactional(),
+];
+
+const FIELDS: [&str; 23] = [
+    "filter",
+    "projection",
+    "sort",
+    "hint",
+    "skip",
+    "limit",
+    "batchSize",
+    "singleBatch",
+    "allowDiskUse",
+    "noCursorTimeout",
+    "allowPartialResults",
+    "oplogReplay",
+    "let",
+    "collation",
+    "max",
+    "min",
+    "returnKey",
+    "showRecordId",
+    "tailable",
+    "awaitData",
+    "ntoreturn",
+    "encryptionInformation",
+    "runtimeConstants",
+];
+
+/// What this rmem has no word for.
+const REFUSED: [&str; 10] = [
+    "let",
+    "collation",
+    "max",
+    "min",
+    "returnKey",
+    "showRecordId",
+    "tailable",
+    "awaitData",
+    "ntoreturn",
+    "encryptionInformation",
+];
+
+fn find(host: &mut Host<'_>, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.readable()?, call.request.fields());
+    let find = read(fields)?;
+    let memory = host.memory()?;
+    super::index::check_hint(memory, &ns, fields)?;
+    let (limit, is_single) = limit(fields)?;
+    let batch = FirstBatch {
+        size: fields.size("batchSize")?,
+        is_only: is_single || fields.flag("singleBatch")?,
+        never_expires: fields.flag("noCursorTimeout")?,
+    };
+    // One batch, of as many as there may be.
+    let size = if batch.is_only && limit > 0 { Some(limit.min(batch.size.unwrap_or(limit))) } else { batch.size };
+    let documents = call.access(memory).find(&ns, &find)?;
+    call.request.check_time()?;
+    host.answer(&ns, call.request.session.as_ref(), documents, FirstBatch { size, ..batch })
+}
+
+/// The query of a `find`.
+pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
+    fields.known(&FIELDS)?;
+    fields.refuse(&REFUSED)?;
+    Ok(Find {
+        filter: fields.document_or_empty("filter")?,
+        sort: fields.document_or_empty("sort")?,
+        skip: fields.size("skip")?.unwrap_or(0),
+        limit: limit(fields)?.0,
+        projection: fields.document_or_empty("projection")?,
+    })
+}
+
+/// At most so many documents; a negative number asks for them in one batch.
+fn limit(fields: Fields<'_>) -> Result<(u64, bool), Failure> {
+    let limit = fields.whole("limit")?.unwrap_or(0);
+    if limit == i64::MIN {
+        return Err(Failure::new(codes::BAD_VALUE, "the limit is too small"));
+    }
+    Ok((limit.unsigned_abs(), limit < 0))
+}
+
+fn count(host: &mut Host<'_>, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.readable()?, call.request.fields());
+    fields.known(&["query", "limit", "skip", "hint", "fields", "collation", "encryptionInformation"])?;
+    fields.refuse(&["collation", "encryptionInformation"])?;
+    let memory = host.memory()?;
+    super::index::check_hint(memory, &ns, fields)?;
+    let all = call.access(memory).count(&ns, &fields.document_or_empty("query")?)?;
+    let rest = all.saturating_sub(fields.size("skip")?.unwrap_or(0));
+    let n = match limit(fields)?.0 {
+        0 => rest,
+        limit => rest.min(limit),
+    };
+    raw(&doc! { "n": i32::try_from(n).map_or_else(|_| Bson::Int64(n.cast_signed()), Bson::Int32) })
+}
+
+fn distinct(host: &mut Host<'_>, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.readable()?, call.request.fields());
+    fields.known(&["key", "query", "collation", "hint"])?;
+    fields.refuse(&["collation"])?;
+    let key = fields.text("key")?.ok_or_else(|| fields.missing("key"))?;
+    let values = call.access(host.memory()?).distinct(&ns, key, &fields.document_or_empty("query")?)?;
+    raw(&doc! { "values": values })
+}

@@ -1,0 +1,148 @@
+//! `createIndexes`, `listIndexes`, `dropIndexes`
+
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::{Call, Command, raw};
+use crate::memory::Memory;
+use crate::serve::access::Metadata;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::Fields;
+use crate::serve::host::{FirstBatch, Host};
+use crate::store::{Index, Namespace, index};
+
+pub(super) const COMMANDS: &[Command] = &[
+    Command::write("createIndexes", create).transactional(),
+    Command::write("dropIndexes", discard),
+    Command::write("deleteIndexes", discard),
+    Command::read("listIndexes", list),
+];
+
+fn create(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&["indexes", "commitQuorum", "ignoreUnknownIndexOptions"])?;
+    let definitions = fields.documents("indexes")?.ok_or_else(|| fields.missing("indexes"))?;
+    if definitions.is_empty() {
+        return Err(Failure::new(codes::BAD_VALUE, "Must specify at least one index to create"));
+    }
+    let made = memory.create_collection(&ns)?;
+    let before = shown(memory, call, &ns)?.len();
+    for definition in definitions {
+        memory.create_index(&ns, &read(definition)?)?;
+    }
+    let after = shown(memory, call, &ns)?.len();
+    let mut reply = doc! {
+        "numIndexesBefore": i32::try_from(before).unwrap_or(i32::MAX),
+        "numIndexesAfter": i32::try_from(after).unwrap_or(i32::MAX),
+        "createdCollectionAutomatically": made,
+    };
+    if before == after {
+        reply.insert("note", "all indexes already exist");
+    }
+    raw(&reply)
+}
+
+fn read(definition: &Document) -> Result<Index, Failure> {
+    let mut definition = definition.clone();
+    // A collation that says nothing, and options whose values say nothing.
+    if definition
+        .get_document("collation")
+        .is_ok_and(|collation| collation.get_str("locale").is_ok_and(|locale| locale == "simple"))
+    {
+        definition.remove("collation");
+    }
+    if definition.get_bool("hidden").is_ok_and(|hidden| !hidden) {
+        definition.remove("hidden");
+    }
+    if !definition.contains_key("name") {
+        let message = "Error in specification: the 'name' field is a required property of an index specification";
+        return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+    }
+    Ok(Index::parse(&definition)?)
+}
+
+/// The indexes that a client sees: not the one by which a memory finds what has decayed.
+fn shown(memory: &Memory, call: &Call, ns: &Namespace) -> Result<Vec<Index>, Failure> {
+    let mut indexes = memory.indexes(ns)?;
+    if call.metadata == Metadata::Hidden {
+        indexes.retain(|kept| kept.name != index::DECAY);
+    }
+    Ok(indexes)
+}
+
+fn list(host: &mut Host<'_>, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.readable()?, call.request.fields());
+    fields.known(&["cursor", "includeBuildUUIDs", "includeIndexBuildInfo"])?;
+    let indexes = shown(host.memory()?, call, &ns)?;
+    if indexes.is_empty() {
+        return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
+    }
+    let mut documents = Vec::new();
+    for index in &indexes {
+        documents.push(Ok(RawDocumentBuf::try_from(&index.definition())?));
+    }
+    let size = fields.document("cursor")?.map(|cursor| Fields::new("cursor", cursor).size("batchSize")).transpose()?;
+    let batch = FirstBatch { size: size.flatten(), ..FirstBatch::default() };
+    host.answer(&ns, call.request.session.as_ref(), Box::new(documents.into_iter()), batch)
+}
+
+fn discard(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&["index"])?;
+    let present = shown(memory, call, &ns)?;
+    if present.is_empty() {
+        return Err(Failure::new(codes::NO_NAMESPACE, format!("ns not found {ns}")));
+    }
+    let count = i32::try_from(present.len()).unwrap_or(i32::MAX);
+    for name in named(fields, &present)? {
+        if name == index::ID {
+            return Err(Failure::new(codes::INVALID_OPTIONS, "cannot drop _id index"));
+        }
+        if !memory.drop_index(&ns, &name)? {
+            return Err(Failure::new(codes::NO_INDEX, format!("index not found with name [{name}]")));
+        }
+    }
+    raw(&doc! { "nIndexesWas": count })
+}
+
+/// The names of the indexes that are to go.
+fn named(fields: Fields<'_>, present: &[Index]) -> Result<Vec<String>, Failure> {
+    match fields.document.get("index") {
+        Some(Bson::String(name)) if name == "*" => {
+            let others = present.iter().filter(|kept| kept.name != index::ID && kept.name != index::DECAY);
+            Ok(others.map(|kept| kept.name.clone()).collect())
+        }
+        Some(Bson::String(name)) => Ok(vec![name.clone()]),
+        Some(Bson::Document(keys)) => match present.iter().find(|kept| kept.has_keys(keys)) {
+            Some(found) => Ok(vec![found.name.clone()]),
+            None => Err(Failure::new(codes::NO_INDEX, format!("can't find index with key: {keys}"))),
+        },
+        Some(Bson::Array(names)) => {
+            let text = |name: &Bson| name.as_str().map(str::to_owned);
+            let names: Option<Vec<String>> = names.iter().map(text).collect();
+            names.ok_or_else(|| Failure::new(codes::TYPE_MISMATCH, "the names of indexes are strings"))
+        }
+        _ => Err(fields.missing("index")),
+    }
+}
+
+/// An index that a query is to use has to be there. Which one it does use, the memory decides.
+pub(super) fn check_hint(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<(), Failure> {
+    let is_there = |is_meant: &dyn Fn(&Index) -> bool| -> Result<bool, Failure> {
+        let indexes = memory.indexes(ns)?;
+        Ok(indexes.is_empty() || indexes.iter().any(is_meant))
+    };
+    let found = match fields.document.get("hint") {
+        None | Some(Bson::Null) => true,
+        Some(Bson::String(name)) if name.is_empty() => true,
+        Some(Bson::String(name)) => is_there(&|index| index.name == *name)?,
+        Some(Bson::Document(keys)) if keys.is_empty() || keys.contains_key("$natural") => true,
+        Some(Bson::Document(keys)) => is_there(&|index| index.has_keys(keys))?,
+        Some(_) => return Err(Failure::new(codes::FAILED_TO_PARSE, "Hint must be a string or an object")),
+    };
+    if found {
+        return Ok(());
+    }
+    let message =
+        "error processing query: planner returned error: hint provided does not correspond to an existing index";
+    Err(Failure::new(codes::BAD_VALUE, message))
+}

@@ -1,0 +1,48 @@
+//! `insert`
+
+use bson::{Bson, Document, doc};
+
+use super::write::{COMMON, Outcome, is_ordered, statements};
+use super::{Call, Command};
+use crate::memory::Memory;
+use crate::serve::failure::{Answer, Failure};
+
+pub(super) const COMMANDS: &[Command] = &[Command::write("insert", insert).transactional()];
+
+fn insert(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&[&COMMON[..], &["documents"]].concat())?;
+    let (ordered, documents) = (is_ordered(fields)?, statements(fields, "documents")?);
+    let (mut outcome, mut start) = (Outcome::default(), 0);
+    // Documents are stored together, up to the next one that is refused.
+    while let Some(rest) = documents.get(start..).filter(|rest| !rest.is_empty()) {
+        let batch: Vec<Document> = rest.iter().map(|document| (*document).clone()).collect();
+        match call.access(memory).insert(&ns, batch) {
+            Ok(inserted) => {
+                outcome.n += inserted.ids.len() as u64;
+                break;
+            }
+            Err(error) => {
+                let stored = error.stored().len();
+                outcome.n += stored as u64;
+                let index = start + stored;
+                let id = documents.get(index).and_then(|document| document.get("_id"));
+                let failure = told(Failure::from(error), id);
+                if !outcome.fail(index, &failure, ordered) {
+                    break;
+                }
+                start = index + 1;
+            }
+        }
+    }
+    outcome.reply(doc! {})
+}
+
+/// A taken `_id` is told as the value it is, whatever it looks like in words.
+fn told(mut failure: Failure, id: Option<&Bson>) -> Failure {
+    let is_of_id = failure.details.get_document("keyPattern").is_ok_and(|pattern| pattern.contains_key("_id"));
+    if let (true, Some(id)) = (is_of_id, id) {
+        failure.details.insert("keyValue", doc! { "_id": id });
+    }
+    failure
+}

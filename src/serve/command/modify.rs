@@ -1,0 +1,140 @@
+//! `findAndModify`
+
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::update::{array_filters, spec};
+use super::write::COMMON;
+use super::{Call, Command, raw};
+use crate::memory::Memory;
+use crate::query::QueryError;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::store::{Find, Namespace, UpdateRequest, UpdateSpec};
+
+pub(super) const COMMANDS: &[Command] = &[Command::write("findAndModify", modify).transactional()];
+
+const FIELDS: [&str; 9] = ["query", "sort", "remove", "update", "new", "fields", "upsert", "arrayFilters", "collation"];
+
+/// What is to be done with the first document that matches.
+struct Modification {
+    query: Document,
+    sort: Document,
+    fields: Document,
+    update: Option<UpdateSpec>,
+    array_filters: Vec<Document>,
+    new: bool,
+    upsert: bool,
+}
+
+fn modify(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&[&COMMON[..], &FIELDS, &["hint"]].concat())?;
+    fields.refuse(&["collation", "let"])?;
+    super::index::check_hint(memory, &ns, fields)?;
+    let modification = Modification {
+        query: fields.document_or_empty("query")?,
+        sort: fields.document_or_empty("sort")?,
+        fields: fields.document_or_empty("fields")?,
+        update: spec(fields, "update")?,
+        array_filters: array_filters(fields)?,
+        new: fields.flag("new")?,
+        upsert: fields.flag("upsert")?,
+    };
+    modification.check(fields.flag("remove")?)?;
+    match &modification.update {
+        None => modification.remove(memory, call, &ns),
+        Some(update) => modification.change(memory, call, &ns, update),
+    }
+}
+
+impl Modification {
+    fn check(&self, removes: bool) -> Result<(), Failure> {
+        let wrong = |message: &str| Err(Failure::new(codes::FAILED_TO_PARSE, message));
+        match (removes, &self.update) {
+            (true, Some(_)) => wrong("Cannot specify both an update and remove=true"),
+            (false, None) => wrong("Either an update or remove=true must be specified"),
+            (true, None) if self.upsert => wrong("Cannot specify both upsert=true and remove=true"),
+            (true, None) if self.new => {
+                wrong("Cannot specify both new=true and remove=true; 'remove' always returns the deleted document")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The first document that matches, as the client is shown it.
+    fn first(&self, memory: &Memory, call: &Call, ns: &Namespace) -> Result<Option<RawDocumentBuf>, Failure> {
+        let find = Find {
+            filter: self.query.clone(),
+            sort: self.sort.clone(),
+            limit: 1,
+            projection: self.fields.clone(),
+            ..Find::default()
+        };
+        Ok(call.access(memory).find(ns, &find)?.next().transpose()?)
+    }
+
+    /// The `_id` of that document.
+    fn id(&self, memory: &Memory, call: &Call, ns: &Namespace) -> Result<Option<Bson>, Failure> {
+        let find = Find {
+            filter: self.query.clone(),
+            sort: self.sort.clone(),
+            limit: 1,
+            projection: doc! { "_id": 1 },
+            ..Find::default()
+        };
+        let Some(found) = call.access(memory).find(ns, &find)?.next().transpose()? else { return Ok(None) };
+        Ok(found.get("_id")?.map(Bson::try_from).transpose()?)
+    }
+
+    fn by_id(&self, memory: &Memory, call: &Call, ns: &Namespace, id: &Bson) -> Result<Bson, Failure> {
+        let find = Find { filter: same(id), limit: 1, projection: self.fields.clone(), ..Find::default() };
+        value(call.access(memory).find(ns, &find)?.next().transpose()?)
+    }
+
+    fn remove(&self, memory: &Memory, call: &Call, ns: &Namespace) -> Answer {
+        let Some(id) = self.id(memory, call, ns)? else {
+            return raw(&doc! { "lastErrorObject": { "n": 0 }, "value": Bson::Null });
+        };
+        let before = value(self.first(memory, call, ns)?)?;
+        call.access(memory).delete(ns, &same(&id), true)?;
+        raw(&doc! { "lastErrorObject": { "n": 1 }, "value": before })
+    }
+
+    fn change(&self, memory: &Memory, call: &Call, ns: &Namespace, update: &UpdateSpec) -> Answer {
+        let id = self.id(memory, call, ns)?;
+        let before = if self.new { Bson::Null } else { value(self.first(memory, call, ns)?)? };
+        if id.is_none() && !self.upsert {
+            return raw(&doc! { "lastErrorObject": { "n": 0, "updatedExisting": false }, "value": Bson::Null });
+        }
+        // What the query matched tells which element `$` is.
+        let filter = match &id {
+            Some(id) => doc! { "$and": [self.query.clone(), same(id)] },
+            None => self.query.clone(),
+        };
+        let request = UpdateRequest {
+            filter,
+            update: update.clone(),
+            array_filters: self.array_filters.clone(),
+            many: false,
+            upsert: self.upsert,
+        };
+        let updated = call.access(memory).update(ns, &request)?;
+        let mut last = doc! { "n": 1, "updatedExisting": id.is_some() };
+        if let Some(made) = &updated.upserted {
+            last.insert("upserted", made);
+        }
+        let after = match (self.new, id.or(updated.upserted)) {
+            (true, Some(id)) => self.by_id(memory, call, ns, &id)?,
+            _ => before,
+        };
+        raw(&doc! { "lastErrorObject": last, "value": after })
+    }
+}
+
+fn same(id: &Bson) -> Document {
+    doc! { "_id": { "$eq": id } }
+}
+
+fn value(document: Option<RawDocumentBuf>) -> Result<Bson, Failure> {
+    let document = document.map(|raw| Document::try_from(&*raw)).transpose().map_err(QueryError::from)?;
+    Ok(document.map_or(Bson::Null, Bson::Document))
+}

@@ -1,0 +1,149 @@
+//! What a server says of itself: `serverStatus`, `hostInfo`, `getParameter` and others that tools ask for.
+
+use std::sync::atomic::Ordering;
+
+use bson::{Bson, DateTime, Document, doc};
+
+use super::{Command, GROUPS, raw};
+use crate::serve::client::Client;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::request::Request;
+use crate::serve::server::Server;
+
+pub(super) const COMMANDS: &[Command] = &[
+    Command::here("serverStatus", status),
+    Command::here("hostInfo", host_info),
+    Command::here("getParameter", parameter),
+    Command::here("getLog", log),
+    Command::here("getCmdLineOpts", options),
+    Command::here("top", top),
+    Command::here("currentOp", current),
+    Command::here("listCommands", list),
+    Command::here("replSetGetStatus", set_status),
+];
+
+fn status(_: &mut Client, server: &Server, _: &Request) -> Answer {
+    let counters = &server.counters;
+    let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed).cast_signed();
+    let size = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
+    let connected = server.connected();
+    raw(&doc! {
+        "host": host_name(),
+        "version": super::handshake::VERSION,
+        "process": "rmem",
+        "pid": i64::from(std::process::id()),
+        "uptime": server.since.elapsed().as_secs_f64(),
+        "uptimeMillis": i64::try_from(server.since.elapsed().as_millis()).unwrap_or(i64::MAX),
+        "localTime": DateTime::now(),
+        "connections": {
+            "current": size(connected),
+            "available": size(server.options.connections.saturating_sub(connected)),
+            "totalCreated": count(&counters.connections),
+        },
+        "metrics": { "cursor": { "open": { "total": size(server.cursors.count()) } } },
+        "network": {
+            "bytesIn": count(&counters.received),
+            "bytesOut": count(&counters.sent),
+            "numRequests": count(&counters.commands),
+        },
+        "storageEngine": { "name": "rmem", "persistent": true, "readOnly": server.options.read_only },
+        "repl": { "setName": "rmem", "isWritablePrimary": true, "secondary": false },
+    })
+}
+
+fn host_info(_: &mut Client, _: &Server, _: &Request) -> Answer {
+    let cores = std::thread::available_parallelism().map_or(1, |count| i32::try_from(count.get()).unwrap_or(i32::MAX));
+    raw(&doc! {
+        "system": {
+            "currentTime": DateTime::now(),
+            "hostname": host_name(),
+            "cpuAddrSize": 64,
+            "numCores": cores,
+            "cpuArch": std::env::consts::ARCH,
+            "numaEnabled": false,
+        },
+        "os": { "type": std::env::consts::OS, "name": std::env::consts::OS, "version": "" },
+        "extra": {},
+    })
+}
+
+fn host_name() -> String {
+    rustix::system::uname().nodename().to_string_lossy().into_owned()
+}
+
+fn parameter(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    let known = doc! {
+        "featureCompatibilityVersion": { "version": "6.0" },
+        "transactionLifetimeLimitSeconds": i64::try_from(crate::serve::transaction::LIMIT.as_secs()).unwrap_or(60),
+        "authenticationMechanisms": [crate::serve::auth::MECHANISM],
+    };
+    let asks_all = match request.target() {
+        Some(Bson::String(all)) => all == "*",
+        Some(Bson::Document(options)) => options.get_bool("allParameters").unwrap_or(false),
+        _ => false,
+    };
+    let asked: Document = known.into_iter().filter(|(name, _)| asks_all || request.body.contains_key(name)).collect();
+    match asked.is_empty() {
+        true => Err(Failure::new(codes::INVALID_OPTIONS, "no option found to get")),
+        false => raw(&asked),
+    }
+}
+
+fn log(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    match request.target() {
+        Some(Bson::String(name)) if name == "*" => raw(&doc! { "names": ["global", "startupWarnings"] }),
+        Some(Bson::String(name)) if ["global", "startupWarnings"].contains(&name.as_str()) => {
+            raw(&doc! { "totalLinesWritten": 0, "log": Bson::Array(Vec::new()) })
+        }
+        _ => Err(Failure::new(codes::ILLEGAL, "no log of that name; there are global and startupWarnings")),
+    }
+}
+
+fn options(_: &mut Client, _: &Server, _: &Request) -> Answer {
+    raw(&doc! { "argv": ["rmem", "serve"], "parsed": {} })
+}
+
+fn top(_: &mut Client, _: &Server, _: &Request) -> Answer {
+    raw(&doc! { "totals": { "note": "all times in microseconds" } })
+}
+
+/// What is being done; a command is over too soon to be seen.
+pub(super) fn operations(server: &Server) -> Vec<Document> {
+    let connected = i64::try_from(server.connected()).unwrap_or(i64::MAX);
+    vec![doc! { "type": "op", "host": host_name(), "active": true, "op": "command", "connections": connected }]
+}
+
+fn current(_: &mut Client, server: &Server, _: &Request) -> Answer {
+    raw(&doc! { "inprog": operations(server) })
+}
+
+fn list(_: &mut Client, _: &Server, _: &Request) -> Answer {
+    let all = GROUPS.iter().flat_map(|group| group.iter());
+    let commands: Document = all
+        .map(|command| (command.name.to_owned(), doc! { "help": "", "requiresAuth": !command.is_open }.into()))
+        .collect();
+    raw(&doc! { "commands": commands })
+}
+
+fn set_status(client: &mut Client, server: &Server, _: &Request) -> Answer {
+    let member = doc! {
+        "_id": 0,
+        "name": &client.host,
+        "health": 1.0,
+        "state": 1,
+        "stateStr": "PRIMARY",
+        "uptime": i32::try_from(server.since.elapsed().as_secs()).unwrap_or(i32::MAX),
+        "optimeDate": DateTime::now(),
+        "electionDate": server.started,
+        "self": true,
+    };
+    raw(&doc! {
+        "set": "rmem",
+        "date": DateTime::now(),
+        "myState": 1,
+        "term": 1_i64,
+        "votingMembersCount": 1,
+        "writableVotingMembersCount": 1,
+        "members": [member],
+    })
+}

@@ -1,0 +1,55 @@
+//! Sessions: they need no beginning, and end by themselves.
+
+use bson::{Bson, doc};
+
+use super::{Call, Command, raw};
+use crate::serve::client::Client;
+use crate::serve::failure::{Answer, Failure};
+use crate::serve::fields::Fields;
+use crate::serve::host::{self, Host};
+use crate::serve::request::Request;
+use crate::serve::server::Server;
+use crate::serve::session::{SessionId, TIMEOUT_MINUTES};
+use crate::serve::transaction;
+
+pub(super) const COMMANDS: &[Command] = &[
+    Command::here("startSession", start),
+    Command::here("refreshSessions", refresh),
+    Command::read("endSessions", end),
+    Command::read("killSessions", end),
+    Command::read("killAllSessions", kill_all),
+    Command::read("killAllSessionsByPattern", kill_all),
+];
+
+fn start(_: &mut Client, _: &Server, _: &Request) -> Answer {
+    raw(&doc! { "id": SessionId::random().to_document(), "timeoutMinutes": TIMEOUT_MINUTES })
+}
+
+fn refresh(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    sessions(request)?;
+    host::empty()
+}
+
+fn end(host: &mut Host<'_>, call: &Call) -> Answer {
+    let sessions = sessions(&call.request)?;
+    host.server.cursors.kill_all(|open| open.session.as_ref().is_some_and(|session| sessions.contains(session)));
+    host.server.writer.submit(transaction::abandon(sessions))?;
+    host::empty()
+}
+
+/// Ends the cursors of all sessions; whose transactions they are is not known here.
+fn kill_all(host: &mut Host<'_>, call: &Call) -> Answer {
+    call.request.fields().documents(&call.request.name)?;
+    host.server.cursors.kill_all(|open| open.session.is_some());
+    host.server.writer.submit(transaction::abandon_all())?;
+    host::empty()
+}
+
+fn sessions(request: &Request) -> Result<Vec<SessionId>, Failure> {
+    let fields = Fields::new(&request.name, &request.body);
+    let array = match request.target() {
+        Some(Bson::Array(_)) => fields.documents(&request.name)?.unwrap_or_default(),
+        _ => return Err(fields.missing(&request.name)),
+    };
+    array.into_iter().map(SessionId::read).collect()
+}

@@ -1,0 +1,148 @@
+//! `collStats`, `dbStats`, and the stages `$collStats` and `$indexStats`
+
+use bson::{Bson, DateTime, Document, doc};
+
+use super::{Call, Command, raw};
+use crate::memory::Memory;
+use crate::query::QueryError;
+use crate::serve::failure::{Answer, Failure};
+use crate::serve::fields::{Fields, whole};
+use crate::serve::host::Host;
+use crate::store::{Namespace, Store};
+
+pub(super) const COMMANDS: &[Command] = &[Command::read("collStats", collection), Command::read("dbStats", database)];
+
+/// Documents and their bytes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Size {
+    count: i64,
+    bytes: i64,
+}
+
+fn size(memory: &Memory, ns: &Namespace) -> Result<Size, Failure> {
+    let store = memory.bare(ns)?;
+    let sums = doc! { "$group": { "_id": Bson::Null, "count": { "$sum": 1 }, "bytes": { "$sum": { "$bsonSize": "$$ROOT" } } } };
+    let Some(found) = store.aggregate(ns, &[sums])?.next().transpose()? else { return Ok(Size::default()) };
+    let found = Document::try_from(&*found).map_err(QueryError::from)?;
+    let number = |name: &str| found.get(name).and_then(whole).unwrap_or_default();
+    Ok(Size { count: number("count"), bytes: number("bytes") })
+}
+
+/// The bytes of the documents of some collections.
+pub(super) fn bytes(memory: &Memory, collections: &[Namespace]) -> Result<i64, Failure> {
+    collections.iter().try_fold(0, |sum, ns| Ok(sum + size(memory, ns)?.bytes))
+}
+
+/// What is known of a collection's size, in a unit.
+fn described(store: &dyn Store, ns: &Namespace, size: Size, scale: i64) -> Result<Document, Failure> {
+    let indexes = store.indexes(ns)?;
+    let average = if size.count > 0 { size.bytes / size.count } else { 0 };
+    let sizes: Document = indexes.iter().map(|index| (index.name.clone(), Bson::Int64(0))).collect();
+    Ok(doc! {
+        "size": size.bytes / scale,
+        "count": size.count,
+        "avgObjSize": average,
+        "numOrphanDocs": 0,
+        "storageSize": size.bytes / scale,
+        "freeStorageSize": 0_i64,
+        "capped": false,
+        "nindexes": i32::try_from(indexes.len()).unwrap_or(i32::MAX),
+        "indexBuilds": Bson::Array(Vec::new()),
+        "totalIndexSize": 0_i64,
+        "totalSize": size.bytes / scale,
+        "indexSizes": sizes,
+        "scaleFactor": scale,
+    })
+}
+
+fn collection(host: &mut Host<'_>, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.readable()?, call.request.fields());
+    fields.known(&["scale"])?;
+    let memory = host.memory()?;
+    let scale = scale(fields)?;
+    let mut reply = doc! { "ns": ns.to_string() };
+    reply.extend(described(memory.bare(&ns)?, &ns, size(memory, &ns)?, scale)?);
+    raw(&reply)
+}
+
+fn scale(fields: Fields<'_>) -> Result<i64, Failure> {
+    match fields.whole("scale")? {
+        None => Ok(1),
+        Some(scale @ 1..) => Ok(scale),
+        Some(_) => Err(Failure::new(51_024, "BSON field 'scale' value must be >= 1")),
+    }
+}
+
+fn database(host: &mut Host<'_>, call: &Call) -> Answer {
+    let fields = call.request.fields();
+    fields.known(&["scale", "freeStorage"])?;
+    let (memory, scale) = (host.memory()?, scale(fields)?);
+    let mut all = call.access(memory).collections()?;
+    all.retain(|ns| ns.database == call.request.database);
+    let (mut sum, mut indexes) = (Size::default(), 0);
+    for ns in &all {
+        let one = size(memory, ns)?;
+        sum = Size { count: sum.count + one.count, bytes: sum.bytes + one.bytes };
+        indexes += memory.indexes(ns)?.len();
+    }
+    #[expect(clippy::cast_precision_loss, reason = "MongoDB tells these as doubles, too")]
+    let double = |number: i64| number as f64;
+    raw(&doc! {
+        "db": &call.request.database,
+        "collections": i64::try_from(all.len()).unwrap_or(i64::MAX),
+        "views": 0_i64,
+        "objects": sum.count,
+        "avgObjSize": if sum.count > 0 { double(sum.bytes) / double(sum.count) } else { 0.0 },
+        "dataSize": double(sum.bytes / scale),
+        "storageSize": double(sum.bytes / scale),
+        "indexes": i64::try_from(indexes).unwrap_or(i64::MAX),
+        "indexSize": 0.0,
+        "totalSize": double(sum.bytes / scale),
+        "scaleFactor": scale,
+        "fsUsedSize": 0.0,
+        "fsTotalSize": 0.0,
+    })
+}
+
+/// The document of `$collStats`.
+pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bson) -> Result<Document, Failure> {
+    let Bson::Document(asked) = argument else {
+        return Err(Failure::new(40_166, "the specification of $collStats must be an object"));
+    };
+    let fields = Fields::new("$collStats", asked);
+    fields.known_inside(&["latencyStats", "storageStats", "count", "queryExecStats"])?;
+    let mut document = doc! { "ns": ns.to_string(), "localTime": DateTime::now() };
+    let size = size(memory, ns)?;
+    if let Some(storage) = fields.document("storageStats")? {
+        let scale = scale(Fields::new("storageStats", storage))?;
+        document.insert("storageStats", described(memory.bare(ns)?, ns, size, scale)?);
+    }
+    if fields.document("count")?.is_some() {
+        document.insert("count", call.access(memory).count(ns, &Document::new())?.cast_signed());
+    }
+    if fields.document("latencyStats")?.is_some() {
+        let none = doc! { "latency": 0_i64, "ops": 0_i64 };
+        document.insert(
+            "latencyStats",
+            doc! { "reads": none.clone(), "writes": none.clone(), "commands": none.clone(), "transactions": none },
+        );
+    }
+    if fields.document("queryExecStats")?.is_some() {
+        document.insert("queryExecStats", doc! { "collectionScans": { "total": 0_i64, "nonTailable": 0_i64 } });
+    }
+    Ok(document)
+}
+
+/// The documents of `$indexStats`.
+pub(super) fn indexes(memory: &Memory, ns: &Namespace) -> Result<Vec<Document>, Failure> {
+    let of = |index: &crate::store::Index| {
+        doc! {
+            "name": &index.name,
+            "key": index.keys.clone(),
+            "host": "rmem",
+            "accesses": { "ops": 0_i64, "since": DateTime::now() },
+            "spec": index.definition(),
+        }
+    };
+    Ok(memory.indexes(ns)?.iter().map(of).collect())
+}

@@ -1,0 +1,89 @@
+//! `update`
+
+use bson::{Bson, Document, doc};
+
+use super::write::{COMMON, Outcome, is_ordered, statements};
+use super::{Call, Command};
+use crate::memory::Memory;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::Fields;
+use crate::store::{Namespace, UpdateRequest, UpdateSpec, Updated};
+
+pub(super) const COMMANDS: &[Command] = &[Command::write("update", update).transactional()];
+
+fn update(memory: &Memory, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.namespace()?, call.request.fields());
+    fields.known(&[&COMMON[..], &["updates"]].concat())?;
+    fields.refuse(&["let"])?;
+    let ordered = is_ordered(fields)?;
+    let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
+    for (index, statement) in statements(fields, "updates")?.into_iter().enumerate() {
+        match update_one(memory, call, &ns, Fields::new("update.updates", statement)) {
+            Ok(updated) => {
+                outcome.n += updated.matched + u64::from(updated.upserted.is_some());
+                modified += updated.modified;
+                let place = i32::try_from(index).unwrap_or(i32::MAX);
+                upserted.extend(updated.upserted.map(|id| doc! { "index": place, "_id": id }));
+            }
+            Err(failure) if is_of_command(&failure) => return Err(failure),
+            Err(failure) => {
+                if !outcome.fail(index, &failure, ordered) {
+                    break;
+                }
+            }
+        }
+    }
+    let mut reply = doc! { "nModified": i32::try_from(modified).unwrap_or(i32::MAX) };
+    if !upserted.is_empty() {
+        reply.insert("upserted", upserted);
+    }
+    outcome.reply(reply)
+}
+
+/// Whether a statement is so wrong that the whole command is.
+pub(super) fn is_of_command(failure: &Failure) -> bool {
+    matches!(failure.code, codes::UNKNOWN_FIELD | codes::MISSING_FIELD | codes::TYPE_MISMATCH)
+        && failure.message.starts_with("BSON field")
+}
+
+fn update_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) -> Result<Updated, Failure> {
+    fields.known_inside(&[
+        "q",
+        "u",
+        "c",
+        "arrayFilters",
+        "multi",
+        "upsert",
+        "collation",
+        "hint",
+        "upsertSupplied",
+        "sort",
+    ])?;
+    fields.refuse(&["c", "collation", "sort", "upsertSupplied"])?;
+    super::index::check_hint(memory, ns, fields)?;
+    let request = UpdateRequest {
+        filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,
+        update: spec(fields, "u")?.ok_or_else(|| fields.missing("u"))?,
+        array_filters: array_filters(fields)?,
+        many: fields.flag("multi")?,
+        upsert: fields.flag("upsert")?,
+    };
+    Ok(call.access(memory).update(ns, &request)?)
+}
+
+/// How documents are to be changed.
+pub(super) fn spec(fields: Fields<'_>, name: &str) -> Result<Option<UpdateSpec>, Failure> {
+    match fields.document.get(name) {
+        None => Ok(None),
+        Some(Bson::Document(update)) => Ok(Some(UpdateSpec::Document(update.clone()))),
+        Some(Bson::Array(_)) => {
+            let stages = fields.documents(name)?.unwrap_or_default();
+            Ok(Some(UpdateSpec::Pipeline(stages.into_iter().cloned().collect())))
+        }
+        Some(_) => Err(Failure::new(codes::FAILED_TO_PARSE, "Update argument must be either an object or an array")),
+    }
+}
+
+pub(super) fn array_filters(fields: Fields<'_>) -> Result<Vec<Document>, Failure> {
+    Ok(fields.documents("arrayFilters")?.unwrap_or_default().into_iter().cloned().collect())
+}

@@ -1,0 +1,53 @@
+//! What the commands that write have in common: several statements, each of which may fail.
+
+use bson::{Document, RawDocumentBuf, doc};
+
+use super::handshake::MAX_BATCH;
+use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::Fields;
+
+/// What came of the statements of a command.
+#[derive(Default)]
+pub(super) struct Outcome {
+    pub(super) n: u64,
+    errors: Vec<Document>,
+}
+
+impl Outcome {
+    /// Notes that a statement failed; says whether those behind it are to be done.
+    pub(super) fn fail(&mut self, index: usize, failure: &Failure, is_ordered: bool) -> bool {
+        self.errors.push(failure.write_error(index));
+        !is_ordered
+    }
+
+    /// The answer, with what else is to be said.
+    pub(super) fn reply(self, more: Document) -> Answer {
+        let mut reply = doc! { "n": i32::try_from(self.n).unwrap_or(i32::MAX) };
+        reply.extend(more);
+        if !self.errors.is_empty() {
+            reply.insert("writeErrors", self.errors);
+        }
+        Ok(RawDocumentBuf::try_from(&reply)?)
+    }
+}
+
+/// Whether a statement that fails keeps those behind it from being done.
+pub(super) fn is_ordered(fields: Fields<'_>) -> Result<bool, Failure> {
+    Ok(fields.optional_flag("ordered")?.unwrap_or(true))
+}
+
+/// The statements of a command, of which there has to be one at least.
+pub(super) fn statements<'a>(fields: Fields<'a>, name: &str) -> Result<Vec<&'a Document>, Failure> {
+    let statements = fields.documents(name)?.ok_or_else(|| fields.missing(name))?;
+    match statements.len() {
+        1..=MAX_BATCH => Ok(statements),
+        count => {
+            let message = format!("Write batch sizes must be between 1 and {MAX_BATCH}. Got {count} operations.");
+            Err(Failure::new(codes::INVALID_LENGTH, message))
+        }
+    }
+}
+
+/// Fields that say how a write is made, and that every one may have.
+pub(super) const COMMON: [&str; 6] =
+    ["ordered", "bypassDocumentValidation", "stmtId", "stmtIds", "let", "runtimeConstants"];

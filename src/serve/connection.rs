@@ -1,0 +1,170 @@
+//! A connection: messages in, answers out, one after the other.
+
+use std::io::{BufRead as _, BufReader, ErrorKind, Write as _};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use bson::raw::cstr;
+use bson::{Binary, RawDocumentBuf, rawdoc};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use super::client::Client;
+use super::command;
+use super::failure::{Answer, Failure, codes};
+use super::host::{Host, Lazy, TICK};
+use super::panic;
+use super::server::{Counters, Server};
+use super::stream::Stream;
+use super::transaction;
+use super::wire::{self, Form, Message, Reply, WireError};
+
+/// Speaks with a client until it has enough, or something breaks.
+pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
+    let memory = Lazy::of_connection(server);
+    let Ok(host) = Host::new(server, &memory, false) else { return };
+    let mut connection = Connection { reader: BufReader::with_capacity(64 << 10, stream), host, client };
+    // A connection that broke is over; there is nobody to be told.
+    let _ = connection.speak();
+    let Connection { client, host, reader } = connection;
+    drop(reader);
+    server.leave(client.id);
+    if !client.transactions.is_empty() {
+        let _ = server.writer.submit(transaction::abandon(client.transactions.into_iter().collect()));
+    }
+    linger(host);
+}
+
+/// Other connections of the client may still read the cursors of this one.
+fn linger(mut host: Host<'_>) {
+    while host.has_cursors() && !host.server.is_stopping() {
+        if let Some(letter) = host.inbox.receive(TICK.min(Duration::from_secs(1))) {
+            host.handle(letter);
+        }
+        host.expire();
+    }
+}
+
+struct Connection<'m> {
+    reader: BufReader<Stream>,
+    host: Host<'m>,
+    client: Client,
+}
+
+/// Whether there is more to come.
+type GoesOn = bool;
+
+impl Connection<'_> {
+    fn speak(&mut self) -> Result<(), WireError> {
+        while self.wait()? {
+            self.client.is_busy.store(true, Ordering::SeqCst);
+            let bytes = wire::read(&mut self.reader)?;
+            Counters::add(&self.host.server.counters.received, bytes.len());
+            let message = Message::parse(&bytes)?;
+            drop(bytes);
+            let (reply, wants_reply, form) = (Reply::to(&message), message.wants_reply, message.form);
+            let (answer, goes_on) = self.answer(message, form);
+            if wants_reply {
+                let bytes = reply.bytes(&answer);
+                Counters::add(&self.host.server.counters.sent, bytes.len());
+                self.reader.get_mut().write_all(&bytes)?;
+                self.reader.get_mut().flush()?;
+            }
+            self.client.is_busy.store(false, Ordering::SeqCst);
+            if !goes_on || self.host.server.is_stopping() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for a message; for letters, too, where there are cursors that others may read.
+    fn wait(&mut self) -> Result<GoesOn, WireError> {
+        loop {
+            if self.host.has_cursors() && self.reader.buffer().is_empty() && !self.reader.get_mut().has_received() {
+                self.listen()?;
+            }
+            match self.reader.fill_buf() {
+                Ok(bytes) => return Ok(!bytes.is_empty()),
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    if self.host.server.is_stopping() {
+                        return Ok(false);
+                    }
+                    self.host.expire();
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    /// Answers letters until the client says something.
+    fn listen(&mut self) -> Result<(), WireError> {
+        let limit = Timespec::try_from(TICK).ok();
+        loop {
+            let (mut said, mut rung) = (false, false);
+            {
+                let stream = PollFd::from_borrowed_fd(self.reader.get_ref().descriptor(), PollFlags::IN);
+                let bell = PollFd::new(self.host.inbox.bell(), PollFlags::IN);
+                let mut both = [stream, bell];
+                match poll(&mut both, limit.as_ref()) {
+                    Ok(_) => {
+                        let mut has_come = both.iter().map(|one| !one.revents().is_empty());
+                        said = has_come.next().unwrap_or(true);
+                        rung = has_come.next().unwrap_or(false);
+                    }
+                    Err(rustix::io::Errno::INTR) => {}
+                    Err(error) => return Err(WireError::Broken(error.into())),
+                }
+            }
+            if rung {
+                self.host.handle_letters();
+            }
+            self.host.expire();
+            if said || !self.host.has_cursors() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Runs a command; gives what is said to it.
+    fn answer(&mut self, message: Message, form: Form) -> (RawDocumentBuf, GoesOn) {
+        Counters::add(&self.host.server.counters.commands, 1);
+        if let Some(name) = self.reader.get_ref().name()
+            && let Some((_, port)) = self.client.host.rsplit_once(':')
+        {
+            self.client.host = format!("{name}:{port}");
+        }
+        let (host, client) = (&mut self.host, &mut self.client);
+        let answer = panic::caught(|| {
+            let body = message.command.map_err(Failure::from)?;
+            command::run(host, client, body, form)
+        });
+        let goes_on = !matches!(&answer, Err(failure) if failure.code == codes::INTERNAL);
+        (finished(&self.host.server, answer, form), goes_on)
+    }
+}
+
+/// The answer with what every one ends with.
+fn finished(server: &Server, answer: Answer, form: Form) -> RawDocumentBuf {
+    let mut reply = match answer {
+        Ok(mut reply) => {
+            reply.append(cstr!("ok"), 1.0);
+            reply
+        }
+        Err(failure) => {
+            // What is written here is always a document.
+            RawDocumentBuf::try_from(&failure.reply()).unwrap_or_default()
+        }
+    };
+    if form == Form::Msg {
+        let now = server.clock.tick();
+        let signature = rawdoc! {
+            "hash": Binary { subtype: bson::spec::BinarySubtype::Generic, bytes: vec![0; 20] },
+            "keyId": 0_i64,
+        };
+        reply.append(cstr!("$clusterTime"), rawdoc! { "clusterTime": now, "signature": signature });
+        reply.append(cstr!("operationTime"), now);
+    }
+    reply
+}

@@ -1,0 +1,170 @@
+//! Cursors: answers that are taken batch by batch.
+
+use std::collections::HashMap;
+use std::iter::Peekable;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use bson::raw::cstr;
+use bson::{RawArrayBuf, RawDocumentBuf};
+
+use super::changes::Stream;
+use super::failure::{Failure, codes};
+use super::mailbox::{Letter, Mailbox};
+use super::session::SessionId;
+use crate::store::{Documents, MAX_SIZE, Namespace};
+
+/// How many documents the first batch has where nothing is said.
+const FIRST_BATCH: u64 = 101;
+/// At most so many cursors are open at once.
+const MOST: usize = 10_000;
+
+/// Documents that were not sent yet.
+pub(super) struct Results<'m> {
+    documents: Peekable<Documents<'m>>,
+    pub(super) used: Instant,
+    pub(super) never_expires: bool,
+}
+
+impl<'m> Results<'m> {
+    pub(super) fn new(documents: Documents<'m>) -> Self {
+        Self { documents: documents.peekable(), used: Instant::now(), never_expires: false }
+    }
+
+    /// The next documents: at most so many, and no more than fit in a message.
+    pub(super) fn batch(&mut self, most: Option<u64>) -> Result<RawArrayBuf, Failure> {
+        let (mut batch, mut bytes, mut count) = (RawArrayBuf::new(), 0, 0);
+        while most.is_none_or(|most| count < most) {
+            let Some(next) = self.documents.peek() else { break };
+            let size = next.as_ref().map_or(0, |document| document.as_bytes().len()) + 16;
+            if count > 0 && bytes + size > MAX_SIZE {
+                break;
+            }
+            let Some(document) = self.documents.next() else { break };
+            batch.push(document?.as_ref());
+            (bytes, count) = (bytes + size, count + 1);
+        }
+        self.used = Instant::now();
+        Ok(batch)
+    }
+
+    /// Whether all documents were sent.
+    pub(super) fn is_over(&mut self) -> bool {
+        self.documents.peek().is_none()
+    }
+}
+
+/// How many documents a first batch has.
+pub(super) fn first_batch(asked: Option<u64>) -> u64 {
+    asked.unwrap_or(FIRST_BATCH)
+}
+
+/// The answer with a batch of a cursor; 0 is that of one that is over.
+pub(super) fn reply(id: i64, ns: &str, batch: &RawArrayBuf, is_first: bool) -> RawDocumentBuf {
+    let mut cursor = RawDocumentBuf::new();
+    cursor.append(if is_first { cstr!("firstBatch") } else { cstr!("nextBatch") }, batch.as_ref());
+    cursor.append(cstr!("id"), id);
+    cursor.append(cstr!("ns"), ns);
+    let mut reply = RawDocumentBuf::new();
+    reply.append(cstr!("cursor"), cursor);
+    reply
+}
+
+/// An open cursor, known to all connections.
+#[derive(Clone)]
+pub(super) struct Open {
+    pub(super) namespace: Namespace,
+    pub(super) session: Option<SessionId>,
+    pub(super) owner: Owner,
+}
+
+/// Who reads a cursor.
+#[derive(Clone)]
+pub(super) enum Owner {
+    /// The thread that opened it.
+    Thread(Mailbox),
+    /// Whoever is asked: a change stream holds nothing of a thread.
+    Stream(Arc<Mutex<Stream>>),
+}
+
+/// All open cursors.
+#[derive(Default)]
+pub(super) struct Cursors(Mutex<HashMap<i64, Open>>);
+
+impl Cursors {
+    /// Registers a cursor; gives its number.
+    ///
+    /// # Errors
+    /// Where there are too many.
+    pub(super) fn open(&self, cursor: Open) -> Result<i64, Failure> {
+        let mut cursors = self.lock();
+        if cursors.len() >= MOST {
+            let message = format!("{MOST} cursors are open; close some, or let them be read to their end");
+            return Err(Failure::new(codes::FAILED, message));
+        }
+        let id = loop {
+            let id = random() & i64::MAX;
+            if id != 0 && !cursors.contains_key(&id) {
+                break id;
+            }
+        };
+        cursors.insert(id, cursor);
+        Ok(id)
+    }
+
+    pub(super) fn get(&self, id: i64) -> Option<Open> {
+        self.lock().get(&id).cloned()
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.lock().len()
+    }
+
+    /// Removes a cursor; its thread is told to let go of it.
+    pub(super) fn kill(&self, id: i64) -> bool {
+        let removed = self.lock().remove(&id);
+        if let Some(Open { owner: Owner::Thread(mailbox), .. }) = &removed {
+            mailbox.send(Letter::Kill(id));
+        }
+        removed.is_some()
+    }
+
+    /// Forgets a cursor that its thread has let go of.
+    pub(super) fn forget(&self, id: i64) {
+        self.lock().remove(&id);
+    }
+
+    /// Kills the cursors that `is_meant` says.
+    pub(super) fn kill_all(&self, is_meant: impl Fn(&Open) -> bool) {
+        let meant: Vec<i64> = self.lock().iter().filter(|(_, open)| is_meant(open)).map(|(id, _)| *id).collect();
+        for id in meant {
+            self.kill(id);
+        }
+    }
+
+    /// The change streams that nobody has read since a time are closed.
+    pub(super) fn expire_streams(&self, is_old: impl Fn(Instant) -> bool) {
+        self.lock().retain(|_, open| match &open.owner {
+            // One that is being read is in use.
+            Owner::Stream(stream) => stream.try_lock().is_ok_and(|stream| !is_old(stream.used)) || is_locked(stream),
+            Owner::Thread(_) => true,
+        });
+    }
+
+    fn lock(&self) -> MutexGuard<'_, HashMap<i64, Open>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn is_locked(stream: &Mutex<Stream>) -> bool {
+    matches!(stream.try_lock(), Err(std::sync::TryLockError::WouldBlock))
+}
+
+/// Nobody guesses the number of another's cursor.
+fn random() -> i64 {
+    getrandom::u64().map_or_else(|_| i64::from(std::process::id()), u64::cast_signed)
+}
+
+pub(super) fn not_found(id: i64) -> Failure {
+    Failure::new(codes::NO_CURSOR, format!("cursor id {id} not found"))
+}

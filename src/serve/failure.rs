@@ -1,0 +1,189 @@
+//! Why a command failed, as clients are told.
+
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::code;
+use crate::query::QueryError;
+use crate::store::StoreError;
+
+/// The codes that commands fail with by themselves.
+pub(super) mod codes {
+    pub(in crate::serve) const INTERNAL: i32 = 1;
+    pub(in crate::serve) const BAD_VALUE: i32 = 2;
+    pub(in crate::serve) const UNREACHABLE: i32 = 6;
+    pub(in crate::serve) const FAILED_TO_PARSE: i32 = 9;
+    pub(in crate::serve) const UNAUTHORIZED: i32 = 13;
+    pub(in crate::serve) const TYPE_MISMATCH: i32 = 14;
+    pub(in crate::serve) const INVALID_LENGTH: i32 = 16;
+    pub(in crate::serve) const PROTOCOL: i32 = 17;
+    pub(in crate::serve) const AUTHENTICATION: i32 = 18;
+    pub(in crate::serve) const ILLEGAL: i32 = 20;
+    pub(in crate::serve) const NO_NAMESPACE: i32 = 26;
+    pub(in crate::serve) const NO_INDEX: i32 = 27;
+    pub(in crate::serve) const NO_CURSOR: i32 = 43;
+    pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
+    pub(in crate::serve) const TOO_LONG: i32 = 50;
+    pub(in crate::serve) const NO_COMMAND: i32 = 59;
+    pub(in crate::serve) const INVALID_OPTIONS: i32 = 72;
+    pub(in crate::serve) const INVALID_NAMESPACE: i32 = 73;
+    pub(in crate::serve) const SHUTDOWN: i32 = 91;
+    pub(in crate::serve) const FAILED: i32 = 96;
+    pub(in crate::serve) const WRITE_CONFLICT: i32 = 112;
+    pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
+    pub(in crate::serve) const CONFLICT: i32 = 117;
+    pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
+    pub(in crate::serve) const TRANSACTION_TOO_OLD: i32 = 225;
+    pub(in crate::serve) const CURSOR_KILLED: i32 = 237;
+    pub(in crate::serve) const NO_SNAPSHOT: i32 = 246;
+    pub(in crate::serve) const NO_TRANSACTION: i32 = 251;
+    pub(in crate::serve) const COMMITTED: i32 = 256;
+    pub(in crate::serve) const INVALID_TOKEN: i32 = 260;
+    pub(in crate::serve) const NOT_IN_TRANSACTION: i32 = 263;
+    pub(in crate::serve) const STREAM_FATAL: i32 = 280;
+    pub(in crate::serve) const NO_MECHANISM: i32 = 334;
+    pub(in crate::serve) const NO_QUERY: i32 = 352;
+    pub(in crate::serve) const DUPLICATE: i32 = 11_000;
+    pub(in crate::serve) const UNKNOWN_FIELD: i32 = 40_415;
+    pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;
+}
+
+/// The label of what may be tried again as a whole transaction.
+pub(super) const TRANSIENT: &str = "TransientTransactionError";
+
+/// The label of what ends a change stream for good.
+pub(super) const NOT_RESUMABLE: &str = "NonResumableChangeStreamError";
+
+/// What a command answers.
+pub(super) type Answer = Result<RawDocumentBuf, Failure>;
+
+/// Why a command failed.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Failure {
+    /// MongoDB's code for it.
+    pub(super) code: i32,
+    pub(super) message: String,
+    /// What drivers decide by whether to try again.
+    pub(super) labels: Vec<&'static str>,
+    /// What else is said of it.
+    pub(super) details: Box<Document>,
+}
+
+impl Failure {
+    pub(super) fn new(code: i32, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), labels: Vec::new(), details: Box::default() }
+    }
+
+    pub(super) fn labeled(mut self, label: &'static str) -> Self {
+        self.labels.push(label);
+        self
+    }
+
+    /// Valid MongoDB that rmem refuses.
+    pub(super) fn unsupported(what: &str) -> Self {
+        Self::new(codes::NOT_SUPPORTED, format!("{what} is not supported by rmem"))
+    }
+
+    /// The answer to a command that failed.
+    pub(super) fn reply(&self) -> Document {
+        let mut reply = doc! {
+            "ok": 0.0,
+            "errmsg": &self.message,
+            "code": self.code,
+            "codeName": code::name(self.code),
+        };
+        reply.extend(*self.details.clone());
+        if !self.labels.is_empty() {
+            reply.insert("errorLabels", self.labels.clone());
+        }
+        reply
+    }
+
+    /// The failure of one statement of several.
+    pub(super) fn write_error(&self, index: usize) -> Document {
+        let index = i32::try_from(index).unwrap_or(i32::MAX);
+        let mut error = doc! { "index": index, "code": self.code };
+        error.extend(*self.details.clone());
+        error.insert("errmsg", &self.message);
+        error
+    }
+}
+
+impl From<QueryError> for Failure {
+    fn from(error: QueryError) -> Self {
+        Self::new(error.code, error.message)
+    }
+}
+
+impl From<bson::error::Error> for Failure {
+    fn from(error: bson::error::Error) -> Self {
+        QueryError::from(error).into()
+    }
+}
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Self {
+        let message = error.to_string();
+        match error {
+            StoreError::Query(error) => error.into(),
+            StoreError::Stopped { source, .. } => Self::from(*source),
+            StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
+            StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message),
+            StoreError::Held { .. } => Self::new(codes::CONFLICT, message),
+            StoreError::Unfit { .. } => Self::new(codes::ILLEGAL, message),
+            StoreError::Computable { ref source, .. } => match computed(source.as_ref()) {
+                Some(inner) => Self::new(inner, message),
+                None => Self::new(codes::FAILED, message),
+            },
+            StoreError::Failed { .. } => Self::new(codes::FAILED, message),
+        }
+    }
+}
+
+/// The code of a mistake in what a computable asked or answered.
+fn computed(source: &(dyn std::error::Error + 'static)) -> Option<i32> {
+    let query = source.downcast_ref::<QueryError>().map(|error| error.code);
+    query.or_else(|| source.source().and_then(computed))
+}
+
+/// A taken key in MongoDB's words; drivers and programs look for them. The key is as stores tell it:
+/// `_id: 7`, or `name: "x" (unique index name_1)`.
+fn duplicate(ns: &str, key: &str) -> Failure {
+    let (key, index) = match key.rsplit_once(" (unique index ") {
+        Some((key, index)) => (key, index.strip_suffix(')').unwrap_or(index)),
+        None => (key, crate::store::index::ID),
+    };
+    let message = format!("E11000 duplicate key error collection: {ns} index: {index} dup key: {{ {key} }}");
+    let mut failure = Failure::new(codes::DUPLICATE, message);
+    if let Ok(value) = crate::formats::shell::parse_document(&crate::formats::Source::new("key", format!("{{{key}}}")))
+    {
+        let pattern: Document = value.keys().map(|name| (name.clone(), Bson::Int32(1))).collect();
+        *failure.details = doc! { "keyPattern": pattern, "keyValue": value };
+    }
+    failure
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Namespace;
+
+    #[test]
+    fn a_taken_key_is_told_in_the_words_of_mongodb() {
+        let taken = |key: &str| {
+            let namespace = Namespace::parse("a.b").unwrap();
+            Failure::from(StoreError::Duplicate { namespace, key: key.to_owned(), stored: Vec::new() })
+        };
+        let id = taken("_id: 7");
+        assert_eq!(id.message, "E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: 7 }");
+        assert_eq!(*id.details, doc! { "keyPattern": { "_id": 1 }, "keyValue": { "_id": 7 } });
+        let name = taken("name: \"x\" (unique index name_1)");
+        assert!(name.message.ends_with("index: name_1 dup key: { name: \"x\" }"), "{}", name.message);
+    }
+
+    #[test]
+    fn a_failure_has_its_code_and_the_name_of_it() {
+        let reply = Failure::new(codes::NO_COMMAND, "no such command: 'x'").labeled(TRANSIENT).reply();
+        assert_eq!(reply.get_str("codeName").unwrap(), "CommandNotFound");
+        assert_eq!(reply.get_array("errorLabels").unwrap().len(), 1);
+    }
+}

@@ -1,0 +1,242 @@
+//! The fields of a command, by the types MongoDB takes them in.
+
+use bson::{Bson, Document};
+
+use super::failure::{Failure, codes};
+
+/// Fields that every command may have.
+const GENERIC: [&str; 20] = [
+    "$audit",
+    "$client",
+    "$clusterTime",
+    "$configServerState",
+    "$configTime",
+    "$db",
+    "$queryOptions",
+    "$readPreference",
+    "apiDeprecationErrors",
+    "apiStrict",
+    "apiVersion",
+    "autocommit",
+    "clientOperationKey",
+    "comment",
+    "lsid",
+    "maxTimeMS",
+    "readConcern",
+    "startTransaction",
+    "txnNumber",
+    "writeConcern",
+];
+
+/// The fields of a command, or of a document in one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fields<'a> {
+    /// What messages call it.
+    pub(super) of: &'a str,
+    pub(super) document: &'a Document,
+}
+
+impl<'a> Fields<'a> {
+    pub(super) fn new(of: &'a str, document: &'a Document) -> Self {
+        Self { of, document }
+    }
+
+    /// Refuses what this rmem has no word for: fields by their names, where they are not as if left out.
+    pub(super) fn refuse(self, unsupported: &[&str]) -> Result<(), Failure> {
+        let is_said = |name: &&&str| {
+            self.document.get(**name).is_some_and(|value| match value {
+                Bson::Null | Bson::Boolean(false) => false,
+                Bson::Document(inner) => !inner.is_empty() && !is_simple(name, inner),
+                _ => true,
+            })
+        };
+        match unsupported.iter().find(is_said) {
+            Some(name) => Err(Failure::unsupported(&format!("the option `{name}` of {}", self.of))),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses fields that MongoDB does not know.
+    pub(super) fn known(self, names: &[&str]) -> Result<(), Failure> {
+        let mut rest = self.document.keys().skip(1).map(String::as_str);
+        self.only(rest.find(|name| !names.contains(name) && !GENERIC.contains(name)))
+    }
+
+    /// The same for a document in a command, which has no name in front.
+    pub(super) fn known_inside(self, names: &[&str]) -> Result<(), Failure> {
+        self.only(self.document.keys().map(String::as_str).find(|name| !names.contains(name)))
+    }
+
+    fn only(self, unknown: Option<&str>) -> Result<(), Failure> {
+        match unknown {
+            Some(name) => {
+                let message = format!("BSON field '{}.{name}' is an unknown field.", self.of);
+                Err(Failure::new(codes::UNKNOWN_FIELD, message))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn get(self, name: &str) -> Option<&'a Bson> {
+        self.document.get(name).filter(|value| !matches!(value, Bson::Null | Bson::Undefined))
+    }
+
+    fn wrong(self, name: &str, value: &Bson, expected: &str) -> Failure {
+        let found = kind(value);
+        let message =
+            format!("BSON field '{}.{name}' is the wrong type '{found}', expected type '{expected}'", self.of);
+        Failure::new(codes::TYPE_MISMATCH, message)
+    }
+
+    pub(super) fn missing(self, name: &str) -> Failure {
+        let message = format!("BSON field '{}.{name}' is missing but a required field", self.of);
+        Failure::new(codes::MISSING_FIELD, message)
+    }
+
+    pub(super) fn document(self, name: &str) -> Result<Option<&'a Document>, Failure> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(Bson::Document(document)) => Ok(Some(document)),
+            Some(other) => Err(self.wrong(name, other, "object")),
+        }
+    }
+
+    /// The document, or an empty one.
+    pub(super) fn document_or_empty(self, name: &str) -> Result<Document, Failure> {
+        Ok(self.document(name)?.cloned().unwrap_or_default())
+    }
+
+    pub(super) fn array(self, name: &str) -> Result<Option<&'a [Bson]>, Failure> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(Bson::Array(values)) => Ok(Some(values)),
+            Some(other) => Err(self.wrong(name, other, "array")),
+        }
+    }
+
+    pub(super) fn documents(self, name: &str) -> Result<Option<Vec<&'a Document>>, Failure> {
+        let Some(values) = self.array(name)? else { return Ok(None) };
+        let document = |(index, value): (usize, &'a Bson)| match value {
+            Bson::Document(document) => Ok(document),
+            other => Err(self.wrong(&format!("{name}.{index}"), other, "object")),
+        };
+        values.iter().enumerate().map(document).collect::<Result<_, _>>().map(Some)
+    }
+
+    pub(super) fn text(self, name: &str) -> Result<Option<&'a str>, Failure> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(Bson::String(text)) => Ok(Some(text)),
+            Some(other) => Err(self.wrong(name, other, "string")),
+        }
+    }
+
+    /// A whole number, of any type.
+    pub(super) fn whole(self, name: &str) -> Result<Option<i64>, Failure> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(value) => match whole(value) {
+                Some(number) => Ok(Some(number)),
+                None => Err(self.wrong(name, value, "long")),
+            },
+        }
+    }
+
+    /// A whole number that is not negative.
+    pub(super) fn size(self, name: &str) -> Result<Option<u64>, Failure> {
+        let Some(number) = self.whole(name)? else { return Ok(None) };
+        u64::try_from(number).map(Some).map_err(|_| {
+            let message = format!("BSON field '{name}' value must be >= 0, actual value '{number}'");
+            Failure::new(51_024, message)
+        })
+    }
+
+    pub(super) fn flag(self, name: &str) -> Result<bool, Failure> {
+        Ok(self.optional_flag(name)?.unwrap_or(false))
+    }
+
+    pub(super) fn optional_flag(self, name: &str) -> Result<Option<bool>, Failure> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(Bson::Boolean(value)) => Ok(Some(*value)),
+            Some(value @ (Bson::Int32(_) | Bson::Int64(_) | Bson::Double(_) | Bson::Decimal128(_))) => {
+                Ok(Some(!crate::query::compare_values(value, &Bson::Int32(0)).is_eq()))
+            }
+            Some(other) => Err(self.wrong(name, other, "bool")),
+        }
+    }
+}
+
+/// Collations that say nothing.
+fn is_simple(name: &str, inner: &Document) -> bool {
+    name == "collation" && inner.get_str("locale").is_ok_and(|locale| locale == "simple")
+}
+
+/// A number without a fraction as `i64`; with one, without it, as MongoDB takes it.
+pub(super) fn whole(value: &Bson) -> Option<i64> {
+    match value {
+        Bson::Int32(number) => Some((*number).into()),
+        Bson::Int64(number) => Some(*number),
+        #[expect(clippy::cast_possible_truncation, reason = "MongoDB cuts numbers that are too large, too")]
+        Bson::Double(number) if number.is_finite() => Some(*number as i64),
+        #[expect(clippy::cast_possible_truncation, reason = "as above")]
+        Bson::Decimal128(number) => {
+            number.to_string().parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| number as i64)
+        }
+        _ => None,
+    }
+}
+
+/// What MongoDB calls the type of a value.
+fn kind(value: &Bson) -> &'static str {
+    match value {
+        Bson::Double(_) => "double",
+        Bson::String(_) => "string",
+        Bson::Array(_) => "array",
+        Bson::Document(_) => "object",
+        Bson::Boolean(_) => "bool",
+        Bson::Null => "null",
+        Bson::RegularExpression(_) => "regex",
+        Bson::JavaScriptCode(_) => "javascript",
+        Bson::JavaScriptCodeWithScope(_) => "javascriptWithScope",
+        Bson::Int32(_) => "int",
+        Bson::Int64(_) => "long",
+        Bson::Timestamp(_) => "timestamp",
+        Bson::Binary(_) => "binData",
+        Bson::ObjectId(_) => "objectId",
+        Bson::DateTime(_) => "date",
+        Bson::Symbol(_) => "symbol",
+        Bson::Decimal128(_) => "decimal",
+        Bson::Undefined => "undefined",
+        Bson::MaxKey => "maxKey",
+        Bson::MinKey => "minKey",
+        Bson::DbPointer(_) => "dbPointer",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::doc;
+
+    #[test]
+    fn numbers_of_every_type_are_whole_numbers() {
+        let document = doc! { "find": "c", "a": 3_i64, "b": 3.7, "c": "x", "d": -1, "e": Bson::Null };
+        let fields = Fields::new("find", &document);
+        assert_eq!((fields.whole("a").unwrap(), fields.whole("b").unwrap()), (Some(3), Some(3)));
+        assert_eq!(fields.whole("c").unwrap_err().code, codes::TYPE_MISMATCH);
+        assert_eq!(fields.size("d").unwrap_err().code, 51_024);
+        assert_eq!(fields.size("e").unwrap(), None);
+    }
+
+    #[test]
+    fn unknown_fields_and_unsupported_options_are_named() {
+        let document = doc! { "find": "c", "$db": "d", "hunt": 1 };
+        let refusal = Fields::new("find", &document).known(&["filter"]).unwrap_err();
+        assert_eq!(refusal.message, "BSON field 'find.hunt' is an unknown field.");
+        let document = doc! { "find": "c", "tailable": true, "collation": { "locale": "simple" } };
+        let fields = Fields::new("find", &document);
+        assert!(fields.refuse(&["collation"]).is_ok());
+        assert_eq!(fields.refuse(&["tailable"]).unwrap_err().code, codes::NOT_SUPPORTED);
+    }
+}

@@ -1,0 +1,216 @@
+//! A thread with a memory and the cursors it reads: where commands are run.
+
+use std::cell::OnceCell;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bson::RawDocumentBuf;
+
+use super::cursor::{self, Open, Owner, Results};
+use super::failure::{Answer, Failure, codes};
+use super::mailbox::{Inbox, Letter, More};
+use super::server::Server;
+use super::session::SessionId;
+use super::writer::{Job, Once, Work};
+use crate::memory::Memory;
+use crate::store::{Documents, Namespace};
+
+/// How long a thread that has cursors waits before it looks for those that are too old.
+pub(super) const TICK: Duration = Duration::from_secs(10);
+
+/// How many bytes a connection keeps of what it has read; the system keeps the rest for all.
+const CACHE: usize = 2 << 20;
+
+/// A memory that is opened by its first use.
+pub(super) struct Lazy {
+    server: Arc<Server>,
+    memory: OnceCell<Memory>,
+    /// How much it keeps of what was read.
+    cache: Option<usize>,
+}
+
+impl Lazy {
+    /// The memory of the one who writes.
+    pub(super) fn new(server: &Arc<Server>) -> Self {
+        Self { server: Arc::clone(server), memory: OnceCell::new(), cache: None }
+    }
+
+    /// The memory of one connection of many.
+    pub(super) fn of_connection(server: &Arc<Server>) -> Self {
+        Self { cache: Some(CACHE), ..Self::new(server) }
+    }
+
+    pub(super) fn get(&self) -> Result<&Memory, Failure> {
+        if self.memory.get().is_none() {
+            let memory = self.server.open()?;
+            if let Some(bytes) = self.cache {
+                memory.limit_caches(bytes)?;
+            }
+            // The cell is empty: nothing else of this thread can have filled it meanwhile.
+            let _ = self.memory.set(memory);
+        }
+        self.memory.get().ok_or_else(|| Failure::new(codes::INTERNAL, "the memory is not open"))
+    }
+}
+
+/// A thread with its memory and cursors.
+pub(super) struct Host<'m> {
+    pub(super) server: Arc<Server>,
+    memory: &'m Lazy,
+    cursors: HashMap<i64, Results<'m>>,
+    pub(super) inbox: Inbox,
+    /// Whether what it writes is written at once: within a transaction, by the writer itself.
+    writes_itself: bool,
+}
+
+impl<'m> Host<'m> {
+    pub(super) fn new(server: &Arc<Server>, memory: &'m Lazy, writes_itself: bool) -> std::io::Result<Self> {
+        let (server, inbox) = (Arc::clone(server), Inbox::new()?);
+        Ok(Self { server, memory, cursors: HashMap::new(), inbox, writes_itself })
+    }
+
+    pub(super) fn memory(&self) -> Result<&'m Memory, Failure> {
+        self.memory.get()
+    }
+
+    pub(super) fn has_cursors(&self) -> bool {
+        !self.cursors.is_empty()
+    }
+
+    /// Has something written: by the writer, with what others write.
+    pub(super) fn write(&mut self, ns: Namespace, once: Option<Once>, work: Work) -> Answer {
+        let memory = self.memory()?;
+        if self.writes_itself || !memory.is_current(&ns)? {
+            return work(memory);
+        }
+        let job = Job::Write { ns, once, work, reply: self.inbox.mailbox() };
+        self.submit(job)
+    }
+
+    /// Gives the writer something to do and waits for its answer.
+    pub(super) fn submit(&mut self, job: Job) -> Answer {
+        self.server.writer.submit(job)?;
+        self.wait()
+    }
+
+    /// Waits for an answer, answering letters meanwhile.
+    fn wait(&mut self) -> Answer {
+        loop {
+            match self.inbox.receive(TICK) {
+                Some(Letter::Answer(answer)) => return answer,
+                Some(letter) => self.handle(letter),
+                None if self.server.writer.is_over() => {
+                    return Err(Failure::new(codes::SHUTDOWN, "the server is shutting down"));
+                }
+                None => self.expire(),
+            }
+        }
+    }
+
+    /// Answers letters that are there.
+    pub(super) fn handle_letters(&mut self) {
+        self.inbox.silence();
+        while let Some(letter) = self.inbox.take() {
+            self.handle(letter);
+        }
+    }
+
+    pub(super) fn handle(&mut self, letter: Letter) {
+        match letter {
+            // What nobody waits for any more.
+            Letter::Answer(_) => {}
+            Letter::Kill(cursor) => drop(self.cursors.remove(&cursor)),
+            Letter::More(more) => {
+                let answer = self.own(more.cursor, more.batch);
+                more.to.answer(answer.unwrap_or_else(|| Err(cursor::not_found(more.cursor))));
+            }
+        }
+    }
+
+    /// The first batch of an answer; the rest becomes a cursor.
+    pub(super) fn answer(
+        &mut self,
+        ns: &Namespace,
+        session: Option<&SessionId>,
+        documents: Documents<'m>,
+        batch: FirstBatch,
+    ) -> Answer {
+        let mut results = Results::new(documents);
+        let first = results.batch(Some(cursor::first_batch(batch.size)))?;
+        if batch.is_only || results.is_over() {
+            return Ok(cursor::reply(0, &ns.to_string(), &first, true));
+        }
+        results.never_expires = batch.never_expires;
+        let owner = Owner::Thread(self.inbox.mailbox());
+        let id = self.server.cursors.open(Open { namespace: ns.clone(), session: session.cloned(), owner })?;
+        self.cursors.insert(id, results);
+        Ok(cursor::reply(id, &ns.to_string(), &first, true))
+    }
+
+    /// The next documents of a cursor, whoever has it.
+    pub(super) fn more(&mut self, cursor: i64, open: &Open, batch: Option<u64>) -> Answer {
+        if let Some(answer) = self.own(cursor, batch) {
+            return answer;
+        }
+        let Owner::Thread(mailbox) = &open.owner else { return Err(cursor::not_found(cursor)) };
+        let to = self.inbox.mailbox();
+        if self.writes_itself || !mailbox.send(Letter::More(More { cursor, batch, to })) {
+            self.server.cursors.forget(cursor);
+            return Err(cursor::not_found(cursor));
+        }
+        self.wait()
+    }
+
+    fn own(&mut self, cursor: i64, batch: Option<u64>) -> Option<Answer> {
+        let results = self.cursors.get_mut(&cursor)?;
+        let next = results.batch(batch.filter(|size| *size > 0));
+        let is_over = next.is_err() || results.is_over();
+        let ns = self.server.cursors.get(cursor).map(|open| open.namespace.to_string()).unwrap_or_default();
+        if is_over {
+            self.close(cursor);
+        }
+        Some(next.map(|next| cursor::reply(if is_over { 0 } else { cursor }, &ns, &next, false)))
+    }
+
+    fn close(&mut self, cursor: i64) {
+        self.cursors.remove(&cursor);
+        self.server.cursors.forget(cursor);
+    }
+
+    /// Closes cursors that nobody has read for long.
+    pub(super) fn expire(&mut self) {
+        let limit = self.server.options.cursor_timeout;
+        let old = |results: &Results<'_>| !results.never_expires && results.used.elapsed() >= limit;
+        let old: Vec<i64> = self.cursors.iter().filter(|(_, results)| old(results)).map(|(id, _)| *id).collect();
+        old.into_iter().for_each(|id| self.close(id));
+    }
+
+    /// Closes all cursors.
+    pub(super) fn close_all(&mut self) {
+        let all: Vec<i64> = self.cursors.keys().copied().collect();
+        all.into_iter().for_each(|id| self.close(id));
+    }
+
+    /// Waits for changes that others make, answering letters meanwhile.
+    pub(super) fn wait_for_changes(&mut self, calls: u64, until: Instant) {
+        let slice = if self.has_cursors() { Duration::from_millis(5) } else { Duration::from_secs(1) };
+        let left = until.saturating_duration_since(Instant::now());
+        self.server.hub.wait(calls, left.min(slice));
+        self.handle_letters();
+    }
+}
+
+/// What is asked of the first batch of an answer.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FirstBatch {
+    pub(super) size: Option<u64>,
+    /// Nothing more is wanted.
+    pub(super) is_only: bool,
+    pub(super) never_expires: bool,
+}
+
+/// An answer without documents.
+pub(super) fn empty() -> Answer {
+    Ok(RawDocumentBuf::new())
+}

@@ -1,0 +1,123 @@
+//! That one process at a time serves a file, and which.
+//!
+//! It has a lock on `FILE-serve`, which goes when the process ends however it ends; in the file is how
+//! it is reached.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, flock};
+
+/// While it lives, no other process serves the file.
+pub struct Lock {
+    file: File,
+    path: PathBuf,
+}
+
+/// Who serves a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Holder {
+    /// Its process id.
+    pub process: u32,
+    /// How it is reached.
+    pub uris: String,
+}
+
+/// Why a file cannot be served.
+#[derive(Debug, thiserror::Error)]
+pub enum LockError {
+    /// Another process serves it.
+    #[error("{}: process {} serves this file already, at {}; connect to that, or end it", path.display(), holder.process, holder.uris)]
+    Held {
+        /// Which file.
+        path: PathBuf,
+        /// Who.
+        holder: Holder,
+    },
+    /// The lock cannot be written.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+}
+
+impl Lock {
+    /// Takes the lock of a memory's file.
+    ///
+    /// # Errors
+    /// Where another process has it, or it cannot be written.
+    pub fn take(memory: &Path) -> Result<Self, LockError> {
+        let path = beside(memory);
+        let failed = |source| LockError::File { path: path.clone(), source };
+        let file =
+            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(failed)?;
+        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+            let holder = read(&path).unwrap_or(Holder { process: 0, uris: String::new() });
+            return Err(LockError::Held { path: memory.to_owned(), holder });
+        }
+        Ok(Self { file, path })
+    }
+
+    /// Says how this process is reached.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn tell(&mut self, uris: &str) -> Result<(), LockError> {
+        let failed = |source| LockError::File { path: self.path.clone(), source };
+        self.file.set_len(0).map_err(failed)?;
+        write!(self.file, "{}\n{uris}\n", std::process::id()).map_err(failed)
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Another process may have opened it by now, and locks what has no name then: the next makes a new one.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Who serves a memory's file, where somebody does.
+#[must_use]
+pub fn holder(memory: &Path) -> Option<Holder> {
+    let path = beside(memory);
+    let file = File::open(&path).ok()?;
+    flock(&file, FlockOperation::NonBlockingLockShared).is_err().then(|| read(&path)).flatten()
+}
+
+fn read(path: &Path) -> Option<Holder> {
+    let mut text = String::new();
+    File::open(path).ok()?.take(64 << 10).read_to_string(&mut text).ok()?;
+    let (process, uris) = text.split_once('\n')?;
+    Some(Holder { process: process.parse().ok()?, uris: uris.trim().replace('\n', ", ") })
+}
+
+fn beside(memory: &Path) -> PathBuf {
+    let mut path = memory.as_os_str().to_owned();
+    path.push("-serve");
+    path.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_process_serves_a_file_and_says_where() {
+        let folder = tempfile::tempdir().unwrap();
+        let memory = folder.path().join("robot.rmem");
+        assert_eq!(holder(&memory), None);
+        let mut lock = Lock::take(&memory).unwrap();
+        lock.tell("mongodb://127.0.0.1:1/\nmongodb://%2Ftmp%2Fx/").unwrap();
+        let found = holder(&memory).unwrap();
+        assert_eq!(found.process, std::process::id());
+        assert_eq!(found.uris, "mongodb://127.0.0.1:1/, mongodb://%2Ftmp%2Fx/");
+        assert!(matches!(Lock::take(&memory), Err(LockError::Held { holder, .. }) if holder == found));
+        drop(lock);
+        assert_eq!(holder(&memory), None);
+        assert!(Lock::take(&memory).is_ok());
+    }
+}

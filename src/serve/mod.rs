@@ -1,0 +1,46 @@
+//! The memory for every MongoDB client: MongoDB's wire protocol over operations of a memory.
+//!
+//! A connection is a thread with a memory of its own ([`host`]), which reads without waiting for
+//! anybody. What is written goes through one thread ([`writer`]), which makes what many clients
+//! write at once durable by one sync, and to which a transaction belongs while it lasts. Change
+//! streams read what the store keeps of changes ([`changes`]), so that they hold nothing, and go on after
+//! either side was killed. A command is a function and a line in a table ([`command`]).
+//!
+//! It is the memory that is served: computables run for whoever asks, shared databases are routed, `_robmem_info`
+//! is hidden ([`access`]), what decayed is not there.
+
+mod access;
+mod address;
+mod auth;
+mod changes;
+mod client;
+mod clock;
+mod code;
+mod command;
+mod connection;
+mod cursor;
+mod failure;
+mod fields;
+mod host;
+mod hub;
+mod listener;
+pub mod lock;
+mod mailbox;
+mod panic;
+mod request;
+mod retry;
+mod server;
+mod session;
+mod stream;
+pub mod systemd;
+mod tls;
+mod transaction;
+mod wire;
+mod writer;
+
+pub use address::{Address, AddressError};
+pub use auth::{Users, UsersError};
+pub use listener::{ListenError, Listener};
+pub use server::{Opener, Options, Server};
+pub use tls::{Tls, TlsError};
+pub use wire::{Form, MAX_MESSAGE, Message, Reply, WireError};

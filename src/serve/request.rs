@@ -1,0 +1,208 @@
+//! A command with what every command may say: its database, its session, how long it may take.
+
+use std::time::{Duration, Instant};
+
+use bson::{Bson, Document};
+
+use super::failure::{Failure, codes};
+use super::fields::Fields;
+use super::session::SessionId;
+use crate::store::Namespace;
+
+/// A command to be run.
+#[derive(Debug)]
+pub(super) struct Request {
+    /// Its name as the client spells it.
+    pub(super) name: String,
+    pub(super) body: Document,
+    /// `$db`.
+    pub(super) database: String,
+    pub(super) session: Option<SessionId>,
+    pub(super) transaction: Option<TransactionPart>,
+    /// When it came.
+    pub(super) since: Instant,
+    /// `maxTimeMS`.
+    pub(super) limit: Option<Duration>,
+    /// Whether the write is to be confirmed by members that there are not.
+    pub(super) wants_others: bool,
+}
+
+/// What a command says of the transaction, or retryable write, that it belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TransactionPart {
+    /// `txnNumber`.
+    pub(super) number: i64,
+    /// `autocommit: false`: a transaction of several commands; else a write that may be repeated.
+    pub(super) is_multi: bool,
+    /// `startTransaction`.
+    pub(super) starts: bool,
+}
+
+impl Request {
+    /// Reads what every command may say.
+    ///
+    /// # Errors
+    /// Where a field has the wrong type, or `$db` is missing.
+    pub(super) fn read(body: Document) -> Result<Self, Failure> {
+        let name = body.keys().next().cloned().unwrap_or_default();
+        let fields = Fields::new(&name, &body);
+        let database = match fields.text("$db")? {
+            Some(database) => database.to_owned(),
+            None => return Err(Failure::new(40_571, "OP_MSG requests require a $db argument")),
+        };
+        let wants_others = check_concerns(fields)?;
+        let session = fields.document("lsid")?.map(SessionId::read).transpose()?;
+        let transaction = transaction(fields)?;
+        if transaction.is_some() && session.is_none() {
+            let message = "Transaction number requires a session ID to be specified";
+            return Err(Failure::new(codes::INVALID_OPTIONS, message));
+        }
+        let limit = fields.size("maxTimeMS")?.filter(|limit| *limit > 0).map(Duration::from_millis);
+        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, wants_others, body })
+    }
+
+    pub(super) fn fields(&self) -> Fields<'_> {
+        Fields::new(&self.name, &self.body)
+    }
+
+    /// The value of the command's name: its target.
+    pub(super) fn target(&self) -> Option<&Bson> {
+        self.body.get(&self.name)
+    }
+
+    /// The collection that the command is about.
+    pub(super) fn namespace(&self) -> Result<Namespace, Failure> {
+        match self.target() {
+            Some(Bson::String(collection)) => namespace(&self.database, collection),
+            _ => {
+                let message = format!("collection name has invalid type; expected {}: 'COLLECTION'", self.name);
+                Err(Failure::new(codes::INVALID_NAMESPACE, message))
+            }
+        }
+    }
+
+    /// The same for what only reads, where the server's own collections are empty ones.
+    pub(super) fn readable(&self) -> Result<Namespace, Failure> {
+        match self.target() {
+            Some(Bson::String(collection)) if collection.starts_with("system.") => {
+                Ok(Namespace { database: self.database.clone(), collection: collection.clone() })
+            }
+            _ => self.namespace(),
+        }
+    }
+
+    /// Whether the command has taken as long as it may.
+    pub(super) fn check_time(&self) -> Result<(), Failure> {
+        match self.limit {
+            Some(limit) if self.since.elapsed() >= limit => {
+                Err(Failure::new(codes::TOO_LONG, "operation exceeded time limit"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the client wants no more than that its write was taken.
+    pub(super) fn is_in_transaction(&self) -> bool {
+        self.transaction.is_some_and(|part| part.is_multi)
+    }
+}
+
+/// A namespace of a command.
+pub(super) fn namespace(database: &str, collection: &str) -> Result<Namespace, Failure> {
+    Namespace::parse(&format!("{database}.{collection}"))
+        .map_err(|error| Failure::new(codes::INVALID_NAMESPACE, format!("Invalid namespace specified: {error}")))
+}
+
+fn transaction(fields: Fields<'_>) -> Result<Option<TransactionPart>, Failure> {
+    let number = fields.whole("txnNumber")?;
+    let (autocommit, starts) = (fields.optional_flag("autocommit")?, fields.optional_flag("startTransaction")?);
+    match (number, autocommit) {
+        (Some(number), _) if number < 0 => {
+            Err(Failure::new(codes::INVALID_OPTIONS, "the transaction number may not be negative"))
+        }
+        (Some(_), Some(true)) => Err(Failure::new(codes::INVALID_OPTIONS, "autocommit is false where it is given")),
+        (Some(number), autocommit) => {
+            Ok(Some(TransactionPart { number, is_multi: autocommit.is_some(), starts: starts == Some(true) }))
+        }
+        (None, Some(_)) => {
+            Err(Failure::new(codes::INVALID_OPTIONS, "'autocommit' field requires a transaction number"))
+        }
+        (None, None) => Ok(None),
+    }
+}
+
+/// Whether what is asked of durability and of what reads see is kept here: all but snapshots
+/// of the past is. Says whether a write is to be confirmed by members that there are not.
+fn check_concerns(fields: Fields<'_>) -> Result<bool, Failure> {
+    if let Some(concern) = fields.document("readConcern")? {
+        let concern = Fields::new("readConcern", concern);
+        concern.known_inside(&["level", "afterClusterTime", "atClusterTime", "provenance"])?;
+        let level = concern.text("level")?;
+        let in_transaction = fields.document.contains_key("autocommit");
+        match level {
+            None | Some("local" | "majority" | "available" | "linearizable") => {}
+            Some("snapshot") if in_transaction => {}
+            Some("snapshot") => {
+                let message = "readConcern snapshot outside of a transaction is not supported by rmem, which does not keep the past";
+                return Err(Failure::new(codes::NO_SNAPSHOT, message));
+            }
+            Some(other) => {
+                let message =
+                    format!("Enumeration value '{other}' for field 'readConcern.level' is not a valid value.");
+                return Err(Failure::new(codes::BAD_VALUE, message));
+            }
+        }
+    }
+    if let Some(concern) = fields.document("writeConcern")? {
+        let concern = Fields::new("writeConcern", concern);
+        concern.known_inside(&["w", "j", "fsync", "wtimeout", "wtimeoutMS", "getLastError", "provenance"])?;
+        return check_members(concern.document.get("w"));
+    }
+    Ok(false)
+}
+
+/// There is one member, which is a majority. Says whether more are asked for.
+fn check_members(members: Option<&Bson>) -> Result<bool, Failure> {
+    match members {
+        None | Some(Bson::Null) => Ok(false),
+        Some(Bson::String(mode)) if mode == "majority" => Ok(false),
+        Some(Bson::String(mode)) => {
+            Err(Failure::new(79, format!("No write concern mode named '{mode}' found in replica set configuration")))
+        }
+        Some(number) => match super::fields::whole(number) {
+            Some(0 | 1) => Ok(false),
+            Some(2..=50) => Ok(true),
+            _ => Err(Failure::new(codes::FAILED_TO_PARSE, "w has to be a number from 0 to 50, or 'majority'")),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::doc;
+
+    fn code(body: Document) -> i32 {
+        Request::read(body).map_or_else(|failure| failure.code, |_| 0)
+    }
+
+    #[test]
+    fn what_every_command_may_say_is_checked() {
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "majority" } }), 0);
+        assert_eq!(code(doc! { "ping": 1 }), 40_571);
+        assert_eq!(code(doc! { "ping": 1, "$db": 3 }), codes::TYPE_MISMATCH);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "txnNumber": 1_i64 }), codes::INVALID_OPTIONS);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "snapshot" } }), codes::NO_SNAPSHOT);
+        let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
+        assert!(others.wants_others);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }), 79);
+    }
+
+    #[test]
+    fn a_bad_namespace_is_refused_by_its_code() {
+        let request = Request::read(doc! { "insert": "a..b", "$db": "d" }).unwrap();
+        assert_eq!(request.namespace().unwrap_err().code, codes::INVALID_NAMESPACE);
+        let request = Request::read(doc! { "insert": 1, "$db": "d" }).unwrap();
+        assert_eq!(request.namespace().unwrap_err().code, codes::INVALID_NAMESPACE);
+    }
+}

@@ -1,0 +1,215 @@
+//! What all connections share.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
+use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use bson::DateTime;
+
+use super::access::Metadata;
+use super::auth::Users;
+use super::changes::Scopes;
+use super::clock::Clock;
+use super::cursor::Cursors;
+use super::failure::{Failure, codes};
+use super::hub::Hub;
+use super::stream::Handle;
+use super::writer::{self, Job, Writer};
+use crate::memory::Memory;
+use crate::store::StoreError;
+use crate::store::embedded::Notifier;
+
+/// Opens the memory that is served, in whichever thread asks.
+pub type Opener = Arc<dyn Fn() -> Result<Memory, StoreError> + Send + Sync>;
+
+/// How a memory is served.
+#[derive(Clone)]
+pub struct Options {
+    /// Clients see `_robmem_info`.
+    pub metadata: bool,
+    /// Nothing may be changed.
+    pub read_only: bool,
+    /// Who may connect; everybody where there are none.
+    pub users: Option<Arc<Users>>,
+    /// At most so many connections at once.
+    pub connections: usize,
+    /// How long a cursor lives that nobody reads.
+    pub cursor_timeout: Duration,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let cursor_timeout = Duration::from_secs(600);
+        Self { metadata: false, read_only: false, users: None, connections: 1000, cursor_timeout }
+    }
+}
+
+/// A memory being served.
+pub struct Server {
+    open: Opener,
+    pub(super) options: Options,
+    pub(super) cursors: Cursors,
+    pub(super) writer: Writer,
+    pub(super) hub: Hub,
+    pub(super) scopes: Scopes,
+    pub(super) clock: Clock,
+    pub(super) counters: Counters,
+    pub(super) started: DateTime,
+    pub(super) since: Instant,
+    stopping: AtomicBool,
+    connections: Mutex<HashMap<i64, Handle>>,
+    ids: AtomicI64,
+}
+
+/// What was done since the start.
+#[derive(Debug, Default)]
+pub(super) struct Counters {
+    pub(super) commands: AtomicU64,
+    pub(super) connections: AtomicU64,
+    pub(super) received: AtomicU64,
+    pub(super) sent: AtomicU64,
+}
+
+impl Counters {
+    pub(super) fn add(counter: &AtomicU64, more: usize) {
+        counter.fetch_add(more as u64, Ordering::Relaxed);
+    }
+}
+
+/// How long changes of other processes are waited for without looking.
+const HEARING: Duration = Duration::from_secs(1);
+/// How long connections have to end when the server does.
+const GRACE: Duration = Duration::from_secs(10);
+
+impl Server {
+    /// A server of the memory that `open` opens.
+    ///
+    /// # Errors
+    /// Where the system has no more threads to give.
+    pub fn start(open: Opener, options: Options) -> std::io::Result<(Arc<Self>, Running)> {
+        let (writer, jobs) = Writer::new();
+        let server = Arc::new(Self {
+            open,
+            options,
+            cursors: Cursors::default(),
+            writer,
+            hub: Hub::default(),
+            scopes: Scopes::default(),
+            clock: Clock::default(),
+            counters: Counters::default(),
+            started: DateTime::now(),
+            since: Instant::now(),
+            stopping: AtomicBool::new(false),
+            connections: Mutex::default(),
+            ids: AtomicI64::new(1),
+        });
+        let running = Running::start(&server, jobs)?;
+        Ok((server, running))
+    }
+
+    pub(super) fn open(&self) -> Result<Memory, Failure> {
+        Ok((self.open)()?)
+    }
+
+    /// How clients see metadata that are not rmem themselves.
+    pub(super) fn metadata(&self) -> Metadata {
+        if self.options.metadata { Metadata::Shown } else { Metadata::Hidden }
+    }
+
+    pub(super) fn next_id(&self) -> i64 {
+        self.ids.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Hears of the changes that other processes make to a file.
+    ///
+    /// # Errors
+    /// Where the system has no more threads to give.
+    pub fn hear(self: &Arc<Self>, file: &Path) -> std::io::Result<()> {
+        let (server, notifier) = (Arc::clone(self), Notifier::new(file));
+        let listen = move || {
+            while !server.is_stopping() {
+                notifier.wait(HEARING);
+                server.hub.call();
+            }
+        };
+        thread("changes").spawn(listen).map(drop)
+    }
+
+    pub(super) fn is_stopping(&self) -> bool {
+        self.stopping.load(Ordering::SeqCst)
+    }
+
+    /// Registers a connection; says whether there is room for it.
+    pub(super) fn enter(&self, id: i64, handle: Handle) -> bool {
+        let mut connections = self.lock();
+        let has_room = connections.len() < self.options.connections && !self.is_stopping();
+        if has_room {
+            connections.insert(id, handle);
+            Counters::add(&self.counters.connections, 1);
+        }
+        has_room
+    }
+
+    pub(super) fn leave(&self, id: i64) {
+        self.lock().remove(&id);
+    }
+
+    pub(super) fn connected(&self) -> usize {
+        self.lock().len()
+    }
+
+    pub(super) fn check_running(&self) -> Result<(), Failure> {
+        match self.is_stopping() {
+            true => Err(Failure::new(codes::SHUTDOWN, "the server is shutting down")),
+            false => Ok(()),
+        }
+    }
+
+    pub(super) fn expire_streams(&self) {
+        let limit = self.options.cursor_timeout;
+        self.cursors.expire_streams(|used| used.elapsed() >= limit);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, HashMap<i64, Handle>> {
+        self.connections.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The server's own thread; to be ended by [`Running::stop`].
+pub struct Running {
+    server: Arc<Server>,
+    writer: Option<JoinHandle<()>>,
+}
+
+impl Running {
+    fn start(server: &Arc<Server>, jobs: Receiver<Job>) -> std::io::Result<Self> {
+        let shared = Arc::clone(server);
+        let writer = thread("writer").spawn(move || writer::run(&shared, jobs))?;
+        Ok(Self { server: Arc::clone(server), writer: Some(writer) })
+    }
+
+    /// Ends the server: what was begun is answered, what is waited for is not.
+    pub fn stop(mut self) {
+        self.server.stopping.store(true, Ordering::SeqCst);
+        let since = Instant::now();
+        while self.server.connected() > 0 && since.elapsed() < GRACE {
+            self.server.lock().values().for_each(Handle::finish);
+            self.server.hub.call();
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        // It has ended already where that fails.
+        let _ = self.server.writer.submit(Job::Stop);
+        if let Some(writer) = self.writer.take() {
+            let _ = writer.join();
+        }
+    }
+}
+
+/// A thread with as much room as the first of a process.
+pub(super) fn thread(name: &str) -> std::thread::Builder {
+    std::thread::Builder::new().name(name.to_owned()).stack_size(8 << 20)
+}

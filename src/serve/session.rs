@@ -1,0 +1,54 @@
+//! Logical sessions: by what a client says which of its commands belong together.
+
+use std::fmt;
+
+use bson::spec::BinarySubtype;
+use bson::{Binary, Bson, Document, doc};
+
+use super::failure::{Failure, codes};
+use super::fields::Fields;
+
+/// How many minutes a session lives without being used, as drivers are told.
+pub(super) const TIMEOUT_MINUTES: i32 = 30;
+
+/// A session: the UUID that the client gave it.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(super) struct SessionId([u8; 16]);
+
+impl SessionId {
+    /// Reads `lsid`.
+    ///
+    /// # Errors
+    /// Where it is no `{id: UUID}`.
+    pub(super) fn read(lsid: &Document) -> Result<Self, Failure> {
+        let fields = Fields::new("lsid", lsid);
+        fields.known_inside(&["id", "uid", "txnNumber", "txnUUID"])?;
+        match lsid.get("id") {
+            Some(Bson::Binary(Binary { subtype: BinarySubtype::Uuid, bytes })) => match bytes.as_slice().try_into() {
+                Ok(id) => Ok(Self(id)),
+                Err(_) => Err(Failure::new(207, "uuid must be a 16-byte binary field with UUID (4) subtype")),
+            },
+            Some(_) => Err(Failure::new(codes::TYPE_MISMATCH, "BSON field 'lsid.id' has to be a UUID")),
+            None => Err(fields.missing("id")),
+        }
+    }
+
+    /// A new session.
+    pub(super) fn random() -> Self {
+        Self(bson::Uuid::new().bytes())
+    }
+
+    pub(super) fn to_bson(&self) -> Bson {
+        Binary { subtype: BinarySubtype::Uuid, bytes: self.0.to_vec() }.into()
+    }
+
+    pub(super) fn to_document(&self) -> Document {
+        doc! { "id": self.to_bson() }
+    }
+}
+
+impl fmt::Display for SessionId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        bson::Uuid::from_bytes(self.0).fmt(f)
+    }
+}

@@ -1,0 +1,62 @@
+//! Started by systemd: sockets that are open already, and saying when the server is ready.
+//!
+//! Protocols: sd_listen_fds(3), sd_notify(3).
+
+use std::os::unix::net::UnixDatagram;
+
+use listenfd::ListenFd;
+
+use super::listener::{ListenError, Listener};
+use super::tls::Tls;
+
+/// The listeners that systemd has opened for this process.
+///
+/// # Errors
+/// Where one of them cannot be used.
+pub fn listeners(tls: Option<&Tls>) -> Result<Vec<Listener>, ListenError> {
+    let mut sockets = ListenFd::from_env();
+    let mut listeners = Vec::new();
+    for index in 0..sockets.len() {
+        if let Ok(Some(listener)) = sockets.take_tcp_listener(index) {
+            listeners.push(Listener::of_tcp(listener, tls)?);
+        } else if let Ok(Some(listener)) = sockets.take_unix_listener(index) {
+            listeners.push(Listener::of_unix(listener)?.kept());
+        }
+    }
+    Ok(listeners)
+}
+
+/// Tells a service manager, at its socket `NOTIFY_SOCKET`, something like `READY=1`.
+pub fn notify(socket: Option<&str>, state: &str) {
+    let Some(name) = socket.filter(|name| !name.is_empty()) else { return };
+    // Whoever is not there is not told.
+    let _ = send(name, state);
+}
+
+fn send(name: &str, state: &str) -> std::io::Result<()> {
+    let socket = UnixDatagram::unbound()?;
+    #[cfg(target_os = "linux")]
+    if let Some(name) = name.strip_prefix('@') {
+        use std::os::linux::net::SocketAddrExt as _;
+        let address = std::os::unix::net::SocketAddr::from_abstract_name(name)?;
+        return socket.send_to_addr(state.as_bytes(), &address).map(drop);
+    }
+    socket.send_to(state.as_bytes(), name).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_service_manager_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("notify");
+        let manager = UnixDatagram::bind(&path).unwrap();
+        notify(None, "READY=1");
+        notify(path.to_str(), "READY=1");
+        let mut said = [0; 64];
+        let count = manager.recv(&mut said).unwrap();
+        assert_eq!(&said[..count], b"READY=1");
+    }
+}

@@ -1,0 +1,285 @@
+//! Transactions of several commands: the writer's thread belongs to one until it ends.
+//!
+//! All its commands see what it saw at first and what it wrote; others see nothing of it before it is
+//! committed, and wait with their writes. Where a command fails, or it takes too long, nothing of it
+//! was done.
+
+use std::time::{Duration, Instant};
+
+use bson::RawDocumentBuf;
+
+use super::failure::{Answer, Failure, TRANSIENT, codes};
+use super::host::Host;
+use super::mailbox::Mailbox;
+use super::panic;
+use super::retry;
+use super::session::SessionId;
+use super::writer::{Desk, Job, Once};
+use crate::memory::Memory;
+use crate::store::{Namespace, StoreError};
+
+/// How long a transaction may take.
+pub(super) const LIMIT: Duration = Duration::from_secs(60);
+
+/// How long the first command of a transaction waits for one that is open.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How often it is looked whether one has waited long enough.
+const SLICE: Duration = Duration::from_millis(200);
+
+/// A command of a transaction.
+pub(super) struct Step {
+    pub(super) once: Once,
+    pub(super) action: Action,
+    pub(super) reply: Mailbox,
+    /// When it came.
+    pub(super) since: Instant,
+}
+
+/// A command, to be run where the transaction is.
+pub(super) type Command = Box<dyn for<'h, 'm> FnOnce(&'h mut Host<'m>) -> Answer + Send>;
+
+/// What is to be done.
+pub(super) enum Action {
+    /// Runs a command; the first begins the transaction.
+    Run {
+        starts: bool,
+        ns: Namespace,
+        command: Command,
+    },
+    Commit,
+    Abort,
+}
+
+/// What a session did last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Finished {
+    pub(super) number: i64,
+    how: How,
+    pub(super) at: Instant,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum How {
+    Write,
+    Committed,
+    Aborted,
+}
+
+impl Finished {
+    /// A write by itself.
+    pub(super) fn write(number: i64) -> Self {
+        Self { number, how: How::Write, at: Instant::now() }
+    }
+}
+
+/// Where what is kept of transactions is.
+fn records() -> Namespace {
+    Namespace { database: "config".to_owned(), collection: "transactions".to_owned() }
+}
+
+/// Does a step where no transaction is open: the first of one, or one that comes too late.
+pub(super) fn run(desk: &mut Desk<'_>, step: Step) {
+    let last = desk.finished.get(&step.once.session).copied();
+    match step.action {
+        Action::Run { starts: true, ns, command } if last.is_none_or(|last| last.number < step.once.number) => {
+            Open { once: step.once, until: Instant::now() + LIMIT }.live(desk, ns, command, step.reply);
+        }
+        action => step.reply.answer(late(desk, &step.once, &action, last)),
+    }
+}
+
+/// The answer to a step of a transaction that is not open.
+fn late(desk: &Desk<'_>, once: &Once, action: &Action, last: Option<Finished>) -> Answer {
+    let last = last.filter(|last| last.number >= once.number);
+    let is_committed = match last {
+        Some(last) if last.number > once.number => return Err(superseded(once, last.number)),
+        Some(last) => last.how == How::Committed,
+        None => retry::is_committed(desk.memory.get()?, &records(), once)?,
+    };
+    match (action, is_committed) {
+        (Action::Commit, true) => super::host::empty(),
+        (Action::Run { .. } | Action::Abort, true) => {
+            Err(Failure::new(codes::COMMITTED, format!("Transaction {} has been committed.", once.number)))
+        }
+        (_, false) => Err(none(once)),
+    }
+}
+
+fn superseded(once: &Once, last: i64) -> Failure {
+    let message = format!("the session {} has begun transaction {last} since {}", once.session, once.number);
+    Failure::new(codes::TRANSACTION_TOO_OLD, message)
+}
+
+/// Tells those that have waited long enough to begin that another transaction is open: whoever began both, one
+/// after the other, would wait for himself.
+fn refuse_patient(desk: &mut Desk<'_>) {
+    let has_waited = |job: &mut Job| matches!(job, Job::Step(step) if step.since.elapsed() >= PATIENCE);
+    while let Some(index) = desk.waiting.iter_mut().position(has_waited) {
+        if let Some(Job::Step(step)) = desk.waiting.remove(index) {
+            let message = "another transaction is open, and one is at a time; try again";
+            step.reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
+        }
+    }
+}
+
+fn none(once: &Once) -> Failure {
+    let message = format!(
+        "Given transaction number {} does not match any in-progress transactions of session {}.",
+        once.number, once.session
+    );
+    Failure::new(codes::NO_TRANSACTION, message).labeled(TRANSIENT)
+}
+
+/// A transaction that is open.
+struct Open {
+    once: Once,
+    until: Instant,
+}
+
+/// How a transaction came to its end.
+enum End {
+    Commit(Mailbox),
+    /// Nothing of it is kept; who asked for that is told.
+    Abort(Option<Mailbox>),
+    /// Nothing of it is kept, and another job of the session comes next.
+    Superseded(Job),
+}
+
+impl Open {
+    /// Runs the transaction from its first command to its end.
+    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: Command, reply: Mailbox) {
+        let memory = desk.memory.get();
+        let (mut first, mut end) = (Some(first), None);
+        let kept = memory.and_then(|memory| {
+            let work = &mut || {
+                let Some(first) = first.take() else { return Ok(()) };
+                let ended = self.steps(desk, memory, &ns, first, &reply);
+                let is_kept = matches!(ended, End::Commit(_));
+                end = Some(ended);
+                if is_kept { self.note(memory) } else { Err(undone(memory)) }
+            };
+            memory.as_one(&ns, work).map_err(Failure::from)
+        });
+        let how = if kept.is_ok() { How::Committed } else { How::Aborted };
+        let finished = Finished { number: self.once.number, how, at: Instant::now() };
+        desk.finished.insert(self.once.session.clone(), finished);
+        match end {
+            Some(End::Commit(reply)) => reply.answer(kept.map(|()| RawDocumentBuf::new())),
+            Some(End::Abort(Some(reply))) => reply.answer(super::host::empty()),
+            Some(End::Abort(None)) => {}
+            Some(End::Superseded(job)) => desk.waiting.push_front(job),
+            None => reply.answer(Err(kept.err().unwrap_or_else(|| none(&self.once)))),
+        }
+        desk.server.hub.call();
+    }
+
+    /// Notes, in the transaction, that it was committed.
+    fn note(&self, memory: &Memory) -> Result<(), StoreError> {
+        let kept = retry::keep(memory, &records(), &self.once, &RawDocumentBuf::new());
+        kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
+    }
+
+    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: Command, reply: &Mailbox) -> End {
+        let Ok(mut host) = Host::new(desk.server, desk.memory, true) else {
+            reply.answer(Err(Failure::new(codes::FAILED, "the system has no more sockets to give")));
+            return End::Abort(None);
+        };
+        let mut failed = perform(&mut host, memory, ns, ns, first, reply);
+        let end = loop {
+            if failed {
+                break End::Abort(None);
+            }
+            refuse_patient(desk);
+            let left = self.until.saturating_duration_since(Instant::now());
+            match desk.arriving(left.min(SLICE)) {
+                None if left.is_zero() => break End::Abort(None),
+                None => {}
+                Some(Job::Step(step)) if step.once == self.once => match step.action {
+                    Action::Commit => break End::Commit(step.reply),
+                    Action::Abort => break End::Abort(Some(step.reply)),
+                    Action::Run { starts: true, .. } => {
+                        let message = format!("transaction {} has been started already", self.once.number);
+                        step.reply.answer(Err(Failure::new(codes::CONFLICT, message)));
+                    }
+                    Action::Run { ns: other, command, .. } => {
+                        failed = perform(&mut host, memory, ns, &other, command, &step.reply);
+                    }
+                },
+                Some(Job::Abandon { sessions })
+                    if sessions.as_ref().is_none_or(|sessions| sessions.contains(&self.once.session)) =>
+                {
+                    break End::Abort(None);
+                }
+                Some(Job::Step(step)) if self.is_late(&step) => {
+                    let last = desk.finished.get(&step.once.session).copied();
+                    step.reply.answer(match step.once.session == self.once.session {
+                        true => Err(superseded(&step.once, self.once.number)),
+                        false => late(desk, &step.once, &step.action, last),
+                    });
+                }
+                Some(job) if self.is_superseded(&job) => break End::Superseded(job),
+                Some(Job::Stop) => {
+                    desk.waiting.push_back(Job::Stop);
+                    break End::Abort(None);
+                }
+                Some(job) => desk.waiting.push_back(job),
+            }
+        };
+        host.close_all();
+        end
+    }
+
+    /// Whether a step can be of no transaction that is to come: what it is told does not have to wait.
+    fn is_late(&self, step: &Step) -> bool {
+        match step.once.session == self.once.session {
+            true => step.once.number < self.once.number,
+            false => !matches!(step.action, Action::Run { starts: true, .. }),
+        }
+    }
+
+    /// Whether a job says that the session has gone on without an end of this transaction.
+    fn is_superseded(&self, job: &Job) -> bool {
+        let once = match job {
+            Job::Step(step) => Some(&step.once),
+            Job::Write { once, .. } => once.as_ref(),
+            Job::Abandon { .. } | Job::Stop => None,
+        };
+        once.is_some_and(|once| once.session == self.once.session && once.number > self.once.number)
+    }
+}
+
+/// Runs a command of a transaction that began in the store of `home`; says whether it failed.
+fn perform(
+    host: &mut Host<'_>,
+    memory: &Memory,
+    home: &Namespace,
+    ns: &Namespace,
+    command: Command,
+    reply: &Mailbox,
+) -> bool {
+    let answer = match memory.is_shared(home) == memory.is_shared(ns) {
+        true => panic::caught(|| command(host)),
+        false => {
+            let message = format!("{ns} is in another store than {home}, and a transaction does not leave its store");
+            Err(Failure::new(codes::NOT_IN_TRANSACTION, message))
+        }
+    };
+    // A statement that failed among others fails the transaction, too.
+    let failed = answer.as_ref().map_or(true, |reply| matches!(reply.get("writeErrors"), Ok(Some(_)) | Err(_)));
+    reply.answer(answer);
+    failed
+}
+
+fn undone(memory: &Memory) -> StoreError {
+    StoreError::Failed { address: memory.describe(), reason: "the transaction was aborted".to_owned() }
+}
+
+/// Ends the transactions of sessions: their connection is gone, or the client has ended them.
+pub(super) fn abandon(sessions: Vec<SessionId>) -> Job {
+    Job::Abandon { sessions: Some(sessions) }
+}
+
+/// Ends all transactions.
+pub(super) fn abandon_all() -> Job {
+    Job::Abandon { sessions: None }
+}

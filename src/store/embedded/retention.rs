@@ -1,0 +1,227 @@
+//! Changes that are kept for a while, for those who come back for them: what change streams read.
+//!
+//! A row of `watchers` says so, as for those who watch by a name ([`super::watcher`]); an empty name of
+//! a collection, or of a database too, stands for all. The row's position lags behind the last
+//! change, so that whoever was disconnected, or finds the server started again, misses nothing.
+
+use std::time::Duration;
+
+use bson::DateTime;
+use rusqlite::{Connection, OptionalExtension as _, params};
+
+use super::place::Place;
+use super::snapshot::Snapshot;
+use super::{Embedded, change_log, feed, watcher};
+use crate::process::holder::Holder;
+use crate::query::QueryError;
+use crate::store::{ChangePage, Kept, Namespace, Scope, StoreError};
+
+/// What the names of these rows begin with.
+pub(super) const PREFIX: &str = "rmem.serve:";
+/// MongoDB's code for changes that are not kept any more.
+const HISTORY_LOST: i32 = 286;
+/// A page ends after about so many bytes.
+const PAGE_BYTES: usize = 4 << 20;
+
+impl Embedded {
+    /// Keeps the changes of a scope, and lets go of those that are older than `age`.
+    pub(super) fn retain(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
+        if self.place == Place::Memory {
+            let reason = "nobody else can change a memory in this process, so no changes are kept".to_owned();
+            return Err(StoreError::Unfit { address: self.place.to_string(), reason });
+        }
+        self.write(|| {
+            self.look_again();
+            retain(&self.connection, scope, age).map_err(|e| self.explain(&e))
+        })
+    }
+
+    /// Stops keeping the changes of a scope.
+    pub(super) fn release(&self, scope: &Scope) -> Result<(), StoreError> {
+        let release = || {
+            self.look_again();
+            self.connection.execute("DELETE FROM watchers WHERE name = ?", [name(scope)])?;
+            change_log::trim(&self.connection, &pattern(scope))
+        };
+        self.write(|| release().map_err(|e| self.explain(&e)))
+    }
+
+    /// The scopes whose changes are kept.
+    pub(super) fn retained(&self) -> Result<Vec<Scope>, StoreError> {
+        let read = || -> rusqlite::Result<Vec<Scope>> {
+            let sql = "SELECT database, collection FROM watchers WHERE substr(name, 1, length(?1)) = ?1";
+            let mut statement = self.connection.prepare_cached(sql)?;
+            let rows = statement.query_map([PREFIX], |row| Ok(scope(row.get(0)?, row.get(1)?)))?;
+            rows.collect()
+        };
+        read().map_err(|e| self.explain(&e))
+    }
+
+    /// The changes of a scope behind a position, read at one moment.
+    pub(super) fn changes_behind(&self, scope: &Scope, behind: i64, most: usize) -> Result<ChangePage, StoreError> {
+        let _snapshot = Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))?;
+        let from = position(&self.connection, scope).map_err(|e| self.explain(&e))?;
+        let last = change_log::last(&self.connection).map_err(|e| self.explain(&e))?;
+        if from.is_none_or(|from| behind < from) || behind > last {
+            return Err(lost(scope).into());
+        }
+        let mut page = self.page(scope, behind, most)?;
+        if page.changes.is_empty() {
+            page.until = last;
+        }
+        Ok(page)
+    }
+
+    fn page(&self, scope: &Scope, behind: i64, most: usize) -> Result<ChangePage, StoreError> {
+        let condition = match scope {
+            Scope::Collection(_) => "database = ?2 AND collection = ?3",
+            Scope::Database(_) => "database = ?2 AND ?3 = ''",
+            Scope::All => "?2 = '' AND ?3 = ''",
+        };
+        let sql = format!(
+            "SELECT sequence, kind, time, before, after, database, collection FROM changes \
+             WHERE sequence > ?1 AND {condition} ORDER BY sequence"
+        );
+        let pattern = pattern(scope);
+        let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
+        let rows = statement.query(params![behind, pattern.database, pattern.collection]);
+        let mut rows = rows.map_err(|e| self.explain(&e))?;
+        let (mut page, mut bytes) = (ChangePage { changes: Vec::new(), until: behind }, 0);
+        while page.changes.len() < most && bytes < PAGE_BYTES {
+            let Some(row) = rows.next().map_err(|e| self.explain(&e))? else { break };
+            let (sequence, change) = feed::change(row).map_err(|error| self.explain_page(&pattern, error))?;
+            let named = || Ok(Namespace { database: row.get(5)?, collection: row.get(6)? });
+            bytes +=
+                [&change.before, &change.after].into_iter().flatten().map(|raw| raw.as_bytes().len()).sum::<usize>();
+            page.until = sequence;
+            page.changes.push((named().map_err(|e| self.explain(&e))?, change));
+        }
+        // What rmem keeps for itself is nobody else's.
+        page.changes.retain(|(ns, _)| watcher::covers(&pattern, ns));
+        Ok(page)
+    }
+
+    /// The position before the first kept change at or after a time.
+    pub(super) fn before(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
+        let read = || -> rusqlite::Result<Option<i64>> {
+            let from = position(&self.connection, scope)?;
+            let sql = "SELECT coalesce(min(sequence) - 1, ?2) FROM changes WHERE time >= ?1";
+            let last = change_log::last(&self.connection)?;
+            let first: i64 = self
+                .connection
+                .prepare_cached(sql)?
+                .query_row(params![time.timestamp_millis(), last], |row| row.get(0))?;
+            Ok(from.map(|from| first.max(from)))
+        };
+        read().map_err(|e| self.explain(&e))?.ok_or_else(|| lost(scope).into())
+    }
+}
+
+/// Makes, or moves on, the row of a scope. In a write transaction only.
+fn retain(connection: &Connection, scope: &Scope, age: Duration) -> rusqlite::Result<Kept> {
+    let (pattern, last) = (pattern(scope), change_log::last(connection)?);
+    let (holder, now) = (Holder::myself().to_string(), DateTime::now().timestamp_millis());
+    let before = now.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
+    let Some(from) = position(connection, scope)? else {
+        let sql = "INSERT INTO watchers (name, database, collection, position, holder, beat) VALUES (?, ?, ?, ?, ?, ?)";
+        connection.execute(sql, params![name(scope), pattern.database, pattern.collection, last, holder, now])?;
+        return Ok(Kept { from: last, last });
+    };
+    let sql = "SELECT coalesce(max(sequence), 0) FROM changes WHERE sequence > ?1 AND time < ?2";
+    let old: i64 = connection.prepare_cached(sql)?.query_row(params![from, before], |row| row.get(0))?;
+    let from = from.max(old);
+    let sql = "UPDATE watchers SET position = ?, holder = ?, beat = ? WHERE name = ?";
+    connection.prepare_cached(sql)?.execute(params![from, holder, now, name(scope)])?;
+    change_log::trim(connection, &pattern)?;
+    Ok(Kept { from, last })
+}
+
+/// The position behind which all changes of a scope are kept.
+fn position(connection: &Connection, scope: &Scope) -> rusqlite::Result<Option<i64>> {
+    let sql = "SELECT position FROM watchers WHERE name = ?";
+    connection.prepare_cached(sql)?.query_row([name(scope)], |row| row.get(0)).optional()
+}
+
+/// Moves those on that keep changes up to `last`, which are about to be removed.
+pub(super) fn cut(connection: &Connection, last: i64) -> rusqlite::Result<()> {
+    let sql = "UPDATE watchers SET position = ?2 WHERE substr(name, 1, length(?1)) = ?1 AND position < ?2";
+    connection.execute(sql, params![PREFIX, last]).map(|_| ())
+}
+
+/// Removes the changes of a pattern that nobody waits for.
+pub(super) fn trim(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()> {
+    let sql = "DELETE FROM changes WHERE ?1 IN ('', database) AND ?2 IN ('', collection) AND sequence <= coalesce((
+                   SELECT min(position) FROM watchers WHERE missed = 0
+                   AND watchers.database IN ('', changes.database)
+                   AND watchers.collection IN ('', changes.collection)), 9223372036854775807)";
+    connection.prepare_cached(sql)?.execute(params![pattern.database, pattern.collection]).map(|_| ())
+}
+
+fn lost(scope: &Scope) -> QueryError {
+    let of = match scope {
+        Scope::Collection(ns) => ns.to_string(),
+        Scope::Database(database) => format!("the database {database}"),
+        Scope::All => "this memory".to_owned(),
+    };
+    QueryError::invalid(HISTORY_LOST, format!("changes of {of} since then are not kept any more; read it anew"))
+}
+
+/// A scope as it is written in a row: with empty names for all.
+fn pattern(scope: &Scope) -> Namespace {
+    match scope {
+        Scope::Collection(ns) => ns.clone(),
+        Scope::Database(database) => Namespace { database: database.clone(), collection: String::new() },
+        Scope::All => Namespace { database: String::new(), collection: String::new() },
+    }
+}
+
+fn scope(database: String, collection: String) -> Scope {
+    match (database.is_empty(), collection.is_empty()) {
+        (true, _) => Scope::All,
+        (false, true) => Scope::Database(database),
+        (false, false) => Scope::Collection(Namespace { database, collection }),
+    }
+}
+
+fn name(scope: &Scope) -> String {
+    let Namespace { database, collection } = pattern(scope);
+    format!("{PREFIX}{database}.{collection}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Store as _;
+    use bson::doc;
+
+    fn ns(name: &str) -> Namespace {
+        Namespace { database: "a".to_owned(), collection: name.to_owned() }
+    }
+
+    #[test]
+    fn changes_are_kept_for_a_scope_until_they_are_old() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Embedded::open(folder.path().join("x.rmem")).unwrap();
+        let hour = Duration::from_secs(3600);
+        let one = store.keep_changes(&Scope::Collection(ns("b")), hour).unwrap();
+        let all = store.keep_changes(&Scope::Database("a".to_owned()), hour).unwrap();
+        for name in ["b", "c", "rmem.own"] {
+            store.insert(&ns(name), vec![doc! { "_id": 1 }]).unwrap();
+        }
+        let names = |scope: &Scope, behind| {
+            let page = store.changes(scope, behind, 100).unwrap();
+            page.changes.into_iter().map(|(ns, _)| ns.collection).collect::<Vec<_>>()
+        };
+        assert_eq!(names(&Scope::Collection(ns("b")), one.last), ["b"]);
+        assert_eq!(names(&Scope::Database("a".to_owned()), all.last), ["b", "c"]);
+        assert!(store.names().unwrap().is_empty());
+        store.release_changes(&Scope::Database("a".to_owned())).unwrap();
+        assert_eq!(store.kept_scopes().unwrap(), [Scope::Collection(ns("b"))]);
+        std::thread::sleep(Duration::from_millis(5));
+        store.keep_changes(&Scope::Collection(ns("b")), Duration::ZERO).unwrap();
+        match store.changes(&Scope::Collection(ns("b")), one.last, 100).unwrap_err() {
+            StoreError::Query(error) => assert_eq!(error.code, HISTORY_LOST),
+            other => panic!("{other}"),
+        }
+    }
+}

@@ -1,0 +1,270 @@
+//! What plain clients see.
+
+use bson::{Bson, Document, doc};
+use libtest_mimic::Failed;
+use mongodb::options::{FindOneAndUpdateOptions, ReturnDocument};
+
+use super::wire::Wire;
+use super::{Case, Served, code};
+
+pub(super) const CASES: &[(&str, Case)] = &[
+    ("plain_clients_see_no_metadata_unless_it_is_shown", metadata),
+    ("computables_run_for_whoever_asks", computables),
+    ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
+    ("mistakes_have_the_codes_and_names_of_mongodb", mistakes),
+    ("what_is_not_supported_is_refused_by_its_name", refusals),
+    ("one_document_is_found_and_modified", modified),
+    ("statements_of_a_command_fail_one_by_one", statements),
+    ("nothing_is_changed_where_the_memory_is_served_read_only", read_only),
+    ("two_hundred_connections_write_at_once", crowd),
+];
+
+fn metadata() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    things.insert_one(doc! { "_id": 1, "n": 1 }).run()?;
+    things.replace_one(doc! { "_id": 1 }, doc! { "n": 2 }).run()?;
+    assert_eq!(things.find_one(doc! {}).run()?, Some(doc! { "_id": 1, "n": 2 }));
+    assert_eq!(things.list_index_names().run()?, ["_id_"]);
+    // What decays is there until then.
+    let past = bson::DateTime::from_millis(0);
+    things.insert_one(doc! { "_id": 2, "_robmem_info": { "decay_time": past } }).run()?;
+    assert_eq!(things.count_documents(doc! {}).run()?, 1);
+    drop(served);
+    let served = Served::start(folder.path(), &["--meta"])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    let found = things.find_one(doc! { "_id": 1 }).run()?.ok_or("it is gone")?;
+    let info = found.get_document("_robmem_info")?;
+    assert!(info.contains_key("inserted") && info.contains_key("updated"), "{info}");
+    Ok(())
+}
+
+fn computables() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let settings = "[[computable]]\nname = 'double'\ncollection = 'a.things'\nspec = \"{double: {$exists: true}}\"\n\
+                    pipeline = \"[{$match: {n: {$exists: true}}}, {$project: {_id: 0, double: {$multiply: ['$n', 2]}}}]\"\n";
+    std::fs::write(folder.path().join("rmem.toml"), settings)?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    things.insert_one(doc! { "_id": 1, "n": 21 }).run()?;
+    let found = things.find_one(doc! { "double": 42 }).run()?.ok_or("nothing was computed")?;
+    assert_eq!(found.get("double"), Some(&Bson::Int32(42)));
+    assert_eq!(things.count_documents(doc! {}).run()?, 1);
+    Ok(())
+}
+
+fn cursors() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let documents = (0..1000).map(|n| doc! { "_id": n, "pad": "x".repeat(2000) });
+    served.client()?.database("a").collection("c").insert_many(documents).run()?;
+    let mut first = Wire::connect(served.address())?;
+    let mut other = Wire::connect(served.address())?;
+    let answer = first.run(&doc! { "find": "c", "batchSize": 10, "$db": "a" })?;
+    let cursor = answer.get_document("cursor")?.get_i64("id")?;
+    let more = doc! { "getMore": cursor, "collection": "c", "batchSize": 10, "$db": "a" };
+    let ids = |answer: Document| -> Result<Vec<i32>, Failed> {
+        let batch = answer.get_document("cursor")?.get_array("nextBatch")?.clone();
+        batch.iter().map(|one| Ok(one.as_document().ok_or("no document")?.get_i32("_id")?)).collect()
+    };
+    assert_eq!(ids(other.run(&more)?)?, (10..20).collect::<Vec<_>>());
+    assert_eq!(ids(first.run(&more)?)?, (20..30).collect::<Vec<_>>());
+    // Each reads the other's at the same time.
+    let answer = other.run(&doc! { "find": "c", "batchSize": 10, "$db": "a" })?;
+    let others = answer.get_document("cursor")?.get_i64("id")?;
+    let theirs = more_of(others);
+    let crossed = std::thread::scope(|scope| {
+        let one = scope.spawn(|| (0..200).all(|_| first.run(&theirs).is_ok_and(|answer| is_fine(&answer))));
+        let two = (0..200).all(|_| other.run(&more_of(cursor)).is_ok_and(|answer| is_fine(&answer)));
+        one.join().is_ok_and(|one| one) && two
+    });
+    assert!(crossed);
+    drop(first);
+    let rest = ids(other.run(&doc! { "getMore": cursor, "collection": "c", "$db": "a" })?)?;
+    assert_eq!(rest.first(), Some(&230));
+    let killed = other.run(&doc! { "killCursors": "c", "cursors": [others, 5_i64], "$db": "a" })?;
+    assert_eq!(killed.get_array("cursorsKilled")?, &vec![Bson::Int64(others)]);
+    assert_eq!(killed.get_array("cursorsNotFound")?, &vec![Bson::Int64(5)]);
+    let gone = other.run(&doc! { "getMore": others, "collection": "c", "$db": "a" })?;
+    assert_eq!(gone.get_str("codeName")?, "CursorNotFound");
+    Ok(())
+}
+
+fn more_of(cursor: i64) -> Document {
+    doc! { "getMore": cursor, "collection": "c", "batchSize": 1, "$db": "a" }
+}
+
+fn is_fine(answer: &Document) -> bool {
+    answer.get_f64("ok").is_ok_and(|ok| ok > 0.0)
+}
+
+fn mistakes() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    wire.run(&doc! { "insert": "c", "documents": [{ "_id": 1 }], "$db": "a" })?;
+    for (command, number, name) in [
+        (doc! { "hunt": "c" }, 59, "CommandNotFound"),
+        (doc! { "find": "c", "filter": { "a": { "$hunt": 1 } } }, 2, "BadValue"),
+        (doc! { "find": "c", "filter": 3 }, 14, "TypeMismatch"),
+        (doc! { "find": "c", "hunt": 3 }, 40415, "Location40415"),
+        (doc! { "find": "a..b" }, 73, "InvalidNamespace"),
+        (doc! { "find": "c", "hint": "none" }, 2, "BadValue"),
+        (doc! { "find": "c", "skip": -1 }, 51024, "Location51024"),
+        (doc! { "aggregate": "c", "pipeline": [] }, 9, "FailedToParse"),
+        (doc! { "aggregate": "c", "pipeline": [{ "$hunt": 1 }], "cursor": {} }, 40324, "Location40324"),
+        (doc! { "update": "c", "updates": [] }, 16, "InvalidLength"),
+        (doc! { "drop": "none" }, 26, "NamespaceNotFound"),
+        (doc! { "create": "c" }, 48, "NamespaceExists"),
+        (doc! { "dropIndexes": "c", "index": "none" }, 27, "IndexNotFound"),
+        (doc! { "dropIndexes": "c", "index": "_id_" }, 72, "InvalidOptions"),
+        (doc! { "getMore": 7_i64, "collection": "c" }, 43, "CursorNotFound"),
+        (doc! { "renameCollection": "a.none", "to": "a.d" }, 26, "NamespaceNotFound"),
+        (doc! { "findAndModify": "c" }, 9, "FailedToParse"),
+        (doc! { "commitTransaction": 1 }, 125, "CommandFailed"),
+        (doc! { "ping": 1, "readConcern": { "level": "snapshot" } }, 246, "SnapshotUnavailable"),
+    ] {
+        let mut asked = command.clone();
+        asked.insert("$db", "a");
+        let answer = wire.run(&asked)?;
+        let told = (answer.get_i32("code")?, answer.get_str("codeName")?);
+        assert_eq!(told, (number, name), "{command}: {answer}");
+    }
+    Ok(())
+}
+
+fn refusals() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    for (command, word) in [
+        (doc! { "find": "c", "tailable": true }, "tailable"),
+        (doc! { "find": "c", "collation": { "locale": "de" } }, "collation"),
+        (doc! { "create": "c", "capped": true, "size": 1000 }, "capped"),
+        (doc! { "create": "c", "viewOn": "d" }, "viewOn"),
+        (doc! { "aggregate": 1, "pipeline": [{ "$listLocalSessions": {} }], "cursor": {} }, "$listLocalSessions"),
+    ] {
+        let mut asked = command.clone();
+        asked.insert("$db", "a");
+        let answer = wire.run(&asked)?;
+        assert_eq!(answer.get_i32("code")?, 115, "{answer}");
+        assert!(answer.get_str("errmsg")?.contains(word), "{answer}");
+    }
+    // What says nothing is as if left out.
+    let plain = doc! { "find": "c", "tailable": false, "collation": { "locale": "simple" }, "$db": "a" };
+    assert!(is_fine(&wire.run(&plain)?));
+    Ok(())
+}
+
+fn modified() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    things.insert_many((1..=3).map(|n| doc! { "_id": n, "n": n, "l": [1, 2, 3] })).run()?;
+    let after =
+        FindOneAndUpdateOptions::builder().sort(doc! { "n": -1 }).return_document(ReturnDocument::After).build();
+    let found = things.find_one_and_update(doc! { "l": 2 }, doc! { "$set": { "l.$": 9 } }).with_options(after).run()?;
+    assert_eq!(found, Some(doc! { "_id": 3, "n": 3, "l": [1, 9, 3] }));
+    let before = things.find_one_and_update(doc! { "_id": 9 }, doc! { "$set": { "n": 9 } }).upsert(true).run()?;
+    assert_eq!((before, things.count_documents(doc! { "n": 9 }).run()?), (None, 1));
+    let removed = things.find_one_and_delete(doc! {}).sort(doc! { "n": 1 }).run()?;
+    assert_eq!(removed, Some(doc! { "_id": 1, "n": 1, "l": [1, 2, 3] }));
+    assert_eq!(things.find_one_and_delete(doc! { "_id": 1 }).run()?, None);
+    // Many at once take each number once.
+    let counted: Vec<i32> = std::thread::scope(|scope| {
+        let count = || -> Result<Vec<i32>, Failed> {
+            let numbers = served.client()?.database("a").collection::<Document>("numbers");
+            let next = || {
+                let update = doc! { "$inc": { "n": 1 } };
+                let one = numbers.find_one_and_update(doc! { "_id": "next" }, update).upsert(true);
+                one.return_document(ReturnDocument::After).run()
+            };
+            (0..25).map(|_| Ok(next()?.ok_or("none")?.get_i32("n")?)).collect()
+        };
+        let workers: Vec<_> = (0..4).map(|_| scope.spawn(count)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().expect("no panic").expect("numbers")).collect()
+    });
+    let mut sorted = counted;
+    sorted.sort_unstable();
+    assert_eq!(sorted, (1..=100).collect::<Vec<_>>());
+    Ok(())
+}
+
+fn statements() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let documents = [1, 1, 2, 2, 3].map(|id| doc! { "_id": id });
+    let indexes = |answer: &Document| -> Vec<i32> {
+        let errors = answer.get_array("writeErrors").into_iter().flatten();
+        errors.filter_map(|error| error.as_document()?.get_i32("index").ok()).collect()
+    };
+    let answer = wire.run(&doc! { "insert": "c", "documents": documents.to_vec(), "ordered": false, "$db": "a" })?;
+    assert_eq!((answer.get_i32("n")?, indexes(&answer)), (3, vec![1, 3]));
+    let answer = wire.run(&doc! { "insert": "d", "documents": documents.to_vec(), "$db": "a" })?;
+    assert_eq!((answer.get_i32("n")?, indexes(&answer)), (1, vec![1]));
+    let updates = vec![
+        doc! { "q": { "_id": 1 }, "u": { "$set": { "n": "x" } } },
+        doc! { "q": { "_id": 1 }, "u": { "$inc": { "n": 1 } } },
+        doc! { "q": { "_id": 2 }, "u": { "$set": { "n": 1 } } },
+        doc! { "q": { "_id": 7 }, "u": { "$set": { "n": 1 } }, "upsert": true },
+    ];
+    let answer = wire.run(&doc! { "update": "c", "updates": updates, "ordered": false, "$db": "a" })?;
+    assert_eq!((answer.get_i32("n")?, answer.get_i32("nModified")?, indexes(&answer)), (3, 2, vec![1]));
+    assert_eq!(answer.get_array("upserted")?, &vec![Bson::Document(doc! { "index": 3, "_id": 7 })]);
+    // An update of many that fails at one changes none, and those before it stay.
+    wire.run(&doc! { "insert": "e", "documents": [{ "_id": 1, "n": 1 }, { "_id": 2, "n": "x" }], "$db": "a" })?;
+    let updates = vec![
+        doc! { "q": {}, "u": { "$set": { "m": 1 } }, "multi": true },
+        doc! { "q": {}, "u": { "$inc": { "n": 1 } }, "multi": true },
+    ];
+    let answer = wire.run(&doc! { "update": "e", "updates": updates, "$db": "a" })?;
+    assert_eq!((answer.get_i32("n")?, indexes(&answer)), (2, vec![1]));
+    let found = wire.run(&doc! { "find": "e", "filter": { "n": 1, "m": 1 }, "$db": "a" })?;
+    assert_eq!(found.get_document("cursor")?.get_array("firstBatch")?.len(), 1);
+    Ok(())
+}
+
+fn read_only() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    served.client()?.database("a").collection("c").insert_one(doc! { "_id": 1 }).run()?;
+    drop(served);
+    let served = Served::start(folder.path(), &["--read-only"])?;
+    let things = served.client()?.database("a").collection::<Document>("c");
+    assert_eq!(things.count_documents(doc! {}).run()?, 1);
+    assert_eq!(code(things.insert_one(doc! { "_id": 2 }).run()), Some(20));
+    assert_eq!(code(things.drop().run()), Some(20));
+    let out = vec![doc! { "$out": "d" }];
+    assert_eq!(code(things.aggregate(out).run()), Some(20));
+    Ok(())
+}
+
+fn crowd() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let address = served.address();
+    let write = |worker: i32| -> Result<(), Failed> {
+        let mut wire = Wire::connect(address)?;
+        for n in 0..5 {
+            let id = format!("{worker}-{n}");
+            let insert = doc! { "insert": "c", "documents": [{ "_id": &id }], "$db": "a" };
+            let answer = wire.run(&insert)?;
+            let found = wire.run(&doc! { "find": "c", "filter": { "_id": &id }, "$db": "a" })?;
+            let batch = found.get_document("cursor")?.get_array("firstBatch")?.len();
+            if answer.get_i32("n")? != 1 || batch != 1 {
+                return Err(format!("{id}: {answer}, {found}").into());
+            }
+        }
+        Ok(())
+    };
+    let failures: Vec<Failed> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..200).map(|worker| scope.spawn(move || write(worker))).collect();
+        workers.into_iter().filter_map(|worker| worker.join().expect("no panic").err()).collect()
+    });
+    assert!(failures.is_empty(), "{:?}", failures.first().and_then(Failed::message));
+    let count = served.client()?.database("a").collection::<Document>("c").count_documents(doc! {}).run()?;
+    assert_eq!(count, 1000);
+    Ok(())
+}

@@ -1,0 +1,171 @@
+//! Messages that are none: a connection may end, the server never does.
+
+use std::time::Duration;
+
+use bson::{Document, doc};
+use libtest_mimic::Failed;
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+
+use super::wire::{Wire, message};
+use super::{Case, Served};
+
+pub(super) const CASES: &[(&str, Case)] = &[
+    ("damaged_messages_cost_their_connection_and_nothing_else", damaged),
+    ("clients_that_stop_half_way_cost_nothing_else", halves),
+    ("commands_of_any_shape_are_answered", shapes),
+];
+
+/// How many messages are damaged.
+const MESSAGES: &str = "RMEM_TEST_SERVE_MESSAGES";
+
+fn wanted() -> Result<u32, Failed> {
+    Ok(std::env::var(MESSAGES).map_or(Ok(3000), |text| text.parse())?)
+}
+
+fn commands() -> Vec<Document> {
+    let db = |mut command: Document| {
+        command.insert("$db", "a");
+        command
+    };
+    let lsid = doc! { "id": bson::Uuid::from_bytes([7; 16]) };
+    [
+        doc! { "hello": 1, "client": { "application": { "name": "x" } }, "compression": ["zlib"] },
+        doc! { "insert": "c", "documents": [{ "a": 1, "b": { "c": [1, 2, { "d": "x" }] } }], "ordered": true },
+        doc! { "find": "c", "filter": { "a": { "$gt": 0 } }, "sort": { "a": 1 }, "limit": 3, "batchSize": 1 },
+        doc! { "aggregate": "c", "pipeline": [{ "$match": { "a": 1 } }, { "$group": { "_id": "$b" } }], "cursor": {} },
+        doc! { "update": "c", "updates": [{ "q": {}, "u": { "$set": { "x": 1 } }, "multi": true }] },
+        doc! { "delete": "c", "deletes": [{ "q": { "a": 1 }, "limit": 1 }] },
+        doc! { "findAndModify": "c", "query": {}, "update": { "$inc": { "a": 1 } } },
+        doc! { "createIndexes": "c", "indexes": [{ "key": { "a": 1 }, "name": "a_1" }] },
+        doc! { "aggregate": "c", "pipeline": [{ "$changeStream": {} }], "cursor": {} },
+        doc! { "getMore": 5_i64, "collection": "c" },
+        doc! { "saslStart": 1, "mechanism": "SCRAM-SHA-256", "payload": "n,,n=a,r=b" },
+        doc! { "insert": "c", "documents": [{ "a": 1 }], "lsid": lsid, "txnNumber": 1_i64 },
+        doc! { "endSessions": [{ "id": bson::Uuid::from_bytes([7; 16]) }] },
+        doc! { "listCollections": 1, "filter": { "name": "c" } },
+    ]
+    .map(db)
+    .to_vec()
+}
+
+#[derive(Debug, Clone)]
+enum Damage {
+    Byte(usize, u8),
+    Cut(usize),
+    Length(u32),
+    Insert(usize, Vec<u8>),
+}
+
+fn damage() -> impl Strategy<Value = Damage> {
+    prop_oneof![
+        (any::<usize>(), any::<u8>()).prop_map(|(at, byte)| Damage::Byte(at, byte)),
+        any::<usize>().prop_map(Damage::Cut),
+        any::<u32>().prop_map(Damage::Length),
+        (0..100_000_000_u32).prop_map(Damage::Length),
+        (any::<usize>(), proptest::collection::vec(any::<u8>(), 1..9))
+            .prop_map(|(at, bytes)| Damage::Insert(at, bytes)),
+    ]
+}
+
+fn apply(mut bytes: Vec<u8>, damages: &[Damage]) -> Vec<u8> {
+    for damage in damages {
+        let length = bytes.len().max(1);
+        match damage {
+            Damage::Byte(at, byte) => bytes.iter_mut().skip(at % length).take(1).for_each(|old| *old = *byte),
+            Damage::Cut(at) => bytes.truncate(at % length),
+            Damage::Length(new) => bytes.iter_mut().zip(new.to_le_bytes()).for_each(|(old, new)| *old = new),
+            Damage::Insert(at, more) => {
+                let at = at % length;
+                bytes.splice(at..at, more.iter().copied());
+            }
+        }
+    }
+    bytes
+}
+
+fn damaged() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let address = served.address().to_owned();
+    let seeds: Vec<Vec<u8>> = commands().iter().map(message).collect();
+    let config = Config { cases: wanted()?, failure_persistence: None, ..Config::default() };
+    let inputs = (proptest::sample::select(seeds), proptest::collection::vec(damage(), 1..4));
+    let ran = TestRunner::new(config).run(&inputs, |(seed, damages)| {
+        let send = || -> Result<(), Failed> {
+            let mut wire = Wire::connect(&address)?;
+            // The server may close the connection before all is sent.
+            let _ = wire.send(&apply(seed, &damages));
+            wire.drain();
+            Ok(())
+        };
+        send().map_err(|failed| TestCaseError::fail(format!("{:?}", failed.message())))
+    });
+    ran.map_err(|error| error.to_string())?;
+    let answer = Wire::connect(&address)?.run(&doc! { "ping": 1, "$db": "a" })?;
+    assert!(answer.get_f64("ok").is_ok_and(|ok| ok > 0.0));
+    assert_eq!(served.terminate()?, Some(0));
+    Ok(())
+}
+
+fn halves() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let whole = message(&commands()[1]);
+    let mut waiting = Vec::new();
+    for length in 0..whole.len().min(100) {
+        let mut wire = Wire::connect(served.address())?;
+        wire.send(&whole[..length])?;
+        waiting.push(wire);
+    }
+    // A message that is announced to be large takes no memory before it comes.
+    for _ in 0..50 {
+        let mut wire = Wire::connect(served.address())?;
+        wire.send(&[48_000_000_u32, 1, 0, 2013].map(u32::to_le_bytes).concat())?;
+        waiting.push(wire);
+    }
+    std::thread::sleep(Duration::from_millis(200));
+    let status = std::fs::read_to_string(format!("/proc/{}/status", served.child.id())).unwrap_or_default();
+    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.split_whitespace().next()?.parse().ok());
+    assert!(resident.unwrap_or(0_u64) < 400_000, "{resident:?} kB");
+    let answer = Wire::connect(served.address())?.run(&commands()[1])?;
+    assert_eq!(answer.get_i32("n")?, 1);
+    Ok(())
+}
+
+/// Values of every kind in every place of a command.
+fn shapes() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let values: Vec<bson::Bson> = vec![
+        bson::Bson::Null,
+        true.into(),
+        (-1).into(),
+        i64::MAX.into(),
+        i64::MIN.into(),
+        f64::NAN.into(),
+        1e300.into(),
+        "".into(),
+        "$a".into(),
+        Document::new().into(),
+        doc! { "$a": 1 }.into(),
+        bson::Bson::Array(Vec::new()),
+        bson::Bson::Array(vec![1.into(), doc! {}.into()]),
+        bson::Bson::MinKey,
+        bson::Timestamp { time: u32::MAX, increment: u32::MAX }.into(),
+        bson::Bson::Undefined,
+    ];
+    for command in commands() {
+        for name in command.keys().filter(|name| *name != "$db") {
+            for value in &values {
+                let mut changed = command.clone();
+                changed.insert(name, value.clone());
+                let answer = wire.run(&changed)?;
+                assert!(answer.contains_key("ok"), "{changed}: {answer}");
+                assert!(answer.get_i32("code").ok() != Some(1), "{changed}: {answer}");
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,123 @@
+//! `rmem serve`: MongoDB clients on the memory.
+
+mod clients;
+mod kills;
+mod login;
+mod messages;
+mod process;
+mod streams;
+mod suites;
+mod transactions;
+mod wire;
+
+use std::io::{BufRead as _, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use libtest_mimic::{Failed, Trial};
+use mongodb::sync::Client;
+
+pub(crate) use suites::stop;
+
+/// How long what has to come may take.
+const TIMEOUT: Duration = Duration::from_secs(120);
+
+type Case = fn() -> Result<(), Failed>;
+
+/// All of them; none needs another program.
+pub(crate) fn trials() -> Vec<Trial> {
+    let cases = [clients::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
+    let cases = cases.into_iter().chain([transactions::CASES]).flatten();
+    let mut trials: Vec<Trial> = cases.map(|(name, case)| Trial::test(format!("serving::{name}"), case)).collect();
+    trials.extend(suites::trials());
+    trials
+}
+
+/// A running `rmem serve`.
+pub(crate) struct Served {
+    child: Child,
+    /// How to reach it.
+    pub(crate) uri: String,
+}
+
+impl Served {
+    /// Serves the file `robot.rmem` of a folder on a free port.
+    pub(crate) fn start(folder: &Path, options: &[&str]) -> Result<Self, Failed> {
+        let mut all = vec!["--listen", "127.0.0.1:0"];
+        all.extend(options);
+        Self::start_as(folder, &all)
+    }
+
+    /// The same with all options.
+    pub(crate) fn start_as(folder: &Path, options: &[&str]) -> Result<Self, Failed> {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_rmem"))
+            .args(["--memory", "file:robot.rmem", "serve", "--print-uri"])
+            .args(options)
+            .current_dir(folder)
+            .env("HOME", folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()?;
+        let mut uri = String::new();
+        BufReader::new(child.stdout.take().ok_or("no stdout")?).read_line(&mut uri)?;
+        if uri.is_empty() {
+            child.wait()?;
+            return Err("it did not start".into());
+        }
+        Ok(Self { child, uri: uri.trim().to_owned() })
+    }
+
+    /// A client of it.
+    pub(crate) fn client(&self) -> Result<Client, Failed> {
+        Ok(Client::with_uri_str(&self.uri)?)
+    }
+
+    /// `host:port`
+    fn address(&self) -> &str {
+        self.uri.trim_start_matches("mongodb://").split('/').next().unwrap_or_default()
+    }
+
+    fn process(&self) -> Result<rustix::process::Pid, Failed> {
+        Ok(rustix::process::Pid::from_raw(i32::try_from(self.child.id())?).ok_or("no process")?)
+    }
+
+    /// Ends it as a service manager does; gives its exit code.
+    fn terminate(mut self) -> Result<Option<i32>, Failed> {
+        rustix::process::kill_process(self.process()?, rustix::process::Signal::TERM)?;
+        let since = Instant::now();
+        while since.elapsed() < Duration::from_secs(20) {
+            if let Some(status) = self.child.try_wait()? {
+                return Ok(status.code());
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Err("it does not end".into())
+    }
+
+    /// Ends it at once, as a loss of power does.
+    fn kill(mut self) -> Result<(), Failed> {
+        self.child.kill()?;
+        self.child.wait()?;
+        Ok(())
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What a server refused with.
+fn code<T>(result: Result<T, mongodb::error::Error>) -> Option<i32> {
+    use mongodb::error::{ErrorKind, WriteFailure};
+    match *result.err()?.kind {
+        ErrorKind::Command(command) => Some(command.code),
+        ErrorKind::Write(WriteFailure::WriteError(write)) => Some(write.code),
+        ErrorKind::InsertMany(many) => many.write_errors.and_then(|errors| errors.first().map(|error| error.code)),
+        _ => None,
+    }
+}

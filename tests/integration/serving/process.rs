@@ -1,0 +1,128 @@
+//! The process: its beginning, its end, its sockets and its lock.
+
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixDatagram;
+use std::process::Command;
+use std::time::Duration;
+
+use bson::{Document, doc};
+use libtest_mimic::Failed;
+use mongodb::sync::Client;
+
+use super::wire::{Wire, message};
+use super::{Case, Served};
+
+pub(super) const CASES: &[(&str, Case)] = &[
+    ("what_was_begun_is_answered_before_the_server_ends", ends),
+    ("a_socket_is_its_owners_alone_and_gone_at_the_end", sockets),
+    ("one_process_serves_a_file_and_others_use_it_beside", lock),
+    ("a_memory_that_is_gone_at_exit_is_served_to_all", in_memory),
+    ("a_service_manager_opens_the_socket_and_is_told", systemd),
+];
+
+fn rmem(folder: &std::path::Path, arguments: &[&str]) -> Result<(Option<i32>, String), Failed> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
+    let output = command.args(["--memory", "file:robot.rmem"]).args(arguments).current_dir(folder).output()?;
+    let said = [output.stdout, output.stderr].concat();
+    Ok((output.status.code(), String::from_utf8_lossy(&said).into_owned()))
+}
+
+fn ends() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let documents: Vec<Document> = (0..20_000).map(|n| doc! { "_id": n, "pad": "x".repeat(50) }).collect();
+    let mut wire = Wire::connect(served.address())?;
+    let mut idle = Wire::connect(served.address())?;
+    idle.run(&doc! { "ping": 1, "$db": "a" })?;
+    wire.send(&message(&doc! { "insert": "c", "documents": documents, "$db": "a" }))?;
+    std::thread::sleep(Duration::from_millis(50));
+    let answer = std::thread::spawn(move || wire.receive().map(|answer| answer.get_i32("n").ok()).ok().flatten());
+    assert_eq!(served.terminate()?, Some(0));
+    assert_eq!(answer.join().ok().flatten(), Some(20_000));
+    assert_eq!(rmem(folder.path(), &["count", "a.c"])?, (Some(0), "20000\n".to_owned()));
+    // Nothing is left beside the file.
+    assert_eq!(std::fs::read_dir(folder.path())?.count(), 1);
+    Ok(())
+}
+
+fn sockets() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_as(folder.path(), &["--socket", "rmem.sock"])?;
+    let path = folder.path().join("rmem.sock");
+    assert_eq!(std::fs::metadata(&path)?.permissions().mode() & 0o777, 0o600);
+    let found = Client::with_uri_str(&served.uri)?.database("a").collection::<Document>("c");
+    found.insert_one(doc! { "_id": 1 }).run()?;
+    assert_eq!(found.count_documents(doc! {}).run()?, 1);
+    assert_eq!(served.terminate()?, Some(0));
+    assert!(!path.exists());
+    Ok(())
+}
+
+fn lock() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let (code, said) = rmem(folder.path(), &["serve", "--listen", "127.0.0.1:0"])?;
+    assert!(code == Some(5) && said.contains(&served.uri), "{code:?} {said}");
+    assert_eq!(rmem(folder.path(), &["insert", "a.c", "{_id: 1}"])?.0, Some(0));
+    let found = served.client()?.database("a").collection::<Document>("c");
+    found.insert_one(doc! { "_id": 2 }).run()?;
+    assert_eq!(rmem(folder.path(), &["count", "a.c"])?.1, "2\n");
+    let (_, said) = rmem(folder.path(), &["doctor"])?;
+    assert!(said.contains(&format!("process {}", served.child.id())) && said.contains(&served.uri), "{said}");
+    served.kill()?;
+    assert!(!rmem(folder.path(), &["doctor"])?.1.contains("served"));
+    assert!(Served::start(folder.path(), &[]).is_ok());
+    Ok(())
+}
+
+fn in_memory() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("world.json"), "{\"a.c\": [{\"_id\": 1}]}")?;
+    let options = ["--memory", "mem:", "--load", "world.json", "--listen", "127.0.0.1:0"];
+    let served = Served::start_as(folder.path(), &options)?;
+    served.client()?.database("a").collection("c").insert_one(doc! { "_id": 2 }).run()?;
+    let count = served.client()?.database("a").collection::<Document>("c").count_documents(doc! {}).run()?;
+    assert_eq!(count, 2);
+    assert!(!folder.path().join("robot.rmem").exists());
+    Ok(())
+}
+
+/// Opens a socket, as systemd does for a unit, and runs a program with it.
+const ACTIVATE: &str = "
+import os, socket, sys
+listener = socket.socket(socket.AF_UNIX)
+listener.bind(sys.argv[1])
+listener.listen()
+os.dup2(listener.fileno(), 3)
+os.set_inheritable(3, True)
+os.environ['LISTEN_FDS'] = '1'
+os.environ['LISTEN_PID'] = str(os.getpid())
+os.execv(sys.argv[2], sys.argv[2:])
+";
+
+fn systemd() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let (socket, notify) = (folder.path().join("rmem.sock"), folder.path().join("notify"));
+    let manager = UnixDatagram::bind(&notify)?;
+    manager.set_read_timeout(Some(Duration::from_secs(60)))?;
+    let mut child = Command::new("python3")
+        .args(["-c", ACTIVATE])
+        .arg(&socket)
+        .arg(env!("CARGO_BIN_EXE_rmem"))
+        .args(["--memory", "file:robot.rmem", "serve"])
+        .current_dir(folder.path())
+        .env("NOTIFY_SOCKET", &notify)
+        .spawn()?;
+    let mut said = [0; 64];
+    let told = manager.recv(&mut said);
+    let uri = format!("mongodb://{}/?directConnection=true", socket.display().to_string().replace('/', "%2F"));
+    let counted = Client::with_uri_str(uri)?.database("a").collection::<Document>("c").count_documents(doc! {}).run();
+    let process = rustix::process::Pid::from_raw(i32::try_from(child.id())?).ok_or("no process")?;
+    rustix::process::kill_process(process, rustix::process::Signal::TERM)?;
+    assert_eq!(child.wait()?.code(), Some(0));
+    assert_eq!(said.get(..told?), Some(b"READY=1".as_slice()));
+    assert_eq!(counted?, 0);
+    // The socket is the service manager's.
+    assert!(socket.exists());
+    Ok(())
+}

@@ -1,0 +1,166 @@
+//! Change streams.
+
+use std::time::{Duration, Instant};
+
+use bson::{Document, doc};
+use libtest_mimic::Failed;
+use mongodb::change_stream::event::{ChangeStreamEvent, OperationType};
+use mongodb::options::{FullDocumentBeforeChangeType, FullDocumentType};
+use mongodb::sync::ChangeStream;
+
+use super::{Case, Served, TIMEOUT, code};
+
+pub(super) const CASES: &[(&str, Case)] = &[
+    ("a_stream_tells_what_was_done_with_what_was_before", told),
+    ("a_stream_goes_on_behind_a_token_also_after_a_kill", resumed),
+    ("a_stream_ends_where_its_collection_is_gone", ended),
+    ("a_stream_of_a_database_or_of_all_hears_every_collection", wider),
+    ("a_change_by_another_process_is_heard", heard),
+    ("computed_documents_and_metadata_are_no_changes", hidden),
+];
+
+type Stream = ChangeStream<ChangeStreamEvent<Document>>;
+
+fn next(stream: &mut Stream) -> Result<ChangeStreamEvent<Document>, Failed> {
+    let since = Instant::now();
+    while since.elapsed() < TIMEOUT {
+        if let Some(event) = stream.next_if_any()? {
+            return Ok(event);
+        }
+    }
+    Err("no event came".into())
+}
+
+fn told() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    let watch = things.watch().full_document(FullDocumentType::UpdateLookup);
+    let mut stream = watch.full_document_before_change(FullDocumentBeforeChangeType::Required).run()?;
+    things.insert_one(doc! { "_id": 1, "n": { "a": 1, "b": 1 }, "l": [1, 2] }).run()?;
+    things.update_one(doc! {}, doc! { "$set": { "n.a": 2 }, "$unset": { "n.b": 1 }, "$pop": { "l": 1 } }).run()?;
+    things.replace_one(doc! {}, doc! { "z": 1 }).run()?;
+    // What changes nothing is no change.
+    things.update_one(doc! {}, doc! { "$set": { "z": 1 } }).run()?;
+    things.delete_one(doc! {}).run()?;
+    let inserted = next(&mut stream)?;
+    assert_eq!(inserted.operation_type, OperationType::Insert);
+    assert_eq!(inserted.full_document, Some(doc! { "_id": 1, "n": { "a": 1, "b": 1 }, "l": [1, 2] }));
+    let updated = next(&mut stream)?;
+    let description = updated.update_description.ok_or("no description")?;
+    assert_eq!(description.updated_fields, doc! { "n.a": 2 });
+    assert_eq!(description.removed_fields, ["n.b"]);
+    let truncated = description.truncated_arrays.unwrap_or_default();
+    assert_eq!((truncated[0].field.as_str(), truncated[0].new_size), ("l", 1));
+    assert_eq!(updated.full_document, Some(doc! { "_id": 1, "n": { "a": 2 }, "l": [1] }));
+    assert_eq!(updated.full_document_before_change, inserted.full_document);
+    let replaced = next(&mut stream)?;
+    assert_eq!(replaced.operation_type, OperationType::Replace);
+    assert_eq!(replaced.full_document, Some(doc! { "_id": 1, "z": 1 }));
+    let deleted = next(&mut stream)?;
+    assert_eq!(deleted.operation_type, OperationType::Delete);
+    assert_eq!(deleted.full_document_before_change, Some(doc! { "_id": 1, "z": 1 }));
+    assert_eq!(deleted.document_key, Some(doc! { "_id": 1 }));
+    assert!(inserted.cluster_time < deleted.cluster_time);
+    Ok(())
+}
+
+fn resumed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    let mut stream = things.watch().run()?;
+    for n in 0..10 {
+        things.insert_one(doc! { "_id": n }).run()?;
+    }
+    let token = (0..5).map(|_| next(&mut stream)).last().ok_or("none")??.id;
+    drop(stream);
+    served.kill()?;
+    // What others write while nobody serves is not missed either.
+    let rmem = std::process::Command::new(env!("CARGO_BIN_EXE_rmem"))
+        .args(["--memory", "file:robot.rmem", "insert", "a.things", "{_id: 10}"])
+        .current_dir(folder.path())
+        .output()?;
+    assert!(rmem.status.success());
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    let mut stream = things.watch().resume_after(token).run()?;
+    things.insert_one(doc! { "_id": 11 }).run()?;
+    for n in 5..12 {
+        assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": n }));
+    }
+    let wrong = doc! { "aggregate": "things", "pipeline": [{ "$changeStream": { "resumeAfter": { "_data": "82" } } }], "cursor": {} };
+    assert_eq!(code(served.client()?.database("a").run_command(wrong).run()), Some(260));
+    Ok(())
+}
+
+fn ended() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    things.insert_one(doc! { "_id": 0 }).run()?;
+    let mut stream = things.watch().run()?;
+    things.drop().run()?;
+    assert_eq!(next(&mut stream)?.operation_type, OperationType::Drop);
+    let end = next(&mut stream)?;
+    assert_eq!(end.operation_type, OperationType::Invalidate);
+    things.insert_one(doc! { "_id": 1 }).run()?;
+    assert_eq!(code(things.watch().resume_after(end.id.clone()).run()), Some(260));
+    let mut stream = things.watch().start_after(end.id).run()?;
+    assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": 1 }));
+    Ok(())
+}
+
+fn wider() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let client = served.client()?;
+    let mut database = client.database("a").watch().run()?;
+    let mut all = client.watch().run()?;
+    for (database, collection) in [("a", "x"), ("b", "x"), ("a", "y")] {
+        client.database(database).collection(collection).insert_one(doc! { "n": 1 }).run()?;
+    }
+    let place = |event: ChangeStreamEvent<Document>| {
+        let ns = event.ns.unwrap_or_else(|| panic!("no namespace"));
+        format!("{}.{}", ns.db, ns.coll.unwrap_or_default())
+    };
+    let heard = [next(&mut database)?, next(&mut database)?].map(place);
+    assert_eq!(heard, ["a.x", "a.y"]);
+    let heard = [next(&mut all)?, next(&mut all)?, next(&mut all)?].map(place);
+    assert_eq!(heard, ["a.x", "b.x", "a.y"]);
+    Ok(())
+}
+
+fn heard() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    let mut stream = things.watch().pipeline(vec![doc! { "$match": { "fullDocument.n": { "$gt": 1 } } }]).run()?;
+    let path = folder.path().join("robot.rmem");
+    let other = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(200));
+        let store = rmem::store::Embedded::open(&path).expect("a store");
+        let ns = rmem::store::Namespace::parse("a.things").expect("a namespace");
+        rmem::store::Store::insert(&store, &ns, vec![doc! { "_id": 1, "n": 1 }, doc! { "_id": 2, "n": 2 }]).map(drop)
+    });
+    assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": 2 }));
+    other.join().map_err(|_| "it panicked")??;
+    Ok(())
+}
+
+fn hidden() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let settings = "[[computable]]\nname = 'one'\ncollection = 'a.things'\nspec = \"{one: 1}\"\ncache = '1m'\n\
+                    pipeline = \"[{$match: {n: 1}}, {$project: {_id: 0, one: '$n'}}]\"\n";
+    std::fs::write(folder.path().join("rmem.toml"), settings)?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    let mut stream = things.watch().run()?;
+    things.insert_one(doc! { "_id": 1, "n": 1 }).run()?;
+    assert!(things.find_one(doc! { "one": 1 }).run()?.is_some());
+    things.update_one(doc! { "_id": 1 }, doc! { "$set": { "_robmem_info.persistent": false } }).run()?;
+    things.insert_one(doc! { "_id": 2 }).run()?;
+    let ids = [next(&mut stream)?, next(&mut stream)?].map(|event| event.document_key);
+    assert_eq!(ids, [Some(doc! { "_id": 1 }), Some(doc! { "_id": 2 })]);
+    Ok(())
+}

@@ -1,0 +1,219 @@
+//! Sessions: transactions, and writes that are sent again.
+
+use std::time::{Duration, Instant};
+
+use bson::{Bson, Document, doc};
+use libtest_mimic::Failed;
+
+use super::wire::Wire;
+use super::{Case, Served};
+
+pub(super) const CASES: &[(&str, Case)] = &[
+    ("a_transaction_is_kept_as_a_whole_or_not_at_all", whole),
+    ("nobody_sees_a_transaction_before_it_is_committed_and_writers_wait", alone),
+    ("a_second_transaction_is_told_that_one_is_open", second),
+    ("a_transaction_whose_client_is_gone_is_over", abandoned),
+    ("a_failed_statement_ends_its_transaction", failed),
+    ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
+    ("a_write_that_is_sent_again_is_done_once_also_after_a_kill", repeated),
+];
+
+/// A session on a connection of its own.
+struct Session {
+    wire: Wire,
+    id: Bson,
+}
+
+impl Session {
+    fn open(served: &Served) -> Result<Self, Failed> {
+        Ok(Self { wire: Wire::connect(served.address())?, id: bson::Uuid::new().into() })
+    }
+
+    fn run(&mut self, number: i64, starts: bool, mut command: Document) -> Result<Document, Failed> {
+        command
+            .extend(doc! { "$db": "a", "lsid": { "id": self.id.clone() }, "txnNumber": number, "autocommit": false });
+        if starts {
+            command.insert("startTransaction", true);
+        }
+        self.wire.run(&command)
+    }
+
+    fn end(&mut self, number: i64, name: &str) -> Result<Document, Failed> {
+        let mut command = doc! { name: 1 };
+        command.extend(
+            doc! { "$db": "admin", "lsid": { "id": self.id.clone() }, "txnNumber": number, "autocommit": false },
+        );
+        self.wire.run(&command)
+    }
+}
+
+fn insert(id: i32) -> Document {
+    doc! { "insert": "c", "documents": [{ "_id": id }] }
+}
+
+fn count(wire: &mut Wire) -> Result<i32, Failed> {
+    Ok(wire.run(&doc! { "count": "c", "$db": "a" })?.get_i32("n")?)
+}
+
+#[track_caller]
+fn fine(answer: Document) {
+    assert!(answer.get_f64("ok").is_ok_and(|ok| ok > 0.0), "{answer}");
+}
+
+#[track_caller]
+fn refused(answer: Document, code: i32) {
+    assert_eq!(answer.get_i32("code").ok(), Some(code), "{answer}");
+}
+
+fn whole() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    fine(session.run(1, true, insert(1))?);
+    fine(session.run(1, false, insert(2))?);
+    fine(session.run(
+        1,
+        false,
+        doc! { "update": "c", "updates": [{ "q": { "_id": 1 }, "u": { "$set": { "n": 1 } } }] },
+    )?);
+    fine(session.end(1, "commitTransaction")?);
+    fine(session.run(2, true, insert(3))?);
+    fine(session.end(2, "abortTransaction")?);
+    assert_eq!(count(&mut session.wire)?, 2);
+    // Sent again, it is committed still.
+    fine(session.end(1, "commitTransaction").and_then(|_| session.run(3, true, insert(4)))?);
+    fine(session.end(3, "commitTransaction")?);
+    fine(session.end(3, "commitTransaction")?);
+    refused(session.end(3, "abortTransaction")?, 256);
+    served.kill()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut again = Session { wire: Wire::connect(served.address())?, id: session.id.clone() };
+    fine(again.end(3, "commitTransaction")?);
+    assert_eq!(count(&mut again.wire)?, 3);
+    Ok(())
+}
+
+fn alone() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let (mut session, mut other) = (Session::open(&served)?, Wire::connect(served.address())?);
+    fine(session.run(1, true, insert(1))?);
+    let found = session.run(1, false, doc! { "find": "c", "filter": {} })?;
+    assert_eq!(found.get_document("cursor")?.get_array("firstBatch")?.len(), 1);
+    assert_eq!(count(&mut other)?, 0);
+    let mut plain = insert(2);
+    plain.insert("$db", "a");
+    let writer = std::thread::spawn(move || {
+        let answer = other.run(&plain);
+        (answer.map(|answer| answer.get_i32("n").unwrap_or_default()).map_err(|_| ()), Instant::now())
+    });
+    std::thread::sleep(Duration::from_millis(300));
+    let before = Instant::now();
+    fine(session.run(1, false, insert(3))?);
+    fine(session.end(1, "commitTransaction")?);
+    let (written, after) = writer.join().map_err(|_| "it panicked")?;
+    assert!(written == Ok(1) && after > before);
+    assert_eq!(count(&mut session.wire)?, 3);
+    Ok(())
+}
+
+fn second() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let (mut one, mut other) = (Session::open(&served)?, Session::open(&served)?);
+    fine(one.run(1, true, insert(1))?);
+    let answer = other.run(1, true, insert(2))?;
+    assert_eq!(answer.get_array("errorLabels")?, &vec![Bson::from("TransientTransactionError")]);
+    refused(answer, 112);
+    fine(one.end(1, "commitTransaction")?);
+    fine(other.run(2, true, insert(2))?);
+    fine(other.end(2, "commitTransaction")?);
+    assert_eq!(count(&mut one.wire)?, 2);
+    Ok(())
+}
+
+fn abandoned() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    fine(session.run(1, true, insert(1))?);
+    let id = session.id.clone();
+    drop(session);
+    let mut other = Wire::connect(served.address())?;
+    let since = Instant::now();
+    let mut plain = insert(2);
+    plain.insert("$db", "a");
+    fine(other.run(&plain)?);
+    assert!(since.elapsed() < Duration::from_secs(30));
+    assert_eq!(count(&mut other)?, 1);
+    let mut again = Session { wire: other, id };
+    refused(again.end(1, "commitTransaction")?, 251);
+    Ok(())
+}
+
+fn failed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    fine(session.run(1, true, insert(1))?);
+    let answer = session.run(1, false, insert(1))?;
+    assert!(answer.contains_key("writeErrors"), "{answer}");
+    let answer = session.run(1, false, insert(2))?;
+    assert_eq!(answer.get_array("errorLabels")?, &vec![Bson::from("TransientTransactionError")]);
+    refused(answer, 251);
+    refused(session.end(1, "commitTransaction")?, 251);
+    assert_eq!(count(&mut session.wire)?, 0);
+    refused(session.run(2, true, doc! { "count": "c" })?, 263);
+    Ok(())
+}
+
+fn late() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    refused(session.run(5, false, insert(1))?, 251);
+    refused(session.end(5, "abortTransaction")?, 251);
+    fine(session.run(6, true, insert(1))?);
+    // A later transaction of the session takes the place of the one that is open.
+    fine(session.run(7, true, insert(2))?);
+    refused(session.run(6, false, insert(3))?, 225);
+    fine(session.end(7, "commitTransaction")?);
+    refused(session.end(6, "commitTransaction")?, 225);
+    assert_eq!(count(&mut session.wire)?, 1);
+    Ok(())
+}
+
+fn repeated() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let mut served = Served::start(folder.path(), &[])?;
+    let session: Bson = bson::Uuid::new().into();
+    let add = |number: i64| {
+        let update = doc! { "q": { "_id": 1 }, "u": { "$inc": { "n": 1 } }, "upsert": true };
+        doc! { "update": "c", "updates": [update], "$db": "a", "lsid": { "id": session.clone() }, "txnNumber": number }
+    };
+    let modify = |number: i64| {
+        doc! {
+            "findAndModify": "c", "query": { "_id": 1 }, "update": { "$inc": { "n": 1 } }, "new": true,
+            "$db": "a", "lsid": { "id": session.clone() }, "txnNumber": number,
+        }
+    };
+    for number in 1..=4 {
+        let command = if number % 2 == 1 { add(number) } else { modify(number) };
+        let mut wire = Wire::connect(served.address())?;
+        let mut answers = vec![wire.run(&command)?, wire.run(&command)?];
+        served.kill()?;
+        served = Served::start(folder.path(), &[])?;
+        answers.push(Wire::connect(served.address())?.run(&command)?);
+        for answer in &mut answers {
+            answer.remove("operationTime");
+            answer.remove("$clusterTime");
+        }
+        assert!(answers[0] == answers[1] && answers[1] == answers[2], "{answers:?}");
+    }
+    let mut wire = Wire::connect(served.address())?;
+    let found = wire.run(&doc! { "find": "c", "$db": "a" })?;
+    let batch = found.get_document("cursor")?.get_array("firstBatch")?.clone();
+    assert_eq!(batch, [Bson::Document(doc! { "_id": 1, "n": 4 })]);
+    refused(wire.run(&add(2))?, 225);
+    Ok(())
+}
