@@ -16,7 +16,7 @@ Examples:
 against the documents, and the log of changes. Each damage is a line on stdout, and the command exits with 4; rmem \
 repair saves what can be saved. For a MongoDB server, use db.c.validate() in mongosh.";
 
-/// Check that stores, computables and planners work
+/// Check the memory, and look for the programs of planners
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub struct DoctorArgs {
