@@ -113,6 +113,12 @@ impl Planner for Builtin {
         ff::read(whole, &output.stderr)
     }
 
+    /// Plans with times are not improved.
+    fn improves(&self, task: &Task<'_>) -> bool {
+        let is_temporal = task.domain.features().iter().any(|used| used.feature == Feature::DurativeActions);
+        self.anytime && !is_temporal
+    }
+
     fn is_anytime(&self) -> bool {
         self.anytime
     }
