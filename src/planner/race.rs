@@ -16,6 +16,7 @@ use std::time::Duration;
 use super::outcome::Outcome;
 use super::run::{Planner, PreparedPlanner, Run};
 use super::task::Task;
+use crate::pddl::Plan;
 use crate::process::{Host, Limits, Pool};
 
 /// How often an interruption is looked for.
@@ -68,6 +69,17 @@ impl<'a> Portfolio<'a> {
     /// them then.
     #[must_use]
     pub fn race(self, task: &Task<'_>, host: &Host<'_>, meanwhile: impl FnOnce()) -> Option<Race> {
+        self.run(task, host, false, meanwhile)
+    }
+
+    /// As [`Portfolio::race`], but each planner may use all of the time, and the best plan wins. Only a proof that
+    /// there is no plan ends it earlier.
+    #[must_use]
+    pub fn race_for_the_best(self, task: &Task<'_>, host: &Host<'_>, meanwhile: impl FnOnce()) -> Option<Race> {
+        self.run(task, host, true, meanwhile)
+    }
+
+    fn run(self, task: &Task<'_>, host: &Host<'_>, is_for_best: bool, meanwhile: impl FnOnce()) -> Option<Race> {
         let Self { planners, limits } = self;
         let pool = limits.memory.filter(|_| planners.len() > 1).map(|bytes| Pool::new(bytes, planners.len()));
         let stopped = AtomicBool::new(host.is_interrupted());
@@ -90,7 +102,11 @@ impl<'a> Portfolio<'a> {
             loop {
                 match ended.recv_timeout(LOOK) {
                     Ok((place, run)) => {
-                        if first.is_none() && is_decided(&run.outcome) {
+                        let is_over = match run.outcome {
+                            Outcome::Plan(_) => !is_for_best,
+                            ref outcome => is_decided(outcome),
+                        };
+                        if first.is_none() && is_over {
                             first = Some(place);
                             stopped.store(true, Ordering::SeqCst);
                         }
@@ -106,7 +122,8 @@ impl<'a> Portfolio<'a> {
         });
         // A racer that said nothing has panicked, which the scope has passed on.
         let runs: Vec<Run> = runs.into_iter().flatten().collect();
-        let winner = first.filter(|place| *place < runs.len()).or_else(|| most_telling(&runs))?;
+        let winner =
+            first.filter(|place| *place < runs.len()).or_else(|| best(&runs)).or_else(|| most_telling(&runs))?;
         Some(Race { runs, winner })
     }
 }
@@ -114,6 +131,16 @@ impl<'a> Portfolio<'a> {
 /// Whether nobody has to go on.
 fn is_decided(outcome: &Outcome) -> bool {
     matches!(outcome, Outcome::Plan(_) | Outcome::Unsolvable)
+}
+
+/// The run with the cheapest plan; of equals the one with fewer steps, then the first named.
+fn best(runs: &[Run]) -> Option<usize> {
+    let plans = runs.iter().enumerate().filter_map(|(place, run)| Some((place, run.outcome.plan()?)));
+    let cost = |plan: &Plan| plan.cost.unwrap_or(f64::INFINITY);
+    let order = |(_, one): &(usize, &Plan), (_, other): &(usize, &Plan)| {
+        cost(one).total_cmp(&cost(other)).then(one.steps.len().cmp(&other.steps.len()))
+    };
+    plans.min_by(order).map(|(place, _)| place)
 }
 
 /// Whose outcome says most where nobody won: a limit that can be raised before a planner that gave up by

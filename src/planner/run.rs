@@ -75,6 +75,11 @@ pub trait Planner: Send + Sync {
         false
     }
 
+    /// Whether it looks for better plans of this task once it has found one.
+    fn improves(&self, _task: &Task<'_>) -> bool {
+        self.is_anytime()
+    }
+
     /// How to get the program.
     fn install(&self) -> String {
         format!("install `{}`, or name another planner with --planner", self.name())

@@ -48,6 +48,13 @@ impl<'a> PreparedSearch<'a> {
         &self.task
     }
 
+    /// Whether one of the planners looks for better plans of this task once it has found one.
+    #[must_use]
+    pub fn improves(&self) -> bool {
+        let task = Task { domain: &self.request.domain, problem: &self.task.problem };
+        self.request.planners.iter().any(|planner| planner.improves(&task))
+    }
+
     /// Runs the planners until one of them has won, or the limits end them. A plan that was found is simulated; where
     /// there is none, the reason is looked for.
     ///
@@ -62,7 +69,11 @@ impl<'a> PreparedSearch<'a> {
                 memory.prepare(into);
             }
         };
-        let race = portfolio.race(&pddl, host, meanwhile).ok_or(PlanningError::NoPlanner)?;
+        let race = match request.options.anytime {
+            true => portfolio.race_for_the_best(&pddl, host, meanwhile),
+            false => portfolio.race(&pddl, host, meanwhile),
+        };
+        let race = race.ok_or(PlanningError::NoPlanner)?;
         let time = start.elapsed();
         let mut run = race.winner().ok_or(PlanningError::NoPlanner)?.clone();
         if run.outcome == Outcome::Failed && run.message.contains(NO_FILES) {

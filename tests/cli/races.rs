@@ -179,3 +179,42 @@ fn one_planner_makes_no_table() {
     let run = race(&Lab::new(), "solvable", &["builtin"], &[]).exits(0);
     assert!(!run.stderr.contains("wins"), "{run}");
 }
+
+/// A planner that writes a longer way first and ends, and one that writes a shorter way later.
+const WAYS: &str = "[planner.quick]\ncommand = [\"/bin/sh\", \"-c\", \"printf '(go a)\\\\n(go b)\\\\n; cost = 2 (unit cost)\\\\n' > {plan}\"]\noutput = \"downward\"\n\
+     [planner.slow]\ncommand = [\"/bin/sh\", \"-c\", \"sleep 1; printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\noutput = \"downward\"\n";
+
+#[test]
+fn a_race_with_anytime_goes_on_after_the_first_plan_and_the_best_wins() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", WAYS);
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:constants a b) (:predicates (at ?x) (there))
+         (:action go :parameters (?x) :precondition () :effect (and (at ?x) (when (at a) (there))))
+         (:action jump :parameters () :precondition () :effect (there)))",
+    );
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (there)))");
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", "quick", "--planner", "slow"];
+    let first = lab.rmem(&words).exits(0);
+    assert!(first.stdout.starts_with("(go a)\n(go b)\n"), "{first}");
+    let best = lab.rmem(&[&words[..], &["--anytime"]].concat()).exits(0);
+    assert!(best.stdout.starts_with("(jump)\n") && row(&best, "slow").ends_with("wins"), "{best}");
+    assert!(row(&best, "quick").contains("success"), "{best}");
+}
+
+#[test]
+fn anytime_is_refused_where_no_planner_improves_its_plan() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :durative-actions) (:predicates (there))
+         (:durative-action go :parameters () :duration (= ?duration 2) :condition () :effect (at end (there))))",
+    );
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (there)))");
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"];
+    let refused = lab.rmem(&[&words[..], &["--anytime"]].concat()).exits(2);
+    assert!(refused.stderr.contains("builtin cannot improve a plan of this task"), "{refused}");
+    let found = lab.rmem(&words).success();
+    assert!(found.contains("; makespan = 2"), "{found}");
+}

@@ -2,7 +2,7 @@
 
 use super::show;
 use super::source::SectionCounts;
-use crate::commands::Context;
+use crate::commands::{Context, UsageError};
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
@@ -29,6 +29,11 @@ pub(super) fn find(
 ) -> anyhow::Result<Found> {
     let prepared = planning::prepare(request, memory, &context.host())?;
     sections.report(prepared.task(), context)?;
+    if request.options.anytime && !prepared.improves() {
+        let names: Vec<&str> = request.planners.iter().map(|planner| planner.name()).collect();
+        let message = format!("{} cannot improve a plan of this task; leave out --anytime", names.join(", "));
+        return Err(UsageError::new(message).into());
+    }
     let result = search(prepared, memory, context)?;
     report(&result, context);
     let id = result.store(memory)?;

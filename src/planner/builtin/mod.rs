@@ -129,6 +129,12 @@ impl Planner for Builtin {
         }
     }
 
+    /// Plans with times are not improved.
+    fn improves(&self, task: &Task<'_>) -> bool {
+        let is_temporal = task.domain.features().iter().any(|used| used.feature == Feature::DurativeActions);
+        self.anytime && !is_temporal
+    }
+
     fn is_anytime(&self) -> bool {
         self.anytime
     }
