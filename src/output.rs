@@ -35,6 +35,21 @@ pub enum Format {
     Dot,
     /// A drawing.
     Svg,
+    /// A scene, as MoveIt's `.scene` files have it.
+    #[value(name = "moveit")]
+    MoveIt,
+    /// A scene, as MoveIt's message `PlanningScene`.
+    #[value(name = "moveit-msg")]
+    MoveItMessage,
+    /// A scene, as MuJoCo reads it.
+    Mjcf,
+    /// A scene, as Gazebo and Drake read it.
+    Sdf,
+    /// A scene, as a robot description of ROS.
+    Urdf,
+    /// A scene, as OpenRAVE reads it.
+    #[value(name = "openrave")]
+    OpenRave,
 }
 
 impl Format {
@@ -52,6 +67,12 @@ impl Format {
             Self::Document => "document",
             Self::Dot => "dot",
             Self::Svg => "svg",
+            Self::MoveIt => "moveit",
+            Self::MoveItMessage => "moveit-msg",
+            Self::Mjcf => "mjcf",
+            Self::Sdf => "sdf",
+            Self::Urdf => "urdf",
+            Self::OpenRave => "openrave",
         }
     }
 }

@@ -32,6 +32,7 @@ mod query;
 mod repair;
 mod restore;
 mod template;
+mod scene;
 mod unlock;
 mod update;
 mod validate;
@@ -77,6 +78,7 @@ pub enum Command {
     Ff(ff::FfArgs),
     Validate(validate::ValidateArgs),
     Clips(clips::ClipsArgs),
+    Scene(scene::SceneArgs),
     Expire(expire::ExpireArgs),
     Bench(bench::BenchArgs),
     Config(config::ConfigArgs),
@@ -121,6 +123,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Query(args) => query::run(args, context),
         Command::Repair(args) => repair::run(args, context),
         Command::Restore(args) => restore::run(args, context),
+        Command::Scene(args) => scene::run(args, context),
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),

@@ -12,6 +12,7 @@ pub mod mongodump;
 pub mod pddl;
 pub mod plan;
 pub mod quantity;
+pub mod scene;
 pub mod shell;
 pub mod visible;
 

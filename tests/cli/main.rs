@@ -20,6 +20,7 @@ mod plans;
 mod problems;
 mod races;
 mod reports;
+mod scenes;
 mod settings;
 mod stored;
 mod surroundings;

@@ -1,0 +1,42 @@
+//! `rmem scene …`: scenes for motion planners.
+
+mod apply;
+mod check;
+mod diff;
+mod export;
+mod selection;
+mod watch;
+
+use clap::{Args, Subcommand};
+
+use super::Context;
+use crate::exit::Exit;
+
+/// Export what a motion planner has to know, compare, follow and check it, and write it back
+#[derive(Debug, Args)]
+pub struct SceneArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: SceneCommand,
+}
+
+/// The commands of `scene`.
+#[derive(Debug, Subcommand)]
+#[expect(missing_docs, reason = "a variant's documentation would replace the help of its arguments")]
+pub enum SceneCommand {
+    Export(export::ExportArgs),
+    Diff(diff::DiffArgs),
+    Apply(apply::ApplyArgs),
+    Watch(watch::WatchArgs),
+    Check(check::CheckArgs),
+}
+
+pub(super) fn run(args: &SceneArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    match &args.command {
+        SceneCommand::Export(args) => export::run(args, context),
+        SceneCommand::Diff(args) => diff::run(args, context),
+        SceneCommand::Apply(args) => apply::run(args, context),
+        SceneCommand::Watch(args) => watch::run(args, context),
+        SceneCommand::Check(args) => check::run(args, context),
+    }
+}
