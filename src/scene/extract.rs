@@ -158,7 +158,7 @@ pub struct Ways<'a> {
 }
 
 impl<'a> Ways<'a> {
-    /// Ways to `frame`.
+    /// Ways to `frame`. To a frame without a name there is no way to go: poses stay as they are.
     #[must_use]
     pub fn new(frames: &'a Frames, frame: &'a str) -> Self {
         Self { frames, frame, known: HashMap::new() }
@@ -169,6 +169,9 @@ impl<'a> Ways<'a> {
     /// # Errors
     /// Where there is no way.
     pub fn from(&mut self, frame: &str) -> Result<Pose, String> {
+        if self.frame.is_empty() {
+            return Ok(Pose::IDENTITY);
+        }
         if let Some(known) = self.known.get(frame) {
             return known.clone();
         }
@@ -221,7 +224,9 @@ fn object(
         Some(Bson::String(name)) => name.clone(),
         Some(other) => return Err(format!("its `{key}` is {other}; expected a name as text")),
         None => {
-            return Err(format!("it has no `{key}`; expected a name, or `name_key` of a [[scene.object]] in rmem.toml"));
+            return Err(format!(
+                "it has no `{key}`; expected a name, or `name_key` of a [[scene.object]] in rmem.toml"
+            ));
         }
     };
     let frame = match document.get("frame") {

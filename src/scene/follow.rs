@@ -83,16 +83,16 @@ impl<'a> Follower<'a> {
             });
         }
         let mut watched: Vec<&Namespace> = own.iter().map(|source| &source.namespace).chain([frames]).collect();
-        watched.dedup();
         watched.sort();
         watched.dedup();
+        let first = own.first().map(|source| &source.namespace);
         let watches: Result<Vec<_>, StoreError> = watched
             .into_iter()
             .map(|namespace| {
                 let trigger = Trigger {
                     namespace: namespace.clone(),
                     filter: Document::new(),
-                    name: name.map(str::to_owned),
+                    name: name.map(|name| own_name(name, namespace, first)),
                     computed: false,
                     metadata: false,
                 };
@@ -289,6 +289,11 @@ impl<'a> Follower<'a> {
         }
         Ok(())
     }
+}
+
+/// The name under which the position in a collection is kept: a name belongs to one collection.
+fn own_name(name: &str, namespace: &Namespace, first: Option<&Namespace>) -> String {
+    if first == Some(namespace) { name.to_owned() } else { format!("{name}:{namespace}") }
 }
 
 /// Whether a change is about a frame.

@@ -24,6 +24,7 @@ mod planner;
 mod planning;
 mod processes;
 mod restores;
+mod scenes;
 #[cfg(feature = "mongodb")]
 mod server;
 #[cfg(feature = "mongodb")]
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
     trials.extend(mixtures::trials());
     trials.extend(permissions::trials());
     trials.extend(restores::trials());
+    trials.extend(scenes::trials());
     trials.extend(planner::trials());
     trials.extend(imported::trials());
     trials.extend(clips::trials());

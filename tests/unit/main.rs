@@ -19,6 +19,7 @@ mod query_places;
 mod reachability;
 mod repair;
 mod scenes;
+mod scenes;
 mod shell;
 mod store;
 mod transcripts;

@@ -366,17 +366,18 @@ fn operations_are_messages_with_their_numbers() {
         (&operations, "\"operation\":3"),
         (&taken, "\"link_name\":\"hand\""),
     ] {
+        let frame = operations.iter().any(|one| matches!(one, Operation::Move { .. })).then(|| "map".to_owned());
         let text = rmem::formats::scene::message::write_operations(operations, Some("map"));
         has(&text, part);
         let read = (recognize(&text).read)(&Source::new("message", text.as_str())).unwrap();
-        assert_eq!(read, Content::Operations(operations.clone()));
-        // And as rmem's own lines.
+        assert_eq!(read, Content::Operations(operations.clone(), frame.clone()));
+        // And as rmem's own lines; what says nothing of poses says nothing of a frame.
         let lines: Vec<String> =
             operations.iter().map(|one| rmem::formats::scene::json::line(&one.to_document(Some("map")))).collect();
         let lines = lines.join("\n");
         assert_eq!(
             (recognize(&lines).read)(&Source::new("lines", lines.as_str())).unwrap(),
-            Content::Operations(operations.clone())
+            Content::Operations(operations.clone(), frame.clone())
         );
     }
 }

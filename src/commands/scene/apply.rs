@@ -81,7 +81,7 @@ pub(super) fn run(args: &ApplyArgs, context: &mut Context<'_>) -> anyhow::Result
     };
     let changes = match &content {
         Content::Scene(scene) => target.scene(scene, spelling, &mut Meshes::in_folder(Path::new(""))),
-        Content::Operations(operations) => target.operations(operations),
+        Content::Operations(operations, _) => target.operations(operations),
     };
     let changes = changes.map_err(WrongInput::new)?;
     if !args.dry_run {
@@ -95,9 +95,9 @@ pub(super) fn run(args: &ApplyArgs, context: &mut Context<'_>) -> anyhow::Result
 fn frame(content: &Content, args: &ApplyArgs) -> anyhow::Result<String> {
     let (known, has_poses) = match content {
         Content::Scene(Scene { frame, objects, .. }) => (frame.clone(), !objects.is_empty()),
-        Content::Operations(operations) => {
+        Content::Operations(operations, frame) => {
             let placed = |operation: &Operation| matches!(operation, Operation::Add(_) | Operation::Move { .. });
-            (None, operations.iter().any(placed))
+            (frame.clone(), operations.iter().any(placed))
         }
     };
     match (known, &args.frame) {

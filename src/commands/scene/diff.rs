@@ -88,7 +88,7 @@ fn file(name: &str, args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Resul
     }
     match read_file(path, args.from.as_deref(), context)? {
         (Content::Scene(scene), spelling) => Ok(Some((scene, Some(spelling)))),
-        (Content::Operations(_), _) => Err(WrongInput::new(format!("{name} has operations; expected a scene")).into()),
+        (Content::Operations(..), _) => Err(WrongInput::new(format!("{name} has operations; expected a scene")).into()),
     }
 }
 

@@ -22,7 +22,6 @@ pub struct SceneArgs {
 
 /// The commands of `scene`.
 #[derive(Debug, Subcommand)]
-#[expect(missing_docs, reason = "a variant's documentation would replace the help of its arguments")]
 pub enum SceneCommand {
     Export(export::ExportArgs),
     Diff(diff::DiffArgs),

@@ -24,7 +24,7 @@ pub(super) const FORMATS: [Format; 7] =
 
 /// Which documents.
 #[derive(Debug, Args)]
-pub struct Selection {
+pub(super) struct Selection {
     /// Where: DATABASE.COLLECTION (default: the collections of [[scene.object]], or --collection)
     #[arg(value_name = "NS")]
     pub(super) namespace: Option<Namespace>,
@@ -40,7 +40,7 @@ pub struct Selection {
 
 /// What holds for every way to select documents.
 #[derive(Debug, Args)]
-pub struct More {
+pub(super) struct More {
     /// The tree of frames (default: that of the computable `transform`, or frames in the same database)
     #[arg(long, value_name = "NS")]
     pub(super) frames: Option<Namespace>,

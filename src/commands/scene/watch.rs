@@ -27,8 +27,8 @@ they are when the line is printed. Begins with what happens from now on: export 
 stderr says that it follows. What is no valid object any more is removed, with a warning.
 
 --resume NAME keeps in the memory how far it is, in each collection: who uses the name later goes on there,
-and misses nothing; after a crash, operations may be delivered again. Forget a name with rmem watch NS
---resume NAME --forget, for the objects' collection and for that of the frames.";
+and misses nothing; after a crash, operations may be delivered again. The position in the first collection has
+the name NAME, in others NAME:NS; rmem watch --names lists them, rmem watch NS --resume NAME --forget forgets one.";
 
 /// Print operations as they happen
 #[derive(Debug, Args)]

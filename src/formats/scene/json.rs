@@ -78,7 +78,7 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
     if let Some(Ok(first)) = &first
         && first.contains_key("operation")
     {
-        return operations(source).map(Content::Operations);
+        return operations(source);
     }
     let written: Written<'_> = serde_json::from_str(text).map_err(|error| place(source, 0, text, &error))?;
     let mut scene = Scene { name: written.scene, frame: written.frame, objects: Vec::new() };
@@ -100,31 +100,36 @@ fn object(source: &Source, raw: &RawValue, frame: &mut Option<String>) -> Result
             document::KEYS.join(", ")
         )));
     }
-    match (read.get_str("frame").ok(), &*frame) {
-        (Some(own), Some(known)) if own != known => {
-            return Err(wrong(format!(
-                "`{name}` is in the frame `{own}`, and the scene in `{known}`; expected one frame"
-            )));
-        }
-        (Some(own), None) => *frame = Some(own.to_owned()),
-        _ => {}
-    }
+    stay(frame, &read).map_err(wrong)?;
     let object = document::read(&read).map_err(|words| wrong(format!("`{name}` cannot be read: {words}")))?;
     Ok(Object { name, ..object })
 }
 
+/// Notes the frame of an object or operation; all have to be in one.
+fn stay(frame: &mut Option<String>, read: &Document) -> Result<(), String> {
+    match (read.get_str("frame").ok(), &*frame) {
+        (Some(own), Some(known)) if own != known => {
+            return Err(format!("the frame `{own}` here, and `{known}` before; expected one frame"));
+        }
+        (Some(own), None) => *frame = Some(own.to_owned()),
+        _ => {}
+    }
+    Ok(())
+}
+
 /// Operations in one frame, one JSON object after another.
-fn operations(source: &Source) -> Result<Vec<Operation>, Diagnostic> {
+fn operations(source: &Source) -> Result<Content, Diagnostic> {
     let text = source.text();
-    let mut operations = Vec::new();
+    let (mut operations, mut frame) = (Vec::new(), None);
     let mut stream = serde_json::Deserializer::from_str(text).into_iter::<Document>();
     loop {
         let start = stream.byte_offset();
-        let Some(next) = stream.next() else { return Ok(operations) };
+        let Some(next) = stream.next() else { return Ok(Content::Operations(operations, frame)) };
         let read = next.map_err(|error| place(source, 0, text, &error))?;
         let start = start + text[start..].len() - text[start..].trim_start().len();
         let wrong = |message| Diagnostic::new(source, Span::new(start, stream.byte_offset()), message);
         operations.push(Operation::read(&read).map_err(wrong)?);
+        stay(&mut frame, &read).map_err(wrong)?;
     }
 }
 

@@ -371,7 +371,7 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
         reader.collision(attached.object, Some(grip)).map_err(|words| reader.wrong(raw, &words))?;
     }
     if !reader.is_whole {
-        return Ok(Content::Operations(reader.operations));
+        return Ok(Content::Operations(reader.operations, reader.frame));
     }
     let objects = reader.operations.into_iter().filter_map(|operation| match operation {
         Operation::Add(object) => Some(*object),

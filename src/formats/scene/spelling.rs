@@ -10,8 +10,8 @@ use crate::formats::{Diagnostic, Source};
 pub enum Content {
     /// A scene.
     Scene(Scene),
-    /// Operations, in order.
-    Operations(Vec<Operation>),
+    /// Operations, in order, and the frame of their poses where that is said.
+    Operations(Vec<Operation>, Option<String>),
 }
 
 /// What a format can express beside names, poses and dimensions.
