@@ -105,7 +105,7 @@ impl Target<'_> {
         for operation in operations {
             let name = operation.name();
             match (known.get(name), new.get(name), operation) {
-                (Some(located), _, _) => changes.push(self.operate(located, operation)?),
+                (Some(located), _, _) => changes.extend(self.operate(located, operation)?),
                 (None, None, Operation::Add(object)) => {
                     new.insert(name, changes.len());
                     changes.push(self.insert(object));
@@ -161,10 +161,10 @@ impl Target<'_> {
         Ok(update.change())
     }
 
-    fn operate(&self, located: &Located, operation: &Operation) -> Result<Change, String> {
+    fn operate(&self, located: &Located, operation: &Operation) -> Result<Option<Change>, String> {
         let mut update = Update::of(located);
         match operation {
-            Operation::Remove { .. } => return Ok(self.gone(located)),
+            Operation::Remove { .. } => return Ok(Some(self.gone(located))),
             Operation::Move { pose, .. } => update.move_to(self.own(located, pose)?),
             Operation::Attach { attachment, .. } => update.attach(Some(attachment)),
             Operation::Detach { .. } => update.attach(None),
@@ -176,7 +176,7 @@ impl Target<'_> {
                 update.attach(object.attachment.as_ref());
             }
         }
-        update.change().ok_or_else(|| format!("nothing to do for `{}`", operation.name()))
+        Ok(update.change())
     }
 
     /// Changes a document that is not stored yet.

@@ -5,7 +5,7 @@
 //! those of the frames as they are now, so that a change that is delivered again does no harm.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::{Document, RawDocument};
 
@@ -18,7 +18,7 @@ use crate::memory::Memory;
 use crate::memory::frames::Frames;
 use crate::memory::watch::{Trigger, Watch};
 use crate::query::{Filter, QueryError};
-use crate::store::{Change, Find, Namespace, Next, StoreError};
+use crate::store::{Change, ChangeKind, Find, Namespace, Next, StoreError};
 
 /// How long one collection is waited for before the next is looked at.
 const TURN: Duration = Duration::from_millis(5);
@@ -85,6 +85,8 @@ impl<'a> Follower<'a> {
         let mut watched: Vec<&Namespace> = own.iter().map(|source| &source.namespace).chain([frames]).collect();
         watched.sort();
         watched.dedup();
+        // The frames are the last: objects are known before what moves them.
+        watched.sort_by_key(|namespace| *namespace == frames);
         let first = own.first().map(|source| &source.namespace);
         let watches: Result<Vec<_>, StoreError> = watched
             .into_iter()
@@ -142,33 +144,39 @@ impl<'a> Follower<'a> {
         Ok(new)
     }
 
-    /// What happens next, or nothing within `patience`.
+    /// What happens next, or nothing within `patience`. What is known of objects comes before what moves
+    /// them, so that nothing is moved that was not added.
     ///
     /// # Errors
     /// Where nothing more will come.
     pub fn next(&mut self, patience: Duration) -> Result<Event, StoreError> {
-        let start = std::time::Instant::now();
+        let start = Instant::now();
         loop {
-            for _ in 0..self.watches.len() {
-                self.turn = (self.turn + 1) % self.watches.len();
-                let index = self.turn;
-                let (namespace, watch) = &mut self.watches[index];
-                let namespace = namespace.clone();
-                match watch.next(TURN.min(patience))? {
-                    Next::Change(change) => {
-                        let event = self.changed(&namespace, &change)?;
-                        if !matches!(event, Event::Nothing) {
-                            return Ok(event);
-                        }
-                    }
-                    Next::Interrupted(error) => return Ok(Event::Interrupted(error)),
-                    Next::Nothing => {}
+            for index in 0..self.watches.len() {
+                if let Some(event) = self.look(index, Duration::ZERO)? {
+                    return Ok(event);
                 }
             }
-            if start.elapsed() >= patience {
+            let left = patience.saturating_sub(start.elapsed());
+            if left.is_zero() {
                 return Ok(Event::Nothing);
             }
+            self.turn = (self.turn + 1) % self.watches.len();
+            if let Some(event) = self.look(self.turn, left.min(TURN))? {
+                return Ok(event);
+            }
         }
+    }
+
+    /// Looks at one collection for a change that is one of the scene.
+    fn look(&mut self, index: usize, patience: Duration) -> Result<Option<Event>, StoreError> {
+        let (namespace, watch) = &mut self.watches[index];
+        let namespace = namespace.clone();
+        Ok(match watch.next(patience)? {
+            Next::Change(change) => Some(self.changed(&namespace, &change)?),
+            Next::Interrupted(error) => Some(Event::Interrupted(error)),
+            Next::Nothing => None,
+        })
     }
 
     /// Says that all events given so far are dealt with.
@@ -256,11 +264,11 @@ impl<'a> Follower<'a> {
                 Ok(None)
             }
         };
+        // Where the store does not have the document as it was, the one that is known stands for it.
+        let is_imageless = change.before.is_none() && change.kind != ChangeKind::Insert;
         let before = change.before.as_deref().map(&mut read).transpose()?.flatten();
         let after = change.after.as_deref().map(&mut read).transpose()?.flatten();
-        let before = before
-            .and_then(Result::ok)
-            .or_else(|| self.documents.get(&key).filter(|_| change.before.is_none()).cloned());
+        let before = before.and_then(Result::ok).or_else(|| self.documents.get(&key).filter(|_| is_imageless).cloned());
         let after = match after {
             Some(Err(wrong)) => {
                 invalid.push(wrong);

@@ -19,7 +19,6 @@ mod query_places;
 mod reachability;
 mod repair;
 mod scenes;
-mod scenes;
 mod shell;
 mod store;
 mod transcripts;
