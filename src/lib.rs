@@ -119,6 +119,7 @@ pub mod process;
 pub mod clips;
 
 pub mod scene;
+pub mod views;
 
 pub mod formats;
 

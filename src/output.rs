@@ -35,6 +35,8 @@ pub enum Format {
     Dot,
     /// A drawing.
     Svg,
+    /// A drawing of what was planned above what was done.
+    Timeline,
     /// A scene, as MoveIt's `.scene` files have it.
     #[value(name = "moveit")]
     MoveIt,
@@ -67,6 +69,7 @@ impl Format {
             Self::Document => "document",
             Self::Dot => "dot",
             Self::Svg => "svg",
+            Self::Timeline => "timeline",
             Self::MoveIt => "moveit",
             Self::MoveItMessage => "moveit-msg",
             Self::Mjcf => "mjcf",

@@ -156,6 +156,12 @@ impl<'a> Context<'a> {
             .ok_or_else(|| UsageError::new("stdin can be read only once; expected `-` for one input at most"))
     }
 
+    /// Whether stdout is a terminal.
+    #[must_use]
+    pub fn is_terminal(&self) -> bool {
+        self.terminal
+    }
+
     /// The format in force: what was set, else a table on a terminal, else JSON lines.
     ///
     /// # Errors

@@ -20,6 +20,7 @@ mod error;
 mod exit_codes;
 mod expire;
 mod explanation;
+mod export;
 mod ff;
 mod gen_problem;
 mod import_problem;
@@ -28,14 +29,17 @@ mod insert;
 mod lock;
 mod man;
 mod plan;
+mod plot;
 mod query;
 mod repair;
 mod restore;
-mod template;
 mod scene;
+mod schema;
+mod template;
 mod unlock;
 mod update;
 mod validate;
+mod view;
 mod watch;
 
 pub mod context;
@@ -79,6 +83,10 @@ pub enum Command {
     Validate(validate::ValidateArgs),
     Clips(clips::ClipsArgs),
     Scene(scene::SceneArgs),
+    Schema(schema::SchemaArgs),
+    Plot(plot::PlotArgs),
+    Export(export::ExportArgs),
+    View(view::ViewArgs),
     Expire(expire::ExpireArgs),
     Bench(bench::BenchArgs),
     Config(config::ConfigArgs),
@@ -112,6 +120,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Dump(args) => dump::run(args, context),
         Command::ExitCodes(args) => exit_codes::run(args, context),
         Command::Expire(args) => expire::run(args, context),
+        Command::Export(args) => export::run(args, context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
         Command::ImportProblem(args) => import_problem::run(args, context),
@@ -123,10 +132,13 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Query(args) => query::run(args, context),
         Command::Repair(args) => repair::run(args, context),
         Command::Restore(args) => restore::run(args, context),
+        Command::Plot(args) => plot::run(args, context),
         Command::Scene(args) => scene::run(args, context),
+        Command::Schema(args) => schema::run(args, context),
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),
+        Command::View(args) => view::run(args, context),
         Command::Watch(args) => watch::run(args, context),
     }
 }

@@ -8,6 +8,7 @@
 pub mod clips;
 pub mod diagnostic;
 pub mod marker;
+pub mod mcap;
 pub mod mongodump;
 pub mod pddl;
 pub mod plan;

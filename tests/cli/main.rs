@@ -25,5 +25,6 @@ mod settings;
 mod stored;
 mod surroundings;
 mod terminal;
+mod views;
 mod watch;
 mod worldmodels;

@@ -29,6 +29,7 @@ mod scenes;
 mod server;
 #[cfg(feature = "mongodb")]
 mod triggers;
+mod views;
 mod watching;
 #[cfg(feature = "mongodb")]
 mod worlds;
@@ -49,6 +50,7 @@ fn main() -> ExitCode {
     trials.extend(permissions::trials());
     trials.extend(restores::trials());
     trials.extend(scenes::trials());
+    trials.extend(views::trials());
     trials.extend(planner::trials());
     trials.extend(imported::trials());
     trials.extend(clips::trials());

@@ -5,6 +5,7 @@ mod check;
 mod diff;
 mod export;
 mod selection;
+mod show;
 mod watch;
 
 use clap::{Args, Subcommand};
@@ -14,6 +15,9 @@ use crate::exit::Exit;
 
 /// Export what a motion planner has to know, compare, follow and check it, and write it back
 #[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  rmem scene export robmem.objects --frame map --format moveit -o world.scene\n  rmem scene check robmem.objects --frame map"
+)]
 pub struct SceneArgs {
     /// What to do.
     #[command(subcommand)]
@@ -28,6 +32,7 @@ pub enum SceneCommand {
     Apply(apply::ApplyArgs),
     Watch(watch::WatchArgs),
     Check(check::CheckArgs),
+    Show(show::ShowArgs),
 }
 
 pub(super) fn run(args: &SceneArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
@@ -37,5 +42,6 @@ pub(super) fn run(args: &SceneArgs, context: &mut Context<'_>) -> anyhow::Result
         SceneCommand::Apply(args) => apply::run(args, context),
         SceneCommand::Watch(args) => watch::run(args, context),
         SceneCommand::Check(args) => check::run(args, context),
+        SceneCommand::Show(args) => show::run(args, context),
     }
 }

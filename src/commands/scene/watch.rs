@@ -58,7 +58,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result
     let sources = args.selection.sources(&kinds, context)?;
     let frames = args.selection.more.frames(&sources, context);
     let memory = context.memory()?;
-    let guard = crate::InterruptGuard::new();
+    let guard = crate::interrupt::InterruptGuard::new();
     let frame = args.selection.frame.as_str();
     let follower = Follower::new(&memory, &sources, &frames, frame, args.resume.as_deref());
     let mut follower = follower.map_err(|error| blame(error, &[("<query>", &args.selection.query)]))?;

@@ -1,7 +1,7 @@
 //! Scenes in the programs that they are for: MuJoCo, Drake, MoveIt's shape reader, libsdformat, `check_urdf`, and
 //! ROS 2's messages. What *they* read has to be what the scene says.
 
-mod programs;
+pub(crate) mod programs;
 
 use std::path::Path;
 

@@ -12,11 +12,11 @@ fn here() -> PathBuf {
 }
 
 /// A Python.
-pub(super) struct Python(PathBuf);
+pub(crate) struct Python(PathBuf);
 
 impl Python {
     /// That of `RMEM_TEST_PYTHON`, the one that `.ci/run` made, or the one on PATH.
-    pub(super) fn find() -> Option<Self> {
+    pub(crate) fn find() -> Option<Self> {
         if let Some(named) = std::env::var_os("RMEM_TEST_PYTHON") {
             return Some(Self(named.into()));
         }
@@ -25,34 +25,39 @@ impl Python {
         (found.is_absolute() || installed("python3")).then_some(Self(found))
     }
 
+    /// The program.
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
+    }
+
     /// Whether a module can be imported.
-    pub(super) fn has(&self, module: &str) -> bool {
+    pub(crate) fn has(&self, module: &str) -> bool {
         let code = format!("import importlib.util, sys; sys.exit(importlib.util.find_spec('{module}') is None)");
         let status = Command::new(&self.0).args(["-c", &code]).stdout(Stdio::null()).stderr(Stdio::null()).status();
         status.is_ok_and(|status| status.success())
     }
 
     /// What a script prints.
-    pub(super) fn run(&self, script: &str, arguments: &[&str]) -> Result<String, Failed> {
+    pub(crate) fn run(&self, script: &str, arguments: &[&str]) -> Result<String, Failed> {
         let script = here().join(script).display().to_string();
         run(&self.0, &[&[script.as_str()], arguments].concat())
     }
 }
 
 /// Whether a program is on PATH.
-pub(super) fn installed(program: &str) -> bool {
+pub(crate) fn installed(program: &str) -> bool {
     std::env::var_os("PATH")
         .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
 }
 
 /// Whether pkg-config knows a library.
-pub(super) fn has_package(name: &str) -> bool {
+pub(crate) fn has_package(name: &str) -> bool {
     let status = Command::new("pkg-config").args(["--exists", name]).stderr(Stdio::null()).status();
     status.is_ok_and(|status| status.success())
 }
 
 /// A program of one source, linked with a library.
-pub(super) fn compile(folder: &Path, source: &str, package: &str) -> Result<PathBuf, Failed> {
+pub(crate) fn compile(folder: &Path, source: &str, package: &str) -> Result<PathBuf, Failed> {
     let flags = run(Path::new("pkg-config"), &["--cflags", "--libs", package])?;
     let program = folder.join("program");
     let source = here().join(source).display().to_string();
@@ -63,7 +68,7 @@ pub(super) fn compile(folder: &Path, source: &str, package: &str) -> Result<Path
 }
 
 /// What a program prints; that it fails is a failure.
-pub(super) fn run(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Result<String, Failed> {
+pub(crate) fn run(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Result<String, Failed> {
     let output = Command::new(program).args(arguments).stdin(Stdio::null()).output()?;
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr);
