@@ -4,7 +4,8 @@
 //! [`memory`], which routes operations to [`store`]s that answer MongoDB's languages ([`query`]). Templates whose sections
 //! are queries become PDDL problems ([`problem`]), checked against a domain ([`pddl`]). A [`planner`], a program run as a
 //! [`process`], turns a problem into a [`plan`], which is simulated, stored as a document and printed; [`planning`] is
-//! that workflow. [`clips`] turns documents into CLIPS facts and back. [`formats`] read and write all external texts. What
+//! that workflow. [`clips`] turns documents into CLIPS facts and back, [`scene`] into what a motion planner has to know and
+//! back. [`formats`] read and write all external texts. What
 //! rmem is given comes through [`input`], what the user sees goes through [`output`], and a command ends with a
 //! code of [`exit`].
 //!
@@ -119,6 +120,9 @@ pub mod plan;
 pub mod process;
 
 pub mod clips;
+
+pub mod scene;
+pub mod views;
 
 mod calendar;
 

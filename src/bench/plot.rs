@@ -1,90 +1,42 @@
-//! Figures as a picture: a panel for each kind of work, durations over the number of documents.
+//! Figures as a picture: a panel for each kind of work, durations over the number of documents, both logarithmic.
+//!
+//! The upper panels are those of the thesis' figure 6.2, without an index, the lower ones those of its figure 6.3.
 
-use std::fmt::Write as _;
+use super::{Figure, Work};
+use crate::views::{Axis, Chart, Kind, Picture, Point, Series, grid};
 
-use super::figure::Figure;
-use super::work::Work;
-
-const WIDTH: f64 = 300.0;
-const HEIGHT: f64 = 200.0;
-/// The margin of a panel, for its labels.
-const MARGIN: f64 = 50.0;
+/// Panels in a row.
 const COLUMNS: usize = 3;
-const COLOURS: [&str; 3] = ["#1b6ca8", "#c1440e", "#5b8c3e"];
+/// The size of a panel in pixels.
+const PANEL: (f64, f64) = (420.0, 320.0);
 
-/// The figures as SVG, both axes logarithmic.
+/// The figures as a picture.
 #[must_use]
-pub fn plot(figures: &[Figure]) -> String {
-    let rows = Work::ALL.len().div_ceil(COLUMNS);
-    let (width, height) = (place(COLUMNS, WIDTH), place(rows, HEIGHT) + MARGIN);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
-         font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-    );
-    for (nth, work) in Work::ALL.into_iter().enumerate() {
-        let own: Vec<&Figure> = figures.iter().filter(|figure| figure.work == work).collect();
-        panel(&mut svg, work, &own, place(nth % COLUMNS, WIDTH) + MARGIN, place(nth / COLUMNS, HEIGHT) + MARGIN);
-    }
-    let names = figures.first().map(|figure| figure.medians.as_slice()).unwrap_or_default();
-    for (nth, (name, _)) in names.iter().enumerate() {
-        let colour = COLOURS[nth % COLOURS.len()];
-        text(&mut svg, MARGIN + place(nth, 60.0), height - 10.0, colour, name);
-    }
-    svg.push_str("</svg>\n");
-    svg
+pub fn plot(figures: &[Figure]) -> Picture {
+    grid("Duration of operations of the memory", &Work::ALL.map(|work| panel(work, figures)), COLUMNS, PANEL)
 }
 
-/// Where the `nth` thing of a row begins.
-fn place(nth: usize, size: f64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a handful")]
-    let nth = nth as f64;
-    nth * (size + MARGIN)
-}
-
-fn panel(svg: &mut String, work: Work, figures: &[&Figure], left: f64, top: f64) {
-    let durations = figures.iter().flat_map(|figure| figure.medians.iter().map(|(_, median)| median.as_secs_f64()));
-    #[expect(clippy::cast_precision_loss, reason = "a count for a picture")]
-    let documents = |figure: &Figure| figure.documents as f64;
-    let (slowest, fastest) = durations.fold((1e-6, 1.0), |(most, least): (f64, f64), x| (most.max(x), least.min(x)));
-    let (most, fewest) = figures.iter().fold((1.0, 1e9), |(most, least): (f64, f64), figure| {
-        (most.max(documents(figure)), least.min(documents(figure)))
-    });
-    let (width, height) = (WIDTH - MARGIN, HEIGHT - MARGIN);
-    let x = |count: f64| left + width * share(count, fewest, most);
-    let y = |seconds: f64| top + height * (1.0 - share(seconds, fastest, slowest));
-    text(svg, left, top - 8.0, "black", work.name());
-    // Writing to a String cannot fail.
-    let _ = writeln!(
-        svg,
-        "<rect x=\"{left:.0}\" y=\"{top:.0}\" width=\"{width:.0}\" height=\"{height:.0}\" fill=\"none\" stroke=\"#bbb\"/>"
-    );
-    for seconds in [fastest, slowest] {
-        text(svg, left - 45.0, y(seconds) + 4.0, "#555", &format!("{:.0} µs", seconds * 1e6));
-    }
-    for count in [fewest, most] {
-        text(svg, x(count) - 12.0, top + height + 14.0, "#555", &format!("{count:.0}"));
-    }
-    let subjects = figures.first().map_or(0, |figure| figure.medians.len());
-    for nth in 0..subjects {
-        let points = figures.iter().filter_map(|figure| {
+fn panel(work: Work, figures: &[Figure]) -> Chart {
+    let own: Vec<&Figure> = figures.iter().filter(|figure| figure.work == work).collect();
+    let names = own.first().map(|figure| figure.medians.as_slice()).unwrap_or_default();
+    let series = names.iter().enumerate().map(|(nth, (name, _))| {
+        let points = own.iter().filter_map(|figure| {
             let (_, median) = figure.medians.get(nth)?;
-            Some(format!("{:.1},{:.1}", x(documents(figure)), y(median.as_secs_f64())))
+            #[expect(clippy::cast_precision_loss, reason = "a count for a picture")]
+            let documents = figure.documents as f64;
+            Some(Point { x: documents, y: (median.as_secs_f64() * 1e6).max(1e-3), ..Point::default() })
         });
-        let points: Vec<String> = points.collect();
-        let colour = COLOURS[nth % COLOURS.len()];
-        let line = points.join(" ");
-        let _ = writeln!(svg, "<polyline points=\"{line}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>");
+        Series { name: (*name).to_owned(), points: points.collect(), ..Series::default() }
+    });
+    let axis = |label: &str| Axis { label: label.to_owned(), log: true, dates: false };
+    Chart {
+        title: work.name().to_owned(),
+        x: axis("documents"),
+        y: axis("time (µs)"),
+        kind: Kind::Line,
+        series: series.collect(),
+        size: PANEL,
     }
-}
-
-/// Where a value lies between two others, on a logarithmic axis.
-fn share(value: f64, least: f64, most: f64) -> f64 {
-    let span = most.ln() - least.ln();
-    if span > 0.0 { (value.ln() - least.ln()) / span } else { 0.5 }
-}
-
-fn text(svg: &mut String, x: f64, y: f64, colour: &str, words: &str) {
-    let _ = writeln!(svg, "<text x=\"{x:.0}\" y=\"{y:.0}\" fill=\"{colour}\">{words}</text>");
 }
 
 #[cfg(test)]
@@ -93,7 +45,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn a_line_for_each_subject_in_each_panel() {
+    fn each_kind_of_work_has_a_panel_and_each_subject_a_place_in_the_legend() {
         let medians =
             |factor| vec![("embedded", Duration::from_micros(factor)), ("mongod", Duration::from_micros(900))];
         let figures: Vec<Figure> = [1_000, 10_000]
@@ -102,8 +54,9 @@ mod tests {
                 Work::ALL.map(|work| Figure { documents, work, medians: medians(documents as u64 / 100) })
             })
             .collect();
-        let svg = plot(&figures);
-        assert_eq!(svg.matches("<polyline").count(), 2 * Work::ALL.len());
+        let svg = plot(&figures).svg();
+        assert!(Work::ALL.iter().all(|work| svg.contains(work.name())), "{svg}");
+        assert_eq!(svg.matches(">embedded<").count(), 1, "one legend for all");
         assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
     }
 }

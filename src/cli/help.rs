@@ -17,6 +17,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "delete",
             "index",
             "collections",
+            "schema",
             "drop",
             "watch",
             "computables",
@@ -24,10 +25,26 @@ const GROUPS: [(&str, &[&str]); 6] = [
         ],
     ),
     ("Problems and plans", &["gen-problem", "import-problem", "plan", "validate", "ff"]),
-    ("World models", &["dump", "restore", "diff"]),
+    ("World models", &["dump", "restore", "diff", "scene"]),
     ("CLIPS", &["clips"]),
     ("Robots", &["serve", "lock", "unlock", "backend"]),
-    ("Tools", &["backup", "repair", "bench", "config", "doctor", "completions", "man", "exit-codes", "help"]),
+    (
+        "Tools",
+        &[
+            "view",
+            "plot",
+            "export",
+            "backup",
+            "repair",
+            "bench",
+            "config",
+            "doctor",
+            "completions",
+            "man",
+            "exit-codes",
+            "help",
+        ],
+    ),
 ];
 
 /// Returns the command line with its commands in groups.

@@ -72,7 +72,7 @@ pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> anyhow::Result
     }
     if let Some(folder) = &args.plot {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        context.output.write_file(&folder.join("memory.svg"), plot(&figures).as_bytes())?;
+        context.output.write_file(&folder.join("memory.svg"), plot(&figures).svg().as_bytes())?;
     }
     Ok(Exit::Done)
 }

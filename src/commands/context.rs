@@ -185,6 +185,12 @@ impl<'a> Context<'a> {
             .take()
             .ok_or_else(|| UsageError::new("stdin can be read only once; expected `-` for one input at most"))
     }
+
+    /// Returns whether stdout is a terminal.
+    #[must_use]
+    pub fn is_terminal(&self) -> bool {
+        self.terminal
+    }
 }
 
 /// What is needed to open a memory.

@@ -18,6 +18,24 @@ pub(crate) const TEXT: [Format; 2] = [Format::Text, Format::Json];
 pub(crate) const PLAN: [Format; 7] =
     [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
 
+/// The formats of stored plans, of which it is known what was done.
+pub(crate) const STORED_PLAN: [Format; 8] = [
+    Format::Text,
+    Format::Json,
+    Format::Document,
+    Format::Clips,
+    Format::Ff,
+    Format::Dot,
+    Format::Svg,
+    Format::Timeline,
+];
+/// The formats of scenes.
+pub(crate) const SCENE: [Format; 7] =
+    [Format::Json, Format::MoveIt, Format::MoveItMessage, Format::Mjcf, Format::Sdf, Format::Urdf, Format::OpenRave];
+
+/// The formats of operations on a scene.
+pub(crate) const SCENE_OPERATIONS: [Format; 2] = [Format::Jsonl, Format::MoveItMessage];
+
 /// The id of the argument on the command line.
 pub(crate) const ID: &str = "format";
 

@@ -16,6 +16,7 @@ use crate::store::{Find, Namespace};
     after_help = "Example:\n  rmem map-reduce robmem.worldmodel --map 'function() { emit(this.relation, 1) }' \\\n    \
                   --reduce 'function(key, values) { return Array.sum(values) }'"
 )]
+#[command(arg = crate::commands::formats::argument(&crate::commands::formats::DOCUMENTS))]
 pub struct MapReduceArgs {
     /// Collection as DATABASE.COLLECTION
     #[arg(value_name = "NS")]

@@ -20,6 +20,7 @@ mod error;
 mod exit_codes;
 mod expire;
 mod explanation;
+mod export;
 mod ff;
 pub(crate) mod formats;
 mod gen_problem;
@@ -31,10 +32,13 @@ mod man;
 mod map_reduce;
 mod missing;
 mod plan;
+mod plot;
 mod print;
 mod query;
 mod repair;
 mod restore;
+mod scene;
+mod schema;
 #[cfg(feature = "serve")]
 mod serve;
 mod table;
@@ -42,6 +46,7 @@ mod template;
 mod unlock;
 mod update;
 mod validate;
+mod view;
 mod watch;
 
 pub mod context;
@@ -87,6 +92,11 @@ pub enum Command {
     Ff(ff::FfArgs),
     Validate(validate::ValidateArgs),
     Clips(clips::ClipsArgs),
+    Scene(scene::SceneArgs),
+    Schema(schema::SchemaArgs),
+    Plot(plot::PlotArgs),
+    Export(export::ExportArgs),
+    View(view::ViewArgs),
     Expire(expire::ExpireArgs),
     Bench(bench::BenchArgs),
     Config(config::ConfigArgs),
@@ -121,6 +131,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Dump(args) => dump::run(args, context),
         Command::ExitCodes(args) => exit_codes::run(args, context),
         Command::Expire(args) => expire::run(args, context),
+        Command::Export(args) => export::run(args, context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
         Command::ImportProblem(args) => import_problem::run(args, context),
@@ -132,11 +143,15 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit>
         Command::Query(args) => query::run(args, context),
         Command::Repair(args) => repair::run(args, context),
         Command::Restore(args) => restore::run(args, context),
+        Command::Plot(args) => plot::run(args, context),
+        Command::Scene(args) => scene::run(args, context),
+        Command::Schema(args) => schema::run(args, context),
         #[cfg(feature = "serve")]
         Command::Serve(args) => serve::run(args, context),
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),
+        Command::View(args) => view::run(args, context),
         Command::Watch(args) => watch::run(args, context),
     }
 }

@@ -19,6 +19,7 @@ use crate::problem::names;
 #[command(
     after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nOf several plans, the worst decides the exit code: 1 where one is invalid."
 )]
+#[command(arg = crate::commands::formats::argument(&crate::commands::formats::TEXT))]
 pub struct ValidateArgs {
     /// The domain
     #[arg(value_name = "DOMAIN")]

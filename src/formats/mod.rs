@@ -8,11 +8,13 @@
 pub mod clips;
 pub mod diagnostic;
 pub mod marker;
+pub mod mcap;
 pub mod mongodump;
 mod nearest;
 pub mod pddl;
 pub mod plan;
 pub mod quantity;
+pub mod scene;
 pub mod shell;
 pub mod visible;
 

@@ -9,7 +9,7 @@ impl Memory {
     ///
     /// # Errors
     /// What `work` fails with; what a store fails with at the end goes through `failed`.
-    pub(super) fn atomically<T, E>(
+    pub fn atomically<T, E>(
         &self,
         namespaces: &[&Namespace],
         failed: impl Fn(StoreError) -> E,

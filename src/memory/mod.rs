@@ -11,6 +11,7 @@ mod clock;
 pub mod computables;
 pub mod dump;
 pub mod expiry;
+pub mod frames;
 mod index;
 mod journal;
 pub mod lock;

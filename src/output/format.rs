@@ -33,6 +33,23 @@ pub enum Format {
     Dot,
     /// A drawing.
     Svg,
+    /// A drawing of what was planned above what was done.
+    Timeline,
+    /// A scene in MoveIt's `.scene` format.
+    #[value(name = "moveit")]
+    MoveIt,
+    /// A scene as MoveIt's message `PlanningScene`.
+    #[value(name = "moveit-msg")]
+    MoveItMessage,
+    /// A scene for MuJoCo.
+    Mjcf,
+    /// A scene for Gazebo and Drake.
+    Sdf,
+    /// A scene as a robot description of ROS.
+    Urdf,
+    /// A scene for OpenRAVE.
+    #[value(name = "openrave")]
+    OpenRave,
 }
 
 impl Format {
@@ -52,6 +69,13 @@ impl Format {
             Self::Document => "document",
             Self::Dot => "dot",
             Self::Svg => "svg",
+            Self::Timeline => "timeline",
+            Self::MoveIt => "moveit",
+            Self::MoveItMessage => "moveit-msg",
+            Self::Mjcf => "mjcf",
+            Self::Sdf => "sdf",
+            Self::Urdf => "urdf",
+            Self::OpenRave => "openrave",
         }
     }
 }

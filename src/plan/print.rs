@@ -6,7 +6,7 @@ use bson::{Bson, Document};
 
 use super::report::rounded;
 use super::{Status, svg};
-use crate::pddl::{Plan, Step};
+use crate::pddl::{Plan, Step, Structure};
 use crate::problem::names;
 
 /// How a plan is printed.
@@ -48,6 +48,10 @@ pub struct PrintedPlan<'a> {
     pub id: &'a str,
     /// The memory's value for a name of the problem, for those formats that the memory's programs read.
     pub value: &'a dyn Fn(&str) -> Bson,
+    /// Which step needs which, where the domain is known.
+    pub structure: Option<&'a Structure>,
+    /// The parameter whose values are the lanes of a drawing (default: the one that the most steps have).
+    pub lanes: Option<&'a str>,
 }
 
 impl PrintedPlan<'_> {
@@ -140,10 +144,42 @@ impl PrintedPlan<'_> {
             };
             let _ = writeln!(text, "  s{number} [label=\"{number}: {}\"{style}];", label(&self.readable(step)));
         }
-        text.push_str("  goal [shape=doublecircle, label=\"\"];\n  init");
-        text.extend((1..=self.plan.steps.len()).map(|number| format!(" -> s{number}")));
-        text.push_str(" -> goal;\n}\n");
+        text.push_str("  goal [shape=doublecircle, label=\"\"];\n");
+        match self.structure {
+            Some(structure) => partial_order(structure, self.plan.steps.len(), &mut text),
+            None => {
+                text.push_str("  init");
+                text.extend((1..=self.plan.steps.len()).map(|number| format!(" -> s{number}")));
+                text.push_str(" -> goal;\n");
+            }
+        }
+        text.push_str("}\n");
         text
+    }
+}
+
+/// Edges from each step to those that have to be after it, with the facts that it makes true for them.
+fn partial_order(structure: &Structure, count: usize, text: &mut String) {
+    for &(from, to) in &structure.order {
+        let links = structure.links.iter().filter(|link| (link.from, link.to) == (from, to));
+        let facts: Vec<&str> = links.map(|link| link.fact.as_str()).collect();
+        let style = if facts.is_empty() {
+            "style=dashed".to_owned()
+        } else {
+            format!("label=\"{}\"", facts.iter().map(|fact| label(fact)).collect::<Vec<_>>().join("\\n"))
+        };
+        let _ = writeln!(text, "  s{} -> s{} [{style}];", from + 1, to + 1);
+    }
+    for step in 0..count {
+        if structure.order.iter().all(|(_, to)| *to != step) {
+            let _ = writeln!(text, "  init -> s{};", step + 1);
+        }
+        if structure.order.iter().all(|(from, _)| *from != step) {
+            let _ = writeln!(text, "  s{} -> goal;", step + 1);
+        }
+    }
+    if count == 0 {
+        text.push_str("  init -> goal;\n");
     }
 }
 

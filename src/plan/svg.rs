@@ -1,112 +1,411 @@
-//! Plans as drawings: a box a step, from top to bottom, or bars over a line of time.
+//! Plans as drawings: who does what when.
+//!
+//! A lane for each robot (or whatever one parameter of the actions names), boxes from left to right: by their
+//! times, or as early as what they need is there. Arrows are causal links between lanes, from the step that
+//! makes a condition true to the one that needs it.
 
 use std::fmt::Write as _;
+
+use bson::{Bson, Document};
 
 use super::print::time;
 use super::{PrintedPlan, Status};
 
-/// Of a line of text, in pixels.
-const LINE: f64 = 24.0;
-/// From the top of a line of text to the foot of its letters.
-const BASE: f64 = 17.0;
+/// The height of a lane, in pixels.
+const LANE: f64 = 64.0;
+/// The height of a box.
+const BOX: f64 = 44.0;
+/// Between columns, where arrows are.
+const GAP: f64 = 26.0;
 /// Between what is drawn and the edge.
-const MARGIN: f64 = 12.0;
-/// Of a character, at most; texts are monospaced.
-const CHARACTER: f64 = 8.0;
+const MARGIN: f64 = 16.0;
+/// Room above the lanes, for the title.
+const HEAD: f64 = 44.0;
+/// Of a character of the largest text, about.
+const CHARACTER: f64 = 7.6;
 /// The room for the time of temporal plans.
-const SPAN: f64 = 640.0;
+const SPAN: f64 = 900.0;
+/// As wide a plan without times may be before it goes on below.
+const WIDEST: f64 = 1300.0;
+/// Between the lanes and where they go on below.
+const BREAK: f64 = 28.0;
 /// The least that is seen of a bar.
-const THIN: f64 = 2.0;
+const THIN: f64 = 3.0;
+
+/// Where a step is drawn.
+struct Placed {
+    /// Long plans go on below.
+    row: usize,
+    lane: usize,
+    left: f64,
+    width: f64,
+}
+
+/// What is drawn, and where.
+struct Drawing<'a> {
+    page: &'a PrintedPlan<'a>,
+    lanes: Vec<String>,
+    placed: Vec<Placed>,
+    left: f64,
+    width: f64,
+    /// How often the lanes are drawn, one below the other.
+    rows: usize,
+    /// The end of the last step, of a plan with times.
+    end: Option<f64>,
+}
 
 pub(super) fn draw(page: &PrintedPlan<'_>) -> String {
-    let body = if page.plan.is_temporal() { bars(page) } else { boxes(page) };
-    let (width, height) = (body.width + 2.0 * MARGIN, body.height + 2.0 * MARGIN);
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" font-family=\"monospace\" font-size=\"13\">\n\
-         <title>{}</title>\n{}</svg>\n",
-        escaped(page.id),
-        body.text
-    )
+    let drawing = Drawing::of(page);
+    let height = drawing.bottom(drawing.rows - 1) + 78.0;
+    let width = (drawing.left + drawing.width + MARGIN).max(420.0);
+    let mut text = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
+         viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"DejaVu Sans, Arial, sans-serif\" font-size=\"12\">\n\
+         <title>{}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
+         <defs><marker id=\"arrow\" viewBox=\"0 0 8 8\" refX=\"7\" refY=\"4\" markerWidth=\"7\" markerHeight=\"7\" orient=\"auto\">\
+         <path d=\"M0 0L8 4L0 8z\" fill=\"#555\"/></marker></defs>\n",
+        escaped(page.id)
+    );
+    drawing.title(&mut text);
+    drawing.lanes(&mut text);
+    drawing.axis(&mut text);
+    drawing.links(&mut text);
+    drawing.boxes(&mut text);
+    drawing.legend(&mut text, height);
+    text.push_str("</svg>\n");
+    text
 }
 
-/// What is drawn, and how large it is.
-struct Drawing {
-    text: String,
-    width: f64,
-    height: f64,
-}
-
-/// A box a step, an arrow from each to the next.
-fn boxes(page: &PrintedPlan<'_>) -> Drawing {
-    let labels = labels(page);
-    let width = widest(&labels) + 2.0 * MARGIN;
-    let (middle, step) = (MARGIN + width / 2.0, LINE * 1.75);
-    let mut text = String::new();
-    for (index, label) in labels.iter().enumerate() {
-        let top = MARGIN + step * index as f64;
-        if index > 0 {
-            let (from, to) = (top - (step - LINE), top);
-            let _ = writeln!(text, "<path d=\"M{middle} {from}V{to}m-4 -5l4 5l4 -5\" fill=\"none\" stroke=\"#444\"/>");
+impl<'a> Drawing<'a> {
+    fn of(page: &'a PrintedPlan<'a>) -> Self {
+        let parameter = page.lanes.map(str::to_owned).or_else(|| shared_parameter(page));
+        let names: Vec<String> =
+            (0..page.plan.steps.len()).map(|index| lane_name(page, index, parameter.as_deref())).collect();
+        let mut lanes: Vec<String> = Vec::new();
+        for name in &names {
+            if !lanes.contains(name) {
+                lanes.push(name.clone());
+            }
         }
-        rectangle(&mut text, [MARGIN, top, width, LINE], page.status(index), label);
+        lanes.sort();
+        if lanes.is_empty() {
+            lanes.push(String::new());
+        }
+        let lane = |name: &String| lanes.iter().position(|lane| lane == name).unwrap_or_default();
+        let rows: Vec<usize> = names.iter().map(lane).collect();
+        let widest = lanes.iter().map(|lane| lane.chars().count()).max().unwrap_or_default();
+        let left = MARGIN + widest as f64 * CHARACTER + 12.0;
+        let end = page.plan.is_temporal().then(|| {
+            let ends =
+                page.plan.steps.iter().map(|step| step.start.unwrap_or_default() + step.duration.unwrap_or_default());
+            ends.fold(0.0, f64::max)
+        });
+        let (placed, width) = match end {
+            Some(end) => by_time(page, &rows, left, end),
+            None => by_need(page, &rows, left),
+        };
+        let rows = placed.iter().map(|placed| placed.row + 1).max().unwrap_or(1);
+        Self { page, lanes, placed, left, width, rows, end }
+    }
+
+    /// The upper edge of a lane.
+    fn top(&self, row: usize, lane: usize) -> f64 {
+        HEAD + (LANE * self.lanes.len() as f64 + BREAK) * row as f64 + LANE * lane as f64
+    }
+
+    /// The lower edge of the last lane.
+    fn bottom(&self, row: usize) -> f64 {
+        self.top(row, self.lanes.len())
+    }
+
+    fn title(&self, text: &mut String) {
+        let count = self.page.plan.steps.len();
+        let mut words = format!("plan {} — {count} step{}", self.page.id, if count == 1 { "" } else { "s" });
+        if let Some(cost) = self.page.plan.cost {
+            let _ = write!(words, ", cost {cost}");
+        }
+        if let Some(end) = self.end {
+            let _ = write!(words, ", makespan {} s", time(end));
+        }
         let _ = writeln!(
             text,
-            "<text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-            top + BASE,
-            escaped(label)
+            "<text x=\"{MARGIN}\" y=\"24\" font-size=\"15\" font-weight=\"bold\">{}</text>",
+            escaped(&words)
         );
     }
-    let count = labels.len() as f64;
-    Drawing { text, width, height: (step * count - (step - LINE)).max(LINE) }
-}
 
-/// A bar a step, as long as it takes, its name in front.
-fn bars(page: &PrintedPlan<'_>) -> Drawing {
-    let labels = labels(page);
-    let names = widest(&labels) + MARGIN;
-    let end = |step: &crate::pddl::Step| step.start.unwrap_or_default() + step.duration.unwrap_or_default();
-    let last = page.plan.steps.iter().map(end).fold(0.0, f64::max);
-    let scale = if last > 0.0 && last.is_finite() { SPAN / last } else { 0.0 };
-    let left = MARGIN + names;
-    let mut text = String::new();
-    for (index, (step, label)) in page.plan.steps.iter().zip(&labels).enumerate() {
-        let top = MARGIN + LINE * index as f64;
-        let _ = writeln!(text, "<text x=\"{MARGIN}\" y=\"{}\">{}</text>", top + BASE, escaped(label));
-        let start = left + step.start.unwrap_or_default() * scale;
-        let length = (step.duration.unwrap_or_default() * scale).max(THIN);
-        rectangle(&mut text, [start, top + 3.0, length, LINE - 6.0], page.status(index), label);
+    fn lanes(&self, text: &mut String) {
+        let all =
+            (0..self.rows).flat_map(|row| self.lanes.iter().enumerate().map(move |(lane, name)| (row, lane, name)));
+        for (row, lane, name) in all {
+            let top = self.top(row, lane);
+            let fill = if lane % 2 == 0 { "#f5f6f8" } else { "#ffffff" };
+            let width = self.left + self.width - MARGIN;
+            let _ = writeln!(
+                text,
+                "<rect x=\"{MARGIN}\" y=\"{top}\" width=\"{width:.1}\" height=\"{LANE}\" fill=\"{fill}\"/>"
+            );
+            let _ = writeln!(
+                text,
+                "<text x=\"{}\" y=\"{}\" font-weight=\"bold\">{}</text>",
+                MARGIN + 4.0,
+                top + LANE / 2.0 + 4.0,
+                escaped(name)
+            );
+        }
     }
-    let bottom = MARGIN + LINE * labels.len() as f64;
-    let right = left + SPAN;
-    let _ = writeln!(text, "<path d=\"M{left} {bottom}H{right}\" stroke=\"#444\"/>");
-    let below = bottom + BASE;
-    let _ = writeln!(text, "<text x=\"{left}\" y=\"{below}\">0</text>");
-    let _ = writeln!(text, "<text x=\"{right}\" y=\"{below}\" text-anchor=\"end\">{}</text>", time(last));
-    Drawing { text, width: names + SPAN, height: LINE * (labels.len() as f64 + 1.0) }
+
+    /// Ticks at round times.
+    fn axis(&self, text: &mut String) {
+        let bottom = self.bottom(0);
+        let (left, right) = (self.left, self.left + self.width);
+        let Some(end) = self.end.filter(|end| *end > 0.0 && end.is_finite()) else { return };
+        let _ = writeln!(text, "<path d=\"M{left:.1} {bottom}H{right:.1}\" stroke=\"#555\"/>");
+        let step = round_step(end / 8.0);
+        let mut nth = 0.0;
+        while nth * step <= end * (1.0 + 1e-9) {
+            let (at, x) = (nth * step, left + nth * step / end * self.width);
+            let _ = writeln!(
+                text,
+                "<path d=\"M{x:.1} {HEAD}V{}\" stroke=\"#ccc\" stroke-dasharray=\"2 3\"/>",
+                bottom + 5.0
+            );
+            let _ = writeln!(
+                text,
+                "<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\" fill=\"#333\">{}</text>",
+                bottom + 19.0,
+                short(at)
+            );
+            nth += 1.0;
+        }
+        let middle = f64::midpoint(left, right);
+        let _ = writeln!(
+            text,
+            "<text x=\"{middle:.1}\" y=\"{}\" text-anchor=\"middle\" fill=\"#333\">time (s)</text>",
+            bottom + 36.0
+        );
+    }
+
+    /// Arrows between lanes; one for each pair of steps, which names all facts.
+    fn links(&self, text: &mut String) {
+        let Some(structure) = self.page.structure else { return };
+        let mut pairs: Vec<(usize, usize, Vec<&str>)> = Vec::new();
+        for link in &structure.links {
+            let (Some(from), Some(to)) = (self.placed.get(link.from), self.placed.get(link.to)) else { continue };
+            if from.lane == to.lane {
+                continue;
+            }
+            match pairs.iter_mut().find(|(a, b, _)| (*a, *b) == (link.from, link.to)) {
+                Some((_, _, facts)) => facts.push(&link.fact),
+                None => pairs.push((link.from, link.to, vec![&link.fact])),
+            }
+        }
+        let mut marked: Vec<usize> = Vec::new();
+        for (from, to, facts) in pairs {
+            let beside = marked.iter().filter(|other| **other == to).count() as f64 * 30.0;
+            let (step, target) = (from + 1, to);
+            let (from, to) = (&self.placed[from], &self.placed[to]);
+            if from.row != to.row {
+                marked.push(target);
+                let (x, y) = (to.left + 2.0 + beside, self.top(to.row, to.lane) + 8.0);
+                let facts = escaped(&facts.join(" "));
+                let _ = writeln!(
+                    text,
+                    "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"9\" fill=\"#555\">← {step}<title>{facts}</title></text>"
+                );
+                continue;
+            }
+            let (x1, y1) = (from.left + from.width, self.top(from.row, from.lane) + LANE / 2.0);
+            let (x2, y2) = (to.left - 1.0, self.top(to.row, to.lane) + LANE / 2.0);
+            let bend = ((x2 - x1) / 2.0).clamp(12.0, 60.0);
+            let _ = writeln!(
+                text,
+                "<path d=\"M{x1:.1} {y1:.1}C{:.1} {y1:.1} {:.1} {y2:.1} {x2:.1} {y2:.1}\" fill=\"none\" stroke=\"#555\" \
+                 stroke-opacity=\"0.75\" marker-end=\"url(#arrow)\"><title>{}</title></path>",
+                x1 + bend,
+                x2 - bend,
+                escaped(&facts.join(" "))
+            );
+        }
+    }
+
+    fn boxes(&self, text: &mut String) {
+        for (index, (step, placed)) in self.page.plan.steps.iter().zip(&self.placed).enumerate() {
+            let (status, top) = (self.page.status(index), self.top(placed.row, placed.lane) + (LANE - BOX) / 2.0);
+            let (fill, stroke) = colors(status);
+            let (left, width) = (placed.left, placed.width);
+            let whole = escaped(&self.page.readable(step));
+            let _ = writeln!(
+                text,
+                "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{BOX}\" rx=\"5\" fill=\"{fill}\" \
+                 stroke=\"{stroke}\"><title>{}: {whole} ({status})</title></rect>",
+                index + 1
+            );
+            let fits = |words: &str| clipped(words, width - 10.0);
+            let lines = [format!("{} {}", index + 1, step.action), self.arguments(index)];
+            for (line, words) in lines.iter().enumerate() {
+                let y = top + 18.0 + 16.0 * line as f64;
+                let weight = if line == 0 { " font-weight=\"bold\"" } else { " font-size=\"11\"" };
+                let words = escaped(&fits(words));
+                if !words.is_empty() {
+                    let _ = writeln!(text, "<text x=\"{:.1}\" y=\"{y:.1}\"{weight}>{words}</text>", left + 6.0);
+                }
+            }
+        }
+    }
+
+    /// The arguments of a step but for the one that names its lane.
+    fn arguments(&self, index: usize) -> String {
+        arguments(self.page, index, &self.lanes[self.placed[index].lane])
+    }
+
+    fn legend(&self, text: &mut String, height: f64) {
+        let mut left = MARGIN;
+        let y = height - 18.0;
+        for status in [Status::Open, Status::Running, Status::Done, Status::Failed] {
+            let (fill, stroke) = colors(status);
+            let word = status.to_string();
+            let _ = writeln!(
+                text,
+                "<rect x=\"{left:.1}\" y=\"{:.1}\" width=\"14\" height=\"12\" rx=\"3\" fill=\"{fill}\" stroke=\"{stroke}\"/>\n\
+                 <text x=\"{:.1}\" y=\"{y:.1}\">{word}</text>",
+                y - 10.0,
+                left + 20.0
+            );
+            left += 36.0 + word.chars().count() as f64 * CHARACTER;
+        }
+        if self.page.structure.is_some() {
+            let _ = writeln!(
+                text,
+                "<path d=\"M{left:.1} {0:.1}h26\" stroke=\"#555\" marker-end=\"url(#arrow)\"/>\n\
+                 <text x=\"{1:.1}\" y=\"{y:.1}\">makes true what is needed</text>",
+                y - 4.0,
+                left + 34.0
+            );
+        }
+    }
 }
 
-fn labels(page: &PrintedPlan<'_>) -> Vec<String> {
-    page.plan.steps.iter().enumerate().map(|(index, step)| format!("{}: {}", index + 1, page.readable(step))).collect()
+/// Fill and stroke of a step; told apart by lightness, too.
+fn colors(status: Status) -> (&'static str, &'static str) {
+    match status {
+        Status::Open => ("#ffffff", "#555555"),
+        Status::Running => ("#bfe0f5", "#0072B2"),
+        Status::Done => ("#c3e6d8", "#009E73"),
+        Status::Failed => ("#f6cdb4", "#D55E00"),
+    }
 }
 
-fn widest(labels: &[String]) -> f64 {
-    labels.iter().map(|label| label.chars().count()).max().unwrap_or(0) as f64 * CHARACTER
+/// The document of a step, where it is one with names of parameters.
+fn record<'a>(page: &'a PrintedPlan<'_>, index: usize) -> Option<&'a Document> {
+    page.document.get_document((index + 1).to_string()).ok()
 }
 
-fn rectangle(text: &mut String, [x, y, width, height]: [f64; 4], status: Status, label: &str) {
-    let fill = match status {
-        Status::Open => "#fff",
-        Status::Running => "#cde5ff",
-        Status::Done => "#cdf5cd",
-        Status::Failed => "#ffc9c9",
+/// The parameter that the most steps have; of several, the first.
+fn shared_parameter(page: &PrintedPlan<'_>) -> Option<String> {
+    let mut counts: Vec<(&String, usize)> = Vec::new();
+    for index in 0..page.plan.steps.len() {
+        for key in record(page, index)?.keys().filter(|key| *key != "action" && !key.starts_with('_')) {
+            match counts.iter_mut().find(|(other, _)| *other == key) {
+                Some((_, count)) => *count += 1,
+                None => counts.push((key, 1)),
+            }
+        }
+    }
+    let most = counts.iter().map(|(_, count)| *count).max()?;
+    counts.into_iter().find(|(_, count)| *count == most).map(|(key, _)| key.clone())
+}
+
+fn lane_name(page: &PrintedPlan<'_>, index: usize, parameter: Option<&str>) -> String {
+    let value = parameter.and_then(|parameter| record(page, index)?.get(parameter));
+    value.map_or_else(|| "—".to_owned(), shown)
+}
+
+fn shown(value: &Bson) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+fn arguments(page: &PrintedPlan<'_>, index: usize, lane: &str) -> String {
+    let step = &page.plan.steps[index];
+    let values: Vec<String> = step.arguments.iter().map(|name| shown(&(page.value)(name))).collect();
+    let mut is_left_out = false;
+    let rest = values.into_iter().filter(|value| {
+        let leave = !is_left_out && value == lane;
+        is_left_out |= leave;
+        !leave
+    });
+    rest.collect::<Vec<_>>().join(" ")
+}
+
+/// Boxes as long as they take; the drawing is wide enough for the names of short ones to be seen somewhere.
+fn by_time(page: &PrintedPlan<'_>, rows: &[usize], left: f64, end: f64) -> (Vec<Placed>, f64) {
+    let scale = if end > 0.0 && end.is_finite() { SPAN / end } else { 0.0 };
+    let place = |(step, lane): (&crate::pddl::Step, &usize)| Placed {
+        row: 0,
+        lane: *lane,
+        left: left + step.start.unwrap_or_default() * scale,
+        width: (step.duration.unwrap_or_default() * scale).max(THIN),
     };
-    let _ = writeln!(
-        text,
-        "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" rx=\"4\" fill=\"{fill}\" \
-         stroke=\"#444\"><title>{} ({status})</title></rect>",
-        escaped(label)
-    );
+    (page.plan.steps.iter().zip(rows).map(place).collect(), SPAN)
+}
+
+/// Columns: each step behind those that have to be before it, and behind the one before it in its lane.
+fn by_need(page: &PrintedPlan<'_>, rows: &[usize], left: f64) -> (Vec<Placed>, f64) {
+    let mut columns: Vec<usize> = Vec::with_capacity(rows.len());
+    for (index, lane) in rows.iter().enumerate() {
+        let in_lane = (0..index).rev().find(|other| rows[*other] == *lane);
+        let ordered: Vec<usize> = match page.structure {
+            Some(structure) => structure.order.iter().filter(|(_, to)| *to == index).map(|(from, _)| *from).collect(),
+            None => (0..index).collect(),
+        };
+        let column = ordered.into_iter().chain(in_lane).map(|before| columns[before] + 1).max();
+        columns.push(column.unwrap_or_default());
+    }
+    let count = columns.iter().max().map_or(1, |last| last + 1);
+    let mut widths = vec![60.0_f64; count];
+    for (index, column) in columns.iter().enumerate() {
+        let words = format!("{} {}", index + 1, page.plan.steps[index].action);
+        let longest = words.chars().count().max(arguments(page, index, "").chars().count());
+        widths[*column] = widths[*column].max(longest as f64 * CHARACTER + 16.0);
+    }
+    let (mut starts, mut row, mut at, mut reach) = (Vec::with_capacity(count), 0, 0.0_f64, 0.0_f64);
+    for width in &widths {
+        if at > 0.0 && at + width > WIDEST {
+            (row, at) = (row + 1, 0.0);
+        }
+        starts.push((row, left + at));
+        reach = reach.max(at + width);
+        at += width + GAP;
+    }
+    let place = |(lane, column): (&usize, &usize)| {
+        let (row, left) = starts[*column];
+        Placed { row, lane: *lane, left, width: widths[*column] }
+    };
+    (rows.iter().zip(&columns).map(place).collect(), reach)
+}
+
+/// 1, 2 or 5 times a power of ten, at least as large.
+fn round_step(least: f64) -> f64 {
+    let power = 10_f64.powf(least.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|digit| digit * power).find(|step| *step >= least).unwrap_or(power)
+}
+
+/// A time of the axis, with as few digits as it needs.
+fn short(time: f64) -> String {
+    let text = format!("{time:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// As much of a text as fits.
+fn clipped(text: &str, width: f64) -> String {
+    let room = (width / CHARACTER).floor().max(0.0) as usize;
+    if text.chars().count() <= room {
+        return text.to_owned();
+    }
+    match room {
+        0..=2 => String::new(),
+        room => text.chars().take(room - 1).chain(['…']).collect(),
+    }
 }
 
 /// A text as XML, in which most control characters cannot be.

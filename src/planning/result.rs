@@ -109,7 +109,7 @@ impl<'a> PlanResult<'a> {
     #[must_use]
     pub fn printed<'b>(&'b self, id: &'b str, value: &'b dyn Fn(&str) -> Bson) -> Option<PrintedPlan<'b>> {
         let plan = self.run.outcome.plan()?;
-        Some(PrintedPlan { plan, document: &self.document, statuses: &[], id, value })
+        Some(PrintedPlan { plan, document: &self.document, statuses: &[], id, value, structure: None, lanes: None })
     }
 
     /// Why there is no plan, in the memory's names: the outcome, the planner's words, and what keeps the goal from

@@ -8,10 +8,11 @@ use bson::Document;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::quoted::Quoted;
 use crate::formats::quantity;
-use crate::formats::{Diagnostic, Source, shell};
+use crate::formats::shell;
 use crate::memory::computables::{BUILTINS, BodyKind, Definition, Options, check_pipeline};
-use crate::query::{Filter, QueryError};
+use crate::query::Filter;
 use crate::store::Namespace;
 
 /// The default time limit of a command.
@@ -159,45 +160,5 @@ fn duration(text: Option<&Spanned<String>>, otherwise: &str) -> Result<Option<Du
         }
         Ok(duration) => Ok(Some(duration)),
         Err(words) => Err((text.span(), words)),
-    }
-}
-
-/// A string of the file that holds a query or a pipeline.
-struct Quoted<'a> {
-    string: &'a Spanned<String>,
-    file: &'a str,
-}
-
-impl Quoted<'_> {
-    fn source(&self) -> Source {
-        Source::new("rmem.toml", self.string.get_ref().as_str())
-    }
-
-    /// Returns the mistake for a syntax error.
-    fn syntax(&self, what: &str, error: &Diagnostic) -> Mistake {
-        let span = error.span();
-        (self.place(span.start..span.end), format!("{what}: {}", error.message()))
-    }
-
-    /// Returns the mistake for a query that is refused.
-    fn refused(&self, what: &str, error: &QueryError) -> Mistake {
-        let place = error.place(self.string.get_ref());
-        (place.map_or_else(|| self.string.span(), |part| self.place(part)), format!("{what}: {}", error.message))
-    }
-
-    /// Returns the place of a part of the text in the file; the whole string, if escapes precede the part.
-    fn place(&self, part: Range<usize>) -> Range<usize> {
-        let whole = self.string.span();
-        let written = self.file.get(whole.clone()).unwrap_or_default();
-        let long = ["\"\"\"\r\n", "\"\"\"\n", "\"\"\"", "'''\r\n", "'''\n", "'''", "\"", "'"];
-        let Some(mark) = long.into_iter().find(|mark| written.starts_with(mark)) else { return whole };
-        let is_there = |front: &str| written.get(mark.len()..).is_some_and(|rest| rest.starts_with(front));
-        match self.string.get_ref().get(..part.end) {
-            Some(front) if is_there(front) => {
-                let start = whole.start + mark.len();
-                start + part.start..start + part.end
-            }
-            _ => whole,
-        }
     }
 }

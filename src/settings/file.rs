@@ -7,12 +7,13 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::computable;
+use super::{computable, scene};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::computables::Definition;
 use crate::output::Format;
 use crate::pddl::Feature;
 use crate::planner::{Configured, Dialect};
+use crate::scene::ObjectKind;
 use crate::store::{Namespace, masked_excerpt};
 
 use super::backend::{Backend, Tables};
@@ -42,6 +43,9 @@ pub struct File {
     /// `[backend.local]`, `[backend.shared]`
     #[serde(default)]
     backend: Tables,
+    /// `[[scene.object]]`
+    #[serde(default)]
+    scene: scene::Table,
     #[serde(skip)]
     text: String,
 }
@@ -123,6 +127,7 @@ impl File {
             }
         }
         computable::definitions(&self.computables, Path::new(""), &self.text)?;
+        self.scene.kinds(&self.text)?;
         self.backend.check()
     }
 
@@ -137,6 +142,13 @@ impl File {
     pub fn computables(&self, folder: &Path) -> Vec<Definition> {
         // `parse` has checked them.
         computable::definitions(&self.computables, folder, &self.text).unwrap_or_default()
+    }
+
+    /// The kinds of objects in scenes.
+    #[must_use]
+    pub fn object_kinds(&self) -> Vec<ObjectKind> {
+        // They were checked when the file was read.
+        self.scene.kinds(&self.text).unwrap_or_default()
     }
 
     /// The configured planners; relative paths in their commands are relative to `folder`.
@@ -228,6 +240,24 @@ mod tests {
         ] {
             let text = computable(rest);
             assert!(text.starts_with(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_kind_of_objects_that_makes_no_sense_is_an_error_at_its_place() {
+        for (rest, wanted) in [
+            ("collection='b'", "3:12: `b` is not a namespace"),
+            ("collection='a.b'\nquery='{'", "4:8: this is no query"),
+            ("collection='a.b'\nquery=\"{x: {$is: 1}}\"", "4:13: this is no query: unknown operator"),
+            (
+                "collection='a.b'\ngeometry=\"{type: 'box', size: [1, 2, 0]}\"",
+                "4:10: its `geometry` is a box that has the size",
+            ),
+            ("collection='a.b'\nname_key='a.b'", "4:10: `a.b` is no key"),
+            ("collection='a.b'\nnamekey='a'", "4:1: unknown field `namekey`"),
+        ] {
+            let text = complaint(&format!("[[scene.object]]\nname='block'\n{rest}\n"));
+            assert!(text.starts_with(&format!("rmem.toml:{wanted}")), "{text}");
         }
     }
 

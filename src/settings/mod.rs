@@ -7,6 +7,8 @@ pub mod backend;
 mod computable;
 pub mod file;
 mod flags;
+mod quoted;
+mod scene;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -16,6 +18,7 @@ use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Definition;
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
+use crate::scene::ObjectKind;
 use crate::store::Namespace;
 use anyhow::Context as _;
 use file::File;
@@ -155,6 +158,8 @@ pub struct Settings {
     pub planners: Vec<Configured>,
     /// The configured computables.
     pub computables: Vec<Definition>,
+    /// Kinds of objects in scenes, by configuration.
+    pub object_kinds: Vec<ObjectKind>,
     /// The mongod processes of this robot.
     pub backends: Vec<backend::Backend>,
 }
@@ -223,6 +228,7 @@ impl Settings {
             planners: file.planners(folder),
             backends: file.backends(folder),
             computables: file.computables(folder),
+            object_kinds: file.object_kinds(),
             file: path,
         })
     }

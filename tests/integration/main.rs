@@ -24,12 +24,14 @@ mod planner;
 mod planning;
 mod processes;
 mod restores;
+mod scenes;
 #[cfg(feature = "mongodb")]
 mod server;
 #[cfg(all(feature = "mongodb", feature = "serve"))]
 mod serving;
 #[cfg(feature = "mongodb")]
 mod triggers;
+mod views;
 mod watching;
 #[cfg(feature = "mongodb")]
 mod worlds;
@@ -49,6 +51,8 @@ fn main() -> ExitCode {
     trials.extend(mixtures::trials());
     trials.extend(permissions::trials());
     trials.extend(restores::trials());
+    trials.extend(scenes::trials());
+    trials.extend(views::trials());
     trials.extend(planner::trials());
     trials.extend(imported::trials());
     trials.extend(clips::trials());

@@ -18,6 +18,7 @@ mod query;
 mod query_places;
 mod reachability;
 mod repair;
+mod scenes;
 mod shell;
 mod store;
 mod transcripts;

@@ -13,7 +13,7 @@ use rmem::plan::{
 /// A printed plan of which nothing is executed.
 fn shown(plan: &Plan, format: Format, id: &str, value: &dyn Fn(&str) -> Bson) -> Result<String, PrintError> {
     let document = to_document(plan, &domain(), Layout::Numbered, value);
-    PrintedPlan { plan, document: &document, statuses: &[], id, value }.print(format)
+    PrintedPlan { plan, document: &document, statuses: &[], id, value, structure: None, lanes: None }.print(format)
 }
 
 /// Prints what can be printed.
@@ -254,7 +254,15 @@ fn what_was_executed_is_seen_in_every_format() {
     let plan = plan([step("putdown B"), step("wait"), step("putdown A")]);
     let document = to_document(&plan, &domain(), Layout::Numbered, &value);
     let statuses = [Status::Done, Status::Running];
-    let page = PrintedPlan { plan: &plan, document: &document, statuses: &statuses, id: "p", value: &value };
+    let page = PrintedPlan {
+        plan: &plan,
+        document: &document,
+        statuses: &statuses,
+        id: "p",
+        value: &value,
+        structure: None,
+        lanes: None,
+    };
     let text = page.print(Format::Text).unwrap();
     assert_eq!(text, "(putdown B) ; done\n(wait) ; running\n(putdown A)\n; cost = 3 (unit cost)\n");
     assert_eq!(read_plan(&Source::new("plan", text)).unwrap().actions.len(), 3);
@@ -263,16 +271,17 @@ fn what_was_executed_is_seen_in_every_format() {
         assert_eq!(clips.matches(status).count(), 1, "{clips}");
     }
     assert_eq!(page.print(Format::Dot).unwrap().matches("style=filled").count(), 2);
-    assert_eq!(page.print(Format::Svg).unwrap().matches("#cdf5cd").count(), 1);
+    assert_eq!(page.print(Format::Svg).unwrap().matches("fill=\"#c3e6d8\"").count(), 2, "the step and the legend");
 }
 
 #[test]
 fn a_drawing_has_a_box_or_a_bar_a_step_and_no_markup_of_the_memory() {
     let boxes = print(&plan([step("putdown A<&\u{1}"), step("wait")]), Format::Svg, "\"p\"", &value);
-    assert_eq!((boxes.matches("<rect").count(), boxes.matches("<path").count()), (2, 1), "{boxes}");
+    assert_eq!(boxes.matches("height=\"44\"").count(), 2, "{boxes}");
     assert!(boxes.contains("A&lt;&amp;\\u{1}") && boxes.contains("<title>&quot;p&quot;</title>"), "{boxes}");
     let bars = print(&plan([timed("move r1 a", 0.0, 5.0), timed("move r2 a", 5.0, 5.0)]), Format::Svg, "p", &value);
-    assert!(bars.contains("width=\"320\"") && bars.contains(">10.000</text>"), "{bars}");
+    assert!(bars.contains("width=\"450.0\" height=\"44\"") && bars.contains(">10</text>"), "{bars}");
+    assert!(bars.contains(">time (s)</text>") && bars.contains("makespan 10.000 s"), "{bars}");
     assert!(print(&Plan::default(), Format::Svg, "p", &value).ends_with("</svg>\n"));
 }
 

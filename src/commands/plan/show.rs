@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 
 use anyhow::anyhow;
-use bson::Bson;
+use bson::{Bson, DateTime};
 use clap::Args;
 
 use super::stored::{self, StoredArgs};
@@ -12,28 +12,33 @@ use crate::commands::{Context, WrongInput, error, formats};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::plan::{self, PrintedPlan, Record, Status, Stored};
+use crate::pddl::Plan;
+use crate::plan::{self, PrintedPlan, Progress, Record, Status, Stored};
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
+use crate::views::chart::COLORS;
+use crate::views::{Axis, Chart, Interval, Kind, Series};
 
 pub(super) use formats::PLAN as FORMATS;
 
 /// Print a stored plan
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg > plan.svg\n\n\
-Formats: text (as in planning competitions), json (outcome, cost and steps for an executive),\n\
-document (as it is stored), dot, svg, clips, ff."
+    after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg --lanes robot > plan.svg\n\n\
+Formats: text (as in planning competitions), json (outcome, cost and steps for an executive), document (as it is stored), dot (the partial order, for Graphviz), svg (who does what when, with the links between lanes), timeline (what was planned above what was done, as SVG), clips, ff."
 )]
-#[command(arg = formats::argument(&formats::PLAN))]
+#[command(arg = formats::argument(&formats::STORED_PLAN))]
 pub struct ShowArgs {
     /// The plan.
     #[command(flatten)]
     pub plan: StoredArgs,
+    /// The parameter that has a lane for each value in an svg (default: the one that the most steps have)
+    #[arg(long, value_name = "PARAMETER")]
+    pub lanes: Option<String>,
 }
 
 pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let format = context.format(&FORMATS)?;
+    let format = context.format(&formats::STORED_PLAN)?;
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let id = record.id();
@@ -61,10 +66,26 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<
             return Err(WrongInput::new(format!("{id} has no plan: {outcome}")).into());
         }
     };
+    if format == Format::Timeline {
+        let chart = timeline(&found, &record.progress(), format!("plan {id}"));
+        context.output.stdout().write_all(chart.draw().svg().as_bytes())?;
+        return Ok(Exit::Done);
+    }
     let statuses: Vec<Status> = record.progress().iter().map(|progress| progress.status).collect();
     let values = values.into_inner();
     let value = |name: &str| values.get(name).cloned().unwrap_or_else(|| Bson::String(names::restore(name)));
-    print(&PrintedPlan { plan: &found, document: &document, statuses: &statuses, id: &id, value: &value }, context)?;
+    let domain = record.source().ok().and_then(|source| source.read_domain().ok());
+    let structure = domain.map(|domain| domain.structure(&found.steps));
+    let printed = PrintedPlan {
+        plan: &found,
+        document: &document,
+        statuses: &statuses,
+        id: &id,
+        value: &value,
+        structure: structure.as_ref(),
+        lanes: args.lanes.as_deref(),
+    };
+    print(&printed, context)?;
     Ok(Exit::Done)
 }
 
@@ -78,6 +99,44 @@ pub(super) fn report(
     let namespace = namespace.map(Namespace::to_string);
     let report = record.report(namespace.as_deref(), exit.code());
     Ok(context.output.line(&shell::relaxed(&report))?)
+}
+
+/// What was planned above what was done, in seconds since the first step began. Steps without times take one each.
+fn timeline(plan: &Plan, progress: &[Progress], title: String) -> Chart {
+    let label = |index: usize| {
+        plan.steps.get(index).map_or_else(String::new, |step| {
+            format!("{} {} {}", index + 1, step.action, step.arguments.join(" ")).trim_end().to_owned()
+        })
+    };
+    let planned = plan.steps.iter().enumerate().map(|(index, step)| {
+        let from = step.start.unwrap_or(index as f64);
+        Interval {
+            label: label(index),
+            from,
+            to: from + step.duration.unwrap_or(1.0),
+            color: Some("#999999".to_owned()),
+        }
+    });
+    let seconds = |date: DateTime| date.timestamp_millis() as f64 / 1000.0;
+    let first = progress.iter().filter_map(|one| one.started.or(one.ended)).map(seconds).fold(f64::INFINITY, f64::min);
+    let done = progress.iter().enumerate().filter_map(|(index, one)| {
+        let from = seconds(one.started.or(one.ended)?) - first;
+        let to = one.ended.map_or(from, |ended| seconds(ended) - first);
+        let color = match one.status {
+            Status::Failed => COLORS[1],
+            Status::Done => COLORS[2],
+            Status::Open | Status::Running => COLORS[0],
+        };
+        Some(Interval { label: label(index), from, to: to.max(from), color: Some(color.to_owned()) })
+    });
+    let series =
+        |name: &str, intervals: Vec<Interval>| Series { name: name.to_owned(), intervals, ..Series::default() };
+    let (planned, done): (Vec<_>, Vec<_>) = (planned.collect(), done.collect());
+    let height = 130.0 + 26.0 * (planned.len() + done.len() + 2) as f64;
+    let mut all = vec![series("planned", planned), series("done", done)];
+    all.retain(|series| !series.is_empty());
+    let axis = |label: &str| Axis { label: label.to_owned(), ..Axis::default() };
+    Chart { title, x: axis("time (s)"), y: axis(""), kind: Kind::Timeline, series: all, size: (900.0, height) }
 }
 
 /// Prints a plan in the format in force.

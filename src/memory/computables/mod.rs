@@ -32,7 +32,6 @@ mod definition;
 mod key;
 mod nearest;
 mod pipeline;
-mod pose;
 mod questions;
 mod registry;
 mod report;

@@ -10,7 +10,7 @@
 use bson::{Bson, Document, doc};
 
 use super::body::{Asked, Body, Builtin, ComputeError, Options, WrongOption};
-use super::pose::number;
+use crate::formats::scene::document::finite as number;
 use crate::formats::shell;
 use crate::query::QueryError;
 use crate::store::{Find, Namespace};

@@ -1,0 +1,29 @@
+//! `rmem export …`: documents for other programs' views.
+
+mod mcap;
+
+use clap::{Args, Subcommand};
+
+use super::Context;
+use crate::exit::Exit;
+
+/// Write documents as a log for Foxglove, PlotJuggler and rerun
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem export mcap robmem.sightings --time seen -o sightings.mcap")]
+pub struct ExportArgs {
+    /// Which format.
+    #[command(subcommand)]
+    pub command: ExportCommand,
+}
+
+/// The formats of `export`.
+#[derive(Debug, Subcommand)]
+pub enum ExportCommand {
+    Mcap(mcap::McapArgs),
+}
+
+pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    match &args.command {
+        ExportCommand::Mcap(args) => mcap::run(args, context),
+    }
+}

@@ -1,0 +1,61 @@
+//! `rmem scene check`: objects that overlap, or are too close.
+
+use std::path::Path;
+
+use bson::doc;
+use clap::Args;
+
+use super::selection::Selection;
+use crate::commands::{Context, UsageError};
+use crate::exit::Exit;
+use crate::scene::Invalid;
+use crate::scene::check::check;
+use crate::scene::mesh::Meshes;
+
+const HELP: &str = "\
+Examples:
+  rmem scene check robmem.objects --frame map
+  rmem scene check robmem.objects --frame map --distance 0.02
+
+Prints a document for each pair of objects that overlap, or are closer than --distance: {first, second,
+distance, depth}, nearest first. Exits with 1 where there are any. What overlaps by less than a micrometre
+touches: a cup on a table. Of a mesh it is the convex hull that counts; a plane is solid below. An
+object that is attached may touch what its `touch` names.";
+
+/// Find objects that overlap or are too close
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+#[command(arg = crate::commands::formats::argument(&crate::commands::formats::DOCUMENTS))]
+pub struct CheckArgs {
+    #[command(flatten)]
+    selection: Selection,
+    /// Metres that there have to be between objects
+    #[arg(long, value_name = "METRES", default_value_t = 0.0, hide_default_value = true)]
+    distance: f64,
+}
+
+pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    if !(args.distance >= 0.0 && args.distance.is_finite()) {
+        return Err(UsageError::new(format!("--distance {}: expected metres, not negative", args.distance)).into());
+    }
+    let memory = context.memory()?;
+    let mut found = args.selection.objects(&memory, context)?;
+    let mut meshes = Meshes::in_folder(Path::new(""));
+    for located in &mut found.objects {
+        if let Err(reason) = meshes.load(&mut located.object) {
+            found.invalid.push(Invalid { namespace: located.namespace.clone(), id: located.id.clone(), reason });
+        }
+    }
+    let found = args.selection.more.accept(found, context)?;
+    let scene = found.scene(&args.selection.frame);
+    let pairs = check(&scene, args.distance);
+    let documents = pairs.iter().map(|pair| {
+        let mut written = doc! { "first": pair.first, "second": pair.second, "distance": pair.distance };
+        if pair.distance < 0.0 {
+            written.insert("depth", -pair.distance);
+        }
+        Ok(written)
+    });
+    context.print_documents(documents)?;
+    Ok(if pairs.is_empty() { Exit::Done } else { Exit::No })
+}

@@ -1,0 +1,204 @@
+//! Which documents are objects, and in which frame they are wanted.
+
+use std::path::Path;
+
+use bson::Document;
+use clap::Args;
+
+use crate::commands::query::{argument, blame};
+use crate::commands::{Context, UsageError, WrongInput};
+use crate::formats::scene::{Content, Kind, Spelling, by_name, recognize};
+use crate::formats::{Diagnostic, Source};
+use crate::memory::Memory;
+use crate::memory::computables::BodyKind;
+use crate::memory::frames::Frames;
+use crate::output::Format;
+use crate::scene::extract::{Reading, extract};
+use crate::scene::mesh::Meshes;
+use crate::scene::{Extraction, Invalid, ObjectKind, Sources};
+use crate::store::{Namespace, StoreError};
+
+pub(super) use crate::commands::formats::SCENE as FORMATS;
+
+/// Which documents.
+#[derive(Debug, Args)]
+pub(super) struct Selection {
+    /// Where: DATABASE.COLLECTION (default: the collections of [[scene.object]], or --collection)
+    #[arg(value_name = "NS")]
+    pub(super) namespace: Option<Namespace>,
+    /// Which documents (default: all)
+    #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub(super) query: String,
+    /// The frame of all poses
+    #[arg(long, value_name = "FRAME")]
+    pub(super) frame: String,
+    #[command(flatten)]
+    pub(super) more: More,
+}
+
+/// What holds for every way to select documents.
+#[derive(Debug, Args)]
+pub(super) struct More {
+    /// The tree of frames (default: that of the computable `transform`, or frames in the same database)
+    #[arg(long, value_name = "NS")]
+    pub(super) frames: Option<Namespace>,
+    /// Leave out what is no valid object, with a warning
+    #[arg(long)]
+    pub(super) skip_invalid: bool,
+}
+
+impl Selection {
+    /// The objects in the wanted frame.
+    pub(super) fn objects(&self, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Extraction> {
+        let kinds = context.settings.object_kinds.clone();
+        let sources = self.sources(&kinds, context)?;
+        let given = [("<query>", self.query.as_str())];
+        let frames = self.more.tree(&sources, memory, context)?;
+        let found =
+            extract(memory, &sources, &frames, &self.frame, Reading::All).map_err(|error| blame(error, &given))?;
+        self.more.accept(found, context)
+    }
+
+    /// Where objects are looked for.
+    pub(super) fn sources<'a>(
+        &self,
+        kinds: &'a [ObjectKind],
+        context: &Context<'_>,
+    ) -> Result<Sources<'a>, Diagnostic> {
+        let query = argument("<query>", &self.query)?;
+        Ok(sources(self.namespace.as_ref(), query, kinds, context))
+    }
+}
+
+/// A collection that is named; else those of the configured kinds; else the usual one.
+pub(super) fn sources<'a>(
+    namespace: Option<&Namespace>,
+    query: Document,
+    kinds: &'a [ObjectKind],
+    context: &Context<'_>,
+) -> Sources<'a> {
+    let queries = match namespace {
+        Some(namespace) => vec![(namespace.clone(), query)],
+        None if kinds.is_empty() => vec![(context.settings.collection.value.clone(), query)],
+        None => kinds.iter().map(|kind| (kind.namespace.clone(), kind.query.clone())).collect(),
+    };
+    Sources { queries, kinds }
+}
+
+impl More {
+    /// The collection of the frames.
+    pub(super) fn frames(&self, sources: &Sources<'_>, context: &Context<'_>) -> Namespace {
+        if let Some(frames) = &self.frames {
+            return frames.clone();
+        }
+        let first = sources.queries.first().map_or(&context.settings.collection.value, |(namespace, _)| namespace);
+        let configured = context.settings.computables.iter().filter(|definition| definition.namespace == *first);
+        let tree = configured.into_iter().find_map(|definition| match &definition.body {
+            BodyKind::Builtin { name, options } if name == "transform" => options.get("frames")?.parse().ok(),
+            _ => None,
+        });
+        tree.unwrap_or_else(|| Namespace { database: first.database.clone(), collection: "frames".to_owned() })
+    }
+
+    /// The tree of frames.
+    pub(super) fn tree(
+        &self,
+        sources: &Sources<'_>,
+        memory: &Memory,
+        context: &Context<'_>,
+    ) -> Result<Frames, StoreError> {
+        let frames = self.frames(sources, context);
+        Frames::read(&frames, |find| memory.find(&frames, find))
+    }
+
+    /// Refuses what is no valid object, or warns and leaves it out.
+    pub(super) fn accept(&self, mut found: Extraction, context: &mut Context<'_>) -> anyhow::Result<Extraction> {
+        let invalid = std::mem::take(&mut found.invalid);
+        self.judge(&invalid, context)?;
+        Ok(found)
+    }
+
+    fn judge(&self, invalid: &[Invalid], context: &mut Context<'_>) -> anyhow::Result<()> {
+        let Some(first) = invalid.first() else { return Ok(()) };
+        if !self.skip_invalid {
+            let more = match invalid.len() {
+                1 => String::new(),
+                count => format!(" ({} more are wrong)", count - 1),
+            };
+            return Err(
+                WrongInput::new(format!("{first}{more}; correct it, or leave it out with --skip-invalid")).into()
+            );
+        }
+        for one in invalid {
+            context.output.warn(&format!("left out: {one}"));
+        }
+        Ok(())
+    }
+
+    /// Prepares objects for a format: loads meshes that it wants inside, refuses or leaves out what it cannot
+    /// express, and says what else gets lost.
+    pub(super) fn fit(
+        &self,
+        found: Extraction,
+        spelling: &Spelling,
+        context: &mut Context<'_>,
+    ) -> anyhow::Result<Extraction> {
+        let mut meshes = Meshes::in_folder(Path::new(""));
+        let kinds = spelling.limits.kinds;
+        let inline = kinds.contains(&Kind::Triangles) && !kinds.contains(&Kind::MeshFile);
+        let (mut fitting, mut invalid) = (Extraction::default(), Vec::new());
+        let mut lost: Vec<(&str, Vec<String>)> = Vec::new();
+        for mut located in found.objects {
+            let loaded = if inline { meshes.load(&mut located.object) } else { Ok(()) };
+            match loaded.and_then(|()| spelling.check(&located.object)) {
+                Ok(()) => {
+                    for what in spelling.loses(&located.object) {
+                        match lost.iter_mut().find(|(other, _)| *other == what) {
+                            Some((_, names)) => names.push(located.object.name.clone()),
+                            None => lost.push((what, vec![located.object.name.clone()])),
+                        }
+                    }
+                    fitting.objects.push(located);
+                }
+                Err(reason) => invalid.push(Invalid { namespace: located.namespace, id: located.id, reason }),
+            }
+        }
+        self.judge(&invalid, context)?;
+        for (what, names) in lost {
+            let name = spelling.name;
+            context.output.warn(&format!("{name} has no {what}, which are left out: {}", shortened(&names)));
+        }
+        Ok(fitting)
+    }
+}
+
+/// The first names, and how many more there are.
+fn shortened(names: &[String]) -> String {
+    const SHOWN: usize = 5;
+    let first = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN { format!("{first} and {} more", names.len() - SHOWN) } else { first }
+}
+
+/// The spelling of a format.
+pub(super) fn spelling(format: Format) -> anyhow::Result<&'static Spelling> {
+    by_name(format.name()).ok_or_else(|| UsageError::new(format!("`{}` is no format of scenes", format.name())).into())
+}
+
+/// A scene file, in the format that is named or that it looks like.
+pub(super) fn read_file(
+    path: &Path,
+    from: Option<&str>,
+    context: &mut Context<'_>,
+) -> anyhow::Result<(Content, &'static Spelling)> {
+    let source: Source = context.read(path)?;
+    let spelling = match from {
+        Some(name) => by_name(name).ok_or_else(|| UsageError::new(format!("`{name}` is no format of scenes")))?,
+        None => recognize(source.text()),
+    };
+    Ok(((spelling.read)(&source)?, spelling))
+}
+
+/// The names of the formats that scenes are read from, for the command line.
+pub(super) fn names() -> clap::builder::PossibleValuesParser {
+    clap::builder::PossibleValuesParser::new(FORMATS.map(Format::name))
+}

@@ -1,0 +1,108 @@
+//! `rmem scene watch`: operations on the scene as they happen.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
+
+use super::selection::Selection;
+use crate::commands::Context;
+use crate::commands::query::blame;
+use crate::exit::Exit;
+use crate::formats::scene::Operation;
+use crate::formats::scene::json::line;
+use crate::formats::scene::message::write_operations;
+use crate::output::Format;
+use crate::scene::follow::{Event, Follower};
+
+const HELP: &str = "\
+Examples:
+  rmem scene watch robmem.objects --frame map
+  rmem scene watch --frame base_link --format moveit-msg --resume planner
+
+Prints a line for each operation: add, remove, move, attach, detach, reshape; with --format moveit-msg a
+PlanningScene with is_diff. A frame that moves moves every object in it. Poses are those of the frames as
+they are when the line is printed. Begins with what happens from now on: export the scene once the line on
+stderr says that it follows. What is no valid object any more is removed, with a warning.
+
+--resume NAME keeps in the memory how far it is, in each collection: who uses the name later goes on there,
+and misses nothing; after a crash, operations may be delivered again. The position in the first collection has
+the name NAME, in others NAME:NS; rmem watch --names lists them, rmem watch NS --resume NAME --forget forgets one.";
+
+/// Print operations as they happen
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+#[command(arg = crate::commands::formats::argument(&crate::commands::formats::SCENE_OPERATIONS))]
+pub struct WatchArgs {
+    #[command(flatten)]
+    selection: Selection,
+    /// Go on where the last one of this name was done; a new name starts now
+    #[arg(long, value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
+    resume: Option<String>,
+    /// End after N operations
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    count: Option<u64>,
+    /// End after so long
+    #[arg(long, value_name = "DURATION", value_parser = crate::formats::quantity::duration)]
+    timeout: Option<Duration>,
+}
+
+/// How long nothing is looked at but the memory.
+const SLICE: Duration = Duration::from_millis(250);
+/// How long one waits before a store is looked for again.
+const RETRY_DELAY: Duration = Duration::from_millis(500);
+
+pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let format = context.format(&crate::commands::formats::SCENE_OPERATIONS)?;
+    let kinds = context.settings.object_kinds.clone();
+    let sources = args.selection.sources(&kinds, context)?;
+    let frames = args.selection.more.frames(&sources, context);
+    let memory = context.memory()?;
+    let guard = crate::interrupt::InterruptGuard::new();
+    let frame = args.selection.frame.as_str();
+    let follower = Follower::new(&memory, &sources, &frames, frame, args.resume.as_deref());
+    let mut follower = follower.map_err(|error| blame(error, &[("<query>", &args.selection.query)]))?;
+    context.output.note(&format!("following {} objects in the frame {frame}", follower.count()));
+    let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+    let mut delivered = 0;
+    loop {
+        if guard.interrupted().load(Ordering::Relaxed) {
+            return Ok(Exit::Interrupted);
+        }
+        let left = deadline.map_or(SLICE, |deadline| deadline.saturating_duration_since(Instant::now()));
+        match follower.next(left.min(SLICE))? {
+            Event::Operations(operations) => delivered += print(&operations, frame, format, context)?,
+            Event::Invalid(invalid, operations) => {
+                invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
+                delivered += print(&operations, frame, format, context)?;
+            }
+            Event::Nothing => {}
+            Event::Interrupted(error) => {
+                context.output.warn(&format!("{error}; trying again"));
+                std::thread::sleep(RETRY_DELAY);
+            }
+        }
+        follower.done()?;
+        if args.count.is_some_and(|count| delivered >= count) {
+            return Ok(Exit::Done);
+        }
+        if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            let is_enough = args.count.is_none() && delivered > 0;
+            return Ok(if is_enough { Exit::Done } else { Exit::No });
+        }
+    }
+}
+
+/// Prints operations at once; gives how many.
+fn print(operations: &[Operation], frame: &str, format: Format, context: &mut Context<'_>) -> anyhow::Result<u64> {
+    for operation in operations {
+        let text = match format {
+            Format::MoveItMessage => write_operations(std::slice::from_ref(operation), Some(frame)),
+            _ => line(&operation.to_document(Some(frame))) + "\n",
+        };
+        context.output.stdout().write_all(text.as_bytes())?;
+    }
+    context.output.flush()?;
+    Ok(operations.len() as u64)
+}

@@ -1,0 +1,39 @@
+//! `rmem schema NS [QUERY]`: what fields documents have.
+
+use clap::Args;
+
+use super::Context;
+use super::query::{argument, blame, owned};
+use crate::exit::Exit;
+use crate::store::{Find, Namespace};
+use crate::views::schema::Schema;
+
+/// Describe the fields of documents: types, counts, distinct and frequent values
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem schema robmem.worldmodel --format table\n\n\
+Prints a document for each field, those of documents in documents with dots between: {field, documents, share,\n\
+types, distinct, least, greatest, frequent}. Types are those of MongoDB's $type; share is the part of\n\
+the documents that have the field; frequent are the three values that come most often, if any comes twice.\n\
+Values are told apart up to 10000 different ones.")]
+#[command(arg = crate::commands::formats::argument(&crate::commands::formats::DOCUMENTS))]
+pub struct SchemaArgs {
+    /// Where: DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// Which documents (default: all documents)
+    #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
+    pub query: String,
+}
+
+pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let given = [("<query>", args.query.as_str())];
+    let find = Find { filter: argument("<query>", &args.query)?, ..Find::default() };
+    let memory = context.memory()?;
+    let mut schema = Schema::default();
+    for document in memory.find(&args.namespace, &find).map_err(|error| blame(error, &given))? {
+        schema.add(&document.and_then(owned).map_err(|error| blame(error, &given))?);
+    }
+    context.output.note(&format!("{} documents of {}", schema.documents(), args.namespace));
+    context.print_documents(schema.describe().into_iter().map(Ok))?;
+    Ok(Exit::Done)
+}

@@ -1,0 +1,121 @@
+//! `rmem view [NS]`: a browser of the memory in the terminal.
+
+use std::io::{self, Write};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use clap::Args;
+use ratatui::Terminal;
+use ratatui::backend::CrosstermBackend;
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode};
+use ratatui::crossterm::{cursor, execute};
+
+use super::{Context, UsageError};
+use crate::exit::Exit;
+use crate::interrupt::InterruptGuard;
+use crate::store::Namespace;
+use crate::views::browser::{Browser, Key, draw};
+
+/// Browse collections, documents, plans and computables in the terminal
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  rmem view robmem.worldmodel\n\n\
+Arrow keys (or j, k) move, Enter opens what is selected, Esc goes back, / asks for a query, s for a sort order,\n\
+e explains how the query is answered, p shows the plan that is selected (or the plans), c the computables,\n\
+r reads again, q quits. A collection that is open is read again as it changes. The first 1000 documents are shown.")]
+pub struct ViewArgs {
+    /// Begin with this collection (default: the list of collections)
+    #[arg(value_name = "NS")]
+    pub namespace: Option<Namespace>,
+}
+
+/// How long a key is waited for before the memory is looked at.
+const TICK: Duration = Duration::from_millis(100);
+
+pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    if !context.is_terminal() {
+        return Err(UsageError::new("view needs a terminal; for other programs there is rmem query").into());
+    }
+    let memory = context.memory()?;
+    let mut browser = Browser::new(&memory, args.namespace.clone())?;
+    // A signal sets a flag, so that the terminal is put right before the end.
+    let guard = InterruptGuard::new();
+    let screen = Screen::enter(context.output.stdout())?;
+    browse(&mut browser, screen, &guard)
+}
+
+fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard) -> anyhow::Result<Exit> {
+    let mut terminal = Terminal::new(CrosstermBackend::new(screen))?;
+    terminal.draw(|frame| draw(browser, frame))?;
+    while !browser.is_over() {
+        if guard.interrupted().load(Ordering::Relaxed) {
+            return Ok(Exit::Interrupted);
+        }
+        let mut is_changed = browser.refresh()?;
+        if event::poll(TICK)? {
+            is_changed = true;
+            let height = terminal.size()?.height.saturating_sub(4);
+            match event::read()? {
+                Event::Key(key) if key.kind != KeyEventKind::Release => {
+                    if key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL) {
+                        return Ok(Exit::Interrupted);
+                    }
+                    if let Some(key) = meaning(key.code) {
+                        browser.press(key, usize::from(height));
+                    }
+                }
+                _ => {}
+            }
+        }
+        if is_changed {
+            terminal.draw(|frame| draw(browser, frame))?;
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn meaning(code: KeyCode) -> Option<Key> {
+    Some(match code {
+        KeyCode::Char(c) => Key::Char(c),
+        KeyCode::Up => Key::Up,
+        KeyCode::Down => Key::Down,
+        KeyCode::PageUp => Key::PageUp,
+        KeyCode::PageDown => Key::PageDown,
+        KeyCode::Home => Key::Home,
+        KeyCode::End => Key::End,
+        KeyCode::Enter | KeyCode::Right => Key::Enter,
+        KeyCode::Esc | KeyCode::Left => Key::Back,
+        KeyCode::Backspace => Key::Erase,
+        _ => return None,
+    })
+}
+
+/// The terminal's other screen; when it is dropped, the terminal is as it was.
+struct Screen<'a>(&'a mut dyn Write);
+
+impl<'a> Screen<'a> {
+    fn enter(out: &'a mut dyn Write) -> io::Result<Self> {
+        enable_raw_mode()?;
+        let mut screen = Self(out);
+        execute!(screen, EnterAlternateScreen, cursor::Hide)?;
+        Ok(screen)
+    }
+}
+
+impl Write for Screen<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+impl Drop for Screen<'_> {
+    fn drop(&mut self) {
+        // Where the terminal is gone, there is nothing to put right.
+        let _ = execute!(self, LeaveAlternateScreen, cursor::Show);
+        let _ = disable_raw_mode();
+    }
+}

@@ -1,0 +1,301 @@
+//! XML with places: elements whose attributes and texts are read as numbers, and escapes for writing.
+
+use super::Pose;
+use crate::formats::{Diagnostic, Source, Span};
+
+/// How deep elements may be nested; no scene is deeper than some ten.
+const MAX_DEPTH: usize = 100;
+
+/// An element, with the text that it stands in.
+#[derive(Clone, Copy)]
+pub(super) struct Element<'a> {
+    source: &'a Source,
+    node: roxmltree::Node<'a, 'a>,
+}
+
+/// Parses a text and gives its root element to `read`.
+pub(super) fn parse<T>(
+    source: &Source,
+    read: impl FnOnce(Element<'_>) -> Result<T, Diagnostic>,
+) -> Result<T, Diagnostic> {
+    check_depth(source)?;
+    let document = roxmltree::Document::parse(source.text()).map_err(|error| {
+        let message = error.to_string();
+        let message = message.rsplit_once(" at ").map_or(message.as_str(), |(message, _)| message);
+        let place = offset(source.text(), error.pos());
+        Diagnostic::new(source, Span::at(place), format!("this is no XML: {message}"))
+    })?;
+    read(Element { source, node: document.root_element() })
+}
+
+/// The root element's name, where a text looks like XML.
+pub(super) fn root(text: &str) -> Option<&str> {
+    let mut rest = text.trim_start_matches('\u{feff}').trim_start();
+    loop {
+        rest = rest.strip_prefix('<')?;
+        let end = match rest.as_bytes().first()? {
+            b'?' => rest.find("?>")? + 2,
+            b'!' => {
+                rest.strip_prefix("!--")
+                    .and_then(|comment| comment.find("-->"))
+                    .map_or_else(|| rest.find('>'), |end| Some(end + 5))?
+                    + 1
+            }
+            _ => return rest.split(|c: char| c.is_whitespace() || c == '>' || c == '/').next(),
+        };
+        rest = rest.get(end..)?.trim_start();
+    }
+}
+
+/// Refuses what is nested too deeply, before anything recurses: counts start and end tags.
+fn check_depth(source: &Source) -> Result<(), Diagnostic> {
+    let bytes = source.text().as_bytes();
+    let mut depth = 0_usize;
+    for at in memchr::memchr_iter(b'<', bytes) {
+        match bytes.get(at + 1) {
+            Some(b'/') => depth = depth.saturating_sub(1),
+            Some(b'!' | b'?') | None => {}
+            Some(_) => depth += usize::from(!closes_itself(&bytes[at..])),
+        }
+        if depth > MAX_DEPTH {
+            let message = format!("elements are nested more than {MAX_DEPTH} deep");
+            return Err(Diagnostic::new(source, Span::new(at, at + 1), message));
+        }
+    }
+    Ok(())
+}
+
+/// Whether the tag at the beginning ends with `/>`.
+fn closes_itself(tag: &[u8]) -> bool {
+    let mut quote = None;
+    for (at, byte) in tag.iter().enumerate() {
+        match (quote, byte) {
+            (None, b'"' | b'\'') => quote = Some(*byte),
+            (Some(open), close) if open == *close => quote = None,
+            (None, b'>') => return at > 0 && tag[at - 1] == b'/',
+            _ => {}
+        }
+    }
+    false
+}
+
+fn offset(text: &str, position: roxmltree::TextPos) -> usize {
+    let (row, column) = (position.row.max(1) as usize, position.col.max(1) as usize);
+    let start: usize = text.split_inclusive('\n').take(row - 1).map(str::len).sum();
+    let line = text.get(start..).unwrap_or_default();
+    start + line.char_indices().nth(column - 1).map_or(line.len(), |(at, _)| at)
+}
+
+impl<'a> Element<'a> {
+    /// The tag's name.
+    pub(super) fn name(&self) -> &'a str {
+        self.node.tag_name().name()
+    }
+
+    /// The elements in it.
+    pub(super) fn children(&self) -> impl Iterator<Item = Element<'a>> + 'a {
+        let source = self.source;
+        self.node.children().filter(roxmltree::Node::is_element).map(move |node| Element { source, node })
+    }
+
+    /// The first element in it that has this name.
+    pub(super) fn child(&self, name: &str) -> Option<Element<'a>> {
+        self.children().find(|child| child.name().eq_ignore_ascii_case(name))
+    }
+
+    /// The element of this name, which has to be there.
+    pub(super) fn needs(&self, name: &str) -> Result<Element<'a>, Diagnostic> {
+        self.child(name).ok_or_else(|| self.wrong(format!("<{}> has no <{name}>", self.name())))
+    }
+
+    /// The text in it, trimmed.
+    pub(super) fn text(&self) -> &'a str {
+        self.node.text().unwrap_or_default().trim()
+    }
+
+    /// A complaint about the element.
+    pub(super) fn wrong(&self, message: impl Into<String>) -> Diagnostic {
+        let start = self.node.range().start;
+        Diagnostic::new(self.source, Span::new(start, start + 1 + self.name().len()), message)
+    }
+
+    /// A complaint about the text in it.
+    fn wrong_text(&self, message: impl Into<String>) -> Diagnostic {
+        let range = self.node.first_child().map_or_else(|| self.node.range(), |text| text.range());
+        let text = self.source.text().get(range.clone()).unwrap_or_default();
+        let start = range.start + text.len() - text.trim_start().len();
+        Diagnostic::new(self.source, Span::new(start, start + text.trim().len().max(1)), message)
+    }
+
+    /// An attribute.
+    pub(super) fn attribute(&self, name: &str) -> Option<&'a str> {
+        self.node.attribute(name)
+    }
+
+    /// An attribute that has to be there.
+    pub(super) fn needs_attribute(&self, name: &str) -> Result<&'a str, Diagnostic> {
+        self.attribute(name).ok_or_else(|| self.wrong(format!("<{}> has no `{name}`", self.name())))
+    }
+
+    /// A complaint about an attribute.
+    pub(super) fn wrong_attribute(&self, name: &str, message: impl Into<String>) -> Diagnostic {
+        let Some(attribute) = self.node.attribute_node(name) else { return self.wrong(message) };
+        let range = attribute.range_value();
+        Diagnostic::new(self.source, Span::new(range.start, range.end), message)
+    }
+
+    /// Exactly so many numbers in an attribute, where it is there.
+    pub(super) fn numbers<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, Diagnostic> {
+        let Some(text) = self.attribute(name) else { return Ok(None) };
+        numbers(text).map(Some).map_err(|wrong| self.wrong_attribute(name, format!("`{name}` {wrong}")))
+    }
+
+    /// Any count of numbers in an attribute; none where it is not there.
+    pub(super) fn list(&self, name: &str) -> Result<Vec<f64>, Diagnostic> {
+        let Some(text) = self.attribute(name) else { return Ok(Vec::new()) };
+        list(text).map_err(|wrong| self.wrong_attribute(name, format!("`{name}` {wrong}")))
+    }
+
+    /// Exactly so many numbers as its text.
+    pub(super) fn own_numbers<const N: usize>(&self) -> Result<[f64; N], Diagnostic> {
+        numbers(self.text()).map_err(|wrong| self.wrong_text(format!("<{}> {wrong}", self.name())))
+    }
+
+    /// A number as the text of a child that has to be there.
+    pub(super) fn number_in(&self, name: &str) -> Result<f64, Diagnostic> {
+        self.needs(name)?.own_numbers().map(|[number]| number)
+    }
+
+    /// A truth value as its text.
+    pub(super) fn own_truth(&self) -> Result<bool, Diagnostic> {
+        match self.text() {
+            "true" | "1" | "True" => Ok(true),
+            "false" | "0" | "False" => Ok(false),
+            other => Err(self.wrong_text(format!("<{}> is `{other}`; expected true or false", self.name()))),
+        }
+    }
+
+    /// Refuses elements that are in neither list. `ignored` are those that say nothing about the scene.
+    pub(super) fn only(&self, known: &[&str], ignored: &[&str]) -> Result<(), Diagnostic> {
+        let is_known = |name: &str| known.iter().chain(ignored).any(|other| other.eq_ignore_ascii_case(name));
+        match self.children().find(|child| !is_known(child.name())) {
+            None => Ok(()),
+            Some(unknown) => {
+                let message =
+                    format!("unknown element <{}> in <{}>; expected {}", unknown.name(), self.name(), tags(known));
+                Err(unknown.wrong(message))
+            }
+        }
+    }
+
+    /// Refuses attributes that are not in the list.
+    pub(super) fn only_attributes(&self, known: &[&str]) -> Result<(), Diagnostic> {
+        match self.node.attributes().find(|attribute| !known.contains(&attribute.name())) {
+            None => Ok(()),
+            Some(unknown) => {
+                let name = unknown.name();
+                let range = unknown.range();
+                let message = format!("unknown attribute `{name}` of <{}>; expected {}", self.name(), known.join(", "));
+                Err(Diagnostic::new(self.source, Span::new(range.start, range.start + name.len()), message))
+            }
+        }
+    }
+
+    /// The pose of a translation and a rotation that were read here.
+    pub(super) fn pose(&self, translation: [f64; 3], rotation: [f64; 4]) -> Result<Pose, Diagnostic> {
+        let length = super::pose::norm(&rotation);
+        Pose::new(translation, rotation).filter(|_| (length - 1.0).abs() <= 1e-3).ok_or_else(|| {
+            self.wrong(format!("a quaternion of length {length:.6} in <{}>; expected a unit quaternion", self.name()))
+        })
+    }
+}
+
+fn tags(names: &[&str]) -> String {
+    names.iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(", ")
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let found = list(text)?;
+    let count = found.len();
+    found.try_into().map_err(|_| format!("has {count} numbers; expected {N}"))
+}
+
+fn list(text: &str) -> Result<Vec<f64>, String> {
+    let number = |word: &str| {
+        word.parse::<f64>()
+            .ok()
+            .filter(|number| number.is_finite())
+            .ok_or_else(|| format!("has `{word}`; expected a finite number"))
+    };
+    text.split_ascii_whitespace().map(number).collect()
+}
+
+/// A text as XML, in an attribute or between tags.
+pub(super) fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\t' | '\n' | '\r' => escaped.push_str(&format!("&#{};", u32::from(c))),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+/// Says why a text cannot be in XML 1.0: it has control characters.
+pub(super) fn check_text(what: &str, text: &str) -> Result<(), String> {
+    let is_bad = |c: char| {
+        (c.is_control() && !"\t\n\r\u{7f}".contains(c) && c < '\u{80}') || ('\u{fffe}'..='\u{ffff}').contains(&c)
+    };
+    match text.chars().find(|c| is_bad(*c)) {
+        Some(c) => Err(format!("its {what} has the character {}, which XML cannot express", c.escape_default())),
+        None if text.is_empty() => Err(format!("its {what} is empty")),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nesting_is_refused_before_anything_recurses() {
+        let source = Source::new("deep.xml", "<a>".repeat(1_000_000));
+        let wrong = parse(&source, |_| Ok(())).unwrap_err();
+        assert!(wrong.to_string().contains("nested more than 100 deep"), "{wrong}");
+    }
+
+    #[test]
+    fn what_is_no_xml_is_shown_at_its_place() {
+        let source = Source::new("x.xml", "<a>\n  <b></c>\n</a>");
+        let wrong = parse(&source, |_| Ok(())).unwrap_err().to_string();
+        assert!(wrong.starts_with("x.xml:2:"), "{wrong}");
+        let source = Source::new("x.xml", "<!DOCTYPE a [<!ENTITY b \"c\">]><a>&b;</a>");
+        assert!(parse(&source, |_| Ok(())).is_err());
+    }
+
+    #[test]
+    fn escaped_texts_read_back() {
+        for text in ["a & b", "<\"'>", "Öl\n\t\r", "a]]>b"] {
+            let source = Source::new("x.xml", format!("<a b=\"{}\"/>", escape(text)));
+            let read = parse(&source, |root| Ok(root.attribute("b").map(str::to_owned))).unwrap();
+            assert_eq!(read.as_deref(), Some(text));
+        }
+        assert!(check_text("name", "a\u{1}").is_err() && check_text("name", "").is_err());
+    }
+
+    #[test]
+    fn the_root_is_found_behind_comments_and_declarations() {
+        for text in
+            ["<?xml version=\"1.0\"?>\n<!-- a > b -->\n<sdf version='1.9'>", "\u{feff}<sdf>", " <!DOCTYPE x><sdf/>"]
+        {
+            assert_eq!(root(text), Some("sdf"), "{text}");
+        }
+        assert_eq!(root("{}"), None);
+        assert_eq!(root("<!--"), None);
+    }
+}

@@ -1,0 +1,203 @@
+//! The tree of coordinate frames: documents `{frame, parent, translation, rotation}`, each the
+//! pose of `frame` in `parent`. A frame without such a document is a root.
+
+use std::collections::HashMap;
+
+use bson::{Document, doc};
+
+use crate::formats::scene::Pose;
+use crate::formats::scene::document::numbers;
+use crate::formats::shell;
+use crate::query::QueryError;
+use crate::store::{Documents, Find, Namespace, StoreError};
+
+/// The frames of a collection, each with its parent, and its pose there.
+#[derive(Debug, Clone)]
+pub struct Frames {
+    namespace: Namespace,
+    frames: HashMap<String, (String, Pose)>,
+}
+
+/// A frame and those around it, each with the pose of the first in it.
+type Ancestors<'a> = Vec<(&'a str, Pose)>;
+
+/// The pose under `translation` and `rotation` in a document. A quaternion of any
+/// length but 0 is one of rotation.
+///
+/// # Errors
+/// Where they are not three and four numbers.
+pub fn pose(document: &Document) -> Result<Pose, String> {
+    let translation = numbers(document, "translation")?;
+    let rotation: [f64; 4] = numbers(document, "rotation")?;
+    Pose::new(translation, rotation)
+        .ok_or_else(|| format!("its `rotation` {rotation:?} is no rotation; expected a unit quaternion [x, y, z, w]"))
+}
+
+impl Frames {
+    /// Reads the frames of a collection with `find`, which queries it.
+    ///
+    /// # Errors
+    /// Where `find` fails, a frame has no pose, or two documents are about one frame.
+    pub fn read<'a>(
+        namespace: &Namespace,
+        find: impl FnOnce(&Find) -> Result<Documents<'a>, StoreError>,
+    ) -> Result<Self, StoreError> {
+        let filter = doc! { "parent": { "$type": "string" }, "frame": { "$type": "string" } };
+        let mut frames = Self { namespace: namespace.clone(), frames: HashMap::new() };
+        for document in find(&Find { filter, ..Find::default() })? {
+            frames.add(&Document::try_from(&*document?).map_err(QueryError::from)?).map_err(QueryError::bad_value)?;
+        }
+        Ok(frames)
+    }
+
+    fn add(&mut self, document: &Document) -> Result<(), String> {
+        let (Ok(frame), Ok(parent)) = (document.get_str("frame"), document.get_str("parent")) else { return Ok(()) };
+        let place = &self.namespace;
+        let id = || document.get("_id").map(shell::relaxed_value).unwrap_or_default();
+        let pose = pose(document)
+            .map_err(|wrong| format!("the frame `{frame}` of {place} (_id {}) has no pose: {wrong}", id()))?;
+        if self.frames.insert(frame.to_owned(), (parent.to_owned(), pose)).is_some() {
+            return Err(format!("the frame `{frame}` is in {place} twice (_id {}); a frame has one parent", id()));
+        }
+        Ok(())
+    }
+
+    /// The collection.
+    #[must_use]
+    pub fn namespace(&self) -> &Namespace {
+        &self.namespace
+    }
+
+    /// The pose of a frame in another.
+    ///
+    /// # Errors
+    /// Where a frame is not known, no way leads from one to the other, or the frames are no tree.
+    pub fn way(&self, from: &str, to: &str) -> Result<Pose, String> {
+        if from == to {
+            return Ok(Pose::IDENTITY);
+        }
+        let (around_from, around_to) = (self.ancestors(from)?, self.ancestors(to)?);
+        for (frame, pose) in &around_from {
+            if let Some((_, other)) = around_to.iter().find(|(other, _)| other == frame) {
+                return Ok(other.inverse().around(pose));
+            }
+        }
+        let unknown = [from, to].into_iter().find(|frame| !self.knows(frame));
+        Err(match unknown {
+            Some(frame) => format!("the frame `{frame}` is not known; {}", self.known()),
+            None => format!("no way leads from the frame `{from}` to `{to}` in {}", self.namespace),
+        })
+    }
+
+    /// The frame and those around it, up to the root.
+    fn ancestors<'b>(&'b self, frame: &'b str) -> Result<Ancestors<'b>, String> {
+        let mut ancestors: Ancestors<'b> = vec![(frame, Pose::IDENTITY)];
+        while let Some((last, pose)) = ancestors.last()
+            && let Some((parent, own)) = self.frames.get(*last)
+        {
+            let next = (parent.as_str(), own.around(pose));
+            if let Some(start) = ancestors.iter().position(|(frame, _)| *frame == next.0) {
+                let cycle: Vec<&str> = ancestors.iter().skip(start).map(|(frame, _)| *frame).chain([next.0]).collect();
+                return Err(format!("the frames of {} are no tree: {}", self.namespace, cycle.join(" → ")));
+            }
+            ancestors.push(next);
+        }
+        Ok(ancestors)
+    }
+
+    /// Whether a frame is in the tree.
+    #[must_use]
+    pub fn knows(&self, frame: &str) -> bool {
+        self.frames.iter().any(|(known, (parent, _))| known == frame || parent == frame)
+    }
+
+    /// Whether a frame is one of these, or in one of these.
+    #[must_use]
+    pub fn is_within(&self, frame: &str, others: &[String]) -> bool {
+        let mut frame = frame;
+        for _ in 0..=self.frames.len() {
+            if others.iter().any(|other| other == frame) {
+                return true;
+            }
+            let Some((parent, _)) = self.frames.get(frame) else { return false };
+            frame = parent;
+        }
+        false
+    }
+
+    /// What there is, for messages.
+    fn known(&self) -> String {
+        let mut known: Vec<&str> =
+            self.frames.iter().flat_map(|(frame, (parent, _))| [frame.as_str(), parent]).collect();
+        known.sort_unstable();
+        known.dedup();
+        match known.as_slice() {
+            [] => format!("{} has no documents {{frame, parent, translation, rotation}}", self.namespace),
+            some => format!("{} has {}", self.namespace, some.join(", ")),
+        }
+    }
+
+    /// The frames, each with its parent and its pose there, in order of their names.
+    #[must_use]
+    pub fn all(&self) -> Vec<(&str, &str, Pose)> {
+        let frames = self.frames.iter().map(|(frame, (parent, pose))| (frame.as_str(), parent.as_str(), *pose));
+        let mut all: Vec<_> = frames.collect();
+        all.sort_unstable_by_key(|(frame, ..)| *frame);
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::Bson;
+
+    fn way(frames: &[(&str, &str, Pose)], way: &str) -> Result<Pose, String> {
+        let namespace = Namespace::parse("robmem.frames").unwrap();
+        let frames = frames.iter().map(|(frame, parent, pose)| ((*frame).to_owned(), ((*parent).to_owned(), *pose)));
+        let (from, to) = way.split_once('>').unwrap();
+        Frames { namespace, frames: frames.collect() }.way(from, to)
+    }
+
+    fn at(x: f64) -> Pose {
+        Pose { translation: [x, 0.0, 0.0], ..Pose::IDENTITY }
+    }
+
+    #[test]
+    fn ways_lead_over_the_common_ancestor() {
+        let frames = [("arm", "base", at(1.0)), ("base", "map", at(1e6)), ("camera", "base", at(3.0))];
+        for (name, x) in [("arm>base", 1.0), ("base>arm", -1.0), ("arm>camera", -2.0), ("camera>map", 1e6 + 3.0)] {
+            assert_eq!(way(&frames, name).unwrap().translation, [x, 0.0, 0.0], "{name}");
+        }
+        assert_eq!(way(&[], "map>map"), Ok(Pose::IDENTITY));
+    }
+
+    #[test]
+    fn what_is_no_way_is_said() {
+        let frames = [("arm", "base", at(1.0)), ("hand", "wrist", at(1.0)), ("x", "y", at(0.0)), ("y", "x", at(0.0))];
+        for (name, words) in [
+            ("arm>nowhere", "`nowhere` is not known; robmem.frames has arm, base, hand, wrist, x, y"),
+            ("arm>hand", "no way leads from the frame `arm` to `hand`"),
+            ("arm>x", "are no tree: x → y → x"),
+        ] {
+            let wrong = way(&frames, name).unwrap_err();
+            assert!(wrong.contains(words), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_pose_needs_numbers_and_a_rotation() {
+        let read = |translation: Bson, rotation: Bson| pose(&doc! { "translation": translation, "rotation": rotation });
+        let (zero, one) = (Bson::from(vec![0, 0, 0]), Bson::from(vec![0, 0, 0, 2]));
+        assert_eq!(read(zero.clone(), one.clone()), Ok(Pose::IDENTITY));
+        for (translation, rotation) in [
+            (Bson::from(vec![0, 0]), one.clone()),
+            (Bson::from(vec!["0", "0", "0"]), one.clone()),
+            (Bson::from(vec![f64::NAN, 0.0, 0.0]), one),
+            (zero.clone(), Bson::from(vec![0, 0, 0, 0])),
+            (zero, Bson::Null),
+        ] {
+            assert!(read(translation, rotation).is_err());
+        }
+    }
+}

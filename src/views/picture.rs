@@ -1,0 +1,38 @@
+//! A drawing, as SVG or PNG.
+
+use kuva::backend::png::PngBackend;
+use kuva::backend::svg::SvgBackend;
+use kuva::render::render::Scene;
+
+/// Pixels of a PNG for each unit of the SVG.
+const DENSITY: f32 = 2.0;
+
+/// A drawing.
+pub struct Picture {
+    scene: Scene,
+}
+
+impl Picture {
+    /// The drawing of a charting crate's scene.
+    pub(super) fn new(scene: Scene) -> Self {
+        Self { scene }
+    }
+
+    /// The drawing as SVG, with its size and on white.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let mut text = SvgBackend.render_scene(&self.scene);
+        if !text.ends_with('\n') {
+            text.push('\n');
+        }
+        text
+    }
+
+    /// The drawing as PNG, two pixels for each unit of the SVG.
+    ///
+    /// # Errors
+    /// Where it is too large.
+    pub fn png(&self) -> Result<Vec<u8>, String> {
+        PngBackend::new().with_scale(DENSITY).render_scene(&self.scene)
+    }
+}
