@@ -58,7 +58,7 @@ fn search(
     lifted: &Lifted,
     memory: usize,
     options: Options,
-    found: &mut dyn FnMut(&Plan),
+    said: &mut dyn FnMut(Said<'_>),
 ) -> Result<Answer, SolveError> {
     let told = &mut |action: &str, instances| said(Said::Progress(grounding(action, instances)));
     let task = match ground(lifted, memory, told) {
