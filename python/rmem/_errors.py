@@ -1,0 +1,121 @@
+"""One exception for each exit code of ``rmem`` (``rmem help exit-codes``)."""
+
+from __future__ import annotations
+
+
+class RmemError(Exception):
+    """rmem ended with an error.
+
+    Attributes:
+        code: the exit code of the program.
+        message: what it printed on stderr.
+    """
+
+    code: int = 1
+
+    def __init__(self, message: str, code: int | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        if code is not None:
+            self.code = code
+
+
+class UsageError(RmemError):
+    """The call is wrong: an unknown option, a namespace that is none (exit code 2)."""
+
+    code = 2
+
+
+class BadInput(RmemError):
+    """A document, query, template, PDDL file or world file is wrong (exit code 3)."""
+
+    code = 3
+
+
+class StoreFailed(RmemError):
+    """The store cannot be reached or failed (exit code 4)."""
+
+    code = 4
+
+
+class Conflict(RmemError):
+    """A unique key or a lock is taken (exit code 5)."""
+
+    code = 5
+
+
+class NoPlan(RmemError):
+    """A planner returned no plan; its subclasses say why."""
+
+
+class Unsolvable(NoPlan):
+    """It is proven that no plan exists (exit code 11)."""
+
+    code = 11
+
+
+class PlannerGaveUp(NoPlan):
+    """The planner gave up without a proof (exit code 12)."""
+
+    code = 12
+
+
+class MemoryLimit(NoPlan):
+    """The planner reached its limit of memory (exit code 22)."""
+
+    code = 22
+
+
+class TimeLimit(NoPlan):
+    """The planner reached its limit of time (exit code 23)."""
+
+    code = 23
+
+
+class PlannerFailed(NoPlan):
+    """The planner crashed, or returned an invalid plan or none (exit code 32)."""
+
+    code = 32
+
+
+class Unsupported(NoPlan):
+    """The planner cannot handle a feature that the task uses (exit code 34)."""
+
+    code = 34
+
+
+class PlannerNotFound(NoPlan):
+    """The planner's program is not installed (exit code 127)."""
+
+    code = 127
+
+
+class Interrupted(RmemError):
+    """rmem was interrupted (exit code 130)."""
+
+    code = 130
+
+
+_BY_CODE: dict[int, type[RmemError]] = {
+    kind.code: kind
+    for kind in (
+        UsageError,
+        BadInput,
+        StoreFailed,
+        Conflict,
+        Unsolvable,
+        PlannerGaveUp,
+        MemoryLimit,
+        TimeLimit,
+        PlannerFailed,
+        Unsupported,
+        PlannerNotFound,
+        Interrupted,
+    )
+}
+
+
+def error_of(code: int, message: str) -> RmemError:
+    """Returns the exception for an exit code."""
+    kind = _BY_CODE.get(code, RmemError)
+    return kind(message.strip() or f"rmem ended with exit code {code}", code)
