@@ -50,6 +50,9 @@ pages! {
     the_page_on_the_examples_is_true: "examples/README.md" in Lab::new(),
     the_page_on_the_domains_is_true: "domains/README.md" in Lab::new(),
     the_page_on_serving_is_true: "docs/serve.md" in Lab::new(),
+    the_page_on_python_is_true: "docs/python.md" in Lab::new(),
+    the_page_on_scenes_is_true: "docs/scenes.md" in Lab::new(),
+    the_page_on_views_is_true: "docs/views.md" in Lab::new(),
 }
 
 #[test]
