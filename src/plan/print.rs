@@ -6,12 +6,8 @@ use bson::{Bson, Document};
 
 use super::report::rounded;
 use super::{Status, svg};
-<<<<<<< HEAD
-use crate::pddl::{Plan, Step};
-use crate::problem::names;
-=======
 use crate::pddl::{Plan, Step, Structure};
->>>>>>> 8bd15fe (Show fields, charts, plans and logs to people, and browse the memory in a terminal)
+use crate::problem::names;
 
 /// How a plan is printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

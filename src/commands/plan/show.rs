@@ -12,39 +12,36 @@ use crate::commands::{Context, WrongInput, error};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-<<<<<<< HEAD
-use crate::plan::{self, PrintedPlan, Record, Status, Stored};
+use crate::pddl::Plan;
+use crate::plan::{self, PrintedPlan, Progress, Record, Status, Stored};
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
-=======
-use crate::pddl::Plan;
-use crate::plan::{self, PrintedPlan, Progress, Status, Stored};
-use crate::problem::names;
-use crate::store::metadata;
 use crate::views::chart::COLORS;
 use crate::views::{Axis, Chart, Interval, Kind, Series};
->>>>>>> 8bd15fe (Show fields, charts, plans and logs to people, and browse the memory in a terminal)
 
 /// The formats a plan is printed in; the first is the usual one.
 pub(super) const FORMATS: [Format; 7] =
     [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
 
 /// Those of a stored plan, which knows what was done.
-const STORED: [Format; 7] =
-    [Format::Text, Format::Json, Format::Clips, Format::Ff, Format::Dot, Format::Svg, Format::Timeline];
+const STORED: [Format; 8] = [
+    Format::Text,
+    Format::Json,
+    Format::Document,
+    Format::Clips,
+    Format::Ff,
+    Format::Dot,
+    Format::Svg,
+    Format::Timeline,
+];
 
 /// Print a stored plan
 #[derive(Debug, Args)]
 #[command(
-<<<<<<< HEAD
-    after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg > plan.svg\n\n\
-Formats: text (as in planning competitions), json (outcome, cost and steps for an executive),\n\
-document (as it is stored), dot, svg, clips, ff."
-=======
     after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg --lanes robot > plan.svg\n\n\
-Formats: text (as in planning competitions), json, dot (the partial order, for Graphviz), svg (who does what\n\
-when, with the links between lanes), timeline (what was planned above what was done, as SVG), clips, ff."
->>>>>>> 8bd15fe (Show fields, charts, plans and logs to people, and browse the memory in a terminal)
+Formats: text (as in planning competitions), json (outcome, cost and steps for an executive),\n\
+document (as it is stored), dot (the partial order, for Graphviz), svg (who does what when, with the links\n\
+between lanes), timeline (what was planned above what was done, as SVG), clips, ff."
 )]
 pub struct ShowArgs {
     /// The plan.
@@ -107,7 +104,6 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<
     Ok(Exit::Done)
 }
 
-<<<<<<< HEAD
 /// Prints the report of a plan or a failure, for programs.
 pub(super) fn report(
     record: &Record,
@@ -118,7 +114,8 @@ pub(super) fn report(
     let namespace = namespace.map(Namespace::to_string);
     let report = record.report(namespace.as_deref(), exit.code());
     Ok(context.output.line(&shell::relaxed(&report))?)
-=======
+}
+
 /// What was planned above what was done, in seconds since the first step began. Steps without times take one each.
 fn timeline(plan: &Plan, progress: &[Progress], title: String) -> Chart {
     let label = |index: usize| {
@@ -155,7 +152,6 @@ fn timeline(plan: &Plan, progress: &[Progress], title: String) -> Chart {
     all.retain(|series| !series.is_empty());
     let axis = |label: &str| Axis { label: label.to_owned(), ..Axis::default() };
     Chart { title, x: axis("time (s)"), y: axis(""), kind: Kind::Timeline, series: all, size: (900.0, height) }
->>>>>>> 8bd15fe (Show fields, charts, plans and logs to people, and browse the memory in a terminal)
 }
 
 /// Prints a plan in the format in force.

@@ -129,8 +129,6 @@ fn corner(word: &str, count: usize) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     #[test]
     fn a_tetrahedron_is_the_same_from_every_format() {
         let obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1/1 2/2 4/4\nf 1//1 4//1 3//1\nf -3 -2 -1\n";
