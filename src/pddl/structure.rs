@@ -130,8 +130,9 @@ fn reduced(mut before: Vec<Vec<bool>>) -> Vec<(usize, usize)> {
     for middle in 0..count {
         for first in 0..middle {
             if before[first][middle] {
-                for last in middle + 1..count {
-                    before[first][last] |= before[middle][last];
+                let (front, back) = before.split_at_mut(middle);
+                for (known, further) in front[first].iter_mut().zip(&back[0]) {
+                    *known |= further;
                 }
             }
         }

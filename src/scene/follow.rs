@@ -250,8 +250,11 @@ impl<'a> Follower<'a> {
     ) -> Result<(), StoreError> {
         let Some(id) = &change.id else {
             // The collection is gone.
-            let gone = self.documents.extract_if(.., |(source, _), _| *source == index);
-            operations.extend(gone.map(|(_, located)| Operation::Remove { name: located.object.name }));
+            let (gone, kept) =
+                std::mem::take(&mut self.documents).into_iter().partition(|((source, _), _)| *source == index);
+            self.documents = kept;
+            let gone: BTreeMap<(usize, String), Located> = gone;
+            operations.extend(gone.into_values().map(|located| Operation::Remove { name: located.object.name }));
             return Ok(());
         };
         let key = (index, shell::canonical_value(id));

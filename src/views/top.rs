@@ -8,13 +8,8 @@ use crate::scene::outline::outlines;
 #[must_use]
 pub fn top(scene: &Scene, frames: &[(String, Pose)], size: (f64, f64)) -> Chart {
     let mut series = Vec::new();
-    let kinds: [(&str, fn(&Object) -> bool); 3] = [
-        ("static", |object| object.fixed && object.attachment.is_none()),
-        ("movable", |object| !object.fixed && object.attachment.is_none()),
-        ("attached", |object| object.attachment.is_some()),
-    ];
-    for (name, is_of) in kinds {
-        let objects: Vec<&Object> = scene.objects.iter().filter(|object| is_of(object)).collect();
+    for name in ["static", "movable", "attached"] {
+        let objects: Vec<&Object> = scene.objects.iter().filter(|object| kind(object) == name).collect();
         let points = objects.iter().map(|object| point(&object.name, &object.pose, false));
         let outlines = objects.iter().flat_map(|object| outlines(object));
         series.push(Series {
@@ -35,6 +30,14 @@ pub fn top(scene: &Scene, frames: &[(String, Pose)], size: (f64, f64)) -> Chart 
         kind: Kind::Map,
         series,
         size,
+    }
+}
+
+fn kind(object: &Object) -> &'static str {
+    match (&object.attachment, object.fixed) {
+        (Some(_), _) => "attached",
+        (None, true) => "static",
+        (None, false) => "movable",
     }
 }
 

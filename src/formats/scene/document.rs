@@ -130,7 +130,7 @@ fn mesh(document: &Document) -> Result<Mesh, String> {
     match (document.get_str("file"), document.get("vertices")) {
         (Ok(file), None) => Ok(Mesh::File { file: file.to_owned(), scale }),
         (Err(_), Some(_)) => {
-            let vertices = rows(document, "vertices", |value| finite(value))?;
+            let vertices = rows(document, "vertices", finite)?;
             let faces = rows(document, "triangles", |value| {
                 finite(value)
                     .filter(|index| *index >= 0.0 && index.fract() == 0.0 && *index < 1e15)

@@ -99,9 +99,8 @@ fn solve(edges: &[[f64; 3]], target: [f64; 3]) -> Option<Vec<f64>> {
         for row in 0..size {
             if row != pivot {
                 let factor = rows[row][pivot] / rows[pivot][pivot];
-                for column in pivot..=size {
-                    rows[row][column] -= factor * rows[pivot][column];
-                }
+                let scaled: Vec<f64> = rows[pivot].iter().map(|part| factor * part).collect();
+                rows[row].iter_mut().zip(scaled).for_each(|(part, scaled)| *part -= scaled);
             }
         }
     }

@@ -65,7 +65,7 @@ fn columns(rows: &[Document]) -> Vec<&str> {
             None => counts.push((key, 1)),
         }
     }
-    counts.sort_by(|a, b| b.1.cmp(&a.1));
+    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     counts.into_iter().take(COLUMNS).map(|(key, _)| key).collect()
 }
 
