@@ -213,7 +213,8 @@ pub(super) fn check_result(document: &RawDocument) -> Result<()> {
         let message = format!("a result has {size} bytes, more than the {MAX_RESULT} that a document may have");
         return Err(QueryError::invalid(10_334, message));
     }
-    super::nesting::check(document)
+    // Fewer bytes cannot nest so deeply: each level takes a length, a type, a name and two ends.
+    if size < MAX_DEPTH * 7 { Ok(()) } else { super::nesting::check(document) }
 }
 
 /// Refuses documents nested too deeply to be encoded.

@@ -189,7 +189,10 @@ impl Form {
                 kept(input, *slot, condition, limit.as_ref(), environment)
             }
             Self::Function(program, arguments) => match arguments.evaluate(environment)? {
-                Some(Bson::Array(values)) => program.call(&values.into_iter().map(Some).collect::<Vec<_>>()),
+                Some(Bson::Array(values)) => {
+                    let value = program.call(&values.into_iter().map(Some).collect::<Vec<_>>())?;
+                    Ok(value.map(|value| if value == Bson::Undefined { Bson::Null } else { value }))
+                }
                 _ => Err(QueryError::invalid(4_660_705, "the 'args' of $function must be an array")),
             },
             Self::Reduce { input, initial, value, this, body } => {

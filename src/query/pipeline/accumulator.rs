@@ -77,6 +77,15 @@ pub(super) enum State {
 impl Accumulator {
     /// Reads `{$sum: …}`.
     pub(super) fn parse(spec: &Bson, scope: &Scope) -> Result<Self> {
+        Self::read(spec, scope, false)
+    }
+
+    /// Reads `{$sum: …}` as a window function, whose argument may be an array.
+    pub(super) fn of_window(spec: &Bson, scope: &Scope) -> Result<Self> {
+        Self::read(spec, scope, true)
+    }
+
+    fn read(spec: &Bson, scope: &Scope, takes_arrays: bool) -> Result<Self> {
         let Bson::Document(spec) = spec else {
             return Err(QueryError::invalid(40_234, "a computed field must be an accumulator object"));
         };
@@ -110,7 +119,7 @@ impl Accumulator {
             _ => return Err(QueryError::invalid(15_952, format!("unknown group operator '{name}'"))),
         };
         let argument = match argument {
-            Bson::Array(_) => {
+            Bson::Array(_) if !takes_arrays => {
                 return Err(QueryError::invalid(40_237, format!("the {name} accumulator is a unary operator")));
             }
             other => other,

@@ -91,6 +91,12 @@ impl Densify {
             return Err(wrong(6_586_400, "the 'step' of $densify must be a whole number where there is a 'unit'"));
         }
         let bounds = Bounds::parse(range.get("bounds"), unit.is_some(), !partition.is_empty())?;
+        if let (Bounds::Explicit(low, high), Some(given), None) = (&bounds, range.get("step"), unit) {
+            let types = [low, high].map(Bson::element_type);
+            if types.into_iter().any(|found| found != given.element_type()) {
+                return Err(wrong(5_876_900, "the bounds and the step of $densify must have the same type"));
+            }
+        }
         Ok(Self { field, partition, step, unit, bounds })
     }
 

@@ -330,11 +330,24 @@ fn check_partial(index: &Index) -> Result<(), QueryError> {
 
 /// Refuses conditions that a partial index cannot have.
 fn check_plain(filter: &Document) -> Result<(), QueryError> {
-    const PLAIN: [&str; 10] = ["$and", "$or", "$eq", "$gt", "$gte", "$lt", "$lte", "$in", "$exists", "$type"];
+    const PLAIN: [&str; 13] = [
+        "$and",
+        "$or",
+        "$eq",
+        "$gt",
+        "$gte",
+        "$lt",
+        "$lte",
+        "$in",
+        "$all",
+        "$exists",
+        "$type",
+        "$geoIntersects",
+        "$geoWithin",
+    ];
+    let is_false = |value: &Bson| matches!(value, Bson::Boolean(false) | Bson::Null | Bson::Int32(0) | Bson::Int64(0));
     for (name, value) in filter {
-        if name.starts_with('$') && !PLAIN.contains(&name.as_str())
-            || name == "$exists" && *value == Bson::Boolean(false)
-        {
+        if name.starts_with('$') && !PLAIN.contains(&name.as_str()) || name == "$exists" && is_false(value) {
             let message = format!("the partialFilterExpression of an index cannot have {name}: {value}");
             return Err(QueryError::invalid(CANNOT_CREATE, message));
         }

@@ -44,6 +44,23 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
     Known {
+        what: "An arrow function as `$where` or `$function`: mongod takes the function itself for the value",
+        holds: |difference| {
+            let text = difference.command.to_string();
+            uses(difference, &["$where", "$function"]) && text.contains("=>")
+        },
+    },
+    Known {
+        what: "Documents that pass through JavaScript unchanged: mongod gives them back with their ints, and as text they are \
+               `[object BSON]`",
+        holds: |difference| {
+            uses(difference, &["$function"])
+                && (same(difference, &|a, b| {
+                    equal(a, b, false, &|a, b| number(a).is_some() && compare_values(a, b).is_eq())
+                }) || difference.theirs.to_string().contains("[object BSON]"))
+        },
+    },
+    Known {
         what: "Values that are no result and need more than 256 MB while an expression is evaluated: the embedded store ends \
                them with code 146, mongod holds them",
         holds: |difference| {

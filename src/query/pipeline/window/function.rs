@@ -8,7 +8,7 @@ use super::bounds::Bounds;
 use super::series::{Covariance, Fill, MovingAverage, Slope};
 use super::{Member, Window, wrong};
 use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Expression, Scope, constant_of};
+use crate::query::expression::{Expression, Scope, Value, constant_of};
 use crate::query::number::Number;
 use crate::query::pipeline::accumulator::{Accumulator, count};
 use crate::query::pipeline::run::Run;
@@ -18,8 +18,17 @@ use crate::query::view::Fields;
 #[derive(Debug)]
 pub(super) enum Function {
     Accumulate(Accumulator),
+    /// `$first` and `$last`, which give nothing where the value is missing.
+    End {
+        input: Expression,
+        last: bool,
+    },
     Rank(Rank),
-    Shift { output: Expression, by: i64, default: Bson },
+    Shift {
+        output: Expression,
+        by: i64,
+        default: Bson,
+    },
     Covariance(Covariance),
     Slope(Slope),
     MovingAverage(MovingAverage),
@@ -34,15 +43,13 @@ pub(super) enum Rank {
     Number,
 }
 
-const ACCUMULATORS: [&str; 18] = [
+const ACCUMULATORS: [&str; 16] = [
     "$sum",
     "$avg",
     "$min",
     "$max",
     "$push",
     "$addToSet",
-    "$first",
-    "$last",
     "$stdDevPop",
     "$stdDevSamp",
     "$count",
@@ -99,9 +106,12 @@ impl Function {
                 }
                 Ok(Self::Fill(Fill::parse(name, argument, window.by().is_some(), scope)?))
             }
+            "$first" | "$last" => {
+                Ok(Self::End { input: Expression::parse_in(argument, scope)?, last: name == "$last" })
+            }
             _ if ACCUMULATORS.contains(&name) || name == "$bottomN" => {
                 let spec = Document::from_iter([(name.to_owned(), argument.clone())]);
-                Ok(Self::Accumulate(Accumulator::parse(&Bson::Document(spec), scope)?))
+                Ok(Self::Accumulate(Accumulator::of_window(&Bson::Document(spec), scope)?))
             }
             _ => Err(wrong(format!("unrecognized window function, {name}"))),
         }
@@ -113,16 +123,18 @@ impl Function {
         partition: &[Member],
         windows: &[Range<usize>],
         run: &Run<'_, E>,
-    ) -> Result<Vec<Bson>> {
-        match self {
-            Self::Accumulate(accumulator) => accumulated(accumulator, partition, windows, run),
-            Self::Rank(rank) => Ok(ranks(*rank, partition)),
-            Self::Shift { output, by, default } => shifted(output, *by, default, partition, run),
-            Self::Covariance(covariance) => covariance.values(partition, windows, run),
-            Self::Slope(slope) => slope.values(partition, windows, run),
-            Self::MovingAverage(average) => average.values(partition, run),
-            Self::Fill(fill) => fill.values(partition, run),
-        }
+    ) -> Result<Vec<Value>> {
+        let values = match self {
+            Self::End { input, last } => return ends(input, *last, partition, windows, run),
+            Self::Shift { output, by, default } => return shifted(output, *by, default, partition, run),
+            Self::Accumulate(accumulator) => accumulated(accumulator, partition, windows, run)?,
+            Self::Rank(rank) => ranks(*rank, partition),
+            Self::Covariance(covariance) => covariance.values(partition, windows, run)?,
+            Self::Slope(slope) => slope.values(partition, windows, run)?,
+            Self::MovingAverage(average) => average.values(partition, run)?,
+            Self::Fill(fill) => fill.values(partition, run)?,
+        };
+        Ok(values.into_iter().map(Some).collect())
     }
 }
 
@@ -161,6 +173,24 @@ fn accumulated<E>(
     Ok(values)
 }
 
+/// The value of the first or last document of each window; null where a window is empty.
+fn ends<E>(
+    input: &Expression,
+    last: bool,
+    partition: &[Member],
+    windows: &[Range<usize>],
+    run: &Run<'_, E>,
+) -> Result<Vec<Value>> {
+    let value = |window: &Range<usize>| {
+        let members = partition.get(window.clone()).unwrap_or_default();
+        match if last { members.last() } else { members.first() } {
+            Some(member) => input.evaluate(&run.environment(fields(member))),
+            None => Ok(Some(Bson::Null)),
+        }
+    };
+    windows.iter().map(value).collect()
+}
+
 fn ranks(rank: Rank, partition: &[Member]) -> Vec<Bson> {
     let (mut values, mut current, mut before) = (Vec::with_capacity(partition.len()), 0i64, None);
     for (member, number) in partition.iter().zip(1i64..) {
@@ -197,12 +227,12 @@ fn shifted<E>(
     default: &Bson,
     partition: &[Member],
     run: &Run<'_, E>,
-) -> Result<Vec<Bson>> {
+) -> Result<Vec<Value>> {
     let value = |index: usize| {
         let index = i64::try_from(index).ok().and_then(|index| index.checked_add(by));
         match index.and_then(|index| usize::try_from(index).ok()).and_then(|index| partition.get(index)) {
-            Some(member) => Ok(output.evaluate(&run.environment(fields(member)))?.unwrap_or(Bson::Null)),
-            None => Ok(default.clone()),
+            Some(member) => output.evaluate(&run.environment(fields(member))),
+            None => Ok(Some(default.clone())),
         }
     };
     (0..partition.len()).map(value).collect()

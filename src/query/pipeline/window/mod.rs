@@ -49,7 +49,7 @@ impl Window {
         }
         let partition = spec.get("partitionBy").map(|value| Expression::parse_in(value, scope)).transpose()?;
         let (sort, by) = match spec.get("sortBy") {
-            None => (None, None),
+            None | Some(Bson::Null) => (None, None),
             Some(Bson::Document(pattern)) => order(pattern)?,
             Some(_) => return Err(QueryError::type_mismatch("the 'sortBy' of $setWindowFields must be an object")),
         };
@@ -164,7 +164,9 @@ impl Window {
         for member in partition {
             let mut document = Document::try_from(&*member.document)?;
             for ((path, ..), column) in self.output.iter().zip(&mut columns) {
-                super::unwind::put(&mut document, path, column.next().unwrap_or(Bson::Null));
+                if let Some(value) = column.next().flatten() {
+                    super::unwind::put(&mut document, path, value);
+                }
             }
             results.push(encode(&document)?);
         }
@@ -176,9 +178,6 @@ type Order = (Option<Sort>, Option<(Path, bool)>);
 
 /// Reads what is sorted by, and the field, where there is only one.
 fn order(pattern: &Document) -> Result<Order> {
-    if pattern.is_empty() {
-        return Ok((None, None));
-    }
     let sort = Sort::parse(pattern)?;
     let by = match sort.fields().collect::<Vec<_>>().as_slice() {
         [(path, descending)] => Some((Path::parse(path)?, *descending)),

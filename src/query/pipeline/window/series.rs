@@ -5,11 +5,13 @@ use std::ops::Range;
 use bson::{Bson, Document};
 
 use super::{Member, number, wrong};
+use crate::query::arithmetic::{Overflow, multiply, subtract};
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, Unit, Value};
 use crate::query::number::Number;
 use crate::query::pipeline::run::Run;
+use crate::query::statistics::Sum;
 
 /// A number as a double, or as a decimal where a decimal takes part.
 #[derive(Debug, Clone, Copy)]
@@ -68,11 +70,6 @@ impl Real {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of documents are below 2^53")]
-fn real(count: usize) -> Real {
-    Real::Double(count as f64)
-}
-
 fn evaluate<E>(expression: &Expression, member: &Member, run: &Run<'_, E>) -> Result<Value> {
     expression.evaluate(&run.environment((&*member.document).into()))
 }
@@ -119,24 +116,28 @@ impl Covariance {
             });
         }
         let value = |window: &Range<usize>| self.of(pairs.get(window.clone()).unwrap_or_default());
-        Ok(windows.iter().map(value).collect())
+        windows.iter().map(value).collect()
     }
 
-    /// The covariance of pairs, by Welford's method; null of too few.
-    fn of(&self, pairs: &[Option<(Number, Number)>]) -> Bson {
-        let (mut n, mut mean_x, mut mean_y, mut sum) = (0, real(0), real(0), real(0));
+    /// The covariance of pairs; null of too few. As in mongod, each pair adds the product of its distances from the mean
+    /// of x before it and the mean of y with it, all in compensated sums.
+    fn of(&self, pairs: &[Option<(Number, Number)>]) -> Result<Bson> {
+        let (mut n, mut sum_x, mut sum_y, mut products) = (0, Sum::default(), Sum::default(), Sum::default());
         for (x, y) in pairs.iter().flatten() {
-            let (x, y) = (Real::from(*x), Real::from(*y));
+            sum_y.add(*y);
+            if let (Some(mean_x), Some(mean_y)) = (sum_x.mean(n), sum_y.mean(n + 1)) {
+                let distance_x = subtract(*x, mean_x, Overflow::Double)?;
+                let distance_y = subtract(*y, mean_y, Overflow::Double)?;
+                products.add(multiply(distance_x, distance_y, Overflow::Double)?);
+            }
+            sum_x.add(*x);
             n += 1;
-            let delta = x.minus(mean_x);
-            mean_x = mean_x.plus(delta.over(real(n)));
-            mean_y = mean_y.plus(y.minus(mean_y).over(real(n)));
-            sum = sum.plus(delta.times(y.minus(mean_y)));
         }
-        match n.saturating_sub(usize::from(self.sample)) {
+        Ok(match n.saturating_sub(u64::from(self.sample)) {
             0 => Bson::Null,
-            n => sum.over(real(n)).into(),
-        }
+            1 if n == 1 => Bson::Double(0.0),
+            n => products.mean(n).map_or(Bson::Null, Bson::from),
+        })
     }
 }
 
@@ -231,7 +232,11 @@ fn area(points: &[(Real, Value)]) -> Result<Bson> {
             sum = sum.plus(x2.minus(*x1).times(y1.plus(*y2)).over(Real::Double(2.0)));
         }
     }
-    Ok(if numbers.is_empty() { Bson::Null } else { sum.into() })
+    Ok(match numbers.len() {
+        0 => Bson::Null,
+        1 => Bson::Int32(0),
+        _ => sum.into(),
+    })
 }
 
 /// `$expMovingAvg`.
@@ -268,7 +273,7 @@ impl MovingAverage {
         let (mut values, mut average) = (Vec::with_capacity(partition.len()), None);
         for member in partition {
             values.push(match number(evaluate(&self.input, member, run)?.as_ref()) {
-                None => Bson::Null,
+                None => average.map_or(Bson::Null, Bson::from),
                 Some(number) => {
                     let number = Real::from(number);
                     let next = average.map_or(number, |average: Real| {
