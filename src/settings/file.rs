@@ -247,8 +247,8 @@ mod tests {
     fn a_kind_of_objects_that_makes_no_sense_is_an_error_at_its_place() {
         for (rest, wanted) in [
             ("collection='b'", "3:12: `b` is not a namespace"),
-            ("collection='a.b'\nquery='{'", "4:8: this is no query"),
-            ("collection='a.b'\nquery=\"{x: {$is: 1}}\"", "4:13: this is no query: unknown operator"),
+            ("collection='a.b'\nquery='{'", "4:9: expected a query"),
+            ("collection='a.b'\nquery=\"{x: {$is: 1}}\"", "4:13: expected a query: unknown operator"),
             (
                 "collection='a.b'\ngeometry=\"{type: 'box', size: [1, 2, 0]}\"",
                 "4:10: its `geometry` is a box that has the size",
