@@ -1,6 +1,6 @@
 //! `rmem view [NS]`: a browser of the memory in the terminal.
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal as _, Write};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -10,6 +10,7 @@ use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode};
 use ratatui::crossterm::{cursor, execute};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::{Context, UsageError};
 use crate::exit::Exit;
@@ -52,7 +53,10 @@ fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard)
             return Ok(Exit::Interrupted);
         }
         let mut is_changed = browser.refresh()?;
-        if event::poll(TICK)? {
+        if is_hung_up(TICK) {
+            return Ok(Exit::Interrupted);
+        }
+        while event::poll(Duration::ZERO)? {
             is_changed = true;
             let height = terminal.size()?.height.saturating_sub(4);
             match event::read()? {
@@ -72,6 +76,21 @@ fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard)
         }
     }
     Ok(Exit::Done)
+}
+
+/// Waits for a key, for at most `limit`; returns whether the terminal is gone, at whose end crossterm would read for ever.
+fn is_hung_up(limit: Duration) -> bool {
+    let stdin = io::stdin();
+    if !stdin.is_terminal() {
+        // Keys come from /dev/tty.
+        std::thread::sleep(limit);
+        return false;
+    }
+    let limit = Timespec::try_from(limit).ok();
+    let mut terminal = [PollFd::new(&stdin, PollFlags::IN)];
+    // A signal ends the wait early.
+    let _ = poll(&mut terminal, limit.as_ref());
+    terminal[0].revents().intersects(PollFlags::HUP | PollFlags::ERR)
 }
 
 fn meaning(code: KeyCode) -> Option<Key> {
