@@ -6,7 +6,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 /// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
 const TIPS: [(&[&str], &str); 14] = [
     (&["find", "get", "select", "search", "findone"], "'rmem query NS [QUERY]' prints documents"),
-    (&["export", "save", "write"], "'rmem dump' writes collections, 'rmem clips export' writes CLIPS facts"),
+    (&["save", "write"], "'rmem dump' writes collections, 'rmem clips export' writes CLIPS facts"),
     (
         &["import", "load"],
         "'rmem restore' reads dumps and world files, 'rmem insert --file' documents, 'rmem clips import' CLIPS facts, and 'rmem import-problem' PDDL problems",

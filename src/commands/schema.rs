@@ -1,10 +1,12 @@
 //! `rmem schema NS [QUERY]`: what fields documents have.
 
+use bson::Document;
 use clap::Args;
 
-use super::Context;
 use super::query::{argument, blame, owned};
+use super::{Context, formats};
 use crate::exit::Exit;
+use crate::output::Format;
 use crate::store::{Find, Namespace};
 use crate::views::schema::Schema;
 
@@ -15,7 +17,7 @@ Prints a document for each field, those of documents in documents with dots betw
 types, distinct, least, greatest, frequent}. Types are those of MongoDB's $type; share is the part of\n\
 the documents that have the field; frequent are the three values that come most often, if any comes twice.\n\
 Values are told apart up to 10000 different ones.")]
-#[command(arg = crate::commands::formats::argument(&crate::commands::formats::DOCUMENTS))]
+#[command(arg = formats::argument(&formats::DOCUMENTS))]
 pub struct SchemaArgs {
     /// Where: DATABASE.COLLECTION
     #[arg(value_name = "NS")]
@@ -34,6 +36,22 @@ pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> anyhow::Resul
         schema.add(&document.and_then(owned).map_err(|error| blame(error, &given))?);
     }
     context.output.note(&format!("{} documents of {}", schema.documents(), args.namespace));
-    context.print_documents(schema.describe().into_iter().map(Ok))?;
+    let mut fields = schema.describe();
+    if context.format(&formats::DOCUMENTS)? == Format::Table {
+        fill(&mut fields);
+    }
+    context.print_documents(fields.into_iter().map(Ok))?;
     Ok(Exit::Done)
+}
+
+/// Gives each row the columns of all, so that they are one table.
+fn fill(rows: &mut [Document]) {
+    let longest = rows.iter().max_by_key(|row| row.len()).cloned().unwrap_or_default();
+    for row in rows {
+        let mut whole = Document::new();
+        for key in longest.keys() {
+            whole.insert(key, row.get(key).cloned().unwrap_or_else(|| "".into()));
+        }
+        *row = whole;
+    }
 }

@@ -130,6 +130,9 @@ impl Chart {
             series.intervals.retain(|one| !x || one.from > 0.0);
         }
         self.series.retain(|series| !series.is_empty());
+        // An axis without values has no logarithms.
+        let is_drawn = !self.series.is_empty();
+        (self.x.log, self.y.log) = (x && is_drawn, y && is_drawn);
         self
     }
 

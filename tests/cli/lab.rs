@@ -49,7 +49,7 @@ pub(crate) fn plan(lab: &Lab, more: &[&str]) -> Finished {
 impl Lab {
     pub(crate) fn new() -> Self {
         let lab = Self::empty();
-        for name in ["domains", "templates", "fixtures", "examples"] {
+        for name in ["domains", "templates", "fixtures", "examples", "python"] {
             std::os::unix::fs::symlink(root().join(name), lab.path().join(name)).unwrap();
         }
         lab

@@ -274,6 +274,7 @@ fn no_query_update_or_pipeline_makes_the_store_panic() {
 }
 
 #[test]
+#[ignore = "nested loops of thousands of steps take minutes; by hand, with --ignored"]
 fn expressions_that_describe_large_values_end_within_the_limits() {
     let seeds =
         vec![vec![2, 3, 4], vec![7; 20], vec![0x33, 8, 8, 8], vec![6, 0x16, 0x26], vec![0x35, 12, 1], vec![15; 9]];

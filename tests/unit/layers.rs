@@ -8,10 +8,14 @@ use std::fs;
 use std::path::Path;
 
 /// Groups of files that import each other, and why they may.
-const RECURSIVE: [(&str, &str); 10] = [
-    ("query", "expressions and filters contain each other"),
+const RECURSIVE: [(&str, &str); 16] = [
+    ("query::expression::constants", "expressions contain expressions"),
+    ("query::filter::operators", "filters contain filters"),
+    ("query::filter::test", "filters contain filters"),
+    ("query::javascript", "values of JavaScript and documents contain each other"),
     ("query::pipeline", "stages such as $facet and $lookup contain pipelines"),
-    // Circles that are to be broken by the modules' rework.
+    ("query::pipeline::window", "the bounds of a window, its function and its values are read together"),
+    // Circles that are still to be broken.
     ("commands", ""),
     ("pddl::reachability", ""),
     ("pddl::validation::state", ""),
@@ -19,7 +23,9 @@ const RECURSIVE: [(&str, &str); 10] = [
     ("planner::builtin", ""),
     ("problem", ""),
     ("problem::assembly", ""),
-    ("problem::import", ""),
+    ("serve::access", ""),
+    ("serve::command", ""),
+    ("store::embedded", ""),
 ];
 
 /// Top-level modules that import each other; to be broken by the modules' rework.

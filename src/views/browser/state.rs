@@ -355,7 +355,11 @@ mod tests {
     use ratatui::backend::TestBackend;
 
     fn memory() -> Memory {
-        let memory = Memory::new(Box::new(Embedded::in_memory().unwrap()), None, Vec::new());
+        filled(Embedded::in_memory().unwrap())
+    }
+
+    fn filled(store: Embedded) -> Memory {
+        let memory = Memory::new(Box::new(store), None, Vec::new());
         let cups = Namespace::parse("robmem.cups").unwrap();
         let cup = |n: i32| doc! { "_id": n, "name": format!("cup {n}"), "n": n };
         memory.insert(&cups, (0..30).map(cup).collect()).unwrap();
@@ -414,7 +418,8 @@ mod tests {
 
     #[test]
     fn plans_are_shown_step_by_step_and_changes_are_seen() {
-        let memory = memory();
+        let folder = tempfile::tempdir().unwrap();
+        let memory = filled(Embedded::open(folder.path().join("m.rmem")).unwrap());
         let mut browser = Browser::new(&memory, None).unwrap();
         press(&mut browser, "pp");
         assert!(screen(&browser).contains("done      pick-up A"), "{}", screen(&browser));

@@ -86,7 +86,7 @@ fn options() -> BTreeSet<String> {
 
 #[test]
 fn environment_variables_that_pages_name_are_read_by_something() {
-    let sources = sources(&["src", "tests", "benches"]);
+    let sources = sources(&["src", "tests", "benches", "python"]);
     for page in PAGES {
         let text = text(page);
         let words = text.split(|c: char| !(c.is_ascii_uppercase() || c == '_'));

@@ -8,10 +8,11 @@ use super::text;
 use crate::lab::Lab;
 
 /// Sections of the page, and a settings file with an unknown key in that table.
-const TABLES: [(&str, &str); 5] = [
+const TABLES: [(&str, &str); 6] = [
     ("## Top level", "unknown = 1"),
     ("## [planner.NAME]", "[planner.x]\nunknown = 1"),
     ("## [[computable]]", "[[computable]]\nunknown = 1"),
+    ("## [[scene.object]]", "[[scene.object]]\nunknown = 1"),
     ("## [backend.local] and", "[backend.local]\nunknown = 1"),
     ("## [backend.local] and", "[backend.shared]\nunknown = 1"),
 ];
