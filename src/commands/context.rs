@@ -39,6 +39,7 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
+    #[expect(clippy::too_many_arguments, reason = "what a process gives to a command, each once")]
     pub(crate) fn new(
         settings: Settings,
         output: Output<'a>,

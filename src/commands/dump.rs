@@ -24,7 +24,7 @@ whole or not at all.
 Folders and archives keep the metadata of documents; a world file leaves out the dates of insertion and update. \
 Documents of computables are never dumped.";
 
-/// Write collections to a world file or a folder as mongodump does
+/// Write collections to a world file or a mongodump folder
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub struct DumpArgs {

@@ -31,6 +31,7 @@ pub struct Builtin {
     /// The keys of `[[computable]]` that only builtin bodies have, and that this one takes.
     pub keys: &'static [&'static str],
     /// Makes the body of a computable of a namespace.
+    #[expect(clippy::type_complexity, reason = "it is spelled out once")]
     pub(super) make: fn(&Options, &Namespace) -> Result<Box<dyn Body>, WrongOption>,
 }
 

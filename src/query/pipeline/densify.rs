@@ -28,6 +28,7 @@ pub(super) struct Densify {
 
 /// The range of values that must not have gaps.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "a stage has one of them")]
 enum Bounds {
     /// From the least to the greatest value of all documents.
     Full,
