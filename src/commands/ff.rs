@@ -15,7 +15,7 @@ use crate::formats::{Diagnostics, Source, pddl::Dialect};
 use crate::pddl::{Domain, Problem};
 use crate::planner::{Task, builtin};
 
-/// Run the built-in planner with the command line and the output of FF
+/// Run the built-in planner as the program ff is run
 #[derive(Debug, Args)]
 #[command(disable_help_flag = true, after_help = "Example:\n  rmem ff -o domain.pddl -f problem.pddl")]
 pub struct FfArgs {

@@ -10,7 +10,7 @@ use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect};
 use crate::problem;
 
-/// Generate a PDDL problem from a template whose sections are queries
+/// Generate a PDDL problem from a template with queries
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl\n  rmem gen-problem --template problem.pddl.j2 --explain '(on A B)'\n\n\

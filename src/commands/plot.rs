@@ -14,7 +14,7 @@ use crate::store::{Find, Namespace};
 use crate::views::series::{Fields, Taken};
 use crate::views::{Kind, Picture};
 
-/// Draw documents: lines, points, a map, bars, or intervals over time
+/// Draw documents as lines, points, a map, bars or a timeline
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  rmem plot robmem.worldmodel --kind map -o map.svg\n  \
 rmem plot robmem.battery --x time --y charge --by robot -o charge.png\n  \

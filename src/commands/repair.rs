@@ -9,7 +9,7 @@ use crate::exit::Exit;
 use crate::store::embedded::Repaired;
 use crate::store::{Embedded, StoreUri};
 
-/// Rebuild the indexes of the memory's file, or copy what can be read of it
+/// Rebuild the indexes of a file, or save what can be read of it
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  rmem doctor --deep\n  rmem repair\n  rmem repair -o saved.rmem\n\n\
 Without -o, all indexes are made anew from the documents, in the file itself; a damaged document stops\n\

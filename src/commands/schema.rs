@@ -10,7 +10,7 @@ use crate::output::Format;
 use crate::store::{Find, Namespace};
 use crate::views::schema::Schema;
 
-/// Describe the fields of documents: types, counts, distinct and frequent values
+/// Describe the fields of documents: types, counts, values
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem schema robmem.worldmodel --format table\n\n\
 Prints a document for each field, those of documents in documents with dots between: {field, documents, share,\n\

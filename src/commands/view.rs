@@ -18,7 +18,7 @@ use crate::interrupt::InterruptGuard;
 use crate::store::Namespace;
 use crate::views::browser::{Browser, Key, draw};
 
-/// Browse collections, documents, plans and computables in the terminal
+/// Browse documents, plans and computables in the terminal
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem view robmem.worldmodel\n\n\
 Arrow keys (or j, k) move, Enter opens what is selected, Esc goes back, / asks for a query, s for a sort order,\n\

@@ -17,7 +17,7 @@ Examples:
   rmem clips import facts.txt --into robmem.worldmodel
   rmem clips run agent.clp";
 
-/// Convert documents to and from CLIPS facts, and run CLIPS programs
+/// Convert documents to and from facts, and run CLIPS programs
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub struct ClipsArgs {

@@ -13,7 +13,7 @@ use clap::{Args, Subcommand};
 use super::Context;
 use crate::exit::Exit;
 
-/// Export what a motion planner has to know, compare, follow and check it, and write it back
+/// Exchange scenes with motion planners
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  rmem scene export robmem.objects --frame map --format moveit -o world.scene\n  rmem scene check robmem.objects --frame map"
