@@ -23,7 +23,9 @@ pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context
 
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
 fn message(namespace: &Namespace, memory: &Memory) -> anyhow::Result<Option<String>> {
-    let names: Vec<String> = memory.collections()?.iter().map(ToString::to_string).collect();
+    // A hint is not worth an error: another store may be unreachable.
+    let Ok(names) = memory.collections() else { return Ok(None) };
+    let names: Vec<String> = names.iter().map(ToString::to_string).collect();
     let name = namespace.to_string();
     let is_computed = memory.computables().any(|computable| computable.definition.namespace == *namespace);
     if is_computed || names.contains(&name) {

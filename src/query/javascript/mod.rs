@@ -95,7 +95,10 @@ impl Program {
         #[cfg(feature = "javascript")]
         return machine::call(self, arguments);
         #[cfg(not(feature = "javascript"))]
-        return Err(QueryError::unsupported("$function")).inspect_err(|_| drop(arguments.len()));
+        {
+            let _ = (arguments, self.id, &self.source, &self.scope);
+            Err(QueryError::unsupported("$function"))
+        }
     }
 }
 

@@ -47,6 +47,7 @@ use indexed::Remembered;
 use place::Place;
 
 pub use file::VERSION;
+#[cfg(feature = "serve")]
 pub(crate) use notifier::Notifier;
 pub use repair::Repaired;
 
