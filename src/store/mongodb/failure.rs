@@ -66,8 +66,8 @@ pub(super) fn explain(address: &str, error: &Error) -> StoreError {
         ErrorKind::Write(WriteFailure::WriteConcernError(concern)) => {
             unconfirmed(address, "the write", &concern.message)
         }
-        ErrorKind::InsertMany(many) => match (&many.write_errors, &many.write_concern_error) {
-            (Some(errors), _) if let [first, ..] = errors.as_slice() => coded(address, first.code, &first.message),
+        ErrorKind::InsertMany(many) => match (many.write_errors.iter().flatten().next(), &many.write_concern_error) {
+            (Some(first), _) => coded(address, first.code, &first.message),
             (_, Some(concern)) => unconfirmed(address, "the write", &concern.message),
             _ => failed(address, brief(error)),
         },
