@@ -2,7 +2,7 @@
 //!
 //! A [`Planner`] says how its program is called and how what it says is read.
 //! [`run`] does the rest, for all of them alike: it refuses what the planner cannot
-//! do, writes the task in names every planner understands ([`names`]), runs the program
+//! do, writes the task in names every planner understands ([`portable`](crate::formats::pddl::portable)), runs the program
 //! under [`Limits`] with nothing left behind ([`crate::process`]), and turns what comes
 //! back into a [`Run`] whose [`Outcome`] has an exit code and whose plan is in the
 //! domain's and the problem's own spelling. A [`Portfolio`] lets several planners run at once.

@@ -48,7 +48,7 @@ pub struct Inserted {
     pub ids: Vec<Bson>,
 }
 
-/// What [`Store::put`] did.
+/// What [`put`](super::Store::put) did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Put {
     /// How many are new.

@@ -1,6 +1,6 @@
 //! Dumps of world models: written, read, restored, compared.
 //!
-//! A dump is a world file ([`world_file`]), or a folder or an archive as `mongodump` writes it ([`write`]); [`read`] reads
+//! A dump is a world file ([`world_file`]), or a folder or an archive as `mongodump` writes it ([`mod@write`]); [`read`] reads
 //! all of them alike.
 
 mod batch;
