@@ -1,16 +1,7 @@
-//! The exit codes, and which error has which.
+//! The exit codes, and nothing else.
 //!
 //! The numbers are a contract with scripts and executives; 11 to 34 follow
 //! Fast Downward's bands.
-
-use crate::formats::{Diagnostic, Diagnostics};
-use crate::input::{UsageError, WrongInput};
-use crate::memory::dump::RestoreError;
-use crate::memory::dump::read::ReadError;
-use crate::memory::dump::write::DumpError;
-use crate::output::WriteError;
-use crate::query::QueryError;
-use crate::store::{NamespaceError, StoreError};
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -87,64 +78,6 @@ impl Exit {
             Self::Passed(code) => code,
         }
     }
-
-    /// The code for an error, from the innermost error whose kind is known.
-    #[must_use]
-    pub fn of(error: &anyhow::Error) -> Self {
-        let known = error.chain().filter_map(Self::of_cause).last();
-        // What the system says counts only where nobody said what it was about.
-        let system = || error.chain().any(|cause| cause.is::<std::io::Error>()).then_some(Self::Store);
-        known.or_else(system).unwrap_or(Self::BadInput)
-    }
-
-    fn of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<Self> {
-        if let Some(store) = cause.downcast_ref::<StoreError>() {
-            return Some(match store {
-                StoreError::Duplicate { .. } | StoreError::Held { .. } => Self::Conflict,
-                StoreError::Unfit { .. } => Self::Usage,
-                StoreError::Query(_) => Self::BadInput,
-                StoreError::Stopped { source, .. } => return Self::of_cause(source.as_ref()),
-                StoreError::Unreachable { .. } | StoreError::Failed { .. } | StoreError::Computable { .. } => {
-                    Self::Store
-                }
-            });
-        }
-        if cause.is::<Diagnostic>() || cause.is::<Diagnostics>() || cause.is::<QueryError>() || cause.is::<WrongInput>()
-        {
-            return Some(Self::BadInput);
-        }
-        #[cfg(feature = "serve")]
-        if let Some(exit) = Self::of_server(cause) {
-            return Some(exit);
-        }
-        if cause.is::<UsageError>() || cause.is::<crate::planner::UnknownPlanner>() || cause.is::<NamespaceError>() {
-            return Some(Self::Usage);
-        }
-        if cause.is::<ReadError>() || matches!(cause.downcast_ref(), Some(RestoreError::Dump(_))) {
-            return Some(Self::BadInput);
-        }
-        match cause.downcast_ref() {
-            Some(DumpError::Taken { .. }) => Some(Self::BadInput),
-            Some(DumpError::Write { .. } | DumpError::Nowhere { .. }) => Some(Self::Store),
-            _ => cause.is::<WriteError>().then_some(Self::Store),
-        }
-    }
-
-    /// The code where a memory cannot be served.
-    #[cfg(feature = "serve")]
-    fn of_server(cause: &(dyn std::error::Error + 'static)) -> Option<Self> {
-        use crate::serve::lock::LockError;
-        use crate::serve::{ListenError, TlsError, UsersError};
-        match cause.downcast_ref() {
-            Some(LockError::Held { .. }) => return Some(Self::Conflict),
-            Some(LockError::File { .. }) => return Some(Self::Store),
-            None => {}
-        }
-        if cause.is::<TlsError>() || cause.is::<UsersError>() {
-            return Some(Self::BadInput);
-        }
-        cause.is::<ListenError>().then_some(Self::Store)
-    }
 }
 
 #[cfg(test)]
@@ -155,12 +88,5 @@ mod tests {
     fn the_table_is_complete_and_sorted() {
         let codes: Vec<u8> = TABLE.iter().map(|(exit, _)| exit.code()).collect();
         assert_eq!(codes, [0, 1, 2, 3, 4, 5, 11, 12, 22, 23, 32, 34, 127, 130]);
-    }
-
-    #[test]
-    fn context_does_not_hide_the_kind_of_an_error() {
-        let error = anyhow::Error::from(StoreError::Failed { address: "file:x".into(), reason: "disk full".into() })
-            .context("storing the plan");
-        assert_eq!(Exit::of(&error), Exit::Store);
     }
 }

@@ -1,11 +1,18 @@
 //! Input: texts from files and stdin, and the two kinds of errors in what a user gives.
 
+use crate::fault::{AtFault, Fault};
 use crate::formats::{Diagnostic, Source};
 
 /// A mistake in the command line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(String);
+
+impl AtFault for UsageError {
+    fn fault(&self) -> Fault {
+        Fault::Usage
+    }
+}
 
 impl UsageError {
     /// Returns an error whose text says what is wrong and what was expected.
@@ -18,6 +25,12 @@ impl UsageError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct WrongInput(String);
+
+impl AtFault for WrongInput {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
+}
 
 impl WrongInput {
     /// Returns an error whose text says what is wrong and what was expected.

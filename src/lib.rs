@@ -131,14 +131,16 @@ pub mod formats;
 pub mod input;
 pub mod output;
 
+pub mod error;
 pub mod exit;
+pub mod fault;
 pub mod interrupt;
 
 use std::ffi::OsString;
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
 
-use commands::Context;
+use commands::{Context, report};
 use exit::Exit;
 use output::Output;
 use process::supervisor;
@@ -220,30 +222,4 @@ fn explain(error: &clap::Error, output: &mut Output<'_>) -> Exit {
         Ok(()) => Exit::Done,
         Err(error) => report(&error.into(), output),
     }
-}
-
-/// Says what went wrong, its causes each on a line.
-fn report(error: &anyhow::Error, output: &mut Output<'_>) -> Exit {
-    if output::is_broken_pipe(error) {
-        // The reader of stdout has seen enough: a graceful end.
-        return Exit::Done;
-    }
-    // What was found before the failure is still the product.
-    let _ = output.flush();
-    if let Some(formats::Diagnostics(complaints)) = error.downcast_ref() {
-        for complaint in complaints {
-            output.error(&complaint.to_string());
-        }
-        return Exit::of(error);
-    }
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1) {
-        let cause = cause.to_string();
-        if !text.contains(&cause) {
-            text.push_str("\n  caused by: ");
-            text.push_str(&cause);
-        }
-    }
-    output.error(&text);
-    Exit::of(error)
 }

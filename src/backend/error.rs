@@ -1,5 +1,6 @@
 //! Why a backend is not as it should be.
 
+use crate::fault::{AtFault, Fault};
 use crate::settings::backend::Backend;
 use crate::store::StoreError;
 use crate::store::mongodb::admin::AdminError;
@@ -25,6 +26,15 @@ pub enum BackendError {
         /// What went wrong.
         source: StoreError,
     },
+}
+
+impl AtFault for BackendError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::NoProgram { .. } => Fault::Program,
+            Self::Failed { source, .. } => source.fault(),
+        }
+    }
 }
 
 /// A failure of a process, with what to do about it.

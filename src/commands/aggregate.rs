@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::query::{blame, owned};
 use super::{Context, formats, missing};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Source, shell};
 use crate::store::Namespace;
@@ -24,7 +25,7 @@ pub struct AggregateArgs {
     pub strict: bool,
 }
 
-pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exit> {
     let pipeline = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))?;
     let memory = context.memory()?;
     if args.strict {

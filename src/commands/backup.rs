@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 
 /// Copy the memory into a new file, while other programs use it
@@ -20,7 +21,7 @@ pub struct BackupArgs {
     pub file: PathBuf,
 }
 
-pub(super) fn run(args: &BackupArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &BackupArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     memory.backup(&args.file)?;
     context.output.note(&format!("copied {} to {}", memory.describe(), args.file.display()));

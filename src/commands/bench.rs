@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
-use crate::query::object_id;
-use anyhow::Context as _;
 use bson::Document;
 use clap::Args;
 
 use super::context::memory_at;
 use super::{Context, UsageError, formats};
 use crate::bench::{Extent, Figure, OfMemory, Subject, plot, run as measure};
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::Memory;
 use crate::output::Format;
+use crate::query::object_id;
 use crate::store::Namespace;
 
 /// The formats: lines appear as they are measured.
@@ -47,7 +47,7 @@ pub struct BenchArgs {
     pub plot: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let extent = extent(args);
     let format = context.format(&FORMATS)?;
     let folder = tempfile::tempdir().context("a folder for the memory that is measured")?;
@@ -85,12 +85,7 @@ fn extent(args: &BenchArgs) -> Extent {
 }
 
 /// Prints a figure at once, or keeps it for the table.
-fn print(
-    figure: &Figure,
-    format: Format,
-    documents: &mut Vec<Document>,
-    context: &mut Context<'_>,
-) -> anyhow::Result<()> {
+fn print(figure: &Figure, format: Format, documents: &mut Vec<Document>, context: &mut Context<'_>) -> Result<()> {
     if format != Format::Jsonl {
         documents.push(figure.document());
         return Ok(());
@@ -99,7 +94,7 @@ fn print(
     Ok(context.output.flush()?)
 }
 
-fn namespace(database: &str, collection: &str) -> anyhow::Result<Namespace> {
+fn namespace(database: &str, collection: &str) -> Result<Namespace> {
     Ok(Namespace::parse(&format!("{database}.{collection}"))?)
 }
 
@@ -112,7 +107,7 @@ struct Server {
 }
 
 impl Server {
-    fn open(uri: &str) -> anyhow::Result<Self> {
+    fn open(uri: &str) -> Result<Self> {
         if !uri.starts_with("mongodb") {
             return Err(UsageError::new("--against takes a MongoDB server, like mongodb://127.0.0.1:27017").into());
         }
@@ -128,7 +123,7 @@ impl Server {
         })
     }
 
-    fn over_server(&self) -> anyhow::Result<OfMemory<'_>> {
+    fn over_server(&self) -> Result<OfMemory<'_>> {
         let namespace = namespace(&self.database, "objects")?;
         Ok(OfMemory { name: "rmem_on_mongod", memory: &self.memory, namespace })
     }

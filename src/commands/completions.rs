@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 
 /// Print a completion script for a shell
@@ -14,7 +15,7 @@ pub struct CompletionsArgs {
     pub shell: clap_complete::Shell,
 }
 
-pub(super) fn run(args: &CompletionsArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &CompletionsArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut (context.command_line)(), "rmem", &mut script);
     context.output.stdout().write_all(&script)?;

@@ -5,6 +5,7 @@ use clap::Args;
 
 use super::query::argument;
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::computables::{Check, Computable, Verdict};
@@ -39,7 +40,7 @@ pub struct ComputablesArgs {
     pub check: Vec<String>,
 }
 
-pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let rows: Vec<Document> = match args.check.as_slice() {
         [namespace, query] => {

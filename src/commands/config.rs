@@ -4,6 +4,7 @@ use bson::{Bson, doc};
 use clap::Args;
 
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
@@ -15,7 +16,7 @@ use crate::store::StoreUri;
 #[command(after_help = "Example:\n  rmem config", arg = formats::argument(&formats::TEXT))]
 pub struct ConfigArgs {}
 
-pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
     let settings = &context.settings;
     let file = settings.file.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
     let mut rows = vec![

@@ -8,14 +8,14 @@ use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use anyhow::Context as _;
-
+use crate::error::{Context as _, Result};
 use crate::formats::Source;
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Registry;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::memory::{Memory, Observer, Operation};
 use crate::output::Output;
+use crate::planner;
 use crate::process::{Host, search};
 use crate::settings::{Environment, Origin, Settings};
 use crate::store::StoreUri;
@@ -69,7 +69,7 @@ impl<'a> Context<'a> {
     ///
     /// # Errors
     /// Where a store cannot be opened or a world file is wrong.
-    pub fn memory(&mut self) -> anyhow::Result<Memory> {
+    pub fn memory(&mut self) -> Result<Memory> {
         let memory = self.memory_to_fill()?;
         Ok(match self.settings.memory.origin {
             Origin::Flag(_) | Origin::Environment(_) => memory.expecting_files(),
@@ -81,7 +81,7 @@ impl<'a> Context<'a> {
     ///
     /// # Errors
     /// As [`Context::memory`].
-    pub fn memory_to_fill(&mut self) -> anyhow::Result<Memory> {
+    pub fn memory_to_fill(&mut self) -> Result<Memory> {
         let memory = self.opening().open(self.observer())?;
         for path in self.settings.load.clone() {
             let start = Instant::now();
@@ -95,7 +95,7 @@ impl<'a> Context<'a> {
 
     /// Returns a world file, and its name for messages. A regular file is read twice, and may be larger
     /// than memory; stdin and pipes are read into memory.
-    fn world(&mut self, path: &Path) -> anyhow::Result<(String, Result<WorldFile, WorldError>)> {
+    fn world(&mut self, path: &Path) -> Result<(String, Result<WorldFile, WorldError>)> {
         if !path.is_file() {
             let source = self.read(path)?;
             let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error };
@@ -134,7 +134,7 @@ impl<'a> Context<'a> {
     /// # Errors
     /// Where stdin was read as a file, or cannot be read.
     #[cfg(feature = "clips-engine")]
-    pub(super) fn read_line(&mut self) -> anyhow::Result<Option<Vec<u8>>> {
+    pub(super) fn read_line(&mut self) -> Result<Option<Vec<u8>>> {
         let Some(stdin) = &mut self.stdin else { return Ok(None) };
         let mut line = Vec::new();
         stdin.read_until(b'\n', &mut line).map_err(|error| unreadable("stdin", &error))?;
@@ -160,11 +160,17 @@ impl<'a> Context<'a> {
         search::find(name.as_ref(), self.environment.get("PATH").map(OsStr::new))
     }
 
+    /// Returns the planners of the settings, and those that rmem knows.
+    #[must_use]
+    pub fn planners(&self) -> planner::Registry {
+        planner::Registry::new(self.settings.planners.clone(), self.program("ff"))
+    }
+
     /// Reads a whole text file, or stdin for `-`.
     ///
     /// # Errors
     /// Where it cannot be read, or is not UTF-8.
-    pub fn read(&mut self, path: &Path) -> anyhow::Result<Source> {
+    pub fn read(&mut self, path: &Path) -> Result<Source> {
         let mut bytes = Vec::new();
         let name = if path == Path::new("-") {
             self.take_stdin()?.read_to_end(&mut bytes).map_err(|error| unreadable("stdin", &error))?;
@@ -206,7 +212,7 @@ impl Opening {
     ///
     /// # Errors
     /// Where a store cannot be opened, or a computable is wrong.
-    pub fn open(&self, observer: Option<Observer>) -> anyhow::Result<Memory> {
+    pub fn open(&self, observer: Option<Observer>) -> Result<Memory> {
         let registry = Registry::new(self.settings.computables.clone(), &self.host)?;
         let memory = open(&self.settings)?.with_computables(registry);
         Ok(match observer {
@@ -220,13 +226,13 @@ impl Opening {
 ///
 /// # Errors
 /// Where the URI is malformed.
-pub(super) fn memory_at(uri: &str) -> anyhow::Result<Memory> {
-    let uri = StoreUri::parse(uri).map_err(|error| UsageError::new(error.to_string()))?;
+pub(super) fn memory_at(uri: &str) -> Result<Memory> {
+    let uri = StoreUri::parse(uri)?;
     Ok(Memory::at(uri.clone(), uri, Vec::new()))
 }
 
 /// Returns the memory of the settings; each store is contacted when it is first used.
-fn open(settings: &Settings) -> anyhow::Result<Memory> {
+fn open(settings: &Settings) -> Result<Memory> {
     let local = settings.memory.value.as_deref().ok_or_else(|| {
         UsageError::new("no memory is set and no data directory is known; expected --memory URI, like file:robot.rmem")
     })?;

@@ -5,6 +5,7 @@ use clap::Args;
 
 use super::query::{argument, blame};
 use super::{Context, UsageError, formats, missing};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::Memory;
 use crate::store::{Find, Namespace};
@@ -36,7 +37,7 @@ pub struct DeleteArgs {
     pub all: bool,
 }
 
-pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> {
     let filter = argument("<query>", &args.query)?;
     if filter.is_empty() && !args.all {
         let text = format!("an empty query matches every document of {}; expected a query, or --all", args.namespace);
@@ -65,7 +66,7 @@ pub(super) fn others(
     filter: &Document,
     memory: &Memory,
     context: &Context<'_>,
-) -> anyhow::Result<Option<u64>> {
+) -> Result<Option<u64>> {
     let is_one = filter.get("_id").is_some_and(|id| id.as_document().is_none());
     if is_one || !context.output.shows_notes() {
         return Ok(None);

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::context::memory_at;
 use super::{Context, WrongInput, formats};
+use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::dump::diff::{Difference, Side, compare};
@@ -34,14 +35,14 @@ pub struct DiffArgs {
     pub second: String,
 }
 
-pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> Result<Exit> {
     let (first, second) = (side(&args.first, context)?, side(&args.second, context)?);
     let is_json = context.format(&formats::TEXT)? == Format::Json;
     let mut differences = Vec::new();
     let count = compare(&first, &second, |namespace, difference| {
         if is_json {
             differences.push(Bson::Document(document(&namespace.to_string(), difference)));
-            return Ok::<_, anyhow::Error>(());
+            return Ok::<_, Error>(());
         }
         Ok(context.output.line(&line(&namespace.to_string(), &difference))?)
     })?;
@@ -51,7 +52,7 @@ pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Result<
     Ok(if count == 0 { Exit::Done } else { Exit::No })
 }
 
-fn side(text: &str, context: &mut Context<'_>) -> anyhow::Result<Side> {
+fn side(text: &str, context: &mut Context<'_>) -> Result<Side> {
     let is_uri = ["file:", "mem:", "mongodb:", "mongodb+srv:"].iter().any(|scheme| text.starts_with(scheme));
     Ok(match text {
         uri if is_uri => {

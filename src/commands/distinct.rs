@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::query::{argument, blame};
 use super::{Context, formats, missing};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::store::Namespace;
 
@@ -26,7 +27,7 @@ pub struct DistinctArgs {
     pub strict: bool,
 }
 
-pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit> {
     let filter = argument("<query>", &args.query)?;
     let memory = context.memory()?;
     if args.strict {

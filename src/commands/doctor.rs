@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::store::Checked;
 
@@ -25,7 +26,7 @@ pub struct DoctorArgs {
     pub deep: bool,
 }
 
-pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
     context.output.line(&format!("settings   {settings}"))?;
@@ -64,7 +65,7 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> anyhow::Resul
 }
 
 /// Checks the stores; says whether nothing is damaged.
-fn deep(context: &mut Context<'_>) -> anyhow::Result<bool> {
+fn deep(context: &mut Context<'_>) -> Result<bool> {
     let memory = context.memory()?;
     let mut damages = Vec::new();
     let checked = memory.check(|damage| damages.push(damage.to_owned()));

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::store::Namespace;
 
@@ -15,7 +16,7 @@ pub struct DropArgs {
     pub namespace: Namespace,
 }
 
-pub(super) fn run(args: &DropArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DropArgs, context: &mut Context<'_>) -> Result<Exit> {
     if !context.memory()?.drop_collection(&args.namespace)? {
         context.output.warn(&format!("there is no collection {}", args.namespace));
     }

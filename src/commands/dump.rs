@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::dump::world_file::WorldDumpError;
 use crate::memory::dump::{world_file, write};
@@ -45,7 +46,7 @@ pub struct DumpArgs {
     pub gzip: bool,
 }
 
-pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     let is_world = args.output == Path::new("-") || args.output.extension().is_some_and(|end| end == "json");
     let is_world = is_world && !args.archive;
     if is_world && args.gzip {

@@ -4,6 +4,7 @@ use bson::doc;
 use clap::Args;
 
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::{Exit, TABLE};
 
 /// Print the table of exit codes
@@ -11,7 +12,7 @@ use crate::exit::{Exit, TABLE};
 #[command(after_help = help(), arg = formats::argument(&formats::TEXT))]
 pub struct ExitCodesArgs {}
 
-pub(super) fn run(_: &ExitCodesArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(_: &ExitCodesArgs, context: &mut Context<'_>) -> Result<Exit> {
     context.print_lines(TABLE.map(|(exit, meaning)| {
         let line = format!("{:>3}  {meaning}", exit.code());
         (line, doc! { "code": i32::from(exit.code()), "meaning": meaning }.into())

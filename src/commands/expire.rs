@@ -4,6 +4,7 @@ use bson::{Document, doc};
 use clap::Args;
 
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::expiry::Expired;
 use crate::store::Namespace;
@@ -31,7 +32,7 @@ pub struct ExpireArgs {
     pub restart: bool,
 }
 
-pub(super) fn run(args: &ExpireArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ExpireArgs, context: &mut Context<'_>) -> Result<Exit> {
     let expired = context.memory()?.expire(args.restart)?;
     context.print_documents(expired.iter().map(|(namespace, expired)| Ok(report(namespace, expired))))?;
     Ok(Exit::Done)

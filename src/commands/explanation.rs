@@ -3,6 +3,7 @@
 use bson::{Bson, Document, doc};
 
 use super::{Context, WrongInput};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::pddl::{Dialect, read_problem};
 use crate::formats::shell;
@@ -17,7 +18,7 @@ pub(super) fn tell(
     dialect: Dialect,
     memory: &Memory,
     context: &mut Context<'_>,
-) -> anyhow::Result<Exit> {
+) -> Result<Exit> {
     let tree = read_problem(&generated.source(), dialect)
         .map_err(|error| generated.explain(vec![error.clone()]).into_iter().next().unwrap_or(error))?;
     let found = generated.explain_atom(&tree, atom);
@@ -32,7 +33,7 @@ pub(super) fn tell(
     Ok(Exit::Done)
 }
 
-fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> Result<Exit> {
     let name = atom.split(|c: char| c.is_whitespace() || "()".contains(c)).find(|word| !word.is_empty());
     let name = name.ok_or_else(|| WrongInput::new("expected an atom like `(on A B)`, or an object"))?;
     context.output.error(&format!("`{atom}` is not in the problem"));
@@ -42,7 +43,7 @@ fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> anyh
     Ok(Exit::No)
 }
 
-fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> anyhow::Result<Vec<String>> {
+fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> Result<Vec<String>> {
     let Explanation { part, text, line, origin, written, documents } = explanation;
     let part = match part {
         Part::Objects => "an object",
@@ -74,7 +75,7 @@ fn asked<'g>(
     explanation: &Explanation,
     generated: &'g Generated,
     memory: &Memory,
-) -> anyhow::Result<Option<&'g SectionReport>> {
+) -> Result<Option<&'g SectionReport>> {
     let is_value = ["{{", "<<"].iter().any(|mark| explanation.written.contains(mark));
     let document = explanation.documents.first();
     let mut before: Vec<&SectionReport> =
@@ -95,7 +96,7 @@ fn asked<'g>(
     Ok(before.into_iter().next())
 }
 
-fn document(namespace: &Namespace, id: &Bson, memory: &Memory) -> anyhow::Result<Option<Document>> {
+fn document(namespace: &Namespace, id: &Bson, memory: &Memory) -> Result<Option<Document>> {
     let find = Find { filter: doc! { "_id": id.clone() }, limit: 1, ..Find::default() };
     let found = memory.find(namespace, &find)?.next().transpose()?;
     Ok(found.map(|document| Document::try_from(&*document)).transpose()?)

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, Source, pddl::Dialect};
 use crate::pddl::{Domain, Problem};
@@ -66,7 +67,7 @@ pub struct FfArgs {
     pub help: Option<bool>,
 }
 
-pub(super) fn run(args: &FfArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &FfArgs, context: &mut Context<'_>) -> Result<Exit> {
     let ignored = ignored(args);
     if !ignored.is_empty() {
         context.output.note(&format!("ff: the built-in planner searches in its own way; ignored: {ignored}"));

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::template::{TemplateArgs, read_domain, report, request};
 use super::{Context, explanation};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect};
 use crate::problem;
@@ -35,7 +36,7 @@ pub struct GenProblemArgs {
     pub explain: Option<String>,
 }
 
-pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Exit> {
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.options.lenient, context)).transpose()?;
     let template = context.read(&args.template)?;
     let memory = context.memory()?;

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::template::read_domain;
 use super::{Context, WrongInput};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::Diagnostics;
 use crate::formats::pddl::{Dialect, read_problem};
@@ -55,7 +56,7 @@ pub struct ImportProblemArgs {
     pub lenient: bool,
 }
 
-pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> Result<Exit> {
     let dialect = Dialect { lenient: args.lenient };
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.lenient, context)).transpose()?;
     let source = context.read(&args.problem)?;
@@ -78,7 +79,7 @@ pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> anyhow
 }
 
 /// Removes an earlier import, or refuses: two problems in one collection cannot be distinguished.
-fn make_room(args: &ImportProblemArgs, memory: &Memory) -> anyhow::Result<()> {
+fn make_room(args: &ImportProblemArgs, memory: &Memory) -> Result<()> {
     let ours: Document = doc! { "relation": { "$in": RELATIONS.to_vec() } };
     if args.replace {
         memory.delete(&args.into, &ours, false)?;

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::query::{argument, blame};
 use super::{Context, UsageError, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::memory::Memory;
@@ -51,7 +52,7 @@ pub struct IndexArgs {
     pub drop: bool,
 }
 
-pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
     let wanted = args.keys.as_deref().map(|text| index(args, text)).transpose()?;
     let memory = context.memory()?;
     match (wanted, args.drop) {
@@ -77,7 +78,7 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> anyhow::Result
 }
 
 /// The index that the arguments describe.
-fn index(args: &IndexArgs, keys: &str) -> anyhow::Result<Index> {
+fn index(args: &IndexArgs, keys: &str) -> Result<Index> {
     let index = Index::on(argument("<keys>", keys)?);
     Ok(Index {
         name: args.name.clone().unwrap_or(index.name),
@@ -96,7 +97,7 @@ fn seconds(ttl: Duration) -> Result<i64, UsageError> {
     }
 }
 
-fn remove(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+fn remove(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mut Context<'_>) -> Result<Exit> {
     let name = match (&args.name, wanted) {
         (Some(name), _) => name.clone(),
         (None, Some(wanted)) => named(memory, &args.namespace, wanted)?,
@@ -111,7 +112,7 @@ fn remove(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mu
 }
 
 /// What the index with these keys is called.
-fn named(memory: &Memory, ns: &Namespace, wanted: Index) -> anyhow::Result<String> {
+fn named(memory: &Memory, ns: &Namespace, wanted: Index) -> Result<String> {
     let with_keys = |index: &Index| index.has_keys(&wanted.keys);
     let found: Vec<String> = memory.indexes(ns)?.into_iter().filter(with_keys).map(|index| index.name).collect();
     match found.as_slice() {

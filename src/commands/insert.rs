@@ -8,15 +8,15 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use bson::{Bson, Document};
 use clap::Args;
 
 use super::query::blame;
 use super::{Context, WrongInput, formats};
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::formats::Source;
-use crate::formats::shell::{self, ReadError, Reader};
+use crate::formats::shell::{self, Reader};
 use crate::input::unreadable;
 use crate::memory::Memory;
 use crate::output::Format;
@@ -52,7 +52,7 @@ const LARGEST_BATCH: usize = 1_000;
 /// How old a document may get before it is stored with those that came by then.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 
-pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory_to_fill()?;
     let mut batch = Batch::new(args, context.format(&formats::VALUES)?);
     for (index, text) in args.documents.iter().enumerate() {
@@ -76,7 +76,7 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> anyhow::Resul
             let name = path.display().to_string();
             let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
             for document in Reader::new(name, BufReader::new(file)) {
-                batch.add(document.map_err(readable)?.1, &memory, context)?;
+                batch.add(document?.1, &memory, context)?;
             }
         }
         None if !args.documents.is_empty() => {}
@@ -90,21 +90,13 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> anyhow::Resul
     Ok(Exit::Done)
 }
 
-fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
     // The ids are printed while stdin is read: the two are apart from here on.
     let mut stdin = context.take_stdin()?;
     for document in Reader::new("<stdin>", &mut stdin) {
-        batch.add(document.map_err(readable)?.1, memory, context)?;
+        batch.add(document?.1, memory, context)?;
     }
     Ok(())
-}
-
-/// An input that cannot be read is bad input, as is one that is read and wrong.
-fn readable(error: ReadError) -> anyhow::Error {
-    match error {
-        ReadError::Io { name, error } => unreadable(&name, &error).into(),
-        wrong => wrong.into(),
-    }
 }
 
 /// The documents that are read and not yet stored.
@@ -124,7 +116,7 @@ impl<'a> Batch<'a> {
         Self { args, documents: Vec::new(), began: Instant::now(), size: 1, stored: 0, format, ids: Vec::new() }
     }
 
-    fn add(&mut self, document: Document, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+    fn add(&mut self, document: Document, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
         if self.documents.is_empty() {
             self.began = Instant::now();
         }
@@ -137,7 +129,7 @@ impl<'a> Batch<'a> {
     }
 
     /// Stores the batch and tells the ids, also of those before one that is refused.
-    fn store(&mut self, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+    fn store(&mut self, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
         if self.documents.is_empty() {
             return Ok(());
         }

@@ -6,6 +6,7 @@ use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
 use super::{Context, UsageError, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::memory::lock::{Mutex, Tried};
@@ -58,7 +59,7 @@ const COLLECTION: &str = "mutexes";
 /// The database where none is shared.
 const DATABASE: &str = "robmem";
 
-pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mutex = mutex(&args.name, &args.holder, context)?;
     let memory = context.memory_to_fill()?;
     match mutex.lock(&memory, args.ttl, args.wait.unwrap_or(Duration::ZERO))? {
@@ -75,7 +76,7 @@ pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> anyhow::Result<
 }
 
 /// The mutex that is meant, and by whom.
-pub(super) fn mutex(name: &str, options: &HolderOptions, context: &Context<'_>) -> anyhow::Result<Mutex> {
+pub(super) fn mutex(name: &str, options: &HolderOptions, context: &Context<'_>) -> Result<Mutex> {
     let set = |name: &str| context.environment.get(name).filter(|value| !value.is_empty());
     let owner = match (&options.owner, set("USER"), set("HOSTNAME")) {
         (Some(owner), _, _) => owner.clone(),

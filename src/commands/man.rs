@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use clap::{Args, Command};
 
 use super::{Context, UsageError};
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 
 /// What stands below the help of `man`.
@@ -27,7 +27,7 @@ pub struct ManArgs {
     pub folder: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &ManArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ManArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut command = (context.command_line)();
     command.build();
     match &args.folder {
@@ -46,7 +46,7 @@ fn named<'c>(command: &'c Command, words: &[String]) -> Result<&'c Command, Usag
 }
 
 /// Writes the pages of a command and of those below it.
-fn write_all(command: &Command, folder: &Path, context: &mut Context<'_>) -> anyhow::Result<()> {
+fn write_all(command: &Command, folder: &Path, context: &mut Context<'_>) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let name = command.get_display_name().unwrap_or_else(|| command.get_name());
     context.output.write_file(&folder.join(format!("{name}.1")), &page(command)?)?;

@@ -1,11 +1,11 @@
 //! `rmem map-reduce NS --map FUNCTION --reduce FUNCTION`: values reduced by key, with functions in JavaScript.
 
-use anyhow::Context as _;
 use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::Context;
 use super::query::{argument, blame};
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::query::MapReduce;
 use crate::store::{Find, Namespace};
@@ -47,7 +47,7 @@ pub struct MapReduceArgs {
     pub out: Option<Namespace>,
 }
 
-pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> Result<Exit> {
     let (map, reduce) = (function(&args.map)?, function(&args.reduce)?);
     let finalize = args.finalize.as_deref().map(function).transpose()?;
     let functions = MapReduce::parse(&map, &reduce, finalize.as_deref(), &argument("<scope>", &args.scope)?)?;
@@ -71,7 +71,7 @@ pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> anyhow::Re
 }
 
 /// Returns the text of a function, which `@FILE` has in a file.
-fn function(text: &str) -> anyhow::Result<String> {
+fn function(text: &str) -> Result<String> {
     match text.strip_prefix('@') {
         Some(path) => std::fs::read_to_string(path).with_context(|| format!("cannot read {path}")),
         None => Ok(text.to_owned()),

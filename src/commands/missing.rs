@@ -1,12 +1,13 @@
 //! The message about a collection that does not exist.
 
 use super::{Context, WrongInput};
+use crate::error::Result;
 use crate::formats::nearest;
 use crate::memory::Memory;
 use crate::store::Namespace;
 
 /// Refuses a collection that does not exist, for `--strict`.
-pub(super) fn refuse(namespace: &Namespace, memory: &Memory) -> anyhow::Result<()> {
+pub(super) fn refuse(namespace: &Namespace, memory: &Memory) -> Result<()> {
     match message(namespace, memory)? {
         Some(message) => Err(WrongInput::new(message).into()),
         None => Ok(()),
@@ -14,7 +15,7 @@ pub(super) fn refuse(namespace: &Namespace, memory: &Memory) -> anyhow::Result<(
 }
 
 /// Warns, after an empty result, if the collection does not exist.
-pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<()> {
+pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
     if let Some(message) = message(namespace, memory)? {
         context.output.warn(&message);
     }
@@ -22,7 +23,7 @@ pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context
 }
 
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
-fn message(namespace: &Namespace, memory: &Memory) -> anyhow::Result<Option<String>> {
+fn message(namespace: &Namespace, memory: &Memory) -> Result<Option<String>> {
     // A hint is not worth an error: another store may be unreachable.
     let Ok(names) = memory.collections() else { return Ok(None) };
     let names: Vec<String> = names.iter().map(ToString::to_string).collect();

@@ -52,11 +52,13 @@ mod watch;
 pub mod context;
 
 pub use context::Context;
+pub(crate) use error::report;
 
 pub(crate) use crate::input::{UsageError, WrongInput};
 
 use clap::Subcommand;
 
+use crate::error::Result;
 use crate::exit::Exit;
 
 /// The commands, in the order of the help.
@@ -109,8 +111,8 @@ pub enum Command {
 /// Runs one command.
 ///
 /// # Errors
-/// What went wrong; [`Exit::of`] gives it a code.
-pub fn run(command: &Command, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+/// What went wrong; [`report`] prints it and gives it a code.
+pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
     match command {
         Command::Aggregate(args) => aggregate::run(args, context),
         Command::MapReduce(args) => map_reduce::run(args, context),

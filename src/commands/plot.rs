@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::query::{argument, blame, owned};
 use super::{Context, UsageError, WrongInput};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Source, shell};
 use crate::memory::Memory;
@@ -101,7 +102,7 @@ pub(super) fn size(text: &str) -> Result<(f64, f64), String> {
     Ok((side(width)?, side(height)?))
 }
 
-pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     let kind = kind(args.kind);
     let fields = fields(args, kind)?;
     let memory = context.memory()?;
@@ -131,7 +132,7 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> anyhow::Result<
 }
 
 /// Writes a picture in the format of the file's name.
-pub(super) fn write(path: &Path, picture: &Picture, context: &mut Context<'_>) -> anyhow::Result<()> {
+pub(super) fn write(path: &Path, picture: &Picture, context: &mut Context<'_>) -> Result<()> {
     let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
     if is_png {
         return context.output.write_file(path, &picture.png().map_err(WrongInput::new)?);
@@ -168,7 +169,7 @@ fn fields(args: &PlotArgs, kind: Kind) -> Result<Fields, UsageError> {
     })
 }
 
-fn take(args: &PlotArgs, fields: &Fields, kind: Kind, memory: &Memory) -> anyhow::Result<Taken> {
+fn take(args: &PlotArgs, fields: &Fields, kind: Kind, memory: &Memory) -> Result<Taken> {
     let given = [("<pipeline>", args.pipeline.as_str())];
     let documents = if args.pipeline.trim_start().starts_with('[') {
         let stages: Vec<Document> = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))?;

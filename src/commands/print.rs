@@ -5,6 +5,7 @@ use std::io::Write;
 use bson::{Bson, Document};
 
 use super::{Context, UsageError, formats, table};
+use crate::error::Result;
 use crate::formats::shell;
 use crate::output::Format;
 use crate::settings::Origin;
@@ -34,10 +35,7 @@ impl Context<'_> {
     ///
     /// # Errors
     /// Where a document cannot be had or stdout fails.
-    pub fn print_documents(
-        &mut self,
-        documents: impl Iterator<Item = anyhow::Result<Document>>,
-    ) -> anyhow::Result<u64> {
+    pub fn print_documents(&mut self, documents: impl Iterator<Item = Result<Document>>) -> Result<u64> {
         let format = self.format(&formats::DOCUMENTS)?;
         let columns = self.columns;
         let stdout = self.output.stdout();
@@ -45,7 +43,7 @@ impl Context<'_> {
             Format::Table => return print_table(documents, columns, stdout),
             // The keys of all documents are in the first line.
             Format::Csv | Format::Tsv => {
-                let rows = documents.collect::<anyhow::Result<Vec<_>>>()?;
+                let rows = documents.collect::<Result<Vec<_>>>()?;
                 table::separated(&rows, if format == Format::Csv { ',' } else { '\t' }, stdout)?;
                 return Ok(rows.len() as u64);
             }
@@ -77,7 +75,7 @@ impl Context<'_> {
     ///
     /// # Errors
     /// Where stdout fails.
-    pub fn print_values(&mut self, values: Vec<Bson>) -> anyhow::Result<()> {
+    pub fn print_values(&mut self, values: Vec<Bson>) -> Result<()> {
         match self.format(&formats::VALUES)? {
             Format::Json => self.output.line(&shell::pretty(&Bson::Array(values)))?,
             Format::Canonical => {
@@ -92,7 +90,7 @@ impl Context<'_> {
     ///
     /// # Errors
     /// Where stdout fails.
-    pub fn print_result(&mut self, result: Document) -> anyhow::Result<()> {
+    pub fn print_result(&mut self, result: Document) -> Result<()> {
         match self.format(&formats::RESULT)? {
             Format::Json => self.output.line(&shell::pretty(&result.into()))?,
             _ => self.output.line(&shell::relaxed(&result))?,
@@ -104,7 +102,7 @@ impl Context<'_> {
     ///
     /// # Errors
     /// Where stdout fails.
-    pub fn print_lines(&mut self, lines: impl IntoIterator<Item = (String, Bson)>) -> anyhow::Result<()> {
+    pub fn print_lines(&mut self, lines: impl IntoIterator<Item = (String, Bson)>) -> Result<()> {
         if self.format(&formats::TEXT)? == Format::Json {
             let values = lines.into_iter().map(|(_, value)| value).collect();
             return Ok(self.output.line(&shell::pretty(&Bson::Array(values)))?);
@@ -118,10 +116,10 @@ impl Context<'_> {
 const TABLE_ROWS: usize = 1_000;
 
 fn print_table(
-    documents: impl Iterator<Item = anyhow::Result<Document>>,
+    documents: impl Iterator<Item = Result<Document>>,
     columns: Option<usize>,
     out: &mut dyn Write,
-) -> anyhow::Result<u64> {
+) -> Result<u64> {
     let (mut rows, mut count) = (Vec::new(), 0);
     let mut print = |rows: &mut Vec<Document>, count: u64| {
         let gap = if count as usize > rows.len() { "\n" } else { "" };

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::{Context, formats, missing};
+use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::store::{Find, Namespace, StoreError};
@@ -46,7 +47,7 @@ pub struct QueryArgs {
     pub explain: bool,
 }
 
-pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     let find = Find {
         filter: argument("<query>", &args.query)?,
         sort: args.sort.as_deref().map(|text| argument("<sort>", text)).transpose()?.unwrap_or_default(),
@@ -94,7 +95,7 @@ pub(super) fn owned(document: bson::RawDocumentBuf) -> Result<bson::Document, St
 
 /// A complaint of a store about a query, shown at the operator or field it is about
 /// in the first of the texts that has it; the kind of any other error stays.
-pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> anyhow::Error {
+pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error {
     let StoreError::Query(query) = &error else { return error.into() };
     let place = query
         .operators()

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::store::embedded::Repaired;
 use crate::store::{Embedded, StoreUri};
@@ -22,9 +23,8 @@ pub struct RepairArgs {
     pub output: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let uri = context.settings.memory.value.as_deref().map(StoreUri::parse).transpose();
-    let uri = uri.map_err(|error| UsageError::new(error.to_string()))?;
+pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> {
+    let uri = context.settings.memory.value.as_deref().map(StoreUri::parse).transpose()?;
     let path = uri
         .as_ref()
         .and_then(StoreUri::path)

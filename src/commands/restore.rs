@@ -6,6 +6,7 @@ use bson::{Document, doc};
 use clap::Args;
 
 use super::{Context, UsageError, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::Dump;
@@ -44,7 +45,7 @@ pub struct RestoreArgs {
     pub dry_run: bool,
 }
 
-pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut dump = match args.path == Path::new("-") {
         true => Dump::world(&context.read(&args.path)?)?,
         false => Dump::open(&args.path)?,

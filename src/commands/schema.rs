@@ -5,6 +5,7 @@ use clap::Args;
 
 use super::query::{argument, blame, owned};
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::output::Format;
 use crate::store::{Find, Namespace};
@@ -27,7 +28,7 @@ pub struct SchemaArgs {
     pub query: String,
 }
 
-pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> Result<Exit> {
     let given = [("<query>", args.query.as_str())];
     let find = Find { filter: argument("<query>", &args.query)?, ..Find::default() };
     let memory = context.memory()?;

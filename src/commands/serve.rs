@@ -5,16 +5,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::Context as _;
 use clap::Args;
 
 use super::context::Opening;
 use super::{Context, UsageError};
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::interrupt::InterruptGuard;
 use crate::serve::lock::{self, Lock};
-use crate::serve::{Address, Listener, Opener, Options, Server, Tls, Users, systemd};
+use crate::serve::{Address, Listener, Opener, Options, Running, Server, Tls, Users, systemd};
 use crate::settings::{Origin, Settings};
 use crate::store::{StoreError, StoreUri};
 
@@ -68,7 +68,7 @@ pub struct ServeArgs {
     pub hash_password: bool,
 }
 
-pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.hash_password {
         return hash_password(context);
     }
@@ -79,10 +79,10 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> anyhow::Result
     let mut locks = if args.read_only { Vec::new() } else { take_locks(&files)? };
     fill(args, context)?;
     let guard = InterruptGuard::new();
-    let (server, running) = Server::start(opener(context.opening()), options).context("cannot start")?;
-    files.iter().try_for_each(|file| server.hear(file)).context("cannot start")?;
+    let running = Running::start(opener(context.opening()), options).context("cannot start")?;
+    files.iter().try_for_each(|file| running.server().hear(file)).context("cannot start")?;
     let uris: Vec<String> = listeners.iter().map(uri).collect();
-    let threads = start(listeners, &server)?;
+    let threads = start(listeners, running.server())?;
     announce(args, &uris, &mut locks, context)?;
     wait(guard.interrupted());
     systemd::notify(notify_socket(context).as_deref(), "STOPPING=1");
@@ -95,7 +95,7 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> anyhow::Result
     Ok(Exit::Done)
 }
 
-fn hash_password(context: &mut Context<'_>) -> anyhow::Result<Exit> {
+fn hash_password(context: &mut Context<'_>) -> Result<Exit> {
     let mut password = String::new();
     context.take_stdin()?.read_line(&mut password).context("cannot read stdin")?;
     let password = password.trim_end_matches(['\n', '\r']);
@@ -108,14 +108,14 @@ fn hash_password(context: &mut Context<'_>) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-fn tls(args: &ServeArgs) -> anyhow::Result<Option<Tls>> {
+fn tls(args: &ServeArgs) -> Result<Option<Tls>> {
     match (&args.tls_cert, &args.tls_key) {
         (Some(certificate), Some(key)) => Ok(Some(Tls::read(certificate, key)?)),
         _ => Ok(None),
     }
 }
 
-fn options(args: &ServeArgs) -> anyhow::Result<Options> {
+fn options(args: &ServeArgs) -> Result<Options> {
     let users = args.users.as_deref().map(Users::read).transpose()?;
     Ok(Options {
         metadata: args.meta,
@@ -127,15 +127,10 @@ fn options(args: &ServeArgs) -> anyhow::Result<Options> {
 }
 
 /// Where clients come in: as the command line says, or systemd, or MongoDB's port of this machine.
-fn listeners(
-    args: &ServeArgs,
-    tls: Option<&Tls>,
-    has_users: bool,
-    context: &Context<'_>,
-) -> anyhow::Result<Vec<Listener>> {
+fn listeners(args: &ServeArgs, tls: Option<&Tls>, has_users: bool, context: &Context<'_>) -> Result<Vec<Listener>> {
     let mut addresses = Vec::new();
     for text in &args.listen {
-        addresses.push(Address::tcp(text).map_err(|error| UsageError::new(error.to_string()))?);
+        addresses.push(Address::tcp(text)?);
     }
     for path in &args.socket {
         addresses.push(Address::Unix(std::path::absolute(path)?));
@@ -169,7 +164,7 @@ fn check_reach(address: &Address, has_tls: bool, has_users: bool) -> Result<(), 
 }
 
 /// A memory that is gone at exit is a file meanwhile: each connection opens it.
-fn file_for_memory(context: &mut Context<'_>) -> anyhow::Result<Option<tempfile::TempDir>> {
+fn file_for_memory(context: &mut Context<'_>) -> Result<Option<tempfile::TempDir>> {
     let is_memory = context.settings.memory.value.as_deref() == Some("mem:");
     if !is_memory {
         return Ok(None);
@@ -180,10 +175,10 @@ fn file_for_memory(context: &mut Context<'_>) -> anyhow::Result<Option<tempfile:
 }
 
 /// The files that are served.
-fn files(settings: &Settings) -> anyhow::Result<Vec<PathBuf>> {
+fn files(settings: &Settings) -> Result<Vec<PathBuf>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for uri in [&settings.memory.value, &settings.shared.value].into_iter().flatten() {
-        let uri = StoreUri::parse(uri).map_err(|error| UsageError::new(error.to_string()))?;
+        let uri = StoreUri::parse(uri)?;
         let path = uri.path().map(Path::to_owned);
         files.extend(path.filter(|path| !files.contains(path)));
     }
@@ -195,12 +190,12 @@ pub(super) fn server(settings: &Settings) -> Option<lock::Holder> {
     files(settings).ok()?.first().and_then(|file| lock::holder(file))
 }
 
-fn take_locks(files: &[PathBuf]) -> anyhow::Result<Vec<Lock>> {
+fn take_locks(files: &[PathBuf]) -> Result<Vec<Lock>> {
     files.iter().map(|file| Ok(Lock::take(file)?)).collect()
 }
 
 /// Opens the memory once: what is wrong is said now, and a file that is not there is made.
-fn fill(args: &ServeArgs, context: &mut Context<'_>) -> anyhow::Result<()> {
+fn fill(args: &ServeArgs, context: &mut Context<'_>) -> Result<()> {
     let memory = if args.read_only { context.memory()? } else { context.memory_to_fill()? };
     let is_file = context.settings.memory.value.as_deref().is_some_and(|uri| uri.starts_with("file:"));
     if is_file && !args.read_only {
@@ -223,7 +218,7 @@ fn uri(listener: &Listener) -> String {
     listener.address().uri(if listener.is_encrypted() { "tls=true" } else { "" })
 }
 
-fn start(listeners: Vec<Listener>, server: &Arc<Server>) -> anyhow::Result<Vec<std::thread::JoinHandle<()>>> {
+fn start(listeners: Vec<Listener>, server: &Arc<Server>) -> Result<Vec<std::thread::JoinHandle<()>>> {
     let spawn = |listener: Listener| {
         let server = Arc::clone(server);
         std::thread::Builder::new().name("listener".to_owned()).spawn(move || listener.run(&server))
@@ -232,7 +227,7 @@ fn start(listeners: Vec<Listener>, server: &Arc<Server>) -> anyhow::Result<Vec<s
 }
 
 /// Says that clients may connect, and where.
-fn announce(args: &ServeArgs, uris: &[String], locks: &mut [Lock], context: &mut Context<'_>) -> anyhow::Result<()> {
+fn announce(args: &ServeArgs, uris: &[String], locks: &mut [Lock], context: &mut Context<'_>) -> Result<()> {
     for lock in locks {
         lock.tell(&uris.join("\n"))?;
     }

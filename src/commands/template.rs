@@ -6,6 +6,7 @@ use bson::Bson;
 use clap::{Args, ValueEnum};
 
 use super::{Context, WrongInput};
+use crate::error::Result;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
 use crate::pddl::Domain;
 use crate::problem::{Generated, Request, Syntax};
@@ -66,7 +67,7 @@ fn definition(text: &str) -> Result<Definition, String> {
 }
 
 /// Reads and checks a domain.
-pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>) -> anyhow::Result<Domain> {
+pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>) -> Result<Domain> {
     let source = context.read(path)?;
     Ok(Domain::read(&source, Dialect { lenient }).map_err(Diagnostics)?)
 }
@@ -97,7 +98,7 @@ fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
 }
 
 /// Reports how many documents each section of a template matched; none is a warning, or an error if `strict`.
-pub(super) fn report(generated: &Generated, strict: bool, context: &mut Context<'_>) -> anyhow::Result<()> {
+pub(super) fn report(generated: &Generated, strict: bool, context: &mut Context<'_>) -> Result<()> {
     let mut empty = Vec::new();
     for section in &generated.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };

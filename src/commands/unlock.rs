@@ -5,6 +5,7 @@ use clap::builder::NonEmptyStringValueParser;
 
 use super::lock::{HolderOptions, mutex};
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::lock::Tried;
 
@@ -27,7 +28,7 @@ pub struct UnlockArgs {
     pub holder: HolderOptions,
 }
 
-pub(super) fn run(args: &UnlockArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &UnlockArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mutex = mutex(&args.name, &args.holder, context)?;
     let memory = context.memory()?;
     match mutex.unlock(&memory)? {

@@ -6,6 +6,7 @@ use clap::Args;
 use super::delete::others;
 use super::query::{argument, blame};
 use super::{Context, formats, missing};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::store::{Namespace, UpdateRequest, UpdateSpec};
@@ -47,7 +48,7 @@ pub struct UpdateArgs {
     pub array_filters: Vec<String>,
 }
 
-pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> {
     let request = UpdateRequest {
         filter: argument("<query>", &args.query)?,
         update: specification(&Source::new("<update>", args.update.as_str()))?,

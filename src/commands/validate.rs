@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::Context;
 use super::template::read_domain;
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_plan, shell};
 use crate::output::Format;
@@ -35,7 +36,7 @@ pub struct ValidateArgs {
     pub lenient: bool,
 }
 
-pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json])?;
     let domain = read_domain(&args.domain, args.lenient, context)?;
     let Some(problem) = &args.problem else {

@@ -13,6 +13,7 @@ use ratatui::crossterm::{cursor, execute};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::store::Namespace;
@@ -33,7 +34,7 @@ pub struct ViewArgs {
 /// How long a key is waited for before the memory is looked at.
 const TICK: Duration = Duration::from_millis(100);
 
-pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> Result<Exit> {
     if !context.is_terminal() {
         return Err(UsageError::new("view needs a terminal; for other programs there is rmem query").into());
     }
@@ -45,7 +46,7 @@ pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> anyhow::Result<
     browse(&mut browser, screen, &guard)
 }
 
-fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard) -> anyhow::Result<Exit> {
+fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard) -> Result<Exit> {
     let mut terminal = Terminal::new(CrosstermBackend::new(screen))?;
     terminal.draw(|frame| draw(browser, frame))?;
     while !browser.is_over() {

@@ -12,6 +12,7 @@ use delivery::{Delivered, Delivery};
 
 use super::query::{argument, blame};
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::memory::watch::{Trigger, Watch};
@@ -110,7 +111,7 @@ const LULL: Duration = Duration::from_millis(20);
 /// How long one waits before a store is looked for again.
 const RETREAT: Duration = Duration::from_millis(500);
 
-pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     // The command line has one or the other.
     let Some(namespace) = &args.namespace else { return names(context) };
     let delivery = Delivery {
@@ -143,7 +144,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result
 }
 
 /// Lists the names of watches.
-fn names(context: &mut Context<'_>) -> anyhow::Result<Exit> {
+fn names(context: &mut Context<'_>) -> Result<Exit> {
     let names = context.memory()?.watch_names()?;
     context.print_documents(names.iter().map(|name| Ok(listed(name))))?;
     Ok(Exit::Done)
@@ -161,7 +162,7 @@ fn listed(name: &Name) -> Document {
     }
 }
 
-fn trigger(args: &WatchArgs, namespace: &Namespace) -> anyhow::Result<Trigger> {
+fn trigger(args: &WatchArgs, namespace: &Namespace) -> Result<Trigger> {
     Ok(Trigger {
         namespace: namespace.clone(),
         filter: argument("<query>", &args.query)?,
@@ -186,7 +187,7 @@ struct Session<'a> {
 
 impl Session<'_> {
     /// Delivers changes until there were enough, the time is over, or somebody interrupts.
-    fn follow(mut self, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    fn follow(mut self, context: &mut Context<'_>) -> Result<Exit> {
         let mut lost = false;
         loop {
             if let Some(exit) = self.verdict() {
@@ -221,14 +222,14 @@ impl Session<'_> {
         }
     }
 
-    fn next(&mut self) -> anyhow::Result<Next> {
+    fn next(&mut self) -> Result<Next> {
         let slice = if self.behind { LULL } else { SLICE };
         let left = self.delivery.deadline.map_or(slice, |deadline| deadline.saturating_duration_since(Instant::now()));
         self.watch.next(left.min(slice)).map_err(|error| blame(error, &[("<query>", &self.args.query)]))
     }
 
     /// Keeps the position, where nothing more comes for now or it was not kept for long.
-    fn keep(&mut self, quiet: bool) -> anyhow::Result<()> {
+    fn keep(&mut self, quiet: bool) -> Result<()> {
         if quiet || self.kept.is_none_or(|kept| kept.elapsed() >= LAG) {
             self.watch.done()?;
             (self.kept, self.behind) = (Some(Instant::now()), false);

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::fault::{AtFault, Fault};
+
 /// The most characters of a source line that a message repeats.
 const LINE_WINDOW: usize = 100;
 
@@ -304,6 +306,12 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
+impl AtFault for Diagnostic {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
+}
+
 /// Several complaints at once, shown one after another.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostics(pub Vec<Diagnostic>);
@@ -319,6 +327,12 @@ impl fmt::Display for Diagnostics {
 }
 
 impl std::error::Error for Diagnostics {}
+
+impl AtFault for Diagnostics {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -8,6 +8,14 @@ use std::io::{Seek, Write};
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions, Writer};
 
+use crate::fault::{AtFault, Fault};
+
+impl AtFault for McapError {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
+}
+
 /// A log that is written.
 pub struct Log<W: Write + Seek> {
     writer: Writer<W>,

@@ -4,14 +4,12 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use crate::error::Result;
 use crate::process::litter;
 
 /// Writes beside the target and renames. Devices and pipes are written directly;
 /// a symbolic link stays one; an existing file keeps its permissions.
-pub(super) fn write_atomically(
-    path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
+pub(super) fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let existing = fs::metadata(&target).ok();
     let special = existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir());

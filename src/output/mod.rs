@@ -8,6 +8,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use std::time::Duration;
 
+use crate::error::{Error, Result};
+use crate::fault::{AtFault, Fault};
 use crate::formats::visible;
 use file::write_atomically;
 pub use format::Format;
@@ -51,7 +53,7 @@ impl<'a> Output<'a> {
     ///
     /// # Errors
     /// Where the log cannot be opened.
-    pub fn configure(&mut self, verbosity: Verbosity, color: bool, log: Option<&Path>) -> anyhow::Result<()> {
+    pub fn configure(&mut self, verbosity: Verbosity, color: bool, log: Option<&Path>) -> Result<()> {
         self.verbosity = verbosity;
         self.color = color;
         self.log = match log {
@@ -179,7 +181,7 @@ impl<'a> Output<'a> {
     ///
     /// # Errors
     /// Where the file cannot be written; the old one is then as it was.
-    pub fn write_file(&mut self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    pub fn write_file(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
         self.write_with(path, |out| Ok(out.write_all(bytes)?))
     }
 
@@ -187,11 +189,7 @@ impl<'a> Output<'a> {
     ///
     /// # Errors
     /// What `write` fails with, and where the file cannot be written; the old one is then as it was.
-    pub fn write_with(
-        &mut self,
-        path: &Path,
-        write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
-    ) -> anyhow::Result<()> {
+    pub fn write_with(&mut self, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
         if path == Path::new("-") || path == Path::new("/dev/stdout") {
             return write(&mut self.stdout);
         }
@@ -216,6 +214,12 @@ impl<'a> Output<'a> {
 #[error("{0}")]
 pub struct WriteError(String);
 
+impl AtFault for WriteError {
+    fn fault(&self) -> Fault {
+        Fault::Store
+    }
+}
+
 /// Standard output; its errors name it.
 struct Stdout<'a>(&'a mut dyn Write);
 
@@ -239,7 +243,7 @@ fn named(error: io::Error) -> io::Error {
 /// Whether an error means that the reader of stdout closed it, which ends rmem
 /// without a message, as it ends every filter.
 #[must_use]
-pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
+pub fn is_broken_pipe(error: &Error) -> bool {
     error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|io| io.kind() == io::ErrorKind::BrokenPipe)
 }
 

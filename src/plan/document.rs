@@ -16,6 +16,7 @@
 
 use bson::{Array, Bson, Document, doc};
 
+use crate::fault::{AtFault, Fault};
 use crate::formats::pddl::ast::Domain;
 use crate::pddl::{Plan, Step};
 
@@ -47,6 +48,12 @@ pub enum PlanDocumentError {
     /// An argument is no value that a name could have come from.
     #[error("`{0}` is no value that a name stands for")]
     NotAName(String),
+}
+
+impl AtFault for PlanDocumentError {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
 }
 
 /// A stored plan, read back.

@@ -11,7 +11,6 @@ mod progress;
 mod report;
 mod repository;
 mod source;
-mod svg;
 
 pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document};
 pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};

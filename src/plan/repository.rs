@@ -6,6 +6,7 @@ use bson::{Bson, DateTime, Document, doc};
 use super::document::{PlanDocumentError, Stored, from_document};
 use super::progress::{Progress, Status, mark, progress};
 use super::source::{SourceError, TaskSource};
+use crate::fault::{AtFault, Fault};
 use crate::formats::shell;
 use crate::memory::Memory;
 use crate::problem::names;
@@ -59,6 +60,15 @@ pub enum RepositoryError {
     /// The store failed.
     #[error("{0}")]
     Store(#[from] StoreError),
+}
+
+impl AtFault for RepositoryError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Unknown { .. } | Self::Empty(_) | Self::Ambiguous { .. } | Self::NoStep { .. } => Fault::Usage,
+            Self::Store(error) => error.fault(),
+        }
+    }
 }
 
 /// A stored plan with all that is known of it.

@@ -13,6 +13,7 @@
 
 use bson::{Bson, Document, doc};
 
+use crate::fault::{AtFault, Fault};
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostics, Source};
 use crate::pddl::Domain;
@@ -51,6 +52,12 @@ pub enum SourceError {
     /// A text was longer than what is kept.
     #[error("the plan's {0} was longer than {limit} MiB and is not kept with it", limit = LONGEST >> 20)]
     TooLong(&'static str),
+}
+
+impl AtFault for SourceError {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
 }
 
 impl Input {

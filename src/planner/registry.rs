@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::fault::{AtFault, Fault};
+
 use super::{Builtin, Configured, FastDownward, Ff, Planner};
 
 /// Makes a planner; with the flag, one that improves its plan until the limit of time, where it can.
@@ -27,6 +29,12 @@ pub struct Registry {
 pub struct UnknownPlanner {
     name: String,
     known: Vec<String>,
+}
+
+impl AtFault for UnknownPlanner {
+    fn fault(&self) -> Fault {
+        Fault::Usage
+    }
 }
 
 impl Registry {

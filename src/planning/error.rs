@@ -1,5 +1,6 @@
 //! Why planning failed before it had an outcome.
 
+use crate::fault::{AtFault, Fault};
 use crate::formats::Diagnostics;
 use crate::plan::{PlanDocumentError, RepositoryError, SourceError};
 use crate::problem::ProblemError;
@@ -44,6 +45,17 @@ pub enum PlanningError {
         #[source]
         error: PlanDocumentError,
     },
+}
+
+impl AtFault for PlanningError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Pddl(_) | Self::NoPlanner | Self::NoSource { .. } | Self::NotAPlan { .. } => Fault::Input,
+            Self::Problem(error) => error.fault(),
+            Self::Storing(error) | Self::Store(error) => error.fault(),
+            Self::Repository(error) => error.fault(),
+        }
+    }
 }
 
 impl From<Diagnostics> for PlanningError {

@@ -10,6 +10,7 @@
 mod answer;
 mod assembly;
 mod explain;
+mod generate;
 mod goal;
 pub mod import;
 mod marker;
@@ -19,5 +20,6 @@ mod origin;
 mod request;
 
 pub use explain::{Explanation, Part};
+pub use generate::generate;
 pub use origin::{Generated, Origin};
-pub use request::{ProblemError, Request, SectionReport, Syntax, generate};
+pub use request::{ProblemError, Request, SectionReport, Syntax};

@@ -2,9 +2,8 @@
 
 use bson::{Bson, Document};
 
-use super::{Generated, goal, marker, minijinja};
+use crate::fault::{AtFault, Fault};
 use crate::formats::{Diagnostic, Source, Span};
-use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
 
 /// The spelling of a template.
@@ -68,6 +67,15 @@ pub enum ProblemError {
     },
 }
 
+impl AtFault for ProblemError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Template(error) => error.fault(),
+            Self::Store { error, .. } => error.fault(),
+        }
+    }
+}
+
 impl ProblemError {
     /// A store's complaint about the query at `span`: the template's fault if the query is bad.
     pub(super) fn store(source: &Source, span: Span, error: StoreError) -> Self {
@@ -79,74 +87,4 @@ impl ProblemError {
             }
         }
     }
-}
-
-/// Makes the problem: answers the template's queries and renders it.
-///
-/// The result depends on the request and the memory's content alone.
-///
-/// # Errors
-/// A mistake in the template, a query, the goal or a parameter, at its place;
-/// two values that PDDL takes for the same name; a store that fails.
-pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, ProblemError> {
-    let goal = request.goal.as_deref().map(goal::parse).transpose()?;
-    let syntax = spelling(request)?;
-    for (name, _) in &request.parameters {
-        let taken = match syntax {
-            Syntax::Marker => name == "GOAL",
-            _ => name == "goal" || name == "param" || minijinja::PLACED.contains(&name.as_str()),
-        };
-        if taken {
-            let source = Source::new("<parameter>", name.as_str());
-            let message = format!("a parameter cannot be called `{name}`, which templates have already");
-            let diagnostic = Diagnostic::new(&source, Span::new(0, name.len()), message);
-            let goal = name.eq_ignore_ascii_case("goal");
-            return Err(if goal { diagnostic.hint("give the goal with --goal") } else { diagnostic }.into());
-        }
-    }
-    match syntax {
-        Syntax::Marker => marker::expand(request, goal.as_deref(), memory),
-        _ => minijinja::render(request, goal.as_deref(), memory),
-    }
-}
-
-/// The spelling by content; a template without any marker is fine in both.
-fn spelling(request: &Request) -> Result<Syntax, Diagnostic> {
-    if request.syntax != Syntax::Auto {
-        return Ok(request.syntax);
-    }
-    let text = request.template.text();
-    let minijinja = ["{{", "{%", "{#"].iter().filter_map(|mark| text.find(mark)).min();
-    let Some(marker) = first_marker(text) else { return Ok(Syntax::Minijinja) };
-    // A query may hold `{{`, a marker in an expression of minijinja is hardly meant.
-    match minijinja {
-        None => Ok(Syntax::Marker),
-        Some(_) if only_in_markers(text) => Ok(Syntax::Marker),
-        Some(_) => {
-            let message = "the template has markers of both spellings, `<<…>>` and `{{…}}`";
-            let diagnostic = Diagnostic::new(&request.template, Span::at(marker), message);
-            Err(diagnostic.hint("say which is meant: --syntax marker or --syntax minijinja"))
-        }
-    }
-}
-
-/// The first `<<` that can start a marker.
-fn first_marker(text: &str) -> Option<usize> {
-    text.match_indices("<<").map(|(offset, _)| offset).find(|offset| {
-        let rest = text.get(offset + 2..).unwrap_or_default();
-        rest.starts_with(|c: char| c.is_alphanumeric() || "_#/!<".contains(c)) && rest.contains(">>")
-    })
-}
-
-/// Whether every `{{`, `{%` and `{#` stands inside of a `<<…>>`.
-fn only_in_markers(text: &str) -> bool {
-    let mut rest = text;
-    while let Some(start) = rest.find("<<") {
-        let before = rest.get(..start).unwrap_or_default();
-        if ["{{", "{%", "{#"].iter().any(|mark| before.contains(mark)) {
-            return false;
-        }
-        rest = rest.get(start..).and_then(|marker| marker.split_once(">>")).map_or("", |(_, after)| after);
-    }
-    !["{{", "{%", "{#"].iter().any(|mark| rest.contains(mark))
 }

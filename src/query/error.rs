@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use crate::fault::{AtFault, Fault};
+
 /// Why a query, update, projection, sort or pipeline is refused or failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
@@ -14,6 +16,12 @@ pub struct QueryError {
     pub unsupported: bool,
     /// A lower-case fragment that names operator and field.
     pub message: String,
+}
+
+impl AtFault for QueryError {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
 }
 
 /// The result of every function of this module that can fail.

@@ -6,9 +6,11 @@
 
 use bson::{Bson, Document};
 
-use super::retry;
 use crate::memory::Memory;
 use crate::store::{Documents, Find, Inserted, Namespace, Store, StoreError, UpdateRequest, Updated};
+
+/// The collection, in each database, of what writes were answered; no client lists it.
+pub(super) const RECORDS: &str = "rmem.retries";
 
 /// Who keeps `_robmem_info`, and who sees it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -94,7 +96,7 @@ impl<'m> Access<'m> {
         match self.metadata {
             Metadata::Own => {
                 let mut all = self.memory.all_collections()?;
-                all.retain(|ns| !retry::is_record(ns));
+                all.retain(|ns| ns.collection != RECORDS);
                 Ok(all)
             }
             _ => self.memory.collections(),

@@ -4,6 +4,8 @@ use std::fmt;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs as _};
 use std::path::{Path, PathBuf};
 
+use crate::fault::{AtFault, Fault};
+
 /// MongoDB's port.
 const PORT: u16 = 27_017;
 
@@ -22,6 +24,12 @@ pub enum Address {
 pub struct AddressError {
     text: String,
     reason: String,
+}
+
+impl AtFault for AddressError {
+    fn fault(&self) -> Fault {
+        Fault::Usage
+    }
 }
 
 impl Address {

@@ -13,10 +13,10 @@ use super::client::Client;
 use super::command;
 use super::failure::{Answer, Failure, codes};
 use super::host::{Host, Lazy, TICK};
+use super::job::Job;
 use super::panic;
 use super::server::{Counters, Server};
 use super::stream::Stream;
-use super::transaction;
 use super::wire::{self, Form, Message, Reply, WireError};
 
 /// Speaks with a client until it has enough, or something breaks.
@@ -30,7 +30,7 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     drop(reader);
     server.leave(client.id);
     if !client.transactions.is_empty() {
-        let _ = server.writer.submit(transaction::abandon(client.transactions.into_iter().collect()));
+        let _ = server.writer.submit(Job::abandon(client.transactions.into_iter().collect()));
     }
     linger(host);
 }

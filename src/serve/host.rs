@@ -9,10 +9,10 @@ use bson::RawDocumentBuf;
 
 use super::cursor::{self, Open, Owner, Results};
 use super::failure::{Answer, Failure, codes};
+use super::job::{Job, Work};
 use super::mailbox::{Inbox, Letter, More};
 use super::server::Server;
-use super::session::SessionId;
-use super::writer::{Job, Once, Work};
+use super::session::{Once, SessionId};
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
 

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::fault::{AtFault, Fault};
+
 use super::address::Address;
 use super::client::Client;
 use super::connection;
@@ -40,6 +42,12 @@ pub enum ListenError {
         /// Why not, and what to do.
         reason: String,
     },
+}
+
+impl AtFault for ListenError {
+    fn fault(&self) -> Fault {
+        Fault::Store
+    }
 }
 
 /// Where clients come in.

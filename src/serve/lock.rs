@@ -7,6 +7,8 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
+use crate::fault::{AtFault, Fault};
+
 use rustix::fs::{FlockOperation, flock};
 
 /// While it lives, no other process serves the file.
@@ -43,6 +45,15 @@ pub enum LockError {
         /// Why not.
         source: std::io::Error,
     },
+}
+
+impl AtFault for LockError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Held { .. } => Fault::Conflict,
+            Self::File { .. } => Fault::Store,
+        }
+    }
 }
 
 impl Lock {

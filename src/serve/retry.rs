@@ -8,25 +8,17 @@ use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
+use super::access::RECORDS;
 use super::failure::{Failure, codes};
-use super::session::SessionId;
-use super::transaction::Finished;
-use super::writer::Once;
+use super::session::{Finished, Once, SessionId};
 use crate::memory::Memory;
 use crate::store::{Find, Namespace, StoreError};
 
-/// The collection of what was answered.
-const COLLECTION: &str = "rmem.retries";
 /// How long it is kept: longer than a session lives.
 const KEPT: i64 = 40 * 60 * 1000;
 
-/// Whether a collection is one of those.
-pub(super) fn is_record(ns: &Namespace) -> bool {
-    ns.collection == COLLECTION
-}
-
 fn records(ns: &Namespace) -> Namespace {
-    Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() }
+    Namespace { database: ns.database.clone(), collection: RECORDS.to_owned() }
 }
 
 /// What a write was answered when it was done before.
@@ -92,7 +84,7 @@ pub(super) fn is_committed(memory: &Memory, ns: &Namespace, once: &Once) -> Resu
 /// Removes what is kept longer than any session lives.
 pub(super) fn sweep(memory: &Memory) -> Result<(), StoreError> {
     let before = DateTime::from_millis(DateTime::now().timestamp_millis() - KEPT);
-    for records in memory.all_collections()?.into_iter().filter(|ns| ns.collection == COLLECTION) {
+    for records in memory.all_collections()?.into_iter().filter(|ns| ns.collection == RECORDS) {
         memory.bare(&records)?.delete(&records, &doc! { "at": { "$lt": before } }, false)?;
     }
     Ok(())

@@ -5,7 +5,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use bson::DateTime;
@@ -17,8 +16,8 @@ use super::clock::Clock;
 use super::cursor::Cursors;
 use super::failure::{Failure, codes};
 use super::hub::Hub;
+use super::job::{Job, JobQueue};
 use super::stream::Handle;
-use super::writer::{self, Job, Writer};
 use crate::memory::Memory;
 use crate::store::StoreError;
 use crate::store::embedded::Notifier;
@@ -53,7 +52,7 @@ pub struct Server {
     open: Opener,
     pub(super) options: Options,
     pub(super) cursors: Cursors,
-    pub(super) writer: Writer,
+    pub(super) writer: JobQueue,
     pub(super) hub: Hub,
     pub(super) scopes: Scopes,
     pub(super) clock: Clock,
@@ -82,16 +81,10 @@ impl Counters {
 
 /// How long changes of other processes are waited for without looking.
 const HEARING: Duration = Duration::from_secs(1);
-/// How long connections have to end when the server does.
-const GRACE: Duration = Duration::from_secs(10);
-
 impl Server {
-    /// A server of the memory that `open` opens.
-    ///
-    /// # Errors
-    /// Where the system has no more threads to give.
-    pub fn start(open: Opener, options: Options) -> std::io::Result<(Arc<Self>, Running)> {
-        let (writer, jobs) = Writer::new();
+    /// Returns a server of the memory that `open` opens, and what its writer is given to do.
+    pub(super) fn new(open: Opener, options: Options) -> (Arc<Self>, Receiver<Job>) {
+        let (writer, jobs) = JobQueue::new();
         let server = Arc::new(Self {
             open,
             options,
@@ -107,8 +100,7 @@ impl Server {
             connections: Mutex::default(),
             ids: AtomicI64::new(1),
         });
-        let running = Running::start(&server, jobs)?;
-        Ok((server, running))
+        (server, jobs)
     }
 
     pub(super) fn open(&self) -> Result<Memory, Failure> {
@@ -141,6 +133,13 @@ impl Server {
 
     pub(super) fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::SeqCst)
+    }
+
+    /// Takes no more connections, and lets those that there are end when they have answered.
+    pub(super) fn stop(&self) {
+        self.stopping.store(true, Ordering::SeqCst);
+        self.lock().values().for_each(Handle::finish);
+        self.hub.call();
     }
 
     /// Registers a connection; says whether there is room for it.
@@ -176,36 +175,6 @@ impl Server {
 
     fn lock(&self) -> MutexGuard<'_, HashMap<i64, Handle>> {
         self.connections.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// The server's own thread; to be ended by [`Running::stop`].
-pub struct Running {
-    server: Arc<Server>,
-    writer: Option<JoinHandle<()>>,
-}
-
-impl Running {
-    fn start(server: &Arc<Server>, jobs: Receiver<Job>) -> std::io::Result<Self> {
-        let shared = Arc::clone(server);
-        let writer = thread("writer").spawn(move || writer::run(&shared, jobs))?;
-        Ok(Self { server: Arc::clone(server), writer: Some(writer) })
-    }
-
-    /// Ends the server: what was begun is answered, what is waited for is not.
-    pub fn stop(mut self) {
-        self.server.stopping.store(true, Ordering::SeqCst);
-        let since = Instant::now();
-        while self.server.connected() > 0 && since.elapsed() < GRACE {
-            self.server.lock().values().for_each(Handle::finish);
-            self.server.hub.call();
-            std::thread::sleep(Duration::from_millis(2));
-        }
-        // It has ended already where that fails.
-        let _ = self.server.writer.submit(Job::Stop);
-        if let Some(writer) = self.writer.take() {
-            let _ = writer.join();
-        }
     }
 }
 

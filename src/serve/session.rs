@@ -1,6 +1,7 @@
 //! Logical sessions: by what a client says which of its commands belong together.
 
 use std::fmt;
+use std::time::{Duration, Instant};
 
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, Document, doc};
@@ -10,6 +11,9 @@ use super::fields::Fields;
 
 /// How many minutes a session lives without being used, as drivers are told.
 pub(super) const TIMEOUT_MINUTES: i32 = 30;
+
+/// How long a transaction may take.
+pub(super) const TRANSACTION_LIMIT: Duration = Duration::from_secs(60);
 
 /// A session: the UUID that the client gave it.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -50,5 +54,35 @@ impl SessionId {
 impl fmt::Display for SessionId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         bson::Uuid::from_bytes(self.0).fmt(f)
+    }
+}
+
+/// A write that is done once, however often it is sent: the session and its number.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Once {
+    pub(super) session: SessionId,
+    pub(super) number: i64,
+}
+
+/// What a session did last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Finished {
+    pub(super) number: i64,
+    pub(super) how: How,
+    pub(super) at: Instant,
+}
+
+/// How that ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum How {
+    Write,
+    Committed,
+    Aborted,
+}
+
+impl Finished {
+    /// A write by itself.
+    pub(super) fn write(number: i64) -> Self {
+        Self { number, how: How::Write, at: Instant::now() }
     }
 }

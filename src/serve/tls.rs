@@ -4,6 +4,8 @@ use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::fault::{AtFault, Fault};
+
 use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
@@ -30,6 +32,12 @@ pub enum TlsError {
     /// They do not belong together, or are of a kind that is not known.
     #[error("the certificate and the key cannot be used together: {0}")]
     Refused(#[from] rustls::Error),
+}
+
+impl AtFault for TlsError {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
 }
 
 impl Tls {

@@ -8,69 +8,23 @@ use std::time::{Duration, Instant};
 
 use bson::RawDocumentBuf;
 
+use super::call::Call;
+use super::command;
+use super::desk::Desk;
 use super::failure::{Answer, Failure, TRANSIENT, codes};
-use super::host::Host;
+use super::host::{self, Host};
+use super::job::{Action, Job, Step};
 use super::mailbox::Mailbox;
 use super::panic;
 use super::retry;
-use super::session::SessionId;
-use super::writer::{Desk, Job, Once};
+use super::session::{Finished, How, Once, TRANSACTION_LIMIT};
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
 
-/// How long a transaction may take.
-pub(super) const LIMIT: Duration = Duration::from_secs(60);
-
 /// How long the first command of a transaction waits for one that is open.
-const PATIENCE: Duration = Duration::from_secs(5);
+const BEGIN_TIMEOUT: Duration = Duration::from_secs(5);
 /// How often it is looked whether one has waited long enough.
 const SLICE: Duration = Duration::from_millis(200);
-
-/// A command of a transaction.
-pub(super) struct Step {
-    pub(super) once: Once,
-    pub(super) action: Action,
-    pub(super) reply: Mailbox,
-    /// When it came.
-    pub(super) since: Instant,
-}
-
-/// A command, to be run where the transaction is.
-pub(super) type Command = Box<dyn for<'h, 'm> FnOnce(&'h mut Host<'m>) -> Answer + Send>;
-
-/// What is to be done.
-pub(super) enum Action {
-    /// Runs a command; the first begins the transaction.
-    Run {
-        starts: bool,
-        ns: Namespace,
-        command: Command,
-    },
-    Commit,
-    Abort,
-}
-
-/// What a session did last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Finished {
-    pub(super) number: i64,
-    how: How,
-    pub(super) at: Instant,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum How {
-    Write,
-    Committed,
-    Aborted,
-}
-
-impl Finished {
-    /// A write by itself.
-    pub(super) fn write(number: i64) -> Self {
-        Self { number, how: How::Write, at: Instant::now() }
-    }
-}
 
 /// Where what is kept of transactions is.
 fn records() -> Namespace {
@@ -81,8 +35,8 @@ fn records() -> Namespace {
 pub(super) fn run(desk: &mut Desk<'_>, step: Step) {
     let last = desk.finished.get(&step.once.session).copied();
     match step.action {
-        Action::Run { starts: true, ns, command } if last.is_none_or(|last| last.number < step.once.number) => {
-            Open { once: step.once, until: Instant::now() + LIMIT }.live(desk, ns, command, step.reply);
+        Action::Run { starts: true, ns, call } if last.is_none_or(|last| last.number < step.once.number) => {
+            Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(desk, ns, *call, step.reply);
         }
         action => step.reply.answer(late(desk, &step.once, &action, last)),
     }
@@ -97,7 +51,7 @@ fn late(desk: &Desk<'_>, once: &Once, action: &Action, last: Option<Finished>) -
         None => retry::is_committed(desk.memory.get()?, &records(), once)?,
     };
     match (action, is_committed) {
-        (Action::Commit, true) => super::host::empty(),
+        (Action::Commit, true) => host::empty(),
         (Action::Run { .. } | Action::Abort, true) => {
             Err(Failure::new(codes::COMMITTED, format!("Transaction {} has been committed.", once.number)))
         }
@@ -113,7 +67,7 @@ fn superseded(once: &Once, last: i64) -> Failure {
 /// Tells those that have waited long enough to begin that another transaction is open: whoever began both, one
 /// after the other, would wait for himself.
 fn refuse_patient(desk: &mut Desk<'_>) {
-    let has_waited = |job: &mut Job| matches!(job, Job::Step(step) if step.since.elapsed() >= PATIENCE);
+    let has_waited = |job: &mut Job| matches!(job, Job::Step(step) if step.since.elapsed() >= BEGIN_TIMEOUT);
     while let Some(index) = desk.waiting.iter_mut().position(has_waited) {
         if let Some(Job::Step(step)) = desk.waiting.remove(index) {
             let message = "another transaction is open, and one is at a time; try again";
@@ -147,7 +101,7 @@ enum End {
 
 impl Open {
     /// Runs the transaction from its first command to its end.
-    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: Command, reply: Mailbox) {
+    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: Call, reply: Mailbox) {
         let memory = desk.memory.get();
         let (mut first, mut end) = (Some(first), None);
         let kept = memory.and_then(|memory| {
@@ -165,7 +119,7 @@ impl Open {
         desk.finished.insert(self.once.session.clone(), finished);
         match end {
             Some(End::Commit(reply)) => reply.answer(kept.map(|()| RawDocumentBuf::new())),
-            Some(End::Abort(Some(reply))) => reply.answer(super::host::empty()),
+            Some(End::Abort(Some(reply))) => reply.answer(host::empty()),
             Some(End::Abort(None)) => {}
             Some(End::Superseded(job)) => desk.waiting.push_front(job),
             None => reply.answer(Err(kept.err().unwrap_or_else(|| none(&self.once)))),
@@ -179,12 +133,12 @@ impl Open {
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
     }
 
-    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: Command, reply: &Mailbox) -> End {
+    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: Call, reply: &Mailbox) -> End {
         let Ok(mut host) = Host::new(desk.server, desk.memory, true) else {
             reply.answer(Err(Failure::new(codes::FAILED, "the system has no more sockets to give")));
             return End::Abort(None);
         };
-        let mut failed = perform(&mut host, memory, ns, ns, first, reply);
+        let mut failed = perform(&mut host, memory, ns, ns, &first, reply);
         let end = loop {
             if failed {
                 break End::Abort(None);
@@ -201,8 +155,8 @@ impl Open {
                         let message = format!("transaction {} has been started already", self.once.number);
                         step.reply.answer(Err(Failure::new(codes::CONFLICT, message)));
                     }
-                    Action::Run { ns: other, command, .. } => {
-                        failed = perform(&mut host, memory, ns, &other, command, &step.reply);
+                    Action::Run { ns: other, call, .. } => {
+                        failed = perform(&mut host, memory, ns, &other, &call, &step.reply);
                     }
                 },
                 Some(Job::Abandon { sessions })
@@ -254,11 +208,11 @@ fn perform(
     memory: &Memory,
     home: &Namespace,
     ns: &Namespace,
-    command: Command,
+    call: &Call,
     reply: &Mailbox,
 ) -> bool {
     let answer = match memory.is_shared(home) == memory.is_shared(ns) {
-        true => panic::caught(|| command(host)),
+        true => panic::caught(|| command::inside(host, call)),
         false => {
             let message = format!("{ns} is in another store than {home}, and a transaction does not leave its store");
             Err(Failure::new(codes::NOT_IN_TRANSACTION, message))
@@ -272,14 +226,4 @@ fn perform(
 
 fn undone(memory: &Memory) -> StoreError {
     StoreError::Failed { address: memory.describe(), reason: "the transaction was aborted".to_owned() }
-}
-
-/// Ends the transactions of sessions: their connection is gone, or the client has ended them.
-pub(super) fn abandon(sessions: Vec<SessionId>) -> Job {
-    Job::Abandon { sessions: Some(sessions) }
-}
-
-/// Ends all transactions.
-pub(super) fn abandon_all() -> Job {
-    Job::Abandon { sessions: None }
 }

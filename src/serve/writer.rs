@@ -6,20 +6,22 @@
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
+use super::attempt::attempt;
+use super::desk::Desk;
 use super::failure::{Answer, Failure, codes};
 use super::host::Lazy;
+use super::job::{Job, Work};
 use super::mailbox::Mailbox;
 use super::panic;
 use super::retry;
 use super::server::Server;
-use super::session::SessionId;
-use super::transaction::{self, Finished, Step};
+use super::session::{Finished, Once};
+use super::transaction;
 use crate::memory::Memory;
-use crate::store::{Namespace, StoreError};
+use crate::store::Namespace;
 
 /// At most so many writes are made durable at once …
 const MOST: usize = 512;
@@ -29,50 +31,6 @@ const LONGEST: Duration = Duration::from_millis(20);
 const BEAT: Duration = Duration::from_secs(15);
 /// How long what a session did last is remembered.
 const MEMORY: Duration = Duration::from_secs(30 * 60);
-
-/// Something to be written.
-pub(super) type Work = Box<dyn FnOnce(&Memory) -> Answer + Send>;
-
-/// A write that is done once, however often it is sent: the session and its number.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Once {
-    pub(super) session: SessionId,
-    pub(super) number: i64,
-}
-
-/// What the writer is given to do.
-pub(super) enum Job {
-    /// A write by itself.
-    Write { ns: Namespace, once: Option<Once>, work: Work, reply: Mailbox },
-    /// A command of a transaction, or its end.
-    Step(Step),
-    /// Sessions, or all, or the connections that used them last, have ended.
-    Abandon { sessions: Option<Vec<SessionId>> },
-    /// The server ends.
-    Stop,
-}
-
-/// Where the writer is given things to do.
-pub(super) struct Writer {
-    jobs: Sender<Job>,
-    over: AtomicBool,
-}
-
-impl Writer {
-    /// A writer that does not run yet, and what it is to be run with.
-    pub(super) fn new() -> (Self, Receiver<Job>) {
-        let (jobs, receiver) = channel();
-        (Self { jobs, over: AtomicBool::new(false) }, receiver)
-    }
-
-    pub(super) fn submit(&self, job: Job) -> Result<(), Failure> {
-        self.jobs.send(job).map_err(|_| Failure::new(codes::SHUTDOWN, "the server is shutting down"))
-    }
-
-    pub(super) fn is_over(&self) -> bool {
-        self.over.load(Ordering::SeqCst)
-    }
-}
 
 /// Writes until the server ends.
 pub(super) fn run(server: &Arc<Server>, jobs: Receiver<Job>) {
@@ -90,35 +48,10 @@ pub(super) fn run(server: &Arc<Server>, jobs: Receiver<Job>) {
             desk.look_after();
         }
     }
-    server.writer.over.store(true, Ordering::SeqCst);
-}
-
-/// What the writer works with.
-pub(super) struct Desk<'d> {
-    pub(super) server: &'d Arc<Server>,
-    jobs: Receiver<Job>,
-    /// Jobs that came while others were done.
-    pub(super) waiting: VecDeque<Job>,
-    pub(super) memory: &'d Lazy,
-    /// What each session did last.
-    pub(super) finished: HashMap<SessionId, Finished>,
+    server.writer.end();
 }
 
 impl Desk<'_> {
-    /// The next job, those that waited first.
-    fn next(&mut self, limit: Duration) -> Option<Job> {
-        self.waiting.pop_front().or_else(|| self.arriving(limit))
-    }
-
-    /// The next job that comes.
-    pub(super) fn arriving(&mut self, limit: Duration) -> Option<Job> {
-        match self.jobs.recv_timeout(limit) {
-            Ok(job) => Some(job),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => Some(Job::Stop),
-        }
-    }
-
     fn perform(&mut self, job: Job) {
         match job {
             Job::Write { ns, once, work, reply } => self.group(Write { ns, once, work, reply }),
@@ -207,22 +140,4 @@ struct Write {
     once: Option<Once>,
     work: Work,
     reply: Mailbox,
-}
-
-/// Does something that, where it fails, has done nothing.
-pub(super) fn attempt(memory: &Memory, ns: &Namespace, work: impl FnOnce(&Memory) -> Answer) -> Answer {
-    let (mut work, mut answer) = (Some(work), None);
-    let kept = memory.as_one(ns, &mut || {
-        answer = work.take().map(|work| work(memory));
-        match &answer {
-            Some(Ok(_)) => Ok(()),
-            // It only says that nothing is to be kept.
-            _ => Err(StoreError::Failed { address: memory.describe(), reason: "nothing was done".to_owned() }),
-        }
-    });
-    match (kept, answer) {
-        (Ok(()), Some(answer)) | (Err(_), Some(answer @ Err(_))) => answer,
-        (Err(error), _) => Err(error.into()),
-        (Ok(()), None) => Err(Failure::new(codes::INTERNAL, "nothing was done")),
-    }
 }

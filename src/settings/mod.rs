@@ -14,13 +14,13 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::error::{Context as _, Error, Result};
 use crate::input::{UsageError, decode, unreadable};
 use crate::memory::computables::Definition;
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::scene::ObjectKind;
 use crate::store::Namespace;
-use anyhow::Context as _;
 use file::File;
 
 pub use flags::{Color, Flags};
@@ -89,9 +89,9 @@ impl<T> Setting<T> {
 
 impl Setting<String> {
     /// Parses the text; an error names its origin.
-    fn read<U, E>(self, read: impl FnOnce(&str) -> Result<U, E>) -> anyhow::Result<Setting<U>>
+    fn read<U, E>(self, read: impl FnOnce(&str) -> Result<U, E>) -> Result<Setting<U>>
     where
-        Result<U, E>: anyhow::Context<U, E>,
+        E: Into<Error>,
     {
         let value = read(&self.value).with_context(|| format!("set by {}", self.origin))?;
         Ok(Setting { value, origin: self.origin })
@@ -170,7 +170,7 @@ impl Settings {
     /// # Errors
     /// A settings file that is missing, unreadable or wrong, with its position;
     /// a variable or flag whose value is not acceptable.
-    pub fn resolve(flags: &Flags, environment: &Environment, directory: &Path, terminal: bool) -> anyhow::Result<Self> {
+    pub fn resolve(flags: &Flags, environment: &Environment, directory: &Path, terminal: bool) -> Result<Self> {
         let is_invalid = |(name, value): &(&String, &String)| name.starts_with("RMEM_") && value.contains('\u{fffd}');
         if let Some((name, _)) = environment.iter().find(is_invalid) {
             return Err(UsageError::new(format!("the environment variable {name} is not valid UTF-8")).into());
@@ -256,7 +256,7 @@ fn default_memory(environment: &Environment) -> Option<String> {
 }
 
 /// Returns the settings file that was named, else the nearest `rmem.toml` upwards, else the user's.
-fn find_file(flags: &Flags, environment: &Environment, directory: &Path) -> anyhow::Result<Option<PathBuf>> {
+fn find_file(flags: &Flags, environment: &Environment, directory: &Path) -> Result<Option<PathBuf>> {
     let set = |name: &str| set(environment, name);
     if let Some(path) = flags.config.clone().or_else(|| set("RMEM_CONFIG").map(PathBuf::from)) {
         return Ok(Some(directory.join(path)));
@@ -269,7 +269,7 @@ fn find_file(flags: &Flags, environment: &Environment, directory: &Path) -> anyh
     Ok(upwards.chain(user).find(|path| path.is_file()))
 }
 
-fn read_file(path: &Path) -> anyhow::Result<File> {
+fn read_file(path: &Path) -> Result<File> {
     let name = path.display().to_string();
     let bytes = std::fs::read(path).map_err(|error| unreadable(&format!("the settings {name}"), &error))?;
     Ok(File::parse(&decode(&name, bytes)?)?)

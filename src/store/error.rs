@@ -3,6 +3,7 @@
 use bson::Bson;
 
 use super::namespace::Namespace;
+use crate::fault::{AtFault, Fault};
 use crate::query::QueryError;
 
 /// Why a store did not do what it was asked.
@@ -60,6 +61,8 @@ pub enum StoreError {
         name: String,
         /// What went wrong.
         source: Box<dyn std::error::Error + Send + Sync>,
+        /// What is at fault there.
+        fault: Fault,
     },
     /// Anything else: disk full, no permission, a damaged file, a server's refusal.
     #[error("{address}: {reason}")]
@@ -71,7 +74,25 @@ pub enum StoreError {
     },
 }
 
+impl AtFault for StoreError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Duplicate { .. } | Self::Held { .. } => Fault::Conflict,
+            Self::Unfit { .. } => Fault::Usage,
+            Self::Query(error) => error.fault(),
+            Self::Stopped { source, .. } => source.fault(),
+            Self::Computable { fault, .. } => *fault,
+            Self::Unreachable { .. } | Self::Failed { .. } => Fault::Store,
+        }
+    }
+}
+
 impl StoreError {
+    /// Returns the error for a computable that failed.
+    pub(crate) fn computable(name: &str, error: impl AtFault) -> Self {
+        Self::Computable { name: name.to_owned(), fault: error.fault(), source: Box::new(error) }
+    }
+
     /// The `_id`s that an insert stored before it failed.
     #[must_use]
     pub fn stored(&self) -> &[Bson] {

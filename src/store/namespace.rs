@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::fault::{AtFault, Fault};
+
 /// A database and a collection, split at the first dot.
 ///
 /// The rules are MongoDB's: a database name has 1 to 63 bytes and none of
@@ -22,6 +24,12 @@ pub struct Namespace {
 pub struct NamespaceError {
     text: String,
     reason: &'static str,
+}
+
+impl AtFault for NamespaceError {
+    fn fault(&self) -> Fault {
+        Fault::Usage
+    }
 }
 
 impl Namespace {

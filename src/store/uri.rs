@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::fault::{AtFault, Fault};
+
 use super::credentials::{has_ports, hosts, masked};
 use super::{Embedded, Store, StoreError};
 
@@ -72,6 +74,12 @@ pub enum UriError {
         /// `mongodb` or `mongodb+srv`.
         scheme: String,
     },
+}
+
+impl AtFault for UriError {
+    fn fault(&self) -> Fault {
+        Fault::Usage
+    }
 }
 
 impl StoreUri {

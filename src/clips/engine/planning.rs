@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use super::exchange;
 use super::native::{Environment, Value};
 use super::state::State;
+use crate::error::Result;
 use crate::formats::Source;
 use crate::formats::clips::{Body, Item, Reader};
 use crate::input::WrongInput;
@@ -25,7 +26,7 @@ pub(super) struct PlanCall<'a> {
 
 /// Finds a plan, stores it, and asserts its facts; gives its id. Where there is none, that is stored, and is an
 /// error.
-pub(super) fn plan(call: PlanCall<'_>, state: &State<'_>, clips: &Environment) -> anyhow::Result<Option<Value>> {
+pub(super) fn plan(call: PlanCall<'_>, state: &State<'_>, clips: &Environment) -> Result<Option<Value>> {
     let request = request(call, state)?;
     let prepared = planning::prepare(&request, state.memory, &state.job.host)?;
     let result = prepared.search(state.memory, &state.job.host)?;
@@ -43,7 +44,7 @@ pub(super) fn plan(call: PlanCall<'_>, state: &State<'_>, clips: &Environment) -
 }
 
 /// The request of a call. A problem that the program has generated is known with its names and sections.
-fn request(call: PlanCall<'_>, state: &State<'_>) -> anyhow::Result<PlanRequest> {
+fn request(call: PlanCall<'_>, state: &State<'_>) -> Result<PlanRequest> {
     let options = SearchOptions {
         anytime: false,
         timeout: timeout(call.seconds, state),
@@ -81,7 +82,7 @@ fn report(result: &PlanResult<'_>, state: &State<'_>) {
 
 /// Asserts the facts of a plan, with those of their slots that the program's templates have. A program
 /// that has none of these templates gets none of the facts. Gives the id as the facts have it.
-fn assert(facts: &str, clips: &Environment) -> anyhow::Result<Option<Value>> {
+fn assert(facts: &str, clips: &Environment) -> Result<Option<Value>> {
     let mut id = None;
     let schema = exchange::schema(clips, ["plan", "plan-action"]);
     let source = Source::new("<plan>", facts);

@@ -10,6 +10,7 @@ use super::native::{Environment, Running};
 use super::state::State;
 use super::stop::Stop;
 use super::{exchange, functions, subscription};
+use crate::error::Result;
 use crate::formats::clips::{Item, Reader};
 use crate::formats::{Diagnostic, Diagnostics, Source, Span};
 use crate::input::WrongInput;
@@ -21,7 +22,7 @@ const BURST: u64 = 100;
 const MAX_DEPTH: usize = 10_000;
 
 /// Loads programs, asserts facts, and fires rules until the run is over.
-pub(super) fn run(job: &Job, deadline: Option<Instant>, memory: &Memory, sender: &Sender) -> anyhow::Result<Ended> {
+pub(super) fn run(job: &Job, deadline: Option<Instant>, memory: &Memory, sender: &Sender) -> Result<Ended> {
     let state = Rc::new(State::new(memory, sender, job, Stop::new(job.interrupted, deadline)));
     let mut clips = Running::new(Rc::clone(&state) as Rc<_>).ok_or_else(|| WrongInput::new("CLIPS does not start"))?;
     functions::define(&mut clips, &state).map_err(WrongInput::new)?;
@@ -45,7 +46,7 @@ pub(super) fn run(job: &Job, deadline: Option<Instant>, memory: &Memory, sender:
 }
 
 /// Loads the programs, all of them, so that all mistakes are reported.
-fn load(programs: &[Source], clips: &Environment, state: &State<'_>) -> anyhow::Result<()> {
+fn load(programs: &[Source], clips: &Environment, state: &State<'_>) -> Result<()> {
     let mut complaints = Vec::new();
     for program in programs {
         if let Some(place) = too_deep(program.text()) {
@@ -116,7 +117,7 @@ fn too_deep(text: &str) -> Option<usize> {
 }
 
 /// Asserts the facts of texts, all of one text or none.
-fn assert(texts: &[Source], clips: &Environment) -> anyhow::Result<()> {
+fn assert(texts: &[Source], clips: &Environment) -> Result<()> {
     for source in texts {
         let mut facts = Vec::new();
         for item in Reader::new(source, clips.templates()) {
@@ -136,7 +137,7 @@ fn assert(texts: &[Source], clips: &Environment) -> anyhow::Result<()> {
 }
 
 /// Fires rules, and asserts changes of the memory, until nothing more can happen.
-fn follow(cycles: Option<u64>, clips: &Environment, state: &State<'_>) -> anyhow::Result<Ended> {
+fn follow(cycles: Option<u64>, clips: &Environment, state: &State<'_>) -> Result<Ended> {
     let (mut left, mut is_idle) = (cycles, false);
     loop {
         if let Some(ended) = verdict(clips, state) {

@@ -10,6 +10,7 @@ use super::state::State;
 use super::subscriptions::{Subscriber, Subscription};
 use super::table::Thing;
 use crate::clips::facts;
+use crate::error::Result;
 use crate::memory::watch::{Trigger, event};
 use crate::store::{Change, ChangeKind, Namespace, Next, StoreError};
 
@@ -79,7 +80,7 @@ impl<'m> State<'m> {
     ///
     /// # Errors
     /// Where nothing more will come from a store.
-    pub(super) fn receive(&self, clips: &Environment, wait: bool) -> anyhow::Result<bool> {
+    pub(super) fn receive(&self, clips: &Environment, wait: bool) -> Result<bool> {
         // Functions that are called meanwhile may add subscriptions.
         let mut open = std::mem::take(&mut *self.subscriptions.all.borrow_mut());
         let received = self.poll(&mut open, clips, wait);
@@ -94,7 +95,7 @@ impl<'m> State<'m> {
         Ok(received)
     }
 
-    fn poll(&self, open: &mut [Subscription<'m>], clips: &Environment, wait: bool) -> anyhow::Result<bool> {
+    fn poll(&self, open: &mut [Subscription<'m>], clips: &Environment, wait: bool) -> Result<bool> {
         let count = u32::try_from(open.len()).unwrap_or(u32::MAX).max(1);
         let left = self
             .stop()
@@ -131,13 +132,7 @@ impl<'m> State<'m> {
         Ok(received)
     }
 
-    fn deliver(
-        &self,
-        subscriber: &Subscriber,
-        ns: &Namespace,
-        change: &Change,
-        clips: &Environment,
-    ) -> anyhow::Result<()> {
+    fn deliver(&self, subscriber: &Subscriber, ns: &Namespace, change: &Change, clips: &Environment) -> Result<()> {
         match subscriber {
             Subscriber::WorldModel => self.world.receive(change, self, clips),
             Subscriber::Trigger(_, name) => {

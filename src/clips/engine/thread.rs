@@ -6,11 +6,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
-
 use super::job::{Ended, Job};
 use super::message::{Message, Sender};
 use super::session;
+use crate::error::{Context as _, Result};
+use crate::input::WrongInput;
 use crate::memory::Memory;
 
 /// The stack of the engine's thread; only what is used of it is real.
@@ -29,9 +29,9 @@ const QUEUE: usize = 256;
 /// What does not load, with its place; what `open` and `receive` fail with.
 pub fn run(
     job: Job,
-    open: impl FnOnce(&Sender) -> anyhow::Result<Memory> + Send + 'static,
-    receive: &mut dyn FnMut(Message) -> anyhow::Result<()>,
-) -> anyhow::Result<Ended> {
+    open: impl FnOnce(&Sender) -> Result<Memory> + Send + 'static,
+    receive: &mut dyn FnMut(Message) -> Result<()>,
+) -> Result<Ended> {
     let deadline = job.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     let interrupted = job.interrupted;
     let (sender, receiver) = sync_channel(QUEUE);
@@ -72,10 +72,7 @@ enum Received {
 }
 
 /// Hands on what is message, if it is message soon.
-fn next(
-    receiver: &Receiver<Message>,
-    receive: &mut dyn FnMut(Message) -> anyhow::Result<()>,
-) -> anyhow::Result<Received> {
+fn next(receiver: &Receiver<Message>, receive: &mut dyn FnMut(Message) -> Result<()>) -> Result<Received> {
     let message = match receiver.try_recv() {
         Err(TryRecvError::Empty) => {
             receive(Message::Pause)?;
@@ -91,9 +88,9 @@ fn next(
     }
 }
 
-fn join(engine: JoinHandle<anyhow::Result<Ended>>) -> anyhow::Result<Ended> {
+fn join(engine: JoinHandle<Result<Ended>>) -> Result<Ended> {
     match engine.join() {
         Ok(ended) => ended,
-        Err(_) => anyhow::bail!("the engine failed in a way that it should not"),
+        Err(_) => Err(WrongInput::new("the engine failed in a way that it should not").into()),
     }
 }

@@ -18,6 +18,7 @@ use super::model::{Known, MARK, WorldModel, key, mark_of, mark_path};
 use super::native::{Environment, FactRef, Value};
 use super::state::State;
 use crate::clips::facts::record;
+use crate::error::Result;
 use crate::formats::clips::{Body, Fact, Item, Reader};
 use crate::formats::{Source, Span, shell};
 use crate::query::{QueryError, object_id};
@@ -32,7 +33,7 @@ const TRIES: usize = 5;
 
 impl State<'_> {
     /// Begins to keep the shared world model, where the command line wants that from the start.
-    pub(super) fn begin(&self, clips: &Environment) -> anyhow::Result<()> {
+    pub(super) fn begin(&self, clips: &Environment) -> Result<()> {
         match self.job.is_synced {
             true => self.world.start(self, clips),
             false => Ok(()),
@@ -42,7 +43,7 @@ impl State<'_> {
 
 impl WorldModel {
     /// Begins to keep the world model, if that was not begun: asserts what the memory has of it.
-    pub(super) fn start(&self, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
+    pub(super) fn start(&self, state: &State<'_>, clips: &Environment) -> Result<()> {
         if self.started.replace(true) {
             return Ok(());
         }
@@ -50,7 +51,7 @@ impl WorldModel {
         if state.memory.is_current(&self.namespace)? {
             let found = state.memory.find_with_metadata(&self.namespace, &Find::default())?;
             let documents = found.map(|document| Ok(Document::try_from(&*document?).map_err(QueryError::from)?));
-            for document in documents.collect::<anyhow::Result<Vec<_>>>()? {
+            for document in documents.collect::<Result<Vec<_>>>()? {
                 self.take(&document, state, clips);
             }
             return Ok(());
@@ -68,7 +69,7 @@ impl WorldModel {
     }
 
     /// Takes in a change of the memory.
-    pub(super) fn receive(&self, change: &Change, state: &State<'_>, clips: &Environment) -> anyhow::Result<()> {
+    pub(super) fn receive(&self, change: &Change, state: &State<'_>, clips: &Environment) -> Result<()> {
         match (change.kind, &change.id, &change.after) {
             (ChangeKind::Delete, Some(id), _) => {
                 self.gone.borrow_mut().remove(&key(id));

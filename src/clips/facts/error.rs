@@ -1,5 +1,7 @@
 //! Why a document is no fact.
 
+use crate::fault::{AtFault, Fault};
+
 /// Why a document is no fact.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the key `{key}` {message}")]
@@ -8,6 +10,12 @@ pub struct FactError {
     message: String,
     /// Whether `--nested` would help.
     nested: bool,
+}
+
+impl AtFault for FactError {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
 }
 
 impl FactError {

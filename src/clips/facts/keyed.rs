@@ -6,6 +6,7 @@ use bson::{Bson, Document, doc};
 
 use super::key::RELATION;
 use super::schema::INITIAL;
+use crate::fault::{AtFault, Fault};
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::memory::Memory;
 use crate::query::{QueryError, key as canonical};
@@ -36,6 +37,15 @@ pub enum KeyError {
     /// The store fails.
     #[error("{0}")]
     Store(#[from] StoreError),
+}
+
+impl AtFault for KeyError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Text(_) | Self::Ambiguous { .. } => Fault::Input,
+            Self::Store(error) => error.fault(),
+        }
+    }
 }
 
 /// Gives each document the `_id` of the stored document that has the same value under `key`.

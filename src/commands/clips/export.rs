@@ -9,6 +9,7 @@ use super::schema;
 use crate::clips::facts::{Exporter, FactError, Nested};
 use crate::commands::query::{argument, owned};
 use crate::commands::{Context, UsageError, WrongInput};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::clips::{Fact, is_symbol, write_fact, write_operand, write_remark, write_value};
 use crate::formats::{Diagnostic, Source, Span, shell};
@@ -64,7 +65,7 @@ pub enum NestedValues {
     Json,
 }
 
-pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let (form, arguments) = Form::of(args)?;
     let schema = schema::read(&args.deftemplates, context)?;
     let nested = match args.nested {

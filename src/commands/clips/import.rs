@@ -7,8 +7,9 @@ use bson::doc;
 use clap::Args;
 
 use super::schema;
-use crate::clips::facts::{Found, Importer, KeyError, Schema, give_ids};
-use crate::commands::{Context, WrongInput, formats};
+use crate::clips::facts::{Found, Importer, Schema, give_ids};
+use crate::commands::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::clips::{Item, Reader};
 use crate::formats::{Diagnostic, Source};
@@ -45,14 +46,14 @@ pub struct ImportArgs {
 /// How many names of a kind are told.
 const NAMES: usize = 10;
 
-pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let schema = schema::read(&args.deftemplates, context)?;
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
     let (mut found, skipped) = documents(&source, schema, args)?;
     let memory = context.memory_to_fill()?;
     if let Some(key) = &args.key {
-        give_ids(key, &source, &mut found, &memory, &namespace).map_err(refused)?;
+        give_ids(key, &source, &mut found, &memory, &namespace)?;
     }
     let put = memory.put(&namespace, found.into_iter().map(|(_, document)| document).collect())?;
     let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
@@ -83,15 +84,6 @@ fn documents(source: &Source, mut schema: Schema, args: &ImportArgs) -> Result<(
         }
     }
     Ok((documents, skipped))
-}
-
-/// A wrong key as what it is for the exit code.
-fn refused(error: KeyError) -> anyhow::Error {
-    match error {
-        KeyError::Text(diagnostic) => diagnostic.into(),
-        KeyError::Store(error) => error.into(),
-        KeyError::Ambiguous { .. } => WrongInput::new(error.to_string()).into(),
-    }
 }
 
 /// Says what was passed over.

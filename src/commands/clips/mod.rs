@@ -8,6 +8,7 @@ mod schema;
 use clap::{Args, Subcommand};
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 
 /// What stands below the help of `clips`.
@@ -34,7 +35,7 @@ pub enum ClipsCommand {
     Run(run::RunArgs),
 }
 
-pub(super) fn run(args: &ClipsArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ClipsArgs, context: &mut Context<'_>) -> Result<Exit> {
     match &args.command {
         ClipsCommand::Export(args) => export::run(args, context),
         ClipsCommand::Import(args) => import::run(args, context),

@@ -3,12 +3,12 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use bson::{Bson, Document, doc};
 use clap::Args;
 
 use crate::commands::query::{argument, blame, owned};
 use crate::commands::{Context, WrongInput};
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::formats::mcap::{Channel, Log};
 use crate::formats::scene::{Object, document};
@@ -52,7 +52,7 @@ struct Channels {
     scene: Channel,
 }
 
-pub(super) fn run(args: &McapArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &McapArgs, context: &mut Context<'_>) -> Result<Exit> {
     let given = [("<query>", args.query.as_str())];
     let filter = argument("<query>", &args.query)?;
     let find = Find { filter, sort: doc! { &args.time: 1 }, ..Find::default() };
@@ -143,6 +143,6 @@ fn nanoseconds(value: &Bson) -> Option<u64> {
 }
 
 /// The bytes of the whole log.
-fn finish(log: Log<Cursor<Vec<u8>>>) -> anyhow::Result<Vec<u8>> {
+fn finish(log: Log<Cursor<Vec<u8>>>) -> Result<Vec<u8>> {
     log.finish().context("ending the log").map(Cursor::into_inner)
 }

@@ -5,6 +5,7 @@ mod mcap;
 use clap::{Args, Subcommand};
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 
 /// Write documents as a log for Foxglove, PlotJuggler and rerun
@@ -22,7 +23,7 @@ pub enum ExportCommand {
     Mcap(mcap::McapArgs),
 }
 
-pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> {
     match &args.command {
         ExportCommand::Mcap(args) => mcap::run(args, context),
     }

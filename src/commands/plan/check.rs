@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::stored::{self, StoredArgs};
 use crate::commands::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
@@ -30,7 +31,7 @@ pub struct CheckArgs {
     pub problem: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json])?;
     let now = args.problem.as_deref().map(|path| context.read(path)).transpose()?;
     let memory = context.memory()?;

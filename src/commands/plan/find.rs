@@ -3,11 +3,12 @@
 use super::show;
 use super::source::SectionCounts;
 use crate::commands::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::output::Format;
-use crate::planner::{Host, Planner, Registry};
+use crate::planner::{Host, Planner};
 use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
 use crate::store::Namespace;
 
@@ -26,7 +27,7 @@ pub(super) fn find(
     sections: SectionCounts,
     memory: &Memory,
     context: &mut Context<'_>,
-) -> anyhow::Result<Found> {
+) -> Result<Found> {
     let prepared = planning::prepare(request, memory, &context.host())?;
     sections.report(prepared.task(), context)?;
     if request.options.anytime && !prepared.improves() {
@@ -47,18 +48,13 @@ pub(super) fn find(
 }
 
 /// The planners with these names.
-pub(super) fn choose(names: &[String], anytime: bool, context: &Context<'_>) -> anyhow::Result<Vec<Box<dyn Planner>>> {
-    let registry = registry(context);
+pub(super) fn choose(names: &[String], anytime: bool, context: &Context<'_>) -> Result<Vec<Box<dyn Planner>>> {
+    let registry = context.planners();
     names.iter().map(|name| Ok(registry.get(name, anytime)?)).collect()
 }
 
-/// The planners that the settings and the search path give.
-pub(in crate::commands) fn registry(context: &Context<'_>) -> Registry {
-    Registry::new(context.settings.planners.clone(), context.program("ff"))
-}
-
 /// Runs the planners; while they run, an interruption ends them.
-fn search<'a>(prepared: PreparedSearch<'a>, memory: &Memory, context: &Context<'_>) -> anyhow::Result<PlanResult<'a>> {
+fn search<'a>(prepared: PreparedSearch<'a>, memory: &Memory, context: &Context<'_>) -> Result<PlanResult<'a>> {
     let guard = InterruptGuard::new();
     let host = Host { interrupted: guard.interrupted(), ..context.host() };
     Ok(prepared.search(memory, &host)?)
@@ -76,7 +72,7 @@ fn report(result: &PlanResult<'_>, context: &mut Context<'_>) {
 }
 
 /// Prints the plan; reports why there is none.
-fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -> Result<Exit> {
     if let Some(failure) = result.failure() {
         context.output.error(&failure);
     }

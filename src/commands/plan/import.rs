@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use bson::doc;
 use clap::Args;
 
 use super::layout::Layout;
 use super::source::{self, SectionCounts, TaskArgs};
 use crate::commands::Context;
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::formats::Source;
 use crate::formats::plan::read_plan;
@@ -40,7 +40,7 @@ pub struct ImportArgs {
     pub layout: Layout,
 }
 
-pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let source = source::read(&args.task, context)?;
     let domain = source.read_domain()?;
     let file = context.read(&args.file)?;

@@ -4,6 +4,7 @@ use bson::{Bson, Document};
 use clap::Args;
 
 use crate::commands::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::plan::{Record, Repository, Status};
 use crate::problem::names;
@@ -22,7 +23,7 @@ pub struct ListArgs {
     pub limit: u64,
 }
 
-pub(super) fn run(args: &ListArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ListArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let plans = Repository::new(&memory, &args.namespace).newest(args.limit)?;
     context.print_documents(plans.map(|plan| Ok(line(&plan?))))?;

@@ -17,10 +17,8 @@ mod why;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, Args, Command, Error, FromArgMatches, Subcommand};
 
-#[cfg(feature = "clips-engine")]
-pub(super) use find::registry;
-
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use search::SearchArgs;
 
@@ -92,7 +90,7 @@ pub enum PlanCommand {
     Rerun(rerun::RerunArgs),
 }
 
-pub(super) fn run(args: &PlanArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &PlanArgs, context: &mut Context<'_>) -> Result<Exit> {
     match args {
         PlanArgs::Search(search) => search::run(search, context),
         PlanArgs::Stored(PlanCommand::Check(args)) => check::run(args, context),

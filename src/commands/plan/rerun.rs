@@ -8,6 +8,7 @@ use super::find::{choose, find};
 use super::source::SectionCounts;
 use super::stored::{self, StoredArgs};
 use crate::commands::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::plan::Record;
@@ -35,7 +36,7 @@ pub struct RerunArgs {
     pub no_store: bool,
 }
 
-pub(super) fn run(args: &RerunArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &RerunArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let source = record.source().map_err(|error| PlanningError::NoSource { id: record.id(), error })?;

@@ -9,6 +9,7 @@ use super::layout::Layout;
 use super::source::{self, SectionCounts, TaskArgs};
 use super::{show, watch};
 use crate::commands::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::planning::{PlanRequest, SearchOptions};
@@ -54,7 +55,7 @@ pub struct EffortArgs {
     pub no_store: bool,
 }
 
-pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> {
     context.format(&show::FORMATS)?;
     let planners = choose(&args.effort.planner, args.effort.anytime, context)?;
     let source = source::read(&args.task, context)?;

@@ -3,12 +3,12 @@
 use std::cell::RefCell;
 use std::collections::HashMap;
 
-use anyhow::anyhow;
 use bson::{Bson, DateTime};
 use clap::Args;
 
 use super::stored::{self, StoredArgs};
 use crate::commands::{Context, WrongInput, error, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
@@ -37,7 +37,7 @@ pub struct ShowArgs {
     pub lanes: Option<String>,
 }
 
-pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&formats::STORED_PLAN)?;
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
@@ -95,7 +95,7 @@ pub(super) fn report(
     namespace: Option<&Namespace>,
     exit: Exit,
     context: &mut Context<'_>,
-) -> anyhow::Result<()> {
+) -> Result<()> {
     let namespace = namespace.map(Namespace::to_string);
     let report = record.report(namespace.as_deref(), exit.code());
     Ok(context.output.line(&shell::relaxed(&report))?)
@@ -140,7 +140,7 @@ fn timeline(plan: &Plan, progress: &[Progress], title: String) -> Chart {
 }
 
 /// Prints a plan in the format in force.
-pub(super) fn print(page: &PrintedPlan<'_>, context: &mut Context<'_>) -> anyhow::Result<()> {
+pub(super) fn print(page: &PrintedPlan<'_>, context: &mut Context<'_>) -> Result<()> {
     let format = match context.format(&FORMATS)? {
         Format::Text => plan::Format::Text,
         Format::Document => plan::Format::Document,
@@ -148,7 +148,7 @@ pub(super) fn print(page: &PrintedPlan<'_>, context: &mut Context<'_>) -> anyhow
         Format::Ff => plan::Format::Ff,
         Format::Dot => plan::Format::Dot,
         Format::Svg => plan::Format::Svg,
-        other => return Err(anyhow!("a plan has no format `{}`", other.name())),
+        other => return Err(WrongInput::new(format!("a plan has no format `{}`", other.name())).into()),
     };
     let text = page.print(format)?;
     context.output.stdout().write_all(text.as_bytes())?;

@@ -6,6 +6,7 @@ use clap::Args;
 
 use crate::commands::template::{self, TemplateArgs};
 use crate::commands::{Context, UsageError};
+use crate::error::Result;
 use crate::plan::{Input, TaskSource};
 use crate::planning::PlanningTask;
 
@@ -27,7 +28,7 @@ pub struct TaskArgs {
 }
 
 /// Reads what the command line names; the memory is not asked yet.
-pub(super) fn read(task: &TaskArgs, context: &mut Context<'_>) -> anyhow::Result<TaskSource> {
+pub(super) fn read(task: &TaskArgs, context: &mut Context<'_>) -> Result<TaskSource> {
     let lenient = task.options.lenient;
     let domain = context.read(&task.domain)?;
     let input = match (&task.problem, &task.template) {
@@ -60,7 +61,7 @@ impl From<&TemplateArgs> for SectionCounts {
 
 impl SectionCounts {
     /// Reports them for a task.
-    pub(super) fn report(self, task: &PlanningTask, context: &mut Context<'_>) -> anyhow::Result<()> {
+    pub(super) fn report(self, task: &PlanningTask, context: &mut Context<'_>) -> Result<()> {
         match (&task.generated, self) {
             (None, _) | (_, Self::Silent) => Ok(()),
             (Some(generated), _) => template::report(generated, self == Self::Required, context),

@@ -3,8 +3,8 @@
 use bson::DateTime;
 use clap::Args;
 
-use super::stored;
 use crate::commands::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::plan::{Record, Repository, Status};
 use crate::store::Namespace;
@@ -50,13 +50,13 @@ pub struct StateArgs {
     pub open: bool,
 }
 
-pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let repository = Repository::new(&memory, &args.namespace);
-    let plan = repository.get(&args.id).map_err(stored::explain)?;
+    let plan = repository.get(&args.id)?;
     let number = number(&args.step, &plan)?;
     check_order(number, args, &plan)?;
-    repository.mark(&plan, number, status(args.state), DateTime::now()).map_err(stored::explain)?;
+    repository.mark(&plan, number, status(args.state), DateTime::now())?;
     context.output.note(&format!("step {number} of {} is {}", plan.id(), status(args.state)));
     Ok(Exit::Done)
 }

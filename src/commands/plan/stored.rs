@@ -2,9 +2,10 @@
 
 use clap::Args;
 
-use crate::commands::{UsageError, WrongInput};
+use crate::commands::WrongInput;
+use crate::error::Result;
 use crate::memory::Memory;
-use crate::plan::{PlanDocumentError, Record, Repository, RepositoryError};
+use crate::plan::{PlanDocumentError, Record, Repository};
 use crate::store::Namespace;
 
 /// Which stored plan.
@@ -19,16 +20,8 @@ pub struct StoredArgs {
 }
 
 /// The plan with an id.
-pub(super) fn get(id: &str, namespace: &Namespace, memory: &Memory) -> anyhow::Result<Record> {
-    Repository::new(memory, namespace).get(id).map_err(explain)
-}
-
-/// An id that names no plan is a mistake of the command line.
-pub(super) fn explain(error: RepositoryError) -> anyhow::Error {
-    match error {
-        RepositoryError::Store(error) => error.into(),
-        error => UsageError::new(error.to_string()).into(),
-    }
+pub(super) fn get(id: &str, namespace: &Namespace, memory: &Memory) -> Result<Record> {
+    Ok(Repository::new(memory, namespace).get(id)?)
 }
 
 /// A document that has a `plan` but is none.

@@ -3,7 +3,9 @@
 use super::find::{Found, find};
 use super::source::SectionCounts;
 use crate::commands::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
+use crate::fault::Fault;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::planning::{Monitor, PlanRequest, PlanState};
@@ -14,7 +16,7 @@ pub(super) fn run(
     sections: SectionCounts,
     memory: &Memory,
     context: &mut Context<'_>,
-) -> anyhow::Result<Exit> {
+) -> Result<Exit> {
     let plans = request.options.into.clone().ok_or_else(|| UsageError::new("--watch needs a plan that is stored"))?;
     let found = find(&request, sections, memory, context)?;
     let mut monitor = Monitor::new(&plans, memory)?;
@@ -43,7 +45,7 @@ pub(super) fn run(
                     }
                 }
                 // The memory may have no well-formed problem at the moment.
-                Err(error) if Exit::of(&error) == Exit::BadInput => context.output.warn(&format!("no plan: {error:#}")),
+                Err(error) if error.fault() == Fault::Input => context.output.warn(&format!("no plan: {error:#}")),
                 Err(error) => return Err(error),
             }
             context.output.flush()?;
@@ -64,12 +66,7 @@ fn plan_of(found: Found) -> Result<Option<String>, Exit> {
 }
 
 /// Whether the plan still reaches its goal, or a step of it is under way; otherwise reports why not.
-fn still_holds(
-    current: Option<&str>,
-    plans: &Namespace,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> anyhow::Result<bool> {
+fn still_holds(current: Option<&str>, plans: &Namespace, memory: &Memory, context: &mut Context<'_>) -> Result<bool> {
     let Some(id) = current else { return Ok(false) };
     match PlanState::of(id, plans, memory)? {
         PlanState::Holds | PlanState::Running => return Ok(true),
@@ -80,7 +77,7 @@ fn still_holds(
 }
 
 /// Waits for changes; returns false where the user interrupts.
-fn wait(monitor: &mut Monitor<'_>, context: &mut Context<'_>) -> anyhow::Result<bool> {
+fn wait(monitor: &mut Monitor<'_>, context: &mut Context<'_>) -> Result<bool> {
     let guard = InterruptGuard::new();
     let mut retried = |error: &_| context.output.warn(&format!("{error}; trying again"));
     Ok(monitor.wait(guard.interrupted(), &mut retried)?)

@@ -5,6 +5,7 @@ use clap::Args;
 
 use super::stored::{self, StoredArgs};
 use crate::commands::{Context, WrongInput};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::plan::{Record, hash};
@@ -24,7 +25,7 @@ pub struct WhyArgs {
     pub plan: StoredArgs,
 }
 
-pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let lineage = record.lineage().ok_or_else(|| {

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::selection::{More, names, read_file, sources};
 use crate::commands::{Context, UsageError, WrongInput};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::scene::json::line;
 use crate::formats::scene::{Content, Operation, Scene};
@@ -57,7 +58,7 @@ pub struct ApplyArgs {
     tolerance: f64,
 }
 
-pub(super) fn run(args: &ApplyArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ApplyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let (content, spelling) = read_file(&args.file, args.from.as_deref(), context)?;
     let frame = frame(&content, args)?;
     let kinds = context.settings.object_kinds.clone();
@@ -92,7 +93,7 @@ pub(super) fn run(args: &ApplyArgs, context: &mut Context<'_>) -> anyhow::Result
 }
 
 /// The frame of the file's poses; without poses, any will do.
-fn frame(content: &Content, args: &ApplyArgs) -> anyhow::Result<String> {
+fn frame(content: &Content, args: &ApplyArgs) -> Result<String> {
     let (known, has_poses) = match content {
         Content::Scene(Scene { frame, objects, .. }) => (frame.clone(), !objects.is_empty()),
         Content::Operations(operations, frame) => {
@@ -123,7 +124,7 @@ fn single(queries: &[(Namespace, Document)]) -> Option<Namespace> {
     queries.iter().all(|(namespace, _)| namespace == first).then(|| first.clone())
 }
 
-fn report(changes: &[Change], context: &mut Context<'_>) -> anyhow::Result<()> {
+fn report(changes: &[Change], context: &mut Context<'_>) -> Result<()> {
     let mut kept = 0;
     for change in changes {
         let mut written =

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::selection::Selection;
 use crate::commands::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::scene::Invalid;
 use crate::scene::check::check;
@@ -34,7 +35,7 @@ pub struct CheckArgs {
     distance: f64,
 }
 
-pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
     if !(args.distance >= 0.0 && args.distance.is_finite()) {
         return Err(UsageError::new(format!("--distance {}: expected metres, not negative", args.distance)).into());
     }

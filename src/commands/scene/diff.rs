@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::selection::{More, names, read_file, sources};
 use crate::commands::{Context, UsageError, WrongInput};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::scene::json::line;
 use crate::formats::scene::message::write_operations;
@@ -52,7 +53,7 @@ pub struct DiffArgs {
 /// A scene, and the format of its file.
 type Side = (Scene, Option<&'static Spelling>);
 
-pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&crate::commands::formats::SCENE_OPERATIONS)?;
     let mut sides = [file(&args.first, args, context)?, file(&args.second, args, context)?];
     let known = args.frame.clone().or_else(|| sides.iter().flatten().find_map(|(scene, _)| scene.frame.clone()));
@@ -82,7 +83,7 @@ fn print(
 }
 
 /// The scene of a file; none where the name is that of a collection.
-fn file(name: &str, args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Result<Option<Side>> {
+fn file(name: &str, args: &DiffArgs, context: &mut Context<'_>) -> Result<Option<Side>> {
     let path = Path::new(name);
     if name != "-" && !path.exists() && Namespace::parse(name).is_ok() && !has_extension(path) {
         return Ok(None);
@@ -99,7 +100,7 @@ fn has_extension(path: &Path) -> bool {
     path.extension().is_some_and(|extension| known.iter().any(|known| extension == *known))
 }
 
-fn collection(name: &str, frame: Option<&str>, args: &DiffArgs, context: &mut Context<'_>) -> anyhow::Result<Scene> {
+fn collection(name: &str, frame: Option<&str>, args: &DiffArgs, context: &mut Context<'_>) -> Result<Scene> {
     let frame = frame.ok_or_else(|| UsageError::new(format!("expected --frame FRAME for the poses of {name}")))?;
     let kinds = context.settings.object_kinds.clone();
     let sources = sources(Some(&name.parse()?), bson::Document::new(), &kinds, context);

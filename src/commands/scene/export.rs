@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::selection::{FORMATS, Selection, spelling};
 use crate::commands::{Context, UsageError};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::scene::message::write_operations;
 use crate::formats::scene::{Operation, Scene};
@@ -46,7 +47,7 @@ pub struct ExportArgs {
     diff: bool,
 }
 
-pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&FORMATS)?;
     if args.diff && format != Format::MoveItMessage {
         return Err(UsageError::new("--diff is for --format moveit-msg").into());

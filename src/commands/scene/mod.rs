@@ -11,6 +11,7 @@ mod watch;
 use clap::{Args, Subcommand};
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 
 /// Exchange scenes with motion planners
@@ -35,7 +36,7 @@ pub enum SceneCommand {
     Show(show::ShowArgs),
 }
 
-pub(super) fn run(args: &SceneArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &SceneArgs, context: &mut Context<'_>) -> Result<Exit> {
     match &args.command {
         SceneCommand::Export(args) => export::run(args, context),
         SceneCommand::Diff(args) => diff::run(args, context),

@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::commands::query::{argument, blame};
 use crate::commands::{Context, UsageError, WrongInput};
+use crate::error::Result;
 use crate::formats::scene::{Content, Kind, Spelling, by_name, recognize};
 use crate::formats::{Diagnostic, Source};
 use crate::memory::Memory;
@@ -49,7 +50,7 @@ pub(super) struct More {
 
 impl Selection {
     /// The objects in the wanted frame.
-    pub(super) fn objects(&self, memory: &Memory, context: &mut Context<'_>) -> anyhow::Result<Extraction> {
+    pub(super) fn objects(&self, memory: &Memory, context: &mut Context<'_>) -> Result<Extraction> {
         let kinds = context.settings.object_kinds.clone();
         let sources = self.sources(&kinds, context)?;
         let given = [("<query>", self.query.as_str())];
@@ -112,13 +113,13 @@ impl More {
     }
 
     /// Refuses what is no valid object, or warns and leaves it out.
-    pub(super) fn accept(&self, mut found: Extraction, context: &mut Context<'_>) -> anyhow::Result<Extraction> {
+    pub(super) fn accept(&self, mut found: Extraction, context: &mut Context<'_>) -> Result<Extraction> {
         let invalid = std::mem::take(&mut found.invalid);
         self.judge(&invalid, context)?;
         Ok(found)
     }
 
-    fn judge(&self, invalid: &[Invalid], context: &mut Context<'_>) -> anyhow::Result<()> {
+    fn judge(&self, invalid: &[Invalid], context: &mut Context<'_>) -> Result<()> {
         let Some(first) = invalid.first() else { return Ok(()) };
         if !self.skip_invalid {
             let more = match invalid.len() {
@@ -137,12 +138,7 @@ impl More {
 
     /// Prepares objects for a format: loads meshes that it wants inside, refuses or leaves out what it cannot
     /// express, and says what else gets lost.
-    pub(super) fn fit(
-        &self,
-        found: Extraction,
-        spelling: &Spelling,
-        context: &mut Context<'_>,
-    ) -> anyhow::Result<Extraction> {
+    pub(super) fn fit(&self, found: Extraction, spelling: &Spelling, context: &mut Context<'_>) -> Result<Extraction> {
         let mut meshes = Meshes::in_folder(Path::new(""));
         let kinds = spelling.limits.kinds;
         let inline = kinds.contains(&Kind::Triangles) && !kinds.contains(&Kind::MeshFile);
@@ -180,7 +176,7 @@ fn shortened(names: &[String]) -> String {
 }
 
 /// The spelling of a format.
-pub(super) fn spelling(format: Format) -> anyhow::Result<&'static Spelling> {
+pub(super) fn spelling(format: Format) -> Result<&'static Spelling> {
     by_name(format.name()).ok_or_else(|| UsageError::new(format!("`{}` is no format of scenes", format.name())).into())
 }
 
@@ -189,7 +185,7 @@ pub(super) fn read_file(
     path: &Path,
     from: Option<&str>,
     context: &mut Context<'_>,
-) -> anyhow::Result<(Content, &'static Spelling)> {
+) -> Result<(Content, &'static Spelling)> {
     let source: Source = context.read(path)?;
     let spelling = match from {
         Some(name) => by_name(name).ok_or_else(|| UsageError::new(format!("`{name}` is no format of scenes")))?,

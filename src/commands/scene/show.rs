@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::selection::Selection;
 use crate::commands::{Context, WrongInput, plot};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::scene::{Pose, Scene};
 use crate::memory::frames::Frames;
@@ -36,7 +37,7 @@ pub struct ShowArgs {
     output: PathBuf,
 }
 
-pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     let frame = args.selection.frame.as_str();
     let kinds = context.settings.object_kinds.clone();
     let sources = args.selection.sources(&kinds, context)?;

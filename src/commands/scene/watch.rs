@@ -9,6 +9,7 @@ use clap::builder::NonEmptyStringValueParser;
 use super::selection::Selection;
 use crate::commands::Context;
 use crate::commands::query::blame;
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::scene::Operation;
 use crate::formats::scene::json::line;
@@ -53,7 +54,7 @@ const SLICE: Duration = Duration::from_millis(250);
 /// How long one waits before a store is looked for again.
 const RETRY_DELAY: Duration = Duration::from_millis(500);
 
-pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&crate::commands::formats::SCENE_OPERATIONS)?;
     let kinds = context.settings.object_kinds.clone();
     let sources = args.selection.sources(&kinds, context)?;
@@ -95,7 +96,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> anyhow::Result
 }
 
 /// Prints operations at once; gives how many.
-fn print(operations: &[Operation], frame: &str, format: Format, context: &mut Context<'_>) -> anyhow::Result<u64> {
+fn print(operations: &[Operation], frame: &str, format: Format, context: &mut Context<'_>) -> Result<u64> {
     for operation in operations {
         let text = match format {
             Format::MoveItMessage => write_operations(std::slice::from_ref(operation), Some(frame)),

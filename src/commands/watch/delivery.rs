@@ -10,6 +10,7 @@ use bson::Document;
 
 use crate::clips::facts;
 use crate::commands::{Context, WrongInput};
+use crate::error::{Error, Result};
 use crate::formats::clips::{write_fact, write_value};
 use crate::formats::shell;
 use crate::memory::watch::{Watch, event};
@@ -50,7 +51,7 @@ impl<'a> Delivery<'a> {
         watch: &mut Watch<'_>,
         stop: &AtomicBool,
         context: &mut Context<'_>,
-    ) -> anyhow::Result<Delivered> {
+    ) -> Result<Delivered> {
         let start = Instant::now();
         let event = event(self.namespace, change)?;
         let text = self.text(&event)?;
@@ -77,7 +78,7 @@ impl<'a> Delivery<'a> {
     }
 
     /// What is printed, or given to the command: whole lines.
-    fn text(&self, event: &Document) -> anyhow::Result<String> {
+    fn text(&self, event: &Document) -> Result<String> {
         let mut text = String::new();
         match self.format {
             Format::Clips => {
@@ -104,7 +105,7 @@ impl<'a> Delivery<'a> {
         watch: &mut Watch<'_>,
         stop: &AtomicBool,
         host: &Host<'_>,
-    ) -> anyhow::Result<Delivered> {
+    ) -> Result<Delivered> {
         let namespace = self.namespace.to_string();
         let variables = [
             ("RMEM_OPERATION", change.kind.name()),
@@ -161,7 +162,7 @@ fn attend(
 }
 
 /// What the shell would say of it.
-fn verdict(end: End) -> anyhow::Result<Delivered> {
+fn verdict(end: End) -> Result<Delivered> {
     let code = match end {
         End::Exited(code) => code,
         End::Signalled(signal) => 128 + signal,
@@ -173,6 +174,6 @@ fn verdict(end: End) -> anyhow::Result<Delivered> {
     Ok(if code == 0 { Delivered::Well } else { Delivered::Badly(u8::try_from(code).unwrap_or(u8::MAX)) })
 }
 
-fn unrunnable(words: &str) -> anyhow::Error {
-    anyhow::Error::new(std::io::Error::other(words.to_owned())).context("cannot run the command of --exec")
+fn unrunnable(words: &str) -> Error {
+    Error::from(std::io::Error::other(words.to_owned())).context("cannot run the command of --exec")
 }

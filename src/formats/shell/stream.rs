@@ -8,13 +8,14 @@ use bson::Document;
 
 use super::reader::parse_sequence;
 use super::scanner::{MAX_DEPTH, Scanner};
+use crate::fault::{AtFault, Fault};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// Why a stream gave no document.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The stream failed.
-    #[error("{name}: {error}")]
+    #[error("cannot read {name}: {error}")]
     Io {
         /// The name of the stream.
         name: String,
@@ -24,6 +25,14 @@ pub enum ReadError {
     /// The text is not what it should be.
     #[error(transparent)]
     Text(#[from] Diagnostic),
+}
+
+impl AtFault for ReadError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Io { .. } | Self::Text(_) => Fault::Input,
+        }
+    }
 }
 
 /// Reads documents one after another, or the elements of one array, like

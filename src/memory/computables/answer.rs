@@ -10,6 +10,7 @@ use super::cache::{self, Entry, State, after};
 use super::report::Computed;
 use super::state::{Running, Wanted};
 use super::view::View;
+use crate::fault::{AtFault, Fault};
 use crate::memory::journal::Operation;
 use crate::memory::operations::Memory;
 use crate::query::{QueryError, object_id};
@@ -173,10 +174,8 @@ impl Memory {
                     pause = (pause * 2).min(LONGEST);
                 }
                 State::Busy { until } => {
-                    return Err(failed(
-                        wanted,
-                        format!("another process has been computing it for long, and may until {until}").into(),
-                    ));
+                    let words = format!("another process has been computing it for long, and may until {until}");
+                    return Err(failed(wanted, ComputeError::Failed(words)));
                 }
                 State::Stale(former) => {
                     let token = object_id::new();
@@ -240,11 +239,13 @@ impl Memory {
         self.computables.running.borrow_mut().pop();
         let documents = computed.map_err(|error| match error {
             ComputeError::Store(error @ StoreError::Computable { .. }) if is_cycle(&error) => error,
-            error => failed(wanted, error.into_source()),
+            ComputeError::Store(error) => failed(wanted, error),
+            ComputeError::Query(error) => failed(wanted, error),
+            error => failed(wanted, error),
         })?;
         if documents.len() > MOST_DOCUMENTS {
             let wrong = format!("it gave {} documents, more than {MOST_DOCUMENTS}", documents.len());
-            return Err(failed(wanted, ComputeError::wrong(wrong).into_source()));
+            return Err(failed(wanted, QueryError::bad_value(wrong)));
         }
         Ok(documents)
     }
@@ -265,7 +266,7 @@ impl Memory {
             }
             None => format!("computables depend on each other more than {DEPTH} deep: {chain}"),
         };
-        Err(failed(wanted, Box::new(Cycle(QueryError::bad_value(reason)))))
+        Err(failed(wanted, Cycle(QueryError::bad_value(reason))))
     }
 
     /// Stores what a body gave; returns the `_id`s.
@@ -329,18 +330,24 @@ fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> R
 #[error("{0}")]
 struct Cycle(#[source] QueryError);
 
+impl AtFault for Cycle {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
+}
+
 /// A cycle is reported once, and not by every computable in it.
 fn is_cycle(error: &StoreError) -> bool {
     matches!(error, StoreError::Computable { source, .. } if source.is::<Cycle>())
 }
 
-fn failed(wanted: &Wanted<'_>, source: Box<dyn std::error::Error + Send + Sync>) -> StoreError {
-    StoreError::Computable { name: wanted.computable.definition.name.clone(), source }
+fn failed(wanted: &Wanted<'_>, error: impl AtFault) -> StoreError {
+    StoreError::computable(&wanted.computable.definition.name, error)
 }
 
 /// What a body gave cannot be stored.
 fn unstorable(wanted: &Wanted<'_>, error: StoreError) -> StoreError {
-    failed(wanted, Box::new(Unstorable { namespace: wanted.computable.definition.namespace.clone(), source: error }))
+    failed(wanted, Unstorable { namespace: wanted.computable.definition.namespace.clone(), source: error })
 }
 
 /// Computed documents could not be stored.
@@ -349,6 +356,12 @@ fn unstorable(wanted: &Wanted<'_>, error: StoreError) -> StoreError {
 struct Unstorable {
     namespace: Namespace,
     source: StoreError,
+}
+
+impl AtFault for Unstorable {
+    fn fault(&self) -> Fault {
+        self.source.fault()
+    }
 }
 
 fn hint(error: &StoreError) -> &'static str {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use bson::Document;
 
+use crate::fault::{AtFault, Fault};
 use crate::formats::Diagnostic;
 use crate::query::QueryError;
 use crate::store::{Documents, Find, Namespace, StoreError};
@@ -95,18 +96,19 @@ pub(super) enum ComputeError {
     Failed(String),
 }
 
+impl AtFault for ComputeError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Store(error) => error.fault(),
+            Self::Query(_) | Self::Unreadable(..) => Fault::Input,
+            Self::Failed(_) => Fault::Store,
+        }
+    }
+}
+
 impl ComputeError {
     /// A mistake in the asked query or in a document, in a sentence.
     pub(super) fn wrong(words: impl Into<String>) -> Self {
         QueryError::bad_value(words).into()
-    }
-
-    /// The error for a message, in which it is the kind of the mistake that counts.
-    pub(super) fn into_source(self) -> Box<dyn std::error::Error + Send + Sync> {
-        match self {
-            Self::Store(error) => error.into(),
-            Self::Query(error) => error.into(),
-            other => other.into(),
-        }
     }
 }

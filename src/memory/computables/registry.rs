@@ -120,5 +120,5 @@ impl Places {
 }
 
 fn failed(name: &str, error: QueryError) -> StoreError {
-    StoreError::Computable { name: name.to_owned(), source: Box::new(error) }
+    StoreError::computable(name, error)
 }

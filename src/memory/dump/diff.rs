@@ -10,6 +10,7 @@ use std::iter::Peekable;
 use bson::{Document, RawDocumentBuf};
 
 use super::read::{Dump, Part, ReadError};
+use crate::fault::{AtFault, Fault};
 use crate::memory::Memory;
 use crate::query::{QueryError, key};
 use crate::store::document::with_id_first;
@@ -43,6 +44,15 @@ pub enum DiffError {
     /// A store fails.
     #[error("{0}")]
     Store(#[from] StoreError),
+}
+
+impl AtFault for DiffError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Dump(error) => error.fault(),
+            Self::Store(error) => error.fault(),
+        }
+    }
 }
 
 impl From<QueryError> for DiffError {

@@ -1,6 +1,7 @@
 //! Why a dump was not restored.
 
 use super::read::ReadError;
+use crate::fault::{AtFault, Fault};
 use crate::store::{Namespace, StoreError};
 
 /// Why a dump was not restored.
@@ -20,6 +21,16 @@ pub enum RestoreError {
         /// What went wrong.
         source: StoreError,
     },
+}
+
+impl AtFault for RestoreError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Dump(error) => error.fault(),
+            Self::Interrupted => Fault::Interrupt,
+            Self::Store { source, .. } => source.fault(),
+        }
+    }
 }
 
 /// The error of a store in a restore that changed nothing.

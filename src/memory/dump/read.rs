@@ -13,6 +13,7 @@ use std::rc::Rc;
 use bson::{Document, RawDocumentBuf};
 
 use super::world_file::{WorldError, WorldFile};
+use crate::fault::{AtFault, Fault};
 use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, CollectionKind, Damage, MAGIC, Metadata, decode_document};
 use crate::store::{Index, Namespace, document};
@@ -81,6 +82,15 @@ pub enum ReadError {
         /// What is wrong, and what to do.
         reason: String,
     },
+}
+
+impl AtFault for ReadError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Read { .. } | Self::Damaged { .. } | Self::Name { .. } => Fault::Input,
+            Self::Text(error) => error.fault(),
+        }
+    }
 }
 
 impl Dump {

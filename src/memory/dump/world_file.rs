@@ -27,6 +27,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 use sha2::{Digest as _, Sha256};
 
 use super::batch::batches;
+use crate::fault::{AtFault, Fault};
 use crate::formats::shell::{self, ReadError, WorldItem, WorldReader};
 use crate::formats::{Diagnostic, Source, Span, mongodump};
 use crate::memory::Memory;
@@ -94,6 +95,15 @@ pub enum WorldError {
     },
 }
 
+impl AtFault for WorldError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Text { .. } | Self::Read { .. } => Fault::Input,
+            Self::Store { source, .. } => source.fault(),
+        }
+    }
+}
+
 /// Why a world file was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldDumpError {
@@ -103,6 +113,15 @@ pub enum WorldDumpError {
     /// What it is written to fails.
     #[error("{0}")]
     Write(#[from] io::Error),
+}
+
+impl AtFault for WorldDumpError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Store(error) => error.fault(),
+            Self::Write(error) => error.fault(),
+        }
+    }
 }
 
 /// Reads a world file and puts its documents into the memory.

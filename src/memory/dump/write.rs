@@ -10,6 +10,7 @@ use std::io::{self, BufWriter, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
+use crate::fault::{AtFault, Fault};
 use crate::formats::mongodump::{ArchiveWriter, Metadata, Packer, encode};
 use crate::memory::Memory;
 use crate::process::litter;
@@ -49,6 +50,16 @@ pub enum DumpError {
         /// What went wrong.
         source: StoreError,
     },
+}
+
+impl AtFault for DumpError {
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Taken { .. } => Fault::Input,
+            Self::Nowhere { .. } | Self::Write { .. } => Fault::Store,
+            Self::Store { source, .. } => source.fault(),
+        }
+    }
 }
 
 /// Writes the namespaces into the folder `path`, whole or not at all; returns

@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
+use super::explanation::{Achiever, Obstacle, Why};
 use super::relaxed::Relaxed;
 use super::rule::{Makes, Rule};
-use super::{Achiever, Obstacle, Why};
 use crate::pddl::model::{Arg, Change, Fact, Formula, Variable};
 use crate::pddl::validation::{Bindings, EvaluationError, UNBOUND, free_slots, predicates};
 

@@ -2,7 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::state::{Bindings, EvaluationError, Ground, State};
+use super::error::EvaluationError;
+use super::state::{Bindings, Ground, State};
 use crate::formats::pddl::ast::{Assigner, Moment};
 use crate::pddl::model::{Change, Formula, Number};
 

@@ -8,7 +8,8 @@
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
 
-use super::state::{Bindings, EvaluationError, Ground, State, UNBOUND};
+use super::error::EvaluationError;
+use super::state::{Bindings, Ground, State, UNBOUND};
 use super::stratum::{free_slots, predicates, size, strata};
 use crate::pddl::model::{Arg, Fact, Formula, Rule, Variable};
 use crate::pddl::types::TypeSet;

@@ -3,7 +3,8 @@
 use std::collections::{HashMap, HashSet};
 
 use super::change::{Changes, is_continuous};
-use super::state::{Bindings, EvaluationError, Ground, State, TOLERANCE};
+use super::error::EvaluationError;
+use super::state::{Bindings, Ground, State, TOLERANCE};
 use super::truth::at_moment;
 use super::verdict::Failure;
 use crate::formats::pddl::ast::Moment;

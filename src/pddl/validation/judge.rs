@@ -1,7 +1,8 @@
 //! From a plan to its verdict: look up, simulate, check the goal.
 
+use super::error::EvaluationError;
 use super::happening::{Instance, Stop, simulate};
-use super::state::{Bindings, EvaluationError, State};
+use super::state::{Bindings, State};
 use super::verdict::{Failure, Validation};
 use crate::pddl::Step;
 use crate::pddl::domain::{Action, Domain};

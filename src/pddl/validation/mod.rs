@@ -10,6 +10,7 @@
 
 mod change;
 mod derive;
+mod error;
 mod happening;
 mod judge;
 mod repair;
@@ -19,7 +20,8 @@ mod text;
 mod truth;
 mod verdict;
 
-pub(super) use state::{Bindings, EvaluationError, Ground, State, UNBOUND};
+pub(super) use error::EvaluationError;
+pub(super) use state::{Bindings, Ground, State, UNBOUND};
 pub(super) use stratum::{free_slots, predicates};
 
 pub use judge::validate;

@@ -7,8 +7,9 @@
 use std::fmt;
 
 use super::derive::Join;
+use super::error::EvaluationError;
 use super::judge::judge;
-use super::state::{Bindings, EvaluationError, Ground, History, State, UNBOUND};
+use super::state::{Bindings, Ground, History, State, UNBOUND};
 use super::truth::at_moment;
 use crate::formats::pddl::ast::{Assigner, Comparator, Moment};
 use crate::pddl::Step;

@@ -4,6 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
+use super::error::EvaluationError;
 use super::stratum::{compares, predicates};
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Formula};
@@ -22,16 +23,7 @@ pub(super) const TOLERANCE: f64 = 1e-6;
 /// Values of variables, by slot.
 pub(in crate::pddl) type Bindings = Vec<u32>;
 
-/// Why a condition has no truth value.
-#[derive(Debug, Clone, PartialEq)]
-pub(in crate::pddl) enum EvaluationError {
-    /// The plan is wrong: a number is asked for that is not there.
-    Wrong(String),
-    /// The simulation does not know this part of PDDL.
-    Unjudged(String),
-}
-
-/// A state of the state, and the task it belongs to.
+/// A state, and the task it belongs to.
 pub(in crate::pddl) struct State<'a> {
     pub(in crate::pddl) domain: &'a Domain,
     pub(in crate::pddl) problem: &'a Problem,

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::state::EvaluationError;
+use super::error::EvaluationError;
 use crate::pddl::model::{Arg, Formula, Number, Rule};
 
 /// How many nodes a condition has.

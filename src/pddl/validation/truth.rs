@@ -1,6 +1,7 @@
 //! Whether a condition holds, and which part of it does not.
 
-use super::state::{Bindings, EvaluationError, State, UNBOUND, value};
+use super::error::EvaluationError;
+use super::state::{Bindings, State, UNBOUND, value};
 use crate::formats::pddl::ast::{Comparator, Moment, Operator};
 use crate::pddl::model::{Formula, Number, Quantifier};
 

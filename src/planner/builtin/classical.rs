@@ -4,9 +4,9 @@ use ferroplan::types::{Domain, Problem};
 use ferroplan::{Plan, SolveError, Step};
 use rustix::process::{Resource, getrlimit};
 
-use super::Options;
 use super::convert::convert;
 use super::ff_output::NoPlan;
+use super::options::Options;
 use super::search::lifted::Lifted;
 use super::search::task::{OperatorId, Task};
 use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, solve};

@@ -12,27 +12,24 @@
 mod classical;
 pub mod convert;
 mod ff_output;
+mod options;
 mod portfolio;
 mod proof;
 pub mod search;
+mod solver;
 mod temporal;
 
 use std::ffi::OsString;
-use std::sync::mpsc;
-use std::thread;
 
-use ferroplan::types::{Domain, Problem};
-use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
-
-use self::classical::{Answer, Said};
-use self::ff_output::NoPlan;
 use super::files::{DOMAIN, PROBLEM};
-use super::run::{Output, Planner, refuse};
+use super::run::{Output, Planner};
 use super::task::Task;
-use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, Verdict, ff};
 use crate::pddl::Feature;
 use crate::process::Host;
+
+pub use options::Options;
+pub use solver::{child, solve};
 
 /// The version of the engine.
 const ENGINE: &str = "ferroplan 0.30.0";
@@ -69,9 +66,6 @@ const REQUIREMENTS: [&str; 21] = [
 /// The option that tells the child that its task is known to be well-formed, in names that
 /// the engine reads.
 pub const CHECKED: &str = "--checked";
-
-/// The engine grounds and searches with recursion over formulas.
-const STACK: usize = 64 << 20;
 
 /// The option that tells the child to improve its plan for as long as it may run.
 pub const ANYTIME: &str = "--anytime";
@@ -137,188 +131,5 @@ impl Planner for Builtin {
 
     fn is_anytime(&self) -> bool {
         self.anytime
-    }
-}
-
-/// What `rmem ff` is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Options {
-    /// Improve the first plan, within bounds: its cost, its preferences.
-    pub optimize: bool,
-    /// Say the first plan at once and every better one after it, for as long as there may be one.
-    pub anytime: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { optimize: true, anytime: false }
-    }
-}
-
-/// Plans, and says what FF says, piece by piece; returns the exit code of [`super::Outcome`]. What the
-/// engine cannot do is refused with the line, and the plan has the names of the task.
-pub fn solve(task: &Task<'_>, options: Options, say: &mut dyn FnMut(&str)) -> i32 {
-    say(&ff_output::preface(task.domain.name(), task.problem.name()));
-    if let Some(refusal) = refuse(&Builtin::default(), task) {
-        say(&format!("\nff: {refusal}\n"));
-        return 34;
-    }
-    let sent = portable::send(task.domain.tree(), task.problem.tree(), Some(&REQUIREMENTS));
-    apart(&sent.domain, &sent.problem, options, Some(&sent), say)
-}
-
-/// As [`solve`], for the texts of a task that is known to be well-formed: they go to the
-/// engine as they are (3 where it cannot read them all the same).
-pub fn child(domain: &str, problem: &str, options: Options, say: &mut dyn FnMut(&str)) -> i32 {
-    apart(domain, problem, options, None, say)
-}
-
-/// Lets the engine work on a stack of its own.
-fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say: &mut dyn FnMut(&str)) -> i32 {
-    let (sender, texts) = mpsc::channel::<String>();
-    thread::scope(|scope| {
-        let work = move || {
-            // Nobody listens any more only when this process ends.
-            let tell = |text: String| drop(sender.send(text));
-            let said = &mut |said: Said<'_>| match said {
-                Said::Plan(plan) => tell(ff_output::plan(plan, sent)),
-                Said::Progress(words) => tell(ff_output::progress(&words)),
-            };
-            match answer(domain, problem, options, said) {
-                Ok(None) => 0,
-                Ok(Some(reason)) => {
-                    let (text, code) = ff_output::no_plan(&reason);
-                    tell(text);
-                    code
-                }
-                Err(error) => {
-                    let (text, code) = ff_output::refusal(&error);
-                    tell(text);
-                    code
-                }
-            }
-        };
-        let work = match thread::Builder::new().stack_size(STACK).spawn_scoped(scope, work) {
-            Ok(work) => work,
-            // A thread that cannot be had lacks the memory for its stack.
-            Err(error) => {
-                say(&format!("\nmemory allocation of {STACK} bytes for the engine failed: {error}\n"));
-                return 22;
-            }
-        };
-        texts.iter().for_each(|text| say(&text));
-        work.join().unwrap_or_else(|_| {
-            say("\nthe engine crashed\n");
-            32
-        })
-    })
-}
-
-/// Finds plans and gives them to `found`, each better than the one before; says why there is none.
-fn answer(
-    domain: &str,
-    problem: &str,
-    options: Options,
-    said: &mut dyn FnMut(Said<'_>),
-) -> Result<Option<NoPlan>, SolveError> {
-    let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
-    let posed = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
-    if is_classical(&task, &posed) {
-        return match classical::plan(&task, &posed, options, said)? {
-            Answer::Solved => Ok(None),
-            Answer::None(reason) => Ok(Some(reason)),
-            Answer::Declined => portfolio::plan(&task, &posed, options, &mut |plan| said(Said::Plan(plan))),
-        };
-    }
-    let found = &mut |plan: &Plan| said(Said::Plan(plan));
-    if is_plain(&task, &posed) && temporal::plan(&task, &posed, options.anytime, classical::memory(), found) {
-        return Ok(None);
-    }
-    let mut reason = None;
-    let mut known = false;
-    // A plan for what must be is there sooner than one that pleases as well.
-    let quick = (options.anytime && pddl3::has_preferences(&posed)).then_some(false);
-    for optimize in quick.into_iter().chain([options.optimize]) {
-        let settings = Settings { optimize, ..Settings::default() };
-        let solution = ferroplan::solve(domain, problem, &settings)?;
-        match solution.plan {
-            Some(plan) if solution.solved => {
-                known = true;
-                found(&plan);
-            }
-            _ => {
-                let why = solution.notes.join("; ");
-                reason = Some(match proof::doubt(&task, &posed) {
-                    Some(doubt) => NoPlan::Doubted { doubt, why },
-                    None => NoPlan::GaveUp(why),
-                });
-            }
-        }
-    }
-    Ok(if known { None } else { reason })
-}
-
-/// Whether states and actions are all there is to a task: no time, no preferences, no constraints.
-fn is_classical(domain: &Domain, problem: &Problem) -> bool {
-    domain.durative_actions.is_empty() && problem.til.is_empty() && is_plain(domain, problem)
-}
-
-/// Whether nothing is preferred or constrained.
-fn is_plain(domain: &Domain, problem: &Problem) -> bool {
-    domain.constraints.is_empty() && problem.constraints.is_empty() && !pddl3::has_preferences(problem)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn task(domain: &str, problem: &str) -> (Transcript, i32) {
-        let read = |name: &str| {
-            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/transcripts/tasks/");
-            std::fs::read_to_string(format!("{folder}{name}.pddl")).unwrap()
-        };
-        let mut text = String::new();
-        let code = child(&read(domain), &read(problem), Options::default(), &mut |said| text.push_str(said));
-        (ff::read(&text, ""), code)
-    }
-
-    #[test]
-    fn outcomes_are_right() {
-        for (domain, problem, verdict, code, length) in [
-            ("dom", "p_plan", Verdict::Plan, 0, Some(8)),
-            ("dom", "p_disj", Verdict::Plan, 0, None),
-            ("dom", "p_neg", Verdict::Plan, 0, Some(1)),
-            ("dom", "p_goaltrue", Verdict::Plan, 0, Some(0)),
-            ("dom", "p_goaltrue_empty", Verdict::Plan, 0, Some(0)),
-            ("dom", "p_unsolv_search", Verdict::Unsolvable, 11, Some(0)),
-            ("dom", "p_goalfalse_static", Verdict::Unsolvable, 11, Some(0)),
-            ("dom", "p_goalfalse_unreach", Verdict::Unsolvable, 11, Some(0)),
-            ("dom", "p_syntax", Verdict::Rejected, 3, Some(0)),
-            ("acdom", "acp", Verdict::Plan, 0, Some(2)),
-            ("ndom", "np", Verdict::Plan, 0, None),
-            ("ndom", "np_unreach", Verdict::GaveUp, 12, Some(0)),
-            ("durdom", "durp", Verdict::Plan, 0, Some(2)),
-            ("adldom", "adlp", Verdict::Plan, 0, None),
-            ("ffbug_dom", "ffbug_p1", Verdict::Plan, 0, None),
-            ("ffbug_dom", "ffbug_p2", Verdict::Plan, 0, None),
-        ] {
-            let (transcript, said) = task(domain, problem);
-            assert_eq!((transcript.verdict, said), (verdict, code), "{domain} {problem}: {transcript:?}");
-            if let Some(length) = length {
-                assert_eq!(transcript.actions.len(), length, "{domain} {problem}");
-            }
-        }
-    }
-
-    #[test]
-    fn costs_and_times_are_said() {
-        assert_eq!(task("acdom", "acp").0.cost, Some(4.0));
-        let (transcript, _) = task("durdom", "durp");
-        assert_eq!(transcript.actions.iter().map(|action| action.duration).collect::<Vec<_>>(), [Some(5.0), Some(5.0)]);
-    }
-
-    #[test]
-    fn the_same_task_has_the_same_text() {
-        assert_eq!(task("adldom", "adlp"), task("adldom", "adlp"));
     }
 }

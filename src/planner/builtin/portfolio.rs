@@ -30,8 +30,8 @@ use ferroplan::search::{self, PlanResult, SearchCfg};
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Plan, SolveError, Step, costs, derived, lama, par};
 
-use super::Options;
 use super::ff_output::NoPlan;
+use super::options::Options;
 use super::proof;
 
 /// How many states each search may look at in its first slice; fewer where there are many

@@ -4,7 +4,6 @@ use std::collections::{HashMap, HashSet};
 
 use bson::{Bson, Document, doc};
 
-use super::is_plain;
 use crate::formats::pddl::ast::{Atom, Condition, ConditionKind, Expression, Init, Name, Problem, Term, Type, Typed};
 use crate::formats::{Diagnostic, Source};
 use crate::problem::names;
@@ -205,4 +204,9 @@ impl Scribe<'_> {
 
 fn number(value: f64) -> Bson {
     if value.fract() == 0.0 && value.abs() < WHOLE { Bson::Int64(value as i64) } else { Bson::Double(value) }
+}
+
+/// A name that templates write as it is.
+fn is_plain(name: &str) -> bool {
+    names::mangle(name) == name
 }

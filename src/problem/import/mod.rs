@@ -18,7 +18,6 @@
 mod documents;
 mod template;
 
-use super::names;
 use crate::formats::pddl::ast::Problem;
 use crate::formats::{Diagnostic, Source};
 
@@ -57,9 +56,4 @@ impl Imported {
     pub fn template(&self, namespace: &crate::store::Namespace) -> String {
         template::write(&self.tree, namespace)
     }
-}
-
-/// A name that templates write as it is.
-fn is_plain(name: &str) -> bool {
-    names::mangle(name) == name
 }

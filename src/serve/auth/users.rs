@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use crate::fault::{AtFault, Fault};
+
 use super::verifier::{ITERATIONS, Verifier, hmac, random};
 
 /// How many bytes of salt a password gets.
@@ -48,6 +50,12 @@ pub enum UsersError {
         /// Which.
         path: PathBuf,
     },
+}
+
+impl AtFault for UsersError {
+    fn fault(&self) -> Fault {
+        Fault::Input
+    }
 }
 
 impl Users {

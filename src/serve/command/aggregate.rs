@@ -2,9 +2,11 @@
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
-use super::{Call, Command, statistics};
+use super::definition::{Command, Run, raw};
+use super::statistics;
 use crate::memory::Memory;
 use crate::query::{Origin, Pipeline, QueryError};
+use crate::serve::call::Call;
 use crate::serve::changes::{Spec, Stream};
 use crate::serve::cursor::{Open, Owner};
 use crate::serve::failure::{Answer, Failure, codes};
@@ -13,12 +15,8 @@ use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::{Request, namespace};
 use crate::store::{Documents, Namespace, Scope, StoreError};
 
-pub(super) const COMMANDS: &[Command] = &[Command {
-    name: "aggregate",
-    run: super::Run::Either(writes, read, write),
-    is_open: false,
-    in_transaction: true,
-}];
+pub(super) const COMMANDS: &[Command] =
+    &[Command { name: "aggregate", run: Run::Either(writes, read, write), is_open: false, in_transaction: true }];
 
 /// The collection of a pipeline that brings its own documents.
 const NO_COLLECTION: &str = "$cmd.aggregate";
@@ -86,7 +84,7 @@ fn read(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     let (ns, stages) = pipeline(call, fields)?;
     if fields.flag("explain")? {
-        return super::explain::of_pipeline(host, call, &ns, &stages);
+        return super::explanation::of_pipeline(host, call, &ns, &stages);
     }
     let batch = batch(fields)?;
     if let Some(spec) = Spec::read(&call.request, &stages)? {
@@ -186,7 +184,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         None,
         Box::new(move |memory| {
             let kept = server.scopes.keep(memory, &scope)?;
-            super::raw(&doc! { "from": kept.from, "last": kept.last })
+            raw(&doc! { "from": kept.from, "last": kept.last })
         }),
     )?;
     let number = |name| kept.get_i64(name).map_err(|error| Failure::new(codes::INTERNAL, error.to_string()));

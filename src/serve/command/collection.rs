@@ -2,9 +2,10 @@
 
 use bson::{Document, RawDocumentBuf, doc};
 
-use super::{Call, Command, raw};
+use super::definition::{Command, raw};
 use crate::memory::Memory;
 use crate::query::Filter;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use bson::raw::cstr;
 use bson::{Bson, RawDocumentBuf, doc};
 
-use super::{Call, Command, raw};
+use super::definition::{Command, raw};
+use crate::serve::call::Call;
 use crate::serve::changes::{Batch, Stream};
 use crate::serve::cursor::{Open, Owner, not_found};
 use crate::serve::failure::{Answer, Failure, codes};

@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
-use super::{Call, Command, raw, statistics};
+use super::definition::{Command, raw};
+use super::statistics;
 use crate::memory::Memory;
 use crate::query::Filter;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::host::Host;
 use crate::store::Namespace;

@@ -2,10 +2,11 @@
 
 use bson::doc;
 
+use super::definition::Command;
 use super::update::is_of_command;
 use super::write::{COMMON, Outcome, is_ordered, statements};
-use super::{Call, Command};
 use crate::memory::Memory;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::store::Namespace;

@@ -1,14 +1,16 @@
-//! `explain`: how a query is answered, in the words of MongoDB.
+//! `explain`: of which command, and how much.
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document};
 
-use super::handshake::VERSION;
-use super::{Call, Command, aggregate, find, raw};
+use super::definition::{Command, raw};
+use super::explanation::{explained, of_pipeline};
+use super::{aggregate, find};
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::Host;
 use crate::serve::request::Request;
-use crate::store::{Find, Namespace};
+use crate::store::Find;
 
 pub(super) const COMMANDS: &[Command] = &[Command::read("explain", explain)];
 
@@ -59,85 +61,4 @@ fn statement(fields: Fields<'_>, name: &str) -> Result<Document, Failure> {
     let statements = fields.documents(name)?.unwrap_or_default();
     let first = statements.first().ok_or_else(|| fields.missing(name))?;
     Fields::new(name, first).document_or_empty("q")
-}
-
-/// How a pipeline is answered: what its first stage looks for, and the others.
-pub(super) fn of_pipeline(host: &Host<'_>, call: &Call, ns: &Namespace, stages: &[Document]) -> Answer {
-    let filter = stages.first().and_then(|stage| stage.get_document("$match").ok()).cloned().unwrap_or_default();
-    let find = Find { filter, ..Find::default() };
-    let mut first = explained(host, call, ns, &find, true)?;
-    first.remove("serverInfo");
-    let mut all = vec![doc! { "$cursor": first }];
-    all.extend(stages.iter().cloned());
-    raw(&doc! { "stages": all, "serverInfo": server_info(), "explainVersion": "1" })
-}
-
-fn explained(host: &Host<'_>, call: &Call, ns: &Namespace, find: &Find, is_run: bool) -> Result<Document, Failure> {
-    let account = call.access(host.memory()?).explain(ns, find)?;
-    let number = |name: &str| account.get(name).cloned().unwrap_or(Bson::Int64(0));
-    let plan = plan(&account, find);
-    let mut reply = doc! {
-        "explainVersion": "1",
-        "queryPlanner": {
-            "namespace": ns.to_string(),
-            "indexFilterSet": false,
-            "parsedQuery": find.filter.clone(),
-            "winningPlan": plan.clone(),
-            "rejectedPlans": Bson::Array(Vec::new()),
-        },
-    };
-    if is_run {
-        let mut stages = plan;
-        stages.insert("nReturned", number("returned"));
-        reply.insert(
-            "executionStats",
-            doc! {
-                "executionSuccess": true,
-                "nReturned": number("returned"),
-                "executionTimeMillis": i64::try_from(call.request.since.elapsed().as_millis()).unwrap_or(i64::MAX),
-                "totalKeysExamined": number("keys_examined"),
-                "totalDocsExamined": number("documents_examined"),
-                "executionStages": stages,
-            },
-        );
-    }
-    if let Some(computables) = account.get("computables") {
-        reply.insert("computables", computables.clone());
-    }
-    reply.insert("serverInfo", server_info());
-    Ok(reply)
-}
-
-/// The stages by which documents are found.
-fn plan(account: &Document, find: &Find) -> Document {
-    let alternatives: Vec<Document> =
-        account.get_array("any").into_iter().flatten().filter_map(Bson::as_document).map(scan).collect();
-    let source = match (alternatives.is_empty(), account.get_str("index")) {
-        (false, _) => doc! { "stage": "FETCH", "inputStage": { "stage": "OR", "inputStages": alternatives } },
-        (true, Ok(_)) => doc! { "stage": "FETCH", "filter": find.filter.clone(), "inputStage": scan(account) },
-        (true, Err(_)) => doc! { "stage": "COLLSCAN", "filter": find.filter.clone(), "direction": "forward" },
-    };
-    let sorted = match account.get_str("sort") {
-        Ok("memory") => doc! { "stage": "SORT", "sortPattern": find.sort.clone(), "inputStage": source },
-        _ => source,
-    };
-    match find.limit {
-        0 => sorted,
-        limit => doc! { "stage": "LIMIT", "limitAmount": limit.cast_signed(), "inputStage": sorted },
-    }
-}
-
-fn scan(account: &Document) -> Document {
-    let of = |name: &str| account.get(name).cloned().unwrap_or_else(|| Document::new().into());
-    doc! {
-        "stage": "IXSCAN",
-        "keyPattern": of("keys"),
-        "indexName": of("index"),
-        "direction": "forward",
-        "indexBounds": of("bounds"),
-    }
-}
-
-fn server_info() -> Document {
-    doc! { "host": "rmem", "port": 0, "version": VERSION, "gitVersion": env!("CARGO_PKG_VERSION") }
 }

@@ -2,7 +2,8 @@
 
 use bson::{Bson, doc};
 
-use super::{Call, Command, raw};
+use super::definition::{Command, raw};
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};

@@ -2,7 +2,7 @@
 
 use bson::{Bson, DateTime, Document, doc, oid::ObjectId};
 
-use super::{Command, raw};
+use super::definition::{Command, raw};
 use crate::serve::access::Metadata;
 use crate::serve::auth::MECHANISM;
 use crate::serve::client::Client;

@@ -3,7 +3,7 @@
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, Document, doc};
 
-use super::{Command, raw};
+use super::definition::{Command, raw};
 use crate::serve::auth::{Conversation, MECHANISM};
 use crate::serve::client::{Client, User};
 use crate::serve::failure::{Answer, Failure, codes};

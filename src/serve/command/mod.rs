@@ -6,8 +6,10 @@ mod aggregate;
 mod collection;
 mod cursor;
 mod database;
+mod definition;
 mod delete;
 mod explain;
+mod explanation;
 mod find;
 mod handshake;
 mod index;
@@ -24,23 +26,27 @@ mod write;
 use std::sync::Arc;
 
 use bson::raw::cstr;
-use bson::{Document, RawDocumentBuf, rawdoc};
+use bson::{Document, doc, rawdoc};
 
-use super::access::{Access, Metadata};
+use super::access::RECORDS;
+use super::attempt::attempt;
+use super::call::Call;
 use super::client::Client;
 use super::failure::{Answer, Failure, codes};
-use super::host::Host;
+use super::host::{self, Host};
+use super::job::{Action, Job, Step};
 use super::mailbox::Mailbox;
 use super::request::Request;
 use super::server::Server;
-use super::transaction::{Action, Step};
+use super::session::Once;
 use super::wire::Form;
-use super::writer::{Job, Once};
 use crate::memory::Memory;
 use crate::store::Namespace;
+use definition::{Command, Run, raw};
 
 /// All groups.
-const GROUPS: [&[Command]; 17] = [
+const GROUPS: [&[Command]; 18] = [
+    COMMANDS,
     handshake::COMMANDS,
     login::COMMANDS,
     server::COMMANDS,
@@ -60,64 +66,8 @@ const GROUPS: [&[Command]; 17] = [
     statistics::COMMANDS,
 ];
 
-/// A command.
-struct Command {
-    name: &'static str,
-    run: Run,
-    /// Before somebody has logged in, too.
-    is_open: bool,
-    /// Whether it may be a part of a transaction.
-    in_transaction: bool,
-}
-
-/// Where a command runs, and what it does.
-#[derive(Clone, Copy)]
-enum Run {
-    /// On the connection alone; it needs no memory.
-    Here(fn(&mut Client, &Server, &Request) -> Answer),
-    /// Where it reads, on the connection's own memory.
-    Read(for<'h, 'm> fn(&'h mut Host<'m>, &Call) -> Answer),
-    /// Where it writes, by the writer.
-    Write(fn(&Memory, &Call) -> Answer),
-    /// One or the other, as the first function says.
-    Either(fn(&Request) -> bool, for<'h, 'm> fn(&'h mut Host<'m>, &Call) -> Answer, fn(&Memory, &Call) -> Answer),
-}
-
-impl Command {
-    const fn here(name: &'static str, run: fn(&mut Client, &Server, &Request) -> Answer) -> Self {
-        Self { name, run: Run::Here(run), is_open: false, in_transaction: false }
-    }
-
-    const fn read(name: &'static str, run: for<'h, 'm> fn(&'h mut Host<'m>, &Call) -> Answer) -> Self {
-        Self { name, run: Run::Read(run), is_open: false, in_transaction: false }
-    }
-
-    const fn write(name: &'static str, run: fn(&Memory, &Call) -> Answer) -> Self {
-        Self { name, run: Run::Write(run), is_open: false, in_transaction: false }
-    }
-
-    /// The same, for everybody.
-    const fn open(self) -> Self {
-        Self { is_open: true, ..self }
-    }
-
-    /// The same, in transactions, too.
-    const fn transactional(self) -> Self {
-        Self { in_transaction: true, ..self }
-    }
-}
-
-/// A command that is being run.
-pub(super) struct Call {
-    pub(super) request: Request,
-    pub(super) metadata: Metadata,
-}
-
-impl Call {
-    fn access<'m>(&self, memory: &'m Memory) -> Access<'m> {
-        Access::new(memory, self.metadata)
-    }
-}
+/// The command about all commands.
+const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
@@ -151,7 +101,7 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
         return in_transaction(host, client, command, call);
     }
     match command.run {
-        Run::Here(_) => super::host::empty(),
+        Run::Here(_) => host::empty(),
         Run::Read(run) => run(host, &call),
         Run::Either(writes, read, _) if !writes(&call.request) => read(host, &call),
         Run::Write(run) | Run::Either(_, _, run) => write(host, run, call),
@@ -174,7 +124,7 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
 
 /// A collection of the database that a command is about: it says which store.
 fn home(request: &Request) -> Namespace {
-    Namespace { database: request.database.clone(), collection: "rmem.retries".to_owned() }
+    Namespace { database: request.database.clone(), collection: RECORDS.to_owned() }
 }
 
 /// Sends a command to its transaction.
@@ -195,7 +145,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
     let action = match command.name {
         "commitTransaction" => Action::Commit,
         "abortTransaction" => Action::Abort,
-        _ => Action::Run { starts: part.starts, ns, command: Box::new(move |host| inside(host, command, &call)) },
+        _ => Action::Run { starts: part.starts, ns, call: Box::new(call) },
     };
     if part.starts {
         client.transactions.insert(session.clone());
@@ -210,7 +160,8 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
 }
 
 /// Runs a command where its transaction is.
-fn inside(host: &mut Host<'_>, command: &Command, call: &Call) -> Answer {
+pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
+    let Some(command) = find(&call.request.name) else { return Err(unknown(&call.request)) };
     let is_writing = match command.run {
         Run::Here(_) | Run::Read(_) => false,
         Run::Write(_) => true,
@@ -220,12 +171,12 @@ fn inside(host: &mut Host<'_>, command: &Command, call: &Call) -> Answer {
         return Err(Failure::new(codes::ILLEGAL, "this memory is served read-only"));
     }
     match command.run {
-        Run::Here(_) => super::host::empty(),
+        Run::Here(_) => host::empty(),
         Run::Read(run) => run(host, call),
         Run::Either(_, run, _) if !is_writing => run(host, call),
         Run::Write(run) | Run::Either(_, _, run) => {
             let memory = host.memory()?;
-            super::writer::attempt(memory, &home(&call.request), |memory| run(memory, call))
+            attempt(memory, &home(&call.request), |memory| run(memory, call))
         }
     }
 }
@@ -251,13 +202,16 @@ fn is_alias(name: &str) -> bool {
     )
 }
 
-fn unknown(request: &Request) -> Failure {
-    Failure::new(codes::NO_COMMAND, format!("no such command: '{}'", request.name))
+fn list(_: &mut Client, _: &Server, _: &Request) -> Answer {
+    let all = GROUPS.iter().flat_map(|group| group.iter());
+    let commands: Document = all
+        .map(|command| (command.name.to_owned(), doc! { "help": "", "requiresAuth": !command.is_open }.into()))
+        .collect();
+    raw(&doc! { "commands": commands })
 }
 
-/// An answer in bytes.
-fn raw(document: &Document) -> Answer {
-    Ok(RawDocumentBuf::try_from(document)?)
+fn unknown(request: &Request) -> Failure {
+    Failure::new(codes::NO_COMMAND, format!("no such command: '{}'", request.name))
 }
 
 #[cfg(test)]

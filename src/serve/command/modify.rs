@@ -2,11 +2,12 @@
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
+use super::definition::{Command, raw};
 use super::update::{array_filters, spec};
 use super::write::COMMON;
-use super::{Call, Command, raw};
 use crate::memory::Memory;
 use crate::query::QueryError;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::store::{Find, Namespace, UpdateRequest, UpdateSpec};
 

@@ -4,11 +4,12 @@ use std::sync::atomic::Ordering;
 
 use bson::{Bson, DateTime, Document, doc};
 
-use super::{Command, GROUPS, raw};
+use super::definition::{Command, raw};
 use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::request::Request;
 use crate::serve::server::Server;
+use crate::serve::session::TRANSACTION_LIMIT;
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::here("serverStatus", status),
@@ -18,7 +19,6 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::here("getCmdLineOpts", options),
     Command::here("top", top),
     Command::here("currentOp", current),
-    Command::here("listCommands", list),
     Command::here("replSetGetStatus", set_status),
 ];
 
@@ -74,7 +74,7 @@ fn host_name() -> String {
 fn parameter(_: &mut Client, _: &Server, request: &Request) -> Answer {
     let known = doc! {
         "featureCompatibilityVersion": { "version": "6.0" },
-        "transactionLifetimeLimitSeconds": i64::try_from(crate::serve::transaction::LIMIT.as_secs()).unwrap_or(60),
+        "transactionLifetimeLimitSeconds": i64::try_from(TRANSACTION_LIMIT.as_secs()).unwrap_or(60),
         "authenticationMechanisms": [crate::serve::auth::MECHANISM],
     };
     let asks_all = match request.target() {
@@ -115,14 +115,6 @@ pub(super) fn operations(server: &Server) -> Vec<Document> {
 
 fn current(_: &mut Client, server: &Server, _: &Request) -> Answer {
     raw(&doc! { "inprog": operations(server) })
-}
-
-fn list(_: &mut Client, _: &Server, _: &Request) -> Answer {
-    let all = GROUPS.iter().flat_map(|group| group.iter());
-    let commands: Document = all
-        .map(|command| (command.name.to_owned(), doc! { "help": "", "requiresAuth": !command.is_open }.into()))
-        .collect();
-    raw(&doc! { "commands": commands })
 }
 
 fn set_status(client: &mut Client, server: &Server, _: &Request) -> Answer {

@@ -2,15 +2,16 @@
 
 use bson::{Bson, doc};
 
-use super::{Call, Command, raw};
+use super::definition::{Command, raw};
+use crate::serve::call::Call;
 use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure};
 use crate::serve::fields::Fields;
 use crate::serve::host::{self, Host};
+use crate::serve::job::Job;
 use crate::serve::request::Request;
 use crate::serve::server::Server;
 use crate::serve::session::{SessionId, TIMEOUT_MINUTES};
-use crate::serve::transaction;
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::here("startSession", start),
@@ -33,7 +34,7 @@ fn refresh(_: &mut Client, _: &Server, request: &Request) -> Answer {
 fn end(host: &mut Host<'_>, call: &Call) -> Answer {
     let sessions = sessions(&call.request)?;
     host.server.cursors.kill_all(|open| open.session.as_ref().is_some_and(|session| sessions.contains(session)));
-    host.server.writer.submit(transaction::abandon(sessions))?;
+    host.server.writer.submit(Job::abandon(sessions))?;
     host::empty()
 }
 
@@ -41,7 +42,7 @@ fn end(host: &mut Host<'_>, call: &Call) -> Answer {
 fn kill_all(host: &mut Host<'_>, call: &Call) -> Answer {
     call.request.fields().documents(&call.request.name)?;
     host.server.cursors.kill_all(|open| open.session.is_some());
-    host.server.writer.submit(transaction::abandon_all())?;
+    host.server.writer.submit(Job::abandon_all())?;
     host::empty()
 }
 

@@ -2,9 +2,10 @@
 
 use bson::{Bson, DateTime, Document, doc};
 
-use super::{Call, Command, raw};
+use super::definition::{Command, raw};
 use crate::memory::Memory;
 use crate::query::QueryError;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
 use crate::serve::fields::{Fields, whole};
 use crate::serve::host::Host;

@@ -1,6 +1,7 @@
 //! The ends of transactions; their beginning is a part of other commands.
 
-use super::{Call, Command};
+use super::definition::Command;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::host::Host;
 

@@ -2,9 +2,10 @@
 
 use bson::{Bson, Document, doc};
 
+use super::definition::Command;
 use super::write::{COMMON, Outcome, is_ordered, statements};
-use super::{Call, Command};
 use crate::memory::Memory;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::store::{Namespace, UpdateRequest, UpdateSpec, Updated};

@@ -9,9 +9,10 @@ use std::cell::{Cell, RefCell};
 use bson::{DateTime, RawDocument};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
-use super::retention;
 use crate::store::{ChangeKind, Namespace};
 
+/// What the names of those watchers begin with that keep changes for whoever comes back.
+pub(super) const PREFIX: &str = "rmem.serve:";
 /// The most bytes of changes that are kept for watchers.
 pub(super) const LARGEST: i64 = 256 << 20;
 
@@ -83,7 +84,7 @@ pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> 
                ORDER BY sequence DESC LIMIT 1";
     let last: Option<i64> = connection.query_row(sql, [most / 4 * 3], |row| row.get(0)).optional()?;
     let Some(last) = last else { return Ok(()) };
-    retention::cut(connection, last)?;
+    move_on(connection, last)?;
     connection.execute(
         "UPDATE watchers SET missed = 1 WHERE position < ?1 AND EXISTS (
              SELECT 1 FROM changes WHERE database = watchers.database AND collection = watchers.collection
@@ -96,12 +97,27 @@ pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> 
 /// Removes the changes of a collection that all its watchers are done with.
 pub(super) fn trim(connection: &Connection, ns: &Namespace) -> rusqlite::Result<()> {
     if ns.collection.is_empty() {
-        return retention::trim(connection, ns);
+        return trim_pattern(connection, ns);
     }
     let sql = "DELETE FROM changes WHERE database = ?1 AND collection = ?2 AND sequence <= coalesce((
                    SELECT min(position) FROM watchers
                    WHERE database IN ('', ?1) AND collection IN ('', ?2) AND missed = 0), 9223372036854775807)";
     connection.prepare_cached(sql)?.execute(params![ns.database, ns.collection]).map(|_| ())
+}
+
+/// Moves those on that keep changes up to `last`, which are about to be removed.
+fn move_on(connection: &Connection, last: i64) -> rusqlite::Result<()> {
+    let sql = "UPDATE watchers SET position = ?2 WHERE substr(name, 1, length(?1)) = ?1 AND position < ?2";
+    connection.execute(sql, params![PREFIX, last]).map(|_| ())
+}
+
+/// Removes the changes of a pattern that nobody waits for.
+fn trim_pattern(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()> {
+    let sql = "DELETE FROM changes WHERE ?1 IN ('', database) AND ?2 IN ('', collection) AND sequence <= coalesce((
+                   SELECT min(position) FROM watchers WHERE missed = 0
+                   AND watchers.database IN ('', changes.database)
+                   AND watchers.collection IN ('', changes.collection)), 9223372036854775807)";
+    connection.prepare_cached(sql)?.execute(params![pattern.database, pattern.collection]).map(|_| ())
 }
 
 /// The number of the last change that was ever appended.

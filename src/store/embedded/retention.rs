@@ -16,8 +16,6 @@ use crate::process::holder::Holder;
 use crate::query::QueryError;
 use crate::store::{ChangePage, Kept, Namespace, Scope, StoreError};
 
-/// What the names of these rows begin with.
-pub(super) const PREFIX: &str = "rmem.serve:";
 /// MongoDB's code for changes that are not kept any more.
 const HISTORY_LOST: i32 = 286;
 /// A page ends after about so many bytes.
@@ -51,7 +49,7 @@ impl Embedded {
         let read = || -> rusqlite::Result<Vec<Scope>> {
             let sql = "SELECT database, collection FROM watchers WHERE substr(name, 1, length(?1)) = ?1";
             let mut statement = self.connection.prepare_cached(sql)?;
-            let rows = statement.query_map([PREFIX], |row| Ok(scope(row.get(0)?, row.get(1)?)))?;
+            let rows = statement.query_map([change_log::PREFIX], |row| Ok(scope(row.get(0)?, row.get(1)?)))?;
             rows.collect()
         };
         read().map_err(|e| self.explain(&e))
@@ -142,21 +140,6 @@ fn position(connection: &Connection, scope: &Scope) -> rusqlite::Result<Option<i
     connection.prepare_cached(sql)?.query_row([name(scope)], |row| row.get(0)).optional()
 }
 
-/// Moves those on that keep changes up to `last`, which are about to be removed.
-pub(super) fn cut(connection: &Connection, last: i64) -> rusqlite::Result<()> {
-    let sql = "UPDATE watchers SET position = ?2 WHERE substr(name, 1, length(?1)) = ?1 AND position < ?2";
-    connection.execute(sql, params![PREFIX, last]).map(|_| ())
-}
-
-/// Removes the changes of a pattern that nobody waits for.
-pub(super) fn trim(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()> {
-    let sql = "DELETE FROM changes WHERE ?1 IN ('', database) AND ?2 IN ('', collection) AND sequence <= coalesce((
-                   SELECT min(position) FROM watchers WHERE missed = 0
-                   AND watchers.database IN ('', changes.database)
-                   AND watchers.collection IN ('', changes.collection)), 9223372036854775807)";
-    connection.prepare_cached(sql)?.execute(params![pattern.database, pattern.collection]).map(|_| ())
-}
-
 fn lost(scope: &Scope) -> QueryError {
     let of = match scope {
         Scope::Collection(ns) => ns.to_string(),
@@ -185,7 +168,7 @@ fn scope(database: String, collection: String) -> Scope {
 
 fn name(scope: &Scope) -> String {
     let Namespace { database, collection } = pattern(scope);
-    format!("{PREFIX}{database}.{collection}")
+    format!("{}{database}.{collection}", change_log::PREFIX)
 }
 
 #[cfg(test)]

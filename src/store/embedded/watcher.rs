@@ -5,7 +5,7 @@
 use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
-use super::{change_log, retention};
+use super::change_log;
 use crate::process::holder::{Holder, Life};
 use crate::store::Namespace;
 use crate::store::watch::{Name, Waiting};
@@ -141,7 +141,7 @@ pub(super) fn names(connection: &Connection) -> rusqlite::Result<Vec<Name>> {
                           AND sequence > watchers.position)
                FROM watchers WHERE name IS NOT NULL AND substr(name, 1, length(?1)) <> ?1 ORDER BY database, collection, name";
     let mut statement = connection.prepare(sql)?;
-    let names = statement.query_map([retention::PREFIX], |found| {
+    let names = statement.query_map([change_log::PREFIX], |found| {
         let watcher = row(found)?;
         let (changes, bytes): (i64, f64) = (found.get(8)?, found.get(9)?);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of lengths")]

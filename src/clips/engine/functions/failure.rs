@@ -1,6 +1,7 @@
 //! Why a function has no value.
 
 use crate::clips::engine::native::CallError;
+use crate::error::Error;
 
 /// Why a function has no value.
 pub(super) enum Failure {
@@ -23,7 +24,7 @@ impl Failure {
     }
 
     /// It was not possible, for reasons that have reasons.
-    pub(super) fn chained(error: &anyhow::Error) -> Self {
+    pub(super) fn chained(error: &Error) -> Self {
         Self::Declined(format!("{error:#}"))
     }
 

@@ -1,19 +1,18 @@
 //! `rmem clips run PROGRAM…`: CLIPS with the memory's functions inside it.
 
-use anyhow::Context as _;
-
-use super::{RunArgs, WORLD};
+use super::args::{RunArgs, WORLD};
 use crate::clips::engine::{self, Ended, Job, Message, Sender};
-use crate::commands::{Context, lock, plan};
+use crate::commands::{Context, lock};
+use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::formats::Source;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::planner::Host;
 use crate::store::Namespace;
 
-pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
-    let programs = args.programs.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
-    let facts = args.facts.iter().map(|path| context.read(path)).collect::<anyhow::Result<Vec<Source>>>()?;
+pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>) -> Result<Exit> {
+    let programs = args.programs.iter().map(|path| context.read(path)).collect::<Result<Vec<Source>>>()?;
+    let facts = args.facts.iter().map(|path| context.read(path)).collect::<Result<Vec<Source>>>()?;
     let guard = crate::interrupt::InterruptGuard::new();
     let job = Job {
         programs,
@@ -25,7 +24,7 @@ pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>)
         is_synced: args.sync.is_some(),
         collection: context.settings.collection.value.clone(),
         mutexes: lock::mutexes(context)?,
-        planners: plan::registry(context),
+        planners: context.planners(),
         host: Host { interrupted: guard.interrupted(), ..context.host() },
     };
     let (opening, worlds) = (context.opening(), worlds(context)?);
@@ -54,12 +53,12 @@ pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>)
 }
 
 /// The world files of `--load`.
-fn worlds(context: &mut Context<'_>) -> anyhow::Result<Vec<Source>> {
+fn worlds(context: &mut Context<'_>) -> Result<Vec<Source>> {
     context.settings.load.clone().iter().map(|path| context.read(path)).collect()
 }
 
 /// Prints what the program says, and reads what it wants to know.
-fn listen(said: Message, context: &mut Context<'_>) -> anyhow::Result<()> {
+fn listen(said: Message, context: &mut Context<'_>) -> Result<()> {
     match said {
         Message::Out(text) => context.output.stdout().write_all(&text)?,
         Message::Err(text) => {

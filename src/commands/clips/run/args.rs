@@ -1,7 +1,4 @@
-//! `rmem clips run PROGRAM…`: CLIPS with the memory's functions inside it.
-
-#[cfg_attr(not(feature = "clips-engine"), path = "run/without.rs")]
-mod engine;
+//! The arguments of `rmem clips run`.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -10,8 +7,6 @@ use clap::Args;
 
 use crate::formats::quantity;
 use crate::store::Namespace;
-
-pub(super) use engine::run;
 
 /// What stands below the help of `clips run`.
 const HELP: &str = "\
@@ -80,7 +75,7 @@ pub struct RunArgs {
 }
 
 /// The default namespace of the synchronized world model, as in Fawkes.
-const WORLD: &str = "syncedrobmem.clipswm";
+pub(super) const WORLD: &str = "syncedrobmem.clipswm";
 
 #[cfg(all(test, feature = "clips-engine"))]
 mod tests {

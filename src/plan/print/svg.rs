@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 
 use bson::{Bson, Document};
 
-use super::print::time;
-use super::{PrintedPlan, Status};
+use super::page::{PrintedPlan, time};
+use crate::plan::Status;
 
 /// The height of a lane, in pixels.
 const LANE: f64 = 64.0;

@@ -1,0 +1,38 @@
+//! What the writer works with: its jobs, its memory, and what each session did last.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use super::host::Lazy;
+use super::job::Job;
+use super::server::Server;
+use super::session::{Finished, SessionId};
+
+/// What the writer works with.
+pub(super) struct Desk<'d> {
+    pub(super) server: &'d Arc<Server>,
+    pub(super) jobs: Receiver<Job>,
+    /// Jobs that came while others were done.
+    pub(super) waiting: VecDeque<Job>,
+    pub(super) memory: &'d Lazy,
+    /// What each session did last.
+    pub(super) finished: HashMap<SessionId, Finished>,
+}
+
+impl Desk<'_> {
+    /// The next job, those that waited first.
+    pub(super) fn next(&mut self, limit: Duration) -> Option<Job> {
+        self.waiting.pop_front().or_else(|| self.arriving(limit))
+    }
+
+    /// The next job that comes.
+    pub(super) fn arriving(&mut self, limit: Duration) -> Option<Job> {
+        match self.jobs.recv_timeout(limit) {
+            Ok(job) => Some(job),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => Some(Job::Stop),
+        }
+    }
+}

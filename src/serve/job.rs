@@ -1,0 +1,87 @@
+//! What the writer is given to do, and the queue that it is given it by.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant;
+
+use super::call::Call;
+use super::failure::{Answer, Failure, codes};
+use super::mailbox::Mailbox;
+use super::session::{Once, SessionId};
+use crate::memory::Memory;
+use crate::store::Namespace;
+
+/// Something to be written.
+pub(super) type Work = Box<dyn FnOnce(&Memory) -> Answer + Send>;
+
+/// What the writer is given to do.
+pub(super) enum Job {
+    /// A write by itself.
+    Write { ns: Namespace, once: Option<Once>, work: Work, reply: Mailbox },
+    /// A command of a transaction, or its end.
+    Step(Step),
+    /// Sessions, or all, or the connections that used them last, have ended.
+    Abandon { sessions: Option<Vec<SessionId>> },
+    /// The server ends.
+    Stop,
+}
+
+impl Job {
+    /// Ends the transactions of sessions: their connection is gone, or the client has ended them.
+    pub(super) fn abandon(sessions: Vec<SessionId>) -> Self {
+        Self::Abandon { sessions: Some(sessions) }
+    }
+
+    /// Ends all transactions.
+    pub(super) fn abandon_all() -> Self {
+        Self::Abandon { sessions: None }
+    }
+}
+
+/// A command of a transaction.
+pub(super) struct Step {
+    pub(super) once: Once,
+    pub(super) action: Action,
+    pub(super) reply: Mailbox,
+    /// When it came.
+    pub(super) since: Instant,
+}
+
+/// What is to be done.
+pub(super) enum Action {
+    /// Runs a command; the first begins the transaction.
+    Run {
+        starts: bool,
+        ns: Namespace,
+        call: Box<Call>,
+    },
+    Commit,
+    Abort,
+}
+
+/// Where the writer is given things to do.
+pub(super) struct JobQueue {
+    jobs: Sender<Job>,
+    over: AtomicBool,
+}
+
+impl JobQueue {
+    /// Returns a queue, and where the writer takes jobs from it.
+    pub(super) fn new() -> (Self, Receiver<Job>) {
+        let (jobs, receiver) = channel();
+        (Self { jobs, over: AtomicBool::new(false) }, receiver)
+    }
+
+    pub(super) fn submit(&self, job: Job) -> Result<(), Failure> {
+        self.jobs.send(job).map_err(|_| Failure::new(codes::SHUTDOWN, "the server is shutting down"))
+    }
+
+    /// Says that nothing is done any more.
+    pub(super) fn end(&self) {
+        self.over.store(true, Ordering::SeqCst);
+    }
+
+    pub(super) fn is_over(&self) -> bool {
+        self.over.load(Ordering::SeqCst)
+    }
+}
