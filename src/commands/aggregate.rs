@@ -35,7 +35,7 @@ pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exi
     let documents = memory.aggregate(&args.namespace, &pipeline).map_err(|error| blame(error, &texts))?;
     let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &texts)));
     if context.print_documents(documents)? == 0 {
-        missing::warn(&args.namespace, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context);
     }
     Ok(Exit::Done)
 }

@@ -68,7 +68,7 @@ pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> Result<Exit> {
         measured?
     };
     if format != Format::Jsonl {
-        context.print_documents(documents.into_iter().map(Ok))?;
+        context.print_rows(documents.into_iter().map(Ok))?;
     }
     if let Some(folder) = &args.plot {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;

@@ -53,7 +53,7 @@ pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> Result<E
     if rows.is_empty() {
         context.output.note("no computables are declared; they are [[computable]] tables in rmem.toml");
     }
-    context.print_documents(rows.into_iter().map(Ok))?;
+    context.print_rows(rows.into_iter().map(Ok))?;
     Ok(Exit::Done)
 }
 

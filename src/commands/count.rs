@@ -34,7 +34,7 @@ pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
     let count = count.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&count.to_string())?;
     if count == 0 {
-        missing::warn(&args.namespace, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context);
     }
     Ok(Exit::Done)
 }

@@ -54,7 +54,7 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
     context.output.line(&deleted.to_string())?;
     match matching {
         Some(count) => context.output.note(&format!("{deleted} of {count} that match; --many for all")),
-        None if deleted == 0 => missing::warn(&args.namespace, &memory, context)?,
+        None if deleted == 0 => missing::warn(&args.namespace, &memory, context),
         None => {}
     }
     Ok(Exit::Done)

@@ -38,7 +38,7 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
     let is_empty = values.is_empty();
     context.print_values(values)?;
     if is_empty {
-        missing::warn(&args.namespace, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context);
     }
     Ok(Exit::Done)
 }

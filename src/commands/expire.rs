@@ -34,7 +34,7 @@ pub struct ExpireArgs {
 
 pub(super) fn run(args: &ExpireArgs, context: &mut Context<'_>) -> Result<Exit> {
     let expired = context.memory()?.expire(args.restart)?;
-    context.print_documents(expired.iter().map(|(namespace, expired)| Ok(report(namespace, expired))))?;
+    context.print_rows(expired.iter().map(|(namespace, expired)| Ok(report(namespace, expired))))?;
     Ok(Exit::Done)
 }
 

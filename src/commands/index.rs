@@ -62,7 +62,7 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
         }
         (None, false) => {
             let indexes = memory.indexes(&args.namespace)?;
-            context.print_documents(indexes.iter().map(|index| Ok(index.definition())))?;
+            context.print_rows(indexes.iter().map(|index| Ok(index.definition())))?;
             Ok(Exit::Done)
         }
         (Some(index), false) => {

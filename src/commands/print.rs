@@ -36,11 +36,23 @@ impl Context<'_> {
     /// # Errors
     /// Where a document cannot be had or stdout fails.
     pub fn print_documents(&mut self, documents: impl Iterator<Item = Result<Document>>) -> Result<u64> {
+        self.print_as(table::text, documents)
+    }
+
+    /// Prints rows that a command makes itself, as documents; in a table they are one.
+    ///
+    /// # Errors
+    /// Where a row cannot be had or stdout fails.
+    pub fn print_rows(&mut self, rows: impl Iterator<Item = Result<Document>>) -> Result<u64> {
+        self.print_as(table::whole, rows)
+    }
+
+    fn print_as(&mut self, table: Table, documents: impl Iterator<Item = Result<Document>>) -> Result<u64> {
         let format = self.format(&formats::DOCUMENTS)?;
         let columns = self.columns;
         let stdout = self.output.stdout();
         match format {
-            Format::Table => return print_table(documents, columns, stdout),
+            Format::Table => return print_table(table, documents, columns, stdout),
             // The keys of all documents are in the first line.
             Format::Csv | Format::Tsv => {
                 let rows = documents.collect::<Result<Vec<_>>>()?;
@@ -115,7 +127,11 @@ impl Context<'_> {
 /// memory stays bounded.
 const TABLE_ROWS: usize = 1_000;
 
+/// How documents become the text of tables.
+type Table = fn(&[Document], Option<usize>) -> String;
+
 fn print_table(
+    table: Table,
     documents: impl Iterator<Item = Result<Document>>,
     columns: Option<usize>,
     out: &mut dyn Write,
@@ -123,7 +139,7 @@ fn print_table(
     let (mut rows, mut count) = (Vec::new(), 0);
     let mut print = |rows: &mut Vec<Document>, count: u64| {
         let gap = if count as usize > rows.len() { "\n" } else { "" };
-        write!(out, "{gap}{}", table::text(&std::mem::take(rows), columns))
+        write!(out, "{gap}{}", table(&std::mem::take(rows), columns))
     };
     for document in documents {
         rows.push(document?);

@@ -77,7 +77,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     let documents = documents.map_err(|error| blame(error, &given))?;
     let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &given)));
     if context.print_documents(documents)? == 0 {
-        missing::warn(&args.namespace, &memory, context)?;
+        missing::warn(&args.namespace, &memory, context);
     }
     Ok(Exit::Done)
 }

@@ -81,7 +81,7 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
             context.output.warn(&format!("{}: {index}", restored.namespace));
         }
     }
-    context.print_documents(restored.iter().map(|restored| Ok(report(restored))))?;
+    context.print_rows(restored.iter().map(|restored| Ok(report(restored))))?;
     if args.dry_run {
         context.output.note("nothing was changed: --dry-run");
     }

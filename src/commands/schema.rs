@@ -1,13 +1,11 @@
 //! `rmem schema NS [QUERY]`: what fields documents have.
 
-use bson::Document;
 use clap::Args;
 
 use super::query::{argument, blame, owned};
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::output::Format;
 use crate::store::{Find, Namespace};
 use crate::views::schema::Schema;
 
@@ -37,22 +35,6 @@ pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> Result<Exit> 
         schema.add(&document.and_then(owned).map_err(|error| blame(error, &given))?);
     }
     context.output.note(&format!("{} documents of {}", schema.documents(), args.namespace));
-    let mut fields = schema.describe();
-    if context.format(&formats::DOCUMENTS)? == Format::Table {
-        fill(&mut fields);
-    }
-    context.print_documents(fields.into_iter().map(Ok))?;
+    context.print_rows(schema.describe().into_iter().map(Ok))?;
     Ok(Exit::Done)
-}
-
-/// Gives each row the columns of all, so that they are one table.
-fn fill(rows: &mut [Document]) {
-    let longest = rows.iter().max_by_key(|row| row.len()).cloned().unwrap_or_default();
-    for row in rows {
-        let mut whole = Document::new();
-        for key in longest.keys() {
-            whole.insert(key, row.get(key).cloned().unwrap_or_else(|| "".into()));
-        }
-        *row = whole;
-    }
 }

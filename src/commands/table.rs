@@ -21,9 +21,17 @@ pub(super) fn text(rows: &[Document], columns: Option<usize>) -> String {
     let is_titled = kinds.len() > 1;
     let tables = kinds.iter().map(|(title, rows)| {
         let title = if is_titled { format!("{title} ({})\n", rows.len()) } else { String::new() };
-        title + &aligned(rows, columns)
+        title + &aligned(&keys(rows), rows, columns)
     });
     tables.collect::<Vec<_>>().join("\n")
+}
+
+/// Returns one table of rows that describe things of one sort, some with more columns than others.
+/// No line is wider than `columns`.
+pub(super) fn whole(rows: &[Document], columns: Option<usize>) -> String {
+    let longest = rows.iter().max_by_key(|row| row.len());
+    let all: Vec<&Document> = longest.into_iter().chain(rows).collect();
+    aligned(&keys(&all), &all[all.len() - rows.len()..], columns)
 }
 
 /// Documents of one kind, and what the kind is called.
@@ -55,8 +63,8 @@ fn keys<'a>(rows: &[&'a Document]) -> Vec<&'a str> {
     keys
 }
 
-fn aligned(rows: &[&Document], columns: Option<usize>) -> String {
-    let keys = keys(rows);
+/// Lines of cells below a line of keys.
+fn aligned(keys: &[&str], rows: &[&Document], columns: Option<usize>) -> String {
     let mut lines: Vec<Vec<String>> = vec![keys.iter().map(|key| visible::line(key).into_owned()).collect()];
     let cell = |row: &Document, key: &str| row.get(key).map(cell).unwrap_or_default();
     lines.extend(rows.iter().map(|row| keys.iter().map(|key| cell(row, key)).collect()));
@@ -182,6 +190,12 @@ mod tests {
         ];
         let expected = "on (2)\nrelation  top  bottom\non        A\non        C    D\n\nclear (1)\nrelation  object\nclear     B\n";
         assert_eq!(text(&rows, None), expected);
+    }
+
+    #[test]
+    fn rows_of_one_sort_are_one_table_with_the_columns_of_the_longest_row() {
+        let rows = [doc! { "field": "a", "share": 1 }, doc! { "field": "b", "least": 2, "share": 3 }];
+        assert_eq!(whole(&rows, None), "field  least  share\na             1\nb      2      3\n");
     }
 
     #[test]

@@ -146,7 +146,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
 /// Lists the names of watches.
 fn names(context: &mut Context<'_>) -> Result<Exit> {
     let names = context.memory()?.watch_names()?;
-    context.print_documents(names.iter().map(|name| Ok(listed(name))))?;
+    context.print_rows(names.iter().map(|name| Ok(listed(name))))?;
     Ok(Exit::Done)
 }
 

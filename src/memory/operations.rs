@@ -249,8 +249,18 @@ impl Memory {
 
     /// All collections of both stores, each where its database belongs, sorted.
     pub fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        self.listed(|| self.routes.collections())
+    }
+
+    /// The collections in the store of `ns`; no other store is asked.
+    pub fn collections_beside(&self, ns: &Namespace) -> Result<Vec<Namespace>, StoreError> {
+        self.listed(|| self.routes.collections_beside(ns))
+    }
+
+    /// The listed collections, without those that rmem keeps for itself.
+    fn listed(&self, list: impl FnOnce() -> Result<Vec<Namespace>, StoreError>) -> Result<Vec<Namespace>, StoreError> {
         let work = || {
-            let mut found = self.routes.collections()?;
+            let mut found = list()?;
             found.retain(|ns| !ns.is_own());
             Ok(found)
         };

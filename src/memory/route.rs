@@ -185,6 +185,13 @@ impl Routes {
         Ok(all)
     }
 
+    /// The collections in the store of `ns`, without asking another store.
+    pub(super) fn collections_beside(&self, ns: &Namespace) -> Result<Vec<Namespace>, StoreError> {
+        let mut found = self.reading(ns)?.collections()?;
+        found.retain(|other| self.is_shared(other) == self.is_shared(ns));
+        Ok(found)
+    }
+
     /// All names of watches, each of the store its database belongs to, sorted by collection.
     pub(super) fn names(&self) -> Result<Vec<Name>, StoreError> {
         let mut all = self.local.reading()?.names()?;

@@ -226,6 +226,20 @@ fn a_missing_collection_is_named_with_the_nearest() {
 }
 
 #[test]
+fn the_hint_about_a_missing_collection_needs_no_other_store() {
+    let lab = Lab::new();
+    let settings = "memory = \"file:own.rmem\"\nshared = \"file:/proc/none/x.rmem\"\nshared_databases = [\"team\"]\n";
+    lab.write("rmem.toml", settings);
+    lab.rmem(&["insert", "own.things", "{a: 1}"]).success();
+    insta::assert_snapshot!(lab.rmem(&["count", "own.thing"]), @r#"
+    0
+    ------- stderr -------
+    warning: no collection own.thing; did you mean own.things?
+    [exit code: 0]
+    "#);
+}
+
+#[test]
 fn each_format_is_what_it_is_called_or_refused() {
     let lab = lab();
     let query = ["query", "robmem.worldmodel", "{relation: 'on-table'}", "--format"];

@@ -36,7 +36,7 @@ pub(super) fn up(args: &UpArgs, context: &mut Context<'_>) -> Result<Exit> {
         }
         rows.push(started(&backend, running, &settled));
     }
-    context.print_documents(rows.into_iter().map(Ok))?;
+    context.print_rows(rows.into_iter().map(Ok))?;
     Ok(exit)
 }
 
@@ -81,7 +81,7 @@ pub(super) fn status(context: &mut Context<'_>) -> Result<Exit> {
     });
     let rows = asked.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
     let up = rows.iter().all(Row::is_up);
-    context.print_documents(rows.into_iter().map(|row| Ok(member(row))))?;
+    context.print_rows(rows.into_iter().map(|row| Ok(member(row))))?;
     Ok(if up { Exit::Done } else { Exit::No })
 }
 
@@ -115,7 +115,7 @@ pub(super) fn down(args: &DownArgs, context: &mut Context<'_>) -> Result<Exit> {
         };
         rows.push(doc! { "backend": backend.name, "address": backend.address(), "pid": pid, "did": did });
     }
-    context.print_documents(rows.into_iter().map(Ok))?;
+    context.print_rows(rows.into_iter().map(Ok))?;
     Ok(exit)
 }
 

@@ -26,7 +26,7 @@ pub struct ListArgs {
 pub(super) fn run(args: &ListArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let plans = Repository::new(&memory, &args.namespace).newest(args.limit)?;
-    context.print_documents(plans.map(|plan| Ok(line(&plan?))))?;
+    context.print_rows(plans.map(|plan| Ok(line(&plan?))))?;
     Ok(Exit::Done)
 }
 
