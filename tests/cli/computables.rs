@@ -1,6 +1,6 @@
 //! Computables from rmem.toml: commands and how they fail, what is listed, logged and checked.
 
-use crate::lab::Lab;
+use crate::lab::{Lab, assert_run};
 
 /// The sum of two numbers of the query, by a shell and nothing else.
 const SUM: &str = r#"#!/bin/sh
@@ -46,83 +46,236 @@ fn the_cache_holds_from_one_run_to_the_next() {
     let lab = lab("command = [\"sh\", \"sum.sh\"]\ncache = \"1h\"");
     let ask = |query: &str| lab.rmem(&args(&["-v", "query", "robmem.calc", query])).exits(0);
     let first = ask("{compute: 'sum', x: 15, y: 4}");
-    assert!(first.stderr.contains("compute sum robmem.calc: 1 documents in "), "{first}");
+    assert_run!(first, @r#"
+    {"_id":{"$oid":"[ID]"},"compute":"sum","x":15,"y":4,"sum":19}
+    ------- stderr -------
+    compute sum robmem.calc: 1 documents in [DURATION]
+    find robmem.calc: 1 documents in [DURATION]
+    [exit code: 0]
+    "#);
     lab.write("robot/sum.sh", "exit 1");
     let second = ask("{y: 4, x: 15, compute: 'sum'}");
-    assert!(second.stderr.contains("cached sum robmem.calc: 1 documents in "), "{second}");
+    assert_run!(second, @r#"
+    {"_id":{"$oid":"[ID]"},"compute":"sum","x":15,"y":4,"sum":19}
+    ------- stderr -------
+    cached sum robmem.calc: 1 documents in [DURATION]
+    find robmem.calc: 1 documents in [DURATION]
+    [exit code: 0]
+    "#);
     assert_eq!(first.stdout, second.stdout);
 }
 
 #[test]
 fn what_fails_is_named_and_nothing_is_stored() {
-    for (body, words) in [
-        ("command = [\"sh\", \"-c\", \"echo {sum: 1}; echo oh no >&2; exit 3\"]", vec!["exit code 3", "| oh no"]),
-        ("command = [\"sh\", \"-c\", \"kill -9 $$\"]", vec!["was ended by signal 9"]),
-        ("command = [\"sleep\", \"60\"]\ntimeout = \"200ms\"", vec!["was stopped after 200ms", "`timeout`"]),
-        ("command = [\"no-such-program\"]", vec!["no such program"]),
-        ("command = [\"./sum.py\"]", vec!["no such program", "$LAB/robot"]),
-        ("command = [\"yes\", \"{}\"]", vec!["printed more than 64 MiB"]),
+    let mut failures = String::new();
+    for body in [
+        "command = [\"sh\", \"-c\", \"echo {sum: 1}; echo oh no >&2; exit 3\"]",
+        "command = [\"sh\", \"-c\", \"kill -9 $$\"]",
+        "command = [\"sleep\", \"60\"]\ntimeout = \"200ms\"",
+        "command = [\"no-such-program\"]",
+        "command = [\"./sum.py\"]",
+        "command = [\"yes\", \"{}\"]",
     ] {
-        for cache in ["", "cache = \"1h\""] {
+        let query = args(&["query", "robmem.calc", "{compute: 'sum', x: 15, y: 4}"]);
+        let outcome = |cache: &str| {
             let lab = lab(&format!("{body}\n{cache}"));
-            let run = lab.rmem(&args(&["query", "robmem.calc", "{compute: 'sum', x: 15, y: 4}"])).exits(4);
-            assert!(run.stderr.contains("the computable `sum` failed: its command `"), "{run}");
-            assert!(words.iter().all(|word| run.stderr.contains(word)), "{words:?}: {run}");
-            assert_eq!(run.stdout, "");
+            let outcome = lab.rmem(&query).to_string();
             assert_eq!(lab.rmem(&args(&["count", "robmem.calc"])).success(), "0\n");
-        }
+            outcome
+        };
+        let failure = outcome("");
+        assert_eq!(failure, outcome("cache = \"1h\""));
+        failures += &format!("{body}\n{failure}\n");
     }
+    assert_run!(failures, @r#"
+    command = ["sh", "-c", "echo {sum: 1}; echo oh no >&2; exit 3"]
+    ------- stderr -------
+    error: the computable `sum` failed: its command `sh -c echo {sum: 1}; echo oh no >&2; exit 3` failed with exit code 3
+      | oh no
+    [exit code: 4]
+    command = ["sh", "-c", "kill -9 $$"]
+    ------- stderr -------
+    error: the computable `sum` failed: its command `sh -c kill -9 $$` was ended by signal 9
+    [exit code: 4]
+    command = ["sleep", "60"]
+    timeout = "200ms"
+    ------- stderr -------
+    error: the computable `sum` failed: its command `sleep 60` was stopped after 200ms; the computable's `timeout` is how long it may take
+    [exit code: 4]
+    command = ["no-such-program"]
+    ------- stderr -------
+    error: the computable `sum` failed: its command `no-such-program` cannot be run: there is no such program; a path is relative to $LAB/robot
+    [exit code: 4]
+    command = ["./sum.py"]
+    ------- stderr -------
+    error: the computable `sum` failed: its command `./sum.py` cannot be run: there is no such program; a path is relative to $LAB/robot
+    [exit code: 4]
+    command = ["yes", "{}"]
+    ------- stderr -------
+    error: the computable `sum` failed: its command `yes {}` was stopped because it printed more than 64 MiB
+    [exit code: 4]
+    "#);
 }
 
 #[test]
 fn what_is_wrong_with_a_question_or_an_answer_is_bad_input() {
     let sum = "{compute: 'sum', x: 15, y: 0}";
-    for (body, words) in [
-        (
-            r#"command = ["sh", "-c", "echo '{sum: 1}'; echo '{sum: }'; echo oh no >&2"]"#,
-            ["did not print documents", "its output:2:7", "| oh no"],
-        ),
-        (r#"command = ["echo", "{a: 1, _id: [1]}"]"#, ["what it gave cannot be stored in robmem.calc", "_id", "array"]),
-        (r#"builtin = "nearest""#, ["`nearest_to` has to be a point", "", ""]),
-        (r#"pipeline = "[{$match: {sum: '$$query.z'}}]""#, ["its pipeline takes `$$query.z`", "has no `z`", ""]),
-        (
-            "pipeline = \"[{$set: {sum: {$divide: ['$$query.x', '$$query.y']}}}]\"\nfrom = \"robmem.numbers\"",
-            ["zero", "", ""],
-        ),
-        (r#"pipeline = "[{$match: {compute: 'sum', x: 1, y: 1}}]""#, ["in a cycle: sum → sum", "", ""]),
+    let mut failures = String::new();
+    for body in [
+        r#"command = ["sh", "-c", "echo '{sum: 1}'; echo '{sum: }'; echo oh no >&2"]"#,
+        r#"command = ["echo", "{a: 1, _id: [1]}"]"#,
+        r#"builtin = "nearest""#,
+        r#"pipeline = "[{$match: {sum: '$$query.z'}}]""#,
+        "pipeline = \"[{$set: {sum: {$divide: ['$$query.x', '$$query.y']}}}]\"\nfrom = \"robmem.numbers\"",
+        r#"pipeline = "[{$match: {compute: 'sum', x: 1, y: 1}}]""#,
     ] {
         let lab = lab(body);
         lab.rmem(&args(&["insert", "robmem.numbers", "{_id: 1}"])).success();
-        let run = lab.rmem(&args(&["query", "robmem.calc", sum])).exits(3);
-        assert!(run.stderr.contains("the computable `sum` failed: "), "{run}");
-        assert!(words.iter().all(|word| run.stderr.contains(word)), "{words:?}: {run}");
+        let run = lab.rmem(&args(&["query", "robmem.calc", sum]));
+        failures += &format!("{body}\n{run}\n");
         assert_eq!(lab.rmem(&args(&["count", "robmem.calc"])).success(), "0\n");
     }
+    assert_run!(failures, @r#"
+    command = ["sh", "-c", "echo '{sum: 1}'; echo '{sum: }'; echo oh no >&2"]
+    ------- stderr -------
+    error: the computable `sum` failed: its command `sh -c echo '{sum: 1}'; echo '{sum: }'; echo oh no >&2` did not print documents, one a line
+    its output:2:7: expected a value, found `}`
+      |
+    2 | {sum: }
+      |       ^
+      = hint: the `{` at 2:1 is not closed
+      | oh no
+    [exit code: 3]
+    command = ["echo", "{a: 1, _id: [1]}"]
+    ------- stderr -------
+    error: the computable `sum` failed: what it gave cannot be stored in robmem.calc: the _id may not be an array
+    [exit code: 3]
+    builtin = "nearest"
+    ------- stderr -------
+    error: the computable `sum` failed: its `nearest_to` has to be a point, [x, y, z] or [x, y]
+    [exit code: 3]
+    pipeline = "[{$match: {sum: '$$query.z'}}]"
+    ------- stderr -------
+    error: the computable `sum` failed: its pipeline takes `$$query.z` for a filter, and the query {"compute":"sum","x":15,"y":0} has no `z`; let the spec ask for it, with {'z': {$exists: true}}
+    [exit code: 3]
+    pipeline = "[{$set: {sum: {$divide: ['$$query.x', '$$query.y']}}}]"
+    from = "robmem.numbers"
+    ------- stderr -------
+    error: the computable `sum` failed: can't $divide by zero
+    [exit code: 3]
+    pipeline = "[{$match: {compute: 'sum', x: 1, y: 1}}]"
+    ------- stderr -------
+    error: the computable `sum` failed: computables depend on each other in a cycle: sum → sum; narrow the spec or the query of one
+    [exit code: 3]
+    "#);
 }
 
 #[test]
 fn what_is_wrong_in_a_table_is_shown_at_its_place() {
     let second = |line: &str| format!("pipeline = '[]'\n[[computable]]\ncollection = 'a.b'\npipeline = '[]'\n{line}");
-    for (rest, words) in [
-        ("command = ['true']\ntimeout = '0s'", "7:11: expected a duration above zero, found `0s`"),
-        ("command = ['true']\ntimeout = 'soon'", "7:11: `soon` is not a duration"),
-        ("command = ['true']\ncache = '0ms'", "7:9: expected a duration above zero, found `0ms`"),
-        ("command = ['true']\ntimeout = 3", "7:11: invalid type"),
-        ("builtin = 'nearest'\ntimeout = '1s'", "7:11: `timeout` has no meaning"),
-        ("builtin = 'nearest'\nposition = ''", "7:12: `` is no key"),
-        (r#"pipeline = "[{$nope: 1}]""#, "6:15: expected a pipeline: "),
-        (r#"pipeline = "[{$match: {a: 1}}, {$out: 'x'}]""#, "6:33: expected a pipeline: "),
-        ("pipeline = '''\n[{$match: {a: 1}},\n {$set: {a: {$nope: 1}}}]'''", "8:3: expected a pipeline"),
-        (r#"pipeline = "[{$set: {a: '$$nope'}}]""#, "expected a pipeline: "),
-        (r#"pipeline = "[{$match: {a: }}]""#, "6:27: expected a pipeline: "),
-        (r#"pipeline = "[{$match: {\"a\": }}]""#, "6:12: expected a pipeline: "),
-        (&second("name = ' '\nspec = '{}'"), "10:8: expected a name for the computable"),
-        (&second("name = 'b'\nspec = '{a: {$nope: 1}}'"), "11:14: expected a query: "),
-    ] {
-        let run = lab(rest).rmem(&args(&["computables"])).exits(3);
-        assert!(run.stderr.contains("$LAB/robot/rmem.toml:"), "{run}");
-        assert!(run.stderr.contains(words), "{words}: {run}");
-    }
+    let mistakes = [
+        "command = ['true']\ntimeout = '0s'",
+        "command = ['true']\ntimeout = 'soon'",
+        "command = ['true']\ncache = '0ms'",
+        "command = ['true']\ntimeout = 3",
+        "builtin = 'nearest'\ntimeout = '1s'",
+        "builtin = 'nearest'\nposition = ''",
+        r#"pipeline = "[{$nope: 1}]""#,
+        r#"pipeline = "[{$match: {a: 1}}, {$out: 'x'}]""#,
+        "pipeline = '''\n[{$match: {a: 1}},\n {$set: {a: {$nope: 1}}}]'''",
+        r#"pipeline = "[{$set: {a: '$$nope'}}]""#,
+        r#"pipeline = "[{$match: {a: }}]""#,
+        r#"pipeline = "[{$match: {\"a\": }}]""#,
+        &second("name = ' '\nspec = '{}'"),
+        &second("name = 'b'\nspec = '{a: {$nope: 1}}'"),
+    ];
+    let refused = mistakes.map(|rest| lab(rest).rmem(&args(&["computables"])).to_string());
+    assert_run!(refused.join("\n"), @r#"
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:7:11: expected a duration above zero, found `0s`; leave `timeout` out for 10s
+      |
+    7 | timeout = '0s'
+      |           ^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:7:11: `soon` is not a duration; expected a number and a unit, like 500ms, 2s, 1m or 1h
+      |
+    7 | timeout = 'soon'
+      |           ^^^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:7:9: expected a duration above zero, found `0ms`; leave `cache` out to compute for each query
+      |
+    7 | cache = '0ms'
+      |         ^^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:7:11: invalid type: integer `3`, expected a string
+      |
+    7 | timeout = 3
+      |           ^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:7:11: `timeout` has no meaning for the body `nearest`
+      |
+    7 | timeout = '1s'
+      |           ^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:7:12: `` is no key; expected one like `pose.translation`
+      |
+    7 | position = ''
+      |            ^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:6:15: expected a pipeline: unrecognized pipeline stage name: '$nope'
+      |
+    6 | pipeline = "[{$nope: 1}]"
+      |               ^^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:6:33: expected a pipeline: a computable gives documents and stores none itself; leave $out out
+      |
+    6 | pipeline = "[{$match: {a: 1}}, {$out: 'x'}]"
+      |                                 ^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:8:3: expected a pipeline: unrecognized expression '$nope'
+      |
+    8 |  {$set: {a: {$nope: 1}}}]'''
+      |   ^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:6:15: expected a pipeline: use of undefined variable: nope
+      |
+    6 | pipeline = "[{$set: {a: '$$nope'}}]"
+      |               ^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:6:27: expected a pipeline: expected a value, found `}`
+      |
+    6 | pipeline = "[{$match: {a: }}]"
+      |                           ^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:6:12: expected a pipeline: expected a value, found `}`
+      |
+    6 | pipeline = "[{$match: {\"a\": }}]"
+      |            ^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:10:8: expected a name for the computable, found an empty one
+       |
+    10 | name = ' '
+       |        ^^^
+    [exit code: 3]
+    ------- stderr -------
+    error: $LAB/robot/rmem.toml:11:14: expected a query: unknown operator: $nope
+       |
+    11 | spec = '{a: {$nope: 1}}'
+       |              ^^^^^
+    [exit code: 3]
+    "#);
     for right in [
         "pipeline = \"[{$match: {a: '$$query.x'}}, {$limit: '$$query.y'}]\"",
         "pipeline = \"[{$set: {a: {$add: ['$$query.x', '$a']}}}]\"",
@@ -134,7 +287,7 @@ fn what_is_wrong_in_a_table_is_shown_at_its_place() {
 }
 
 #[test]
-fn who_is_killed_over_a_computation_keeps_nobody_waiting() {
+fn a_computation_that_was_killed_lets_others_compute() {
     let lab = lab("command = [\"sh\", \"slow.sh\"]\ntimeout = \"600s\"\ncache = \"60s\"");
     lab.write("robot/slow.sh", "[ -e started ] || { touch started; sleep 600; }\necho '{\"sum\": 7}'\n");
     let query = args(&["query", "robmem.calc", "{compute: 'sum', x: 3, y: 4}"]);
@@ -182,11 +335,13 @@ fn the_registered_are_listed_and_checked() {
         check("robmem.calc", "{compute: 'sum', x: 15, y: 4}"),
         "{\"name\":\"sum\",\"runs\":true,\"why\":\"the query matches the spec\"}\n"
     );
-    let missed = check("robmem.calc", "{compute: 'sum', x: 15}");
-    assert!(missed.contains("the query does not match {\\\"y\\\":{\\\"$exists\\\":true}} of the spec"), "{missed}");
-    assert!(check("robmem.other", "{}").contains("it computes documents of robmem.calc"));
-    let run = lab.rmem(&args(&["computables", "--check", "nodot", "{}"])).exits(2);
-    assert!(run.stderr.contains("`nodot` is not a namespace"), "{run}");
+    assert_run!(check("robmem.calc", "{compute: 'sum', x: 15}"), @r#"{"name":"sum","runs":false,"why":"the query does not match {\"y\":{\"$exists\":true}} of the spec"}"#);
+    assert_run!(check("robmem.other", "{}"), @r#"{"name":"sum","runs":false,"why":"it computes documents of robmem.calc"}"#);
+    assert_run!(lab.rmem(&args(&["computables", "--check", "nodot", "{}"])), @r"
+    ------- stderr -------
+    error: `nodot` is not a namespace: it has no dot; expected DATABASE.COLLECTION, like robmem.worldmodel
+    [exit code: 2]
+    ");
 }
 
 #[test]
@@ -244,4 +399,45 @@ fn computations_are_logged() {
     lab.rmem(&args(&["--log", "log", "count", "robmem.calc", "{compute: 'sum', x: 15, y: 4}"])).success();
     let log = lab.read("log");
     assert!(log.contains("\"operation\":\"compute sum\",\"subject\":\"robmem.calc\""), "{log}");
+}
+
+#[test]
+fn a_cached_computation_that_ends_too_far_ahead_is_stale() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.write(
+        "rmem.toml",
+        "[[computable]]\nname = \"now\"\ncollection = \"a.b\"\nspec = \"{compute: 'now'}\"\ncache = \"1m\"\n\
+         command = [\"sh\", \"-c\", \"echo {compute: \\\\\\\"now\\\\\\\", n: $(date +%N)}\"]\n",
+    );
+    let query = || lab.rmem(&["query", "a.b", "{compute: 'now'}"]).success();
+    let first = query();
+    assert_eq!(first, query(), "the cache holds");
+    // As if the clock had been a day ahead when it was computed.
+    let later = "{$set: {'_robmem_info.cached_until': new Date(4102444800000)}}";
+    let store = rmem::store::Embedded::open(lab.path().join("robot.rmem")).unwrap();
+    let update = rmem::formats::shell::parse_document(&rmem::formats::Source::new("u", later)).unwrap();
+    let request = rmem::store::UpdateRequest {
+        filter: bson::doc! {},
+        update: rmem::store::UpdateSpec::Document(update),
+        array_filters: Vec::new(),
+        many: true,
+        upsert: false,
+    };
+    let ns = rmem::store::Namespace { database: "a".into(), collection: "rmem.computed".into() };
+    rmem::store::Store::update(&store, &ns, &request, None).unwrap();
+    drop(store);
+    assert_ne!(first, query());
+}
+
+#[test]
+fn a_supervisor_that_was_stopped_is_continued() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    // The parent of the program is its supervisor.
+    lab.write(
+        "rmem.toml",
+        "[[computable]]\nname = \"stop\"\ncollection = \"a.b\"\nspec = \"{compute: 'stop'}\"\n\
+         command = [\"sh\", \"-c\", \"kill -STOP $PPID; sleep 0.2; echo '{compute: \\\"stop\\\"}'\"]\n",
+    );
+    let answer = lab.rmem(&["count", "a.b", "{compute: 'stop'}"]).success();
+    assert_eq!(answer, "1\n");
 }

@@ -46,6 +46,50 @@ pub(crate) fn plan(lab: &Lab, more: &[&str]) -> Finished {
     lab.rmem(&[&["plan"], &TASK[..], more].concat())
 }
 
+/// A lab with three documents in `robmem.worldmodel`.
+pub(crate) fn three_documents() -> Lab {
+    let lab = Lab::new();
+    lab.rmem(&[
+        "insert",
+        "robmem.worldmodel",
+        "{_id: 1, relation: 'on-table', object: 'A', n: 3}",
+        "{_id: 2, relation: 'on-table', object: 'C', n: NumberLong(4)}",
+        "{_id: 3, relation: 'on', object_top: 'D', object_bottom: 'A', n: 1.5}",
+    ])
+    .success();
+    lab
+}
+
+/// Runs a command on the world model of the kitchen.
+#[track_caller]
+pub(crate) fn kitchen(lab: &Lab, args: &[&str]) -> Finished {
+    lab.rmem(&[&["--memory", "mem:", "--load", "fixtures/scenes/kitchen.json"], args].concat())
+}
+
+/// Compares how a run ended with an inline snapshot: stdout, stderr and exit code together, without what differs from
+/// run to run.
+macro_rules! assert_run {
+    ($run:expr, @$expected:literal) => {
+        $crate::lab::settings().bind(|| insta::allow_duplicates! { insta::assert_snapshot!($run, @$expected) })
+    };
+}
+pub(crate) use assert_run;
+
+/// What differs from run to run, and what a snapshot has in its place.
+const VARYING: [(&str, &str); 4] = [
+    (r"\b[0-9a-f]{24}\b", "[ID]"),
+    (r"\b\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z", "[TIME]"),
+    (r"\b\d+(\.\d+)? (ms|s)\b", "[DURATION]"),
+    (r#""((?:milli)?seconds)":[0-9.e-]+"#, "\"$1\":[DURATION]"),
+];
+
+/// The settings of every snapshot.
+pub(crate) fn settings() -> insta::Settings {
+    let mut settings = insta::Settings::clone_current();
+    VARYING.iter().for_each(|(pattern, instead)| settings.add_filter(pattern, *instead));
+    settings
+}
+
 impl Lab {
     pub(crate) fn new() -> Self {
         let lab = Self::empty();
@@ -97,6 +141,17 @@ impl Lab {
         self.finish(command, stdin)
     }
 
+    /// Runs commands one after the other: each command line with its outcome, for a snapshot.
+    #[track_caller]
+    pub(crate) fn transcript(&self, commands: &[&[&str]]) -> String {
+        let mut transcript = String::new();
+        for args in commands {
+            let line: Vec<String> = args.iter().map(|word| quoted(word)).collect();
+            transcript += &format!("$ rmem {}\n{}\n", line.join(" "), self.rmem(args));
+        }
+        transcript
+    }
+
     /// Runs a shell line in which `rmem` is the program under test.
     #[track_caller]
     pub(crate) fn shell(&self, line: &str) -> Finished {
@@ -132,6 +187,16 @@ impl Lab {
             stderr: clean(&output.stderr),
             code: output.status.code().unwrap_or(-1),
         }
+    }
+}
+
+/// A word of a command line as a shell wants it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,".contains(c);
+    match word {
+        _ if !word.is_empty() && word.chars().all(is_plain) => word.to_owned(),
+        _ if word.contains('\'') => format!("\"{}\"", word.replace('$', "\\$")),
+        _ => format!("'{word}'"),
     }
 }
 

@@ -5,10 +5,10 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use crate::lab::{Lab, rmem};
+use crate::lab::{Lab, assert_run, rmem};
 
-/// As long as a test waits for what has to come.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// How long a test waits for a line, or for the end of a process.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A `watch` that runs beside the test.
 struct Watch {
@@ -32,16 +32,16 @@ impl Watch {
         let (sender, lines) = channel();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
-        let mut said = String::new();
-        BufReader::new(child.stderr.as_mut().unwrap()).read_line(&mut said).unwrap();
-        assert!(said.starts_with("watching "), "{said}");
+        let mut message = String::new();
+        BufReader::new(child.stderr.as_mut().unwrap()).read_line(&mut message).unwrap();
+        assert!(message.starts_with("watching "), "{message}");
         Self { child, lines }
     }
 
     /// The next line, without what differs from run to run.
     #[track_caller]
     fn next(&self) -> String {
-        let line = self.lines.recv_timeout(PATIENCE).expect("nothing was delivered");
+        let line = self.lines.recv_timeout(TIMEOUT).expect("nothing was delivered");
         match line.split_once(r#","time":"#) {
             Some((front, _)) => format!("{front}}}"),
             None => line,
@@ -57,7 +57,7 @@ impl Watch {
                 let rest = self.lines.iter().collect();
                 return (status.code().unwrap_or(-1), rest);
             }
-            assert!(since.elapsed() < PATIENCE, "it does not end");
+            assert!(since.elapsed() < TIMEOUT, "it does not end");
             std::thread::sleep(Duration::from_millis(5));
         }
     }
@@ -120,7 +120,7 @@ fn the_query_is_matched_after_a_change_and_before_a_deletion() {
 }
 
 #[test]
-fn a_command_that_does_not_end_is_ended_when_the_time_is_over() {
+fn a_command_that_does_not_end_is_stopped_when_the_time_is_over() {
     let lab = Lab::new();
     let watch = Watch::start(&lab, &["a.b", "--exec", "sleep 600", "--count", "1", "--timeout", "1500ms"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
@@ -161,7 +161,7 @@ fn metadata_and_computed_documents_are_shown_when_asked_for() {
 }
 
 #[test]
-fn a_name_goes_on_where_it_was_done() {
+fn a_named_watch_continues_after_the_last_change_it_handled() {
     let lab = Lab::new();
     lab.rmem(&["insert", "a.b", "{_id: 0}"]).success();
     let named = ["watch", "a.b", "--resume", "x", "--count", "2", "--timeout", "1m"];
@@ -182,20 +182,27 @@ fn one_process_at_a_time_has_a_name() {
     let lab = Lab::new();
     let watch = Watch::start(&lab, &["a.b", "--resume", "x"]);
     let held = lab.rmem(&["watch", "a.b", "--resume", "x"]).exits(5);
-    assert!(held.stderr.contains("follows changes by the name `x`; end it first"), "{held}");
+    assert_run!(held.to_string().replace(&watch.child.id().to_string(), "[PID]"), @r"
+    ------- stderr -------
+    error: process [PID] follows changes by the name `x`; end it first
+    [exit code: 5]
+    ");
     lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).exits(5);
     watch.signal("KILL");
     watch.end();
     lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
-    let other = lab.rmem(&["watch", "a.c", "--resume", "x", "--timeout", "10ms"]).exits(5);
-    assert!(other.stderr.contains("the name `x` follows a.b; use another name"), "{other}");
+    assert_run!(lab.rmem(&["watch", "a.c", "--resume", "x", "--timeout", "10ms"]), @r"
+    ------- stderr -------
+    error: the name `x` follows a.b; use another name
+    [exit code: 5]
+    ");
     lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).success();
     lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).exits(1);
     lab.rmem(&["watch", "a.c", "--resume", "x", "--timeout", "10ms"]).exits(1);
 }
 
 #[test]
-fn nobody_watching_costs_nothing_and_the_dead_keep_nothing() {
+fn without_a_watch_no_change_is_kept_and_a_killed_watch_keeps_none() {
     let lab = Lab::new();
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     assert_eq!(count(&lab, "SELECT count(*) FROM changes"), 0);
@@ -240,14 +247,17 @@ fn names_are_listed_with_what_waits_for_them() {
 }
 
 #[test]
-fn who_missed_changes_is_told_what_to_do() {
+fn a_watch_that_missed_changes_is_refused_with_the_way_out() {
     let lab = Lab::new();
     lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     let file = lab.path().join("home/.local/share/rmem/memory.rmem");
     rusqlite::Connection::open(file).unwrap().execute("UPDATE watchers SET missed = 1", []).unwrap();
-    let refused = lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(4);
-    assert!(refused.stderr.contains("forget the name with `rmem watch a.b --resume x --forget`"), "{refused}");
+    assert_run!(lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]), @r"
+    ------- stderr -------
+    error: file:$LAB/home/.local/share/rmem/memory.rmem: more than 256 MiB of changes were made since `x` followed a.b last, and the oldest of them are gone; read a.b anew, and forget the name with `rmem watch a.b --resume x --forget`
+    [exit code: 4]
+    ");
     lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).success();
     lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
 }
@@ -286,7 +296,7 @@ fn a_change_whose_command_fails_comes_again_under_its_name() {
 }
 
 #[test]
-fn an_interrupted_command_is_ended_and_its_change_comes_again() {
+fn an_interrupted_command_is_stopped_and_its_change_comes_again() {
     let lab = Lab::new();
     let watch = Watch::start(&lab, &["a.b", "--resume", "x", "--exec", "echo begun; sleep 1000"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
@@ -309,14 +319,14 @@ fn a_killed_watch_leaves_no_command_behind() {
     for process in line.split(' ') {
         let is_there = || std::fs::read(format!("/proc/{process}/cmdline")).is_ok_and(|line| !line.is_empty());
         while is_there() {
-            assert!(since.elapsed() < PATIENCE, "process {process} of `{line}` does not end");
+            assert!(since.elapsed() < TIMEOUT, "process {process} of `{line}` does not end");
             std::thread::sleep(Duration::from_millis(5));
         }
     }
 }
 
 #[test]
-fn what_a_command_leaves_in_the_background_lives_on() {
+fn what_a_command_starts_in_the_background_keeps_running() {
     let lab = Lab::new();
     let line = "(while ! [ -e go ]; do sleep 0.02; done; touch went) > /dev/null 2>&1 &";
     let watch = Watch::start(&lab, &["a.b", "--exec", line, "--count", "1"]);
@@ -325,7 +335,7 @@ fn what_a_command_leaves_in_the_background_lives_on() {
     lab.write("go", "");
     let since = Instant::now();
     while !lab.path().join("went").exists() {
-        assert!(since.elapsed() < PATIENCE, "it did not live on");
+        assert!(since.elapsed() < TIMEOUT, "it did not live on");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -343,7 +353,7 @@ fn facts_of_clips_carry_the_change() {
 }
 
 #[test]
-fn nothing_in_time_is_a_no() {
+fn a_timeout_without_a_change_is_1() {
     let lab = Lab::new();
     lab.rmem(&["watch", "a.b", "--timeout", "20ms"]).exits(1);
     let watch = Watch::start(&lab, &["a.b", "--count", "2", "--timeout", "1s"]);
@@ -353,7 +363,7 @@ fn nothing_in_time_is_a_no() {
 }
 
 #[test]
-fn a_reader_that_goes_away_ends_it_quietly() {
+fn a_closed_stdout_ends_it_quietly() {
     let lab = Lab::new();
     let mut command = Command::new("bash");
     command.args(["-o", "pipefail", "-c", "rmem watch a.b | head -n 1"]);
@@ -361,25 +371,53 @@ fn a_reader_that_goes_away_ends_it_quietly() {
     while watch.child.try_wait().unwrap().is_none() {
         lab.rmem(&["insert", "a.b", "{}"]).success();
     }
-    let mut said = String::new();
-    watch.child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    let mut message = String::new();
+    watch.child.stderr.take().unwrap().read_to_string(&mut message).unwrap();
     let (code, lines) = watch.end();
-    assert_eq!((code, lines.len(), said.as_str()), (0, 1, ""));
+    assert_eq!((code, lines.len(), message.as_str()), (0, 1, ""));
 }
 
 #[test]
 fn what_cannot_be_watched_is_refused_with_the_reason() {
     let lab = Lab::new();
-    let refused = lab.rmem(&["watch", "a.b", "--memory", "mem:"]).exits(2);
-    assert!(refused.stderr.contains("no other process can change a memory in this process"), "{refused}");
-    let wrong = lab.rmem(&["watch", "a.b", "{n: {$nope: 1}}", "--timeout", "10ms"]).exits(3);
-    assert!(wrong.stderr.contains("<query>:1:6"), "{wrong}");
-    lab.rmem(&["watch", "a.b", "--count", "0"]).exits(2);
-    lab.rmem(&["watch", "a.b", "--forget"]).exits(2);
+    let commands = [
+        &["watch", "a.b", "--memory", "mem:"][..],
+        &["watch", "a.b", "{n: {$nope: 1}}", "--timeout", "10ms"],
+        &["watch", "a.b", "--count", "0"],
+        &["watch", "a.b", "--forget"],
+    ];
+    assert_run!(lab.transcript(&commands), @r"
+    $ rmem watch a.b --memory mem:
+    ------- stderr -------
+    error: mem:: no other process can change a memory in this process, so there is nothing to watch; use file:PATH or mongodb://…
+    [exit code: 2]
+    $ rmem watch a.b '{n: {$nope: 1}}' --timeout 10ms
+    ------- stderr -------
+    error: <query>:1:6: unknown operator: $nope
+      |
+    1 | {n: {$nope: 1}}
+      |      ^^^^^
+    [exit code: 3]
+    $ rmem watch a.b --count 0
+    ------- stderr -------
+    error: invalid value '0' for '--count <N>': 0 is not in 1..18446744073709551615
+
+    For more information, try '--help'.
+    [exit code: 2]
+    $ rmem watch a.b --forget
+    ------- stderr -------
+    error: the following required arguments were not provided:
+      --resume <NAME>
+
+    Usage: rmem watch --resume <NAME> --forget <NS> [QUERY]
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
 }
 
 #[test]
-fn each_trigger_is_told_with_its_duration() {
+fn each_trigger_is_logged_with_its_duration() {
     let lab = Lab::new();
     let watch = Watch::start(&lab, &["a.b", "--count", "1", "--log", "log"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();

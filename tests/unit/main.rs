@@ -2,6 +2,7 @@
 
 mod clips;
 mod content;
+mod declared;
 mod facts;
 mod fuzzed;
 mod imported;

@@ -1,0 +1,55 @@
+//! aggregate.
+
+use crate::lab::{Lab, assert_run};
+
+#[test]
+fn a_pipeline_does_not_leave_its_store() {
+    let lab = Lab::new();
+    lab.write(
+        "rmem.toml",
+        "memory = \"file:local.rmem\"\nshared = \"file:shared.rmem\"\nshared_databases = [\"team\"]\n",
+    );
+    lab.rmem(&["insert", "own.a", "{_id: 1}"]).success();
+    lab.rmem(&["insert", "team.a", "{_id: 2}"]).success();
+    let mut refused = String::new();
+    for (ns, stage) in [
+        ("own.a", "{$out: {db: 'team', coll: 'leak'}}"),
+        ("team.a", "{$out: {db: 'own', coll: 'leak'}}"),
+        ("team.a", "{$merge: {into: {db: 'own', coll: 'leak'}}}"),
+        ("own.a", "{$lookup: {from: {db: 'team', coll: 'a'}, pipeline: [], as: 'x'}}"),
+    ] {
+        refused += &lab.transcript(&[&["aggregate", ns, &format!("[{stage}]")]]);
+    }
+    assert_run!(refused, @r#"
+    $ rmem aggregate own.a "[{\$out: {db: 'team', coll: 'leak'}}]"
+    ------- stderr -------
+    error: <pipeline>:1:1: team.leak is in the shared store, and a pipeline over the private own.a does not leave its store; query one and insert into the other
+      |
+    1 | [{$out: {db: 'team', coll: 'leak'}}]
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem aggregate team.a "[{\$out: {db: 'own', coll: 'leak'}}]"
+    ------- stderr -------
+    error: <pipeline>:1:1: own.leak is in the private store, and a pipeline over the shared team.a does not leave its store; query one and insert into the other
+      |
+    1 | [{$out: {db: 'own', coll: 'leak'}}]
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem aggregate team.a "[{\$merge: {into: {db: 'own', coll: 'leak'}}}]"
+    ------- stderr -------
+    error: <pipeline>:1:1: own.leak is in the private store, and a pipeline over the shared team.a does not leave its store; query one and insert into the other
+      |
+    1 | [{$merge: {into: {db: 'own', coll: 'leak'}}}]
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem aggregate own.a "[{\$lookup: {from: {db: 'team', coll: 'a'}, pipeline: [], as: 'x'}}]"
+    ------- stderr -------
+    error: <pipeline>:1:1: team.a is in the shared store, and a pipeline over the private own.a does not leave its store; query one and insert into the other
+      |
+    1 | [{$lookup: {from: {db: 'team', coll: 'a'}, pipeline: [], as: 'x'}}]
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    "#);
+    lab.rmem(&["aggregate", "team.a", "[{$out: {db: 'team', coll: 'b'}}]"]).success();
+    assert_eq!(lab.rmem(&["collections"]).success().lines().count(), 3);
+}

@@ -1,0 +1,89 @@
+//! config: the layers of the settings, their origins, mistakes.
+
+use crate::lab::{Lab, assert_run};
+
+#[test]
+fn later_layers_win_and_origins_are_printed() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "memory = \"file:robot.rmem\"\ncollection = \"a.file\"\n");
+    assert_run!(lab.rmem(&["config"]), @r#"
+    # settings file: $LAB/rmem.toml
+    memory = "file:$LAB/robot.rmem"  # $LAB/rmem.toml:1
+    # shared is not set
+    shared_databases = []  # default
+    collection = "a.file"  # $LAB/rmem.toml:2
+    # format is not set
+    # log is not set
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let lab = lab.env("RMEM_COLLECTION", "an.env");
+    let text = lab.rmem(&["config"]).success();
+    assert!(text.contains("collection = \"an.env\"  # environment variable RMEM_COLLECTION"), "{text}");
+    let text = lab.rmem(&["config", "--collection", "a.flag"]).success();
+    assert!(text.contains("collection = \"a.flag\"  # --collection"), "{text}");
+}
+
+#[test]
+fn the_nearest_file_upwards_is_used() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "collection = \"outer.x\"\n");
+    lab.write("deep/er/rmem.toml", "");
+    let text = lab.shell("cd deep && rmem config").success();
+    assert!(text.contains("collection = \"outer.x\""), "{text}");
+    let text = lab.shell("cd deep/er && rmem config").success();
+    assert!(text.contains("collection = \"robmem.worldmodel\"  # default"), "{text}");
+}
+
+#[test]
+fn a_mistake_in_the_file_is_shown_at_its_place() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "memory = \"mem:\"\ncollektion = \"a.b\"\n");
+    assert_run!(lab.rmem(&["collections"]), @r#"
+    ------- stderr -------
+    error: $LAB/rmem.toml:2:1: unknown field `collektion`, expected one of `memory`, `shared`, `shared_databases`, `collection`, `format`, `log`, `planner`, `computable`, `backend`, `scene`
+      |
+    2 | collektion = "a.b"
+      | ^^^^^^^^^^
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn credentials_are_never_shown() {
+    let lab = Lab::new();
+    let uri = "mongodb://robot:s3cret@127.0.0.1:1/?serverSelectionTimeoutMS=100";
+    let run = lab.rmem(&["--memory", uri, "config"]);
+    assert!(!run.stdout.contains("s3cret"), "{run}");
+    lab.write("rmem.toml", &format!("memory = \"{uri}\" x\n"));
+    assert_run!(lab.rmem(&["config"]), @r#"
+    ------- stderr -------
+    error: $LAB/rmem.toml:1:77: unexpected key or value, expected newline, `#`
+      |
+    1 | …mongodb://************@127.0.0.1:1/?serverSelectionTimeoutMS=100" x
+      |                                                                    ^
+    [exit code: 3]
+    "#);
+    lab.write("rmem.toml", "");
+    // What the driver says differs with its version.
+    let run = lab.rmem(&["--memory", uri, "query", "robmem.x", "-v"]).exits(4);
+    assert!(!run.stderr.contains("s3cret"), "{run}");
+    assert!(run.stderr.contains("127.0.0.1:1"), "{run}");
+}
+
+#[test]
+fn a_format_set_for_good_is_for_the_commands_that_have_it() {
+    let lab = Lab::new().env("RMEM_FORMAT", "clips");
+    lab.rmem(&["insert", "robmem.x", "{_id: 1}", "-q"]).success();
+    assert_eq!(lab.rmem(&["query", "robmem.x"]).success(), "{\"_id\":1}\n");
+    lab.rmem(&["query", "robmem.x", "--format", "clips"]).exits(2);
+}
+
+#[test]
+fn a_variable_that_is_not_utf_8_is_refused() {
+    assert_run!(Lab::new().shell("RMEM_MEMORY=$'file:\\xff' rmem count robmem.x"), @r"
+    ------- stderr -------
+    error: the environment variable RMEM_MEMORY is not valid UTF-8
+    [exit code: 2]
+    ");
+}

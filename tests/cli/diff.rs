@@ -1,0 +1,49 @@
+//! diff.
+
+use crate::lab::assert_run;
+use crate::restore::{changed, dumped};
+
+#[test]
+fn differences_are_a_line_a_document() {
+    let lab = dumped(&["--gzip"]);
+    lab.rmem(&["dump", "--all", "-o", "world.json"]).success();
+    let memory = format!("file:{}", lab.path().join("home/.local/share/rmem/memory.rmem").display());
+    for (a, b) in [("dump", "world.json"), ("world.json", memory.as_str()), (memory.as_str(), "dump")] {
+        assert_eq!(lab.rmem(&["diff", a, b]).success(), "");
+    }
+    changed(&lab);
+    let found = lab.rmem(&["diff", "dump", &memory]).exits(1);
+    assert_eq!(
+        found.stdout,
+        "~ robmem.blocks 1 {\"name\":\"B\"} -> {\"name\":\"C\"}\n\
+         - robmem.blocks {\"_id\":2,\"name\":\"A\",\"n\":3}\n\
+         + robmem.blocks {\"_id\":3}\n"
+    );
+    assert_eq!(lab.rmem(&["diff", "world.json", &memory]).exits(1).stdout, found.stdout);
+    lab.write("a.json", "{\"a.b\": [{\"_id\": 1, \"n\": 1, \"m\": 2}]}");
+    lab.write("b.json", "{\"a.b\": [{\"_id\": 1, \"n\": {\"$numberLong\": \"1\"}, \"m\": 2}]}");
+    lab.write("c.json", "{\"a.b\": [{\"_id\": 1, \"m\": 2, \"n\": 1}]}");
+    let types = lab.rmem(&["diff", "a.json", "b.json"]).exits(1).stdout;
+    assert_eq!(types, "~ a.b 1 {\"n\":{\"$numberInt\":\"1\"}} -> {\"n\":{\"$numberLong\":\"1\"}}\n");
+    let order = lab.rmem(&["diff", "a.json", "c.json"]).exits(1).stdout;
+    assert_eq!(order, "~ a.b 1 {\"_id\":1,\"n\":1,\"m\":2} -> {\"_id\":1,\"m\":2,\"n\":1}\n");
+    lab.write("d.json", "{\"a.b\": [{\"n\": 1, \"_id\": 1, \"m\": 2}]}");
+    assert_eq!(lab.rmem(&["diff", "a.json", "d.json"]).success(), "", "a store has the _id first, wherever it stood");
+    assert_run!(lab.rmem(&["diff", "a.json", "missing.json"]), @r"
+    ------- stderr -------
+    error: cannot read missing.json
+      caused by: No such file or directory (os error 2)
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["diff", "a.json", "file:missing.rmem"]), @r"
+    ------- stderr -------
+    error: there is no memory at missing.rmem
+    [exit code: 3]
+    ");
+    assert!(!lab.path().join("missing.rmem").exists());
+    assert_run!(lab.rmem(&["diff", "a.json", "mem:x"]), @r"
+    ------- stderr -------
+    error: `mem:` takes no path; for a file write file:PATH
+    [exit code: 2]
+    ");
+}

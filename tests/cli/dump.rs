@@ -1,0 +1,92 @@
+//! dump.
+
+use std::fs;
+
+use crate::lab::{Lab, assert_run, three_documents};
+use crate::restore::{dumped, lab};
+
+#[test]
+fn a_folder_is_laid_out_as_mongodump_does() {
+    let lab = dumped(&[]);
+    let metadata = lab.read("dump/other/a.b%2Fc.metadata.json");
+    assert_eq!(
+        metadata,
+        r#"{"indexes":[{"v":{"$numberInt":"2"},"key":{"_id":{"$numberInt":"1"}},"name":"_id_"}],"collectionName":"a.b/c","type":"collection"}"#
+    );
+    let bytes = fs::read(lab.path().join("dump/other/a.b%2Fc.bson")).unwrap();
+    let document = bson::Document::from_reader(bytes.as_slice()).unwrap();
+    assert_eq!(document.get_str("_id").unwrap(), "x");
+    assert!(document.get_document("_robmem_info").unwrap().contains_key("inserted"));
+    let mut names: Vec<_> =
+        fs::read_dir(lab.path().join("dump/robmem")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["blocks.bson", "blocks.metadata.json"]);
+}
+
+#[test]
+fn a_dump_never_overwrites_a_folder() {
+    let lab = dumped(&[]);
+    assert_run!(lab.rmem(&["dump", "robmem.blocks", "-o", "dump"]), @r"
+    ------- stderr -------
+    error: dump is not empty; name a folder that is not there yet
+    [exit code: 3]
+    ");
+    fs::create_dir(lab.path().join("blank")).unwrap();
+    lab.rmem(&["dump", "robmem.blocks", "-o", "blank"]).success();
+    assert_run!(lab.rmem(&["dump", "robmem.blocks", "-o", "world.json", "--gzip"]), @r"
+    ------- stderr -------
+    error: --gzip packs the files of a folder, or an archive; expected -o PATH
+    [exit code: 2]
+    ");
+    let left: Vec<_> = fs::read_dir(lab.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(!left.iter().any(|name| name.to_string_lossy().starts_with(".rmem-")), "{left:?}");
+}
+
+#[test]
+fn a_dump_into_a_folder_that_is_not_there_is_refused() {
+    let lab = lab();
+    let commands = [
+        &["dump", "--all", "-o", "missing/dump"][..],
+        &["dump", "--all", "-o", "missing/world.json"],
+        &["dump", "--all", "--archive", "-o", "missing/archive"],
+    ];
+    assert_run!(lab.transcript(&commands), @r"
+    $ rmem dump --all -o missing/dump
+    ------- stderr -------
+    error: cannot write missing/dump: there is no folder missing; make it first
+    [exit code: 4]
+    $ rmem dump --all -o missing/world.json
+    ------- stderr -------
+    error: cannot write missing/world.json: there is no folder missing; make it first
+    [exit code: 4]
+    $ rmem dump --all --archive -o missing/archive
+    ------- stderr -------
+    error: cannot write missing/archive: there is no folder missing; make it first
+    [exit code: 4]
+    ");
+}
+
+#[test]
+fn files_of_killed_dumps_are_removed_by_the_next() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    // A process of this boot whose id was used at another time.
+    let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap().trim().replace('-', "");
+    let space = std::fs::read_link("/proc/self/ns/pid").unwrap().display().to_string();
+    let space: String = space.chars().filter(char::is_ascii_alphanumeric).collect();
+    let left = format!(".rmem-{boot}.{space}.{}.1-abcdef", std::process::id());
+    for dump in [&["dump", "a.b", "-o", "world.json"][..], &["dump", "--all", "-o", "folder"], &["backup", "copy.rmem"]]
+    {
+        std::fs::create_dir(lab.path().join(&left)).unwrap();
+        lab.rmem(dump).success();
+        assert!(!lab.path().join(&left).exists(), "{dump:?}");
+    }
+}
+
+#[test]
+fn a_dump_loads_again_and_gives_the_same_bytes() {
+    let lab = three_documents();
+    lab.rmem(&["dump", "--all", "-o", "world.json"]).success();
+    let again = lab.rmem(&["--memory", "mem:", "--load", "world.json", "dump", "--all"]).success();
+    assert_eq!(again, lab.read("world.json"));
+}

@@ -1,0 +1,458 @@
+//! gen-problem: both syntaxes, sections, names, checks, files.
+
+use crate::lab::{Lab, assert_run};
+
+/// The example of the robot memory's first description: sections ONTABLE, ON and HOLDING.
+const MARKER: &str = "\
+(define (problem blocks_world_generated)
+  (:domain blocksworld)
+  (:objects A B C D)
+  (:goal <<GOAL>>)
+  (:init
+    <<#ONTABLE|{relation:'on-table'}>>
+      (on-table <<object>>) <</ONTABLE>>
+    <<#ON|{relation:'on'}>>
+      (on <<object_top>> <<object_bottom>>)
+    <</ON>>
+    <<#HOLDING|{relation:'holding'}>>
+      (holding <<object>>) <</HOLDING>>
+  ))
+";
+
+const WORLD: &str = "{'robmem.worldmodel': [
+  {relation: 'on-table', object: 'A'},
+  {relation: 'on-table', object: 'C'},
+  {relation: 'on', object_top: 'D', object_bottom: 'A'},
+  {relation: 'holding', object: 'B'},
+]}";
+
+fn lab() -> Lab {
+    let lab = Lab::new();
+    lab.write("problem.tmpl", MARKER);
+    lab.write("world.json", WORLD);
+    lab
+}
+
+/// The words of a text, one blank apart.
+fn words(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn the_first_example_comes_out() {
+    let run = lab().rmem(&[
+        "gen-problem",
+        "--memory",
+        "mem:",
+        "--load",
+        "world.json",
+        "--template",
+        "problem.tmpl",
+        "--goal",
+        "(on A B)",
+    ]);
+    assert_run!(run, @r"
+    (define (problem blocks_world_generated)
+      (:domain blocksworld)
+      (:objects A B C D)
+      (:goal (on A B))
+      (:init
+        
+          (on-table A) 
+          (on-table C) 
+        
+          (on D A)
+        
+        
+          (holding B) 
+      ))
+    ------- stderr -------
+    line 6: ONTABLE in robmem.worldmodel: 2 documents
+    line 8: ON in robmem.worldmodel: 1 document
+    line 11: HOLDING in robmem.worldmodel: 1 document
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn quiet_leaves_out_the_sections_and_their_counts() {
+    let args = ["gen-problem", "--memory", "mem:", "--load", "world.json", "-t", "problem.tmpl", "--goal", "(on A B)"];
+    let (loud, quiet) = (lab().rmem(&args).exits(0), lab().rmem(&[&args[..], &["-q"]].concat()).exits(0));
+    assert_eq!(quiet.stdout, loud.stdout);
+    assert_eq!(quiet.stderr, "");
+    assert_eq!(loud.stderr.lines().count(), 3, "{loud}");
+}
+
+#[test]
+fn a_section_that_matches_nothing_is_a_warning_or_under_strict_an_error() {
+    let lab = lab();
+    let args = ["gen-problem", "--memory", "mem:", "-t", "problem.tmpl", "--goal", "(on A B)"];
+    assert_run!(lab.rmem(&args), @r"
+    (define (problem blocks_world_generated)
+      (:domain blocksworld)
+      (:objects A B C D)
+      (:goal (on A B))
+      (:init
+        
+        
+        
+      ))
+    ------- stderr -------
+    warning: line 6: ONTABLE in robmem.worldmodel: 0 documents
+    warning: line 8: ON in robmem.worldmodel: 0 documents
+    warning: line 11: HOLDING in robmem.worldmodel: 0 documents
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&[&args[..], &["--strict", "-o", "p.pddl"]].concat()), @r"
+    ------- stderr -------
+    warning: line 6: ONTABLE in robmem.worldmodel: 0 documents
+    warning: line 8: ON in robmem.worldmodel: 0 documents
+    warning: line 11: HOLDING in robmem.worldmodel: 0 documents
+    error: sections that match no document: line 6: ONTABLE; line 8: ON; line 11: HOLDING
+    [exit code: 3]
+    ");
+    assert!(!lab.path().join("p.pddl").exists());
+}
+
+#[test]
+fn the_collection_is_what_marker_sections_query() {
+    let lab = lab();
+    lab.write("other.json", "{'lab.other': [{relation: 'on-table', object: 'Z'}]}");
+    let text = lab
+        .rmem(&[
+            "gen-problem",
+            "--memory",
+            "mem:",
+            "--load",
+            "other.json",
+            "--collection",
+            "lab.other",
+            "-t",
+            "problem.tmpl",
+            "--goal",
+            "(on A B)",
+        ])
+        .success();
+    assert!(text.contains("(on-table Z)"), "{text}");
+}
+
+#[test]
+fn a_value_cannot_smuggle_in_syntax() {
+    let lab = lab();
+    lab.write("evil.json", r#"{"robmem.worldmodel": [{"relation": "on-table", "object": "A) (on B"}]}"#);
+    let text = lab
+        .rmem(&["gen-problem", "--memory", "mem:", "--load", "evil.json", "-t", "problem.tmpl", "--goal", "(on A B)"])
+        .success();
+    assert_eq!(text.matches("(on-table").count(), 1, "{text}");
+    assert!(!text.contains("(on B"), "{text}");
+}
+
+#[test]
+fn the_same_memory_gives_the_same_bytes() {
+    let lab = Lab::new();
+    let args = [
+        "gen-problem",
+        "--memory",
+        "mem:",
+        "--load",
+        "fixtures/rcll.json",
+        "--template",
+        "templates/rcll/problem.pddl.j2",
+        "--domain",
+        "domains/rcll/domain.pddl",
+    ];
+    assert_eq!(lab.rmem(&args).success(), lab.rmem(&args).success());
+}
+
+#[test]
+fn mistakes_are_shown_at_the_templates_line() {
+    let lab = lab();
+    lab.write("broken.tmpl", "(define (problem x)\n  <<#ON|{relation:'on'}>>\n  (on <<object_top>>)\n");
+    assert_run!(lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "broken.tmpl"]), @r"
+    ------- stderr -------
+    error: broken.tmpl:2:3: section `ON` has no end
+      |
+    2 |   <<#ON|{relation:'on'}>>
+      |   ^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: write `<</ON>>` where it ends
+    [exit code: 3]
+    ");
+    lab.write("key.tmpl", "<<#ON|{relation:'on'}>>\n  (on <<objekt_top>>)\n<</ON>>\n");
+    let args = ["gen-problem", "--memory", "mem:", "--load", "identified.json", "-t", "key.tmpl"];
+    lab.write(
+        "identified.json",
+        "{'robmem.worldmodel': [{_id: 7, relation: 'on', object_top: 'D', object_bottom: 'A'}]}",
+    );
+    assert_run!(lab.rmem(&args), @r"
+    ------- stderr -------
+    error: key.tmpl:2:7: the document has no key `objekt_top`
+      |
+    2 |   (on <<objekt_top>>)
+      |       ^^^^^^^^^^^^^^
+      = hint: from document _id 7 of robmem.worldmodel
+      = hint: --lenient leaves it empty, as Fawkes does
+    [exit code: 3]
+    ");
+    lab.write("unknown.j2", "(define (problem x)\n  (:goal {{ gaol }}))\n");
+    assert_run!(lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "unknown.j2"]), @r"
+    ------- stderr -------
+    error: unknown.j2:2:10: `gaol` is undefined
+      |
+    2 |   (:goal {{ gaol }}))
+      |          ^^^^^^^^^^
+    [exit code: 3]
+    ");
+    lab.write("query.j2", "{% for d in query('robmem.x', {'a': {'$nosuch': 1}}) %}{% endfor %}\n");
+    assert_run!(lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "query.j2"]), @r"
+    ------- stderr -------
+    error: query.j2:1:13: unknown operator: $nosuch
+      |
+    1 | {% for d in query('robmem.x', {'a': {'$nosuch': 1}}) %}{% endfor %}
+      |             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn the_check_against_a_domain_names_template_line_and_document() {
+    let lab = lab();
+    lab.write("typo.tmpl", &MARKER.replace("(on-table <<object>>)", "(on-tabel <<object>>)"));
+    let (load, domain) = (["--load", "world.json"], ["--domain", "domains/blocksworld/domain.pddl"]);
+    let args = ["gen-problem", "--memory", "mem:", "-t", "typo.tmpl", "--goal", "(on A B)", "-o", "p.pddl"];
+    assert_run!(lab.rmem(&[&args[..], &load, &domain].concat()), @r"
+    ------- stderr -------
+    line 6: ONTABLE in robmem.worldmodel: 2 documents
+    line 8: ON in robmem.worldmodel: 1 document
+    line 11: HOLDING in robmem.worldmodel: 1 document
+    error: typo.tmpl:7:8: predicate `on-tabel` is not declared
+      |
+    7 |       (on-tabel <<object>>) <</ONTABLE>>
+      |        ^
+      = hint: did you mean `on-table`?
+      = hint: it became line 7 of the problem: (on-tabel A)
+      = hint: from document _id [ID] of robmem.worldmodel
+      = hint: and from 1 more place
+    [exit code: 3]
+    ");
+    assert!(!lab.path().join("p.pddl").exists());
+}
+
+#[test]
+fn parameters_are_text_or_typed() {
+    let lab = Lab::new();
+    lab.write("p.j2", "{{ robot }} {{ n + 1 }} {{ param('speed', 2) }}");
+    let text = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "p.j2", "-D", "robot=R1", "-D", "n:=41"]).success();
+    assert_eq!(text.trim(), "R1 42 2");
+}
+
+#[test]
+fn the_example_worlds_give_the_problems_on_record() {
+    let lab = Lab::new();
+    for (world, goal) in [("blocksworld", Some("(and (on A B) (on B C))")), ("rcll", None), ("tidyup", None)] {
+        let load = format!("fixtures/{world}.json");
+        let (template, domain) = (format!("templates/{world}/problem.pddl.j2"), format!("domains/{world}/domain.pddl"));
+        let mut args =
+            vec!["gen-problem", "--memory", "mem:", "--load", &load, "--template", &template, "--domain", &domain];
+        args.extend(goal.map(|goal| ["--goal", goal]).into_iter().flatten());
+        let problem = lab.rmem(&args).success();
+        insta::assert_snapshot!(format!("problem_{world}"), problem);
+    }
+}
+
+#[test]
+fn both_spellings_give_one_problem() {
+    let lab = Lab::new();
+    let problem = |template: &str| {
+        let args = [
+            "gen-problem",
+            "--memory",
+            "mem:",
+            "--load",
+            "fixtures/blocksworld.json",
+            "--template",
+            template,
+            "--goal",
+            "(on A B)",
+            "--domain",
+            "domains/blocksworld/domain.pddl",
+        ];
+        let text = lab.rmem(&args).success();
+        let mut atoms: Vec<Vec<String>> = text
+            .split('(')
+            .map(|atom| {
+                let mut words: Vec<String> =
+                    words(atom).trim_end_matches([')', ' ']).split(' ').map(str::to_owned).collect();
+                if words[0] == ":objects" {
+                    // Objects are a set: each spelling lists them in the order in which it asks for them.
+                    words.sort();
+                }
+                words
+            })
+            .collect();
+        atoms.sort();
+        atoms
+    };
+    assert_eq!(problem("templates/blocksworld/problem.pddl.j2"), problem("templates/blocksworld/problem.pddl.tmpl"));
+}
+
+const BLOCKS: [&str; 7] =
+    ["gen-problem", "-q", "--load", "fixtures/blocksworld.json", "--goal", "(and (on A B) (clear D))", "--template"];
+
+#[test]
+fn an_atom_is_explained_by_its_template_line_its_query_and_its_document() {
+    let lab = Lab::new();
+    let explain = |template: &str, atom: &str| lab.rmem(&[&BLOCKS[..], &[template, "--explain", atom]].concat());
+    let template = "templates/blocksworld/problem.pddl.j2";
+    assert_run!(explain(template, "(ON d a)"), @r#"
+    (on D A): in the initial state, line 9 of the problem
+      templates/blocksworld/problem.pddl.j2:15:5: (on {{ fact.object_top }} {{ fact.object_bottom }})
+      line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") asks {"relation":"on"} in robmem.worldmodel: 1 document
+      {"_id":{"$oid":"[ID]"},"relation":"on","object_top":"D","object_bottom":"A"} in robmem.worldmodel
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(explain(template, "(clear D)"), @r#"
+    (clear D): in the initial state, line 11 of the problem
+      templates/blocksworld/problem.pddl.j2:18:5: (clear {{ fact.object }})
+      line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") asks {"relation":"clear"} in robmem.worldmodel: 2 documents
+      {"_id":{"$oid":"[ID]"},"relation":"clear","object":"D"} in robmem.worldmodel
+    (clear D): in the goal, line 15 of the problem
+      templates/blocksworld/problem.pddl.j2:29:10: (:goal {{ goal }})
+      line 8: distinct(world, "object_top", "{relation: 'on'}") asks {"distinct":"object_top","query":{"relation":"on"}} in robmem.worldmodel: 1 document
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(explain(template, "C"), @r#"
+    C: an object, line 4 of the problem
+      templates/blocksworld/problem.pddl.j2:7:97: {%- for block in distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") %} {{ block }}{% endfor %}
+      line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") asks {"distinct":"object","query":{"relation":{"$in":["on-table","holding"]}}} in robmem.worldmodel: 3 documents
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let template = "templates/blocksworld/problem.pddl.tmpl";
+    assert_run!(explain(template, "(ON d a)"), @r#"
+    (on D A): in the initial state, line 8 of the problem
+      templates/blocksworld/problem.pddl.tmpl:7:24: <</ONTABLE>><<#ON>>    (on <<object_top>> <<object_bottom>>)
+      line 3: ON asks {"relation":"on"} in robmem.worldmodel: 1 document
+      {"_id":{"$oid":"[ID]"},"relation":"on","object_top":"D","object_bottom":"A"} in robmem.worldmodel
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(explain(template, "(clear D)"), @r#"
+    (clear D): in the initial state, line 10 of the problem
+      templates/blocksworld/problem.pddl.tmpl:8:42: <</ON>><<#CLEAR|{relation: 'clear'}>>    (clear <<object>>)
+      line 8: CLEAR asks {"relation":"clear"} in robmem.worldmodel: 2 documents
+      {"_id":{"$oid":"[ID]"},"relation":"clear","object":"D"} in robmem.worldmodel
+    (clear D): in the goal, line 4 of the problem
+      templates/blocksworld/problem.pddl.tmpl:4:10: (:goal <<GOAL>>)
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(explain(template, "C"), @r#"
+    C: an object, line 3 of the problem
+      templates/blocksworld/problem.pddl.tmpl:3:48: (:objects<<#ONTABLE|{relation: 'on-table'}>> <<object>><</ONTABLE>><<#ON|{relation: 'on'}>> <<object_top>><</ON>><<#HOLDING|{relation: 'holding'}>> <<object>><</HOLDING>>)
+      line 3: ONTABLE asks {"relation":"on-table"} in robmem.worldmodel: 2 documents
+      {"_id":{"$oid":"[ID]"},"relation":"on-table","object":"C"} in robmem.worldmodel
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn an_atom_that_is_not_in_the_problem_is_explained_by_the_line_that_would_write_it() {
+    let lab = Lab::new();
+    let template = "templates/blocksworld/problem.pddl.j2";
+    let args = [&BLOCKS[..1], &BLOCKS[2..], &[template, "--explain", "(on C D)"]].concat();
+    assert_run!(lab.rmem(&args), @r#"
+    ------- stderr -------
+    line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") in robmem.worldmodel: 3 documents
+    line 8: distinct(world, "object_top", "{relation: 'on'}") in robmem.worldmodel: 1 document
+    line 11: query(world, "{relation: 'on-table'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") in robmem.worldmodel: 1 document
+    line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 23: query(world, "{relation: 'holding'}") in robmem.worldmodel: 1 document
+    error: `(on C D)` is not in the problem
+    templates/blocksworld/problem.pddl.j2:15: would be written by (on {{ fact.object_top }} {{ fact.object_bottom }})
+    [exit code: 1]
+    "#);
+    assert_run!(lab.rmem(&[&BLOCKS[..], &[template, "--explain", "()"]].concat()), @r"
+    ------- stderr -------
+    error: expected an atom like `(on A B)`, or an object
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_number_is_explained_by_its_function() {
+    let lab = Lab::new();
+    lab.write("t.j2", "(define (problem p) (:domain d)\n (:init\n{% for r in query('lab.r') %}\n(= (fuel {{ r.name }}) {{ r.fuel }})\n{% endfor %})\n (:goal (and)))");
+    lab.rmem(&["insert", "lab.r", "{_id: 4, name: 'r1', fuel: 3}"]).success();
+    let explain = |atom| lab.transcript(&[&["gen-problem", "-t", "t.j2", "--explain", atom]]);
+    assert_run!(explain("(fuel r1)"), @r#"
+    $ rmem gen-problem -t t.j2 --explain '(fuel r1)'
+    (= (fuel r1) 3): in the initial state, line 4 of the problem
+      t.j2:4:4: (= (fuel {{ r.name }}) {{ r.fuel }})
+      line 3: query('lab.r') asks {} in lab.r: 1 document
+      {"_id":4,"name":"r1","fuel":3} in lab.r
+    ------- stderr -------
+    line 3: query('lab.r') in lab.r: 1 document
+    [exit code: 0]
+    "#);
+    assert_run!(explain("(= (fuel r1) 3)"), @r#"
+    $ rmem gen-problem -t t.j2 --explain '(= (fuel r1) 3)'
+    (= (fuel r1) 3): in the initial state, line 4 of the problem
+      t.j2:4:4: (= (fuel {{ r.name }}) {{ r.fuel }})
+      line 3: query('lab.r') asks {} in lab.r: 1 document
+      {"_id":4,"name":"r1","fuel":3} in lab.r
+    ------- stderr -------
+    line 3: query('lab.r') in lab.r: 1 document
+    [exit code: 0]
+    "#);
+    assert_run!(explain("(= (fuel r1) 4)"), @r"
+    $ rmem gen-problem -t t.j2 --explain '(= (fuel r1) 4)'
+    ------- stderr -------
+    line 3: query('lab.r') in lab.r: 1 document
+    error: `(= (fuel r1) 4)` is not in the problem
+    t.j2:4: would be written by (= (fuel {{ r.name }}) {{ r.fuel }})
+    [exit code: 1]
+    ");
+}
+
+/// The header of a template as an editor reads it: the program and its arguments.
+fn header(page: &str) -> (String, Vec<String>) {
+    let line = page.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
+    let command = line.split("command: \"").nth(1).unwrap().split('"').next().unwrap();
+    let args = line.split("args: [").nth(1).unwrap().split(']').next().unwrap();
+    (command.to_owned(), args.split(',').map(|word| word.trim().trim_matches('"').to_owned()).collect())
+}
+
+#[test]
+fn the_header_in_the_documentation_makes_rmem_the_preprocessor_of_an_editor() {
+    let page = std::fs::read_to_string(crate::lab::root().join("docs/templates.md")).unwrap();
+    let (command, args) = header(&page);
+    assert_eq!(command, "rmem");
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", "--load", "fixtures/blocksworld.json", "--memory", "file:robot.rmem"])
+        .success();
+    let template = lab.read("templates/blocksworld/problem.pddl.j2");
+    let line = page.lines().find(|line| line.starts_with(";;!pre-parsing:")).unwrap();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    // The editor sends the whole file, its header too, and takes what is printed.
+    let problem = lab.rmem_with(&args, &format!("{template}{line}\n")).success();
+    assert!(problem.ends_with(&format!(")\n{line}\n")) && problem.contains("(on D A)"), "{problem}");
+    lab.write("made.pddl", &problem);
+    lab.rmem(&["validate", "domains/blocksworld/domain.pddl", "made.pddl"]).success();
+}
+
+pub(crate) fn problem(lab: &Lab) -> String {
+    let args = [
+        "gen-problem",
+        "--load",
+        "fixtures/blocksworld.json",
+        "--template",
+        "templates/blocksworld/problem.pddl.j2",
+        "--goal",
+        "(on A B)",
+    ];
+    lab.rmem(&args).success()
+}

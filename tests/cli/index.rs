@@ -1,0 +1,125 @@
+//! index, and how queries use indexes.
+
+use crate::lab::{Lab, assert_run};
+
+#[test]
+fn an_index_is_made_listed_and_dropped() {
+    let lab = Lab::new();
+    let name = lab.rmem(&["index", "robmem.objects", "{name: 1, 'at.x': -1}", "--unique"]).success();
+    assert_eq!(name, "name_1_at.x_-1\n");
+    let listed = lab.rmem(&["index", "robmem.objects"]).success();
+    assert_eq!(
+        listed,
+        "{\"v\":2,\"key\":{\"_id\":1},\"name\":\"_id_\"}\n\
+         {\"v\":2,\"key\":{\"name\":1,\"at.x\":-1},\"name\":\"name_1_at.x_-1\",\"unique\":true}\n"
+    );
+    lab.rmem(&["index", "robmem.objects", "{name: 1, 'at.x': -1}", "--drop"]).success();
+    assert_eq!(lab.rmem(&["index", "robmem.objects"]).success().lines().count(), 1);
+}
+
+#[test]
+fn a_taken_unique_key_is_a_conflict_that_names_key_and_index() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}", "--unique", "--name", "names"]).success();
+    lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]).success();
+    assert_run!(lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]), @r#"
+    ------- stderr -------
+    error: 0 documents were stored before this
+      caused by: robmem.objects already has a document with name: "cup" (unique index names)
+    [exit code: 5]
+    "#);
+    lab.rmem(&["index", "robmem.objects", "{name: 1}", "--name", "names"]).exits(3);
+}
+
+#[test]
+fn what_is_no_index_is_refused() {
+    let lab = Lab::new();
+    let commands = [
+        &["index", "robmem.objects", "--unique"][..],
+        &["index", "robmem.objects", "--drop"],
+        &["index", "robmem.objects", "{a: 1}", "--ttl", "500ms"],
+        &["index", "robmem.objects", "{a: 1, b: 1}", "--ttl", "1s"],
+        &["index", "robmem.objects", "{a: 'text'}"],
+        &["index", "robmem.objects", "{a: 0}"],
+    ];
+    assert_run!(lab.transcript(&commands), @r#"
+    $ rmem index robmem.objects --unique
+    ------- stderr -------
+    error: an index needs keys; expected KEYS, like '{name: 1}'
+    [exit code: 2]
+    $ rmem index robmem.objects --drop
+    ------- stderr -------
+    error: which index is to be dropped? expected KEYS, like '{name: 1}', or --name NAME, as `rmem index NS` lists them
+    [exit code: 2]
+    $ rmem index robmem.objects '{a: 1}' --ttl 500ms
+    ------- stderr -------
+    error: --ttl takes whole seconds, at most 2147483647 of them
+    [exit code: 2]
+    $ rmem index robmem.objects '{a: 1, b: 1}' --ttl 1s
+    ------- stderr -------
+    error: <keys>:1:1: an index by which documents expire has one key
+      |
+    1 | {a: 1, b: 1}
+      | ^^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem index robmem.objects "{a: 'text'}"
+    ------- stderr -------
+    error: <keys>:1:1: an index of type `text` is not supported by the embedded store
+      |
+    1 | {a: 'text'}
+      | ^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem index robmem.objects '{a: 0}'
+    ------- stderr -------
+    error: <keys>:1:1: the key `a` of an index takes 1, -1, "2d" or "2dsphere"
+      |
+    1 | {a: 0}
+      | ^^^^^^
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn documents_do_not_expire_by_their_id() {
+    let lab = Lab::new();
+    assert_run!(lab.rmem(&["index", "robmem.seen", "{_id: 1}", "--ttl", "1s"]), @r"
+    ------- stderr -------
+    error: <keys>:1:1: the index on _id is there already, and takes no options
+      |
+    1 | {_id: 1}
+      | ^^^^^^^^
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_drop_without_a_name_says_how_an_index_is_named() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "robmem.objects", "{name: 1}"]).success();
+    assert_run!(lab.rmem(&["index", "robmem.objects", "--drop"]), @r"
+    ------- stderr -------
+    error: which index is to be dropped? expected KEYS, like '{name: 1}', or --name NAME, as `rmem index NS` lists them
+    [exit code: 2]
+    ");
+}
+
+#[test]
+fn a_partial_index_is_unique_among_the_documents_that_match() {
+    let store = rmem::store::Embedded::in_memory().unwrap();
+    use rmem::store::{Index, Namespace, Store as _};
+    let ns = Namespace { database: "robmem".to_owned(), collection: "objects".to_owned() };
+    let partial = bson::doc! { "key": { "a": 1 }, "unique": true, "partialFilterExpression": { "n": { "$gt": 1 } } };
+    store.create_index(&ns, &Index::parse(&partial).unwrap()).unwrap();
+    let insert = |n: i32| store.insert(&ns, vec![bson::doc! { "a": 1, "n": n }]).is_ok();
+    assert_eq!([insert(0), insert(1), insert(2), insert(3)], [true, true, true, false]);
+    let find = rmem::store::Find { filter: bson::doc! { "a": 1 }, ..Default::default() };
+    assert_eq!(store.find(&ns, &find).unwrap().count(), 3);
+    for wrong in [
+        bson::doc! { "n": { "$ne": 1 } },
+        bson::doc! { "n": { "$exists": false } },
+        bson::doc! { "$nor": [{ "n": 1 }] },
+    ] {
+        let partial = bson::doc! { "key": { "b": 1 }, "partialFilterExpression": wrong };
+        assert!(store.create_index(&ns, &Index::parse(&partial).unwrap()).is_err());
+    }
+}

@@ -1,0 +1,147 @@
+//! lock, unlock.
+
+use std::time::{Duration, Instant};
+
+use crate::lab::{Lab, assert_run};
+
+fn lock(lab: &Lab, owner: &str, args: &[&str]) -> crate::lab::Finished {
+    lab.rmem(&[&["lock", "table", "--owner", owner], args].concat())
+}
+
+#[test]
+fn a_lock_excludes_others_until_it_is_given_back() {
+    let lab = Lab::new();
+    assert_run!(lock(&lab, "r1", &[]), @r#"
+    {"_id":"table","locked":true,"locked-by":"r1","lock-time":{"$date":"[TIME]"}}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lock(&lab, "r2", &[]), @r"
+    ------- stderr -------
+    error: table is held by r1 since [TIME], with no end
+    [exit code: 5]
+    ");
+    lock(&lab, "r1", &[]).success();
+    assert_run!(lab.rmem(&["unlock", "table", "--owner", "r2"]), @r"
+    ------- stderr -------
+    error: table is held by r1 since [TIME], with no end, not by r2
+    [exit code: 5]
+    ");
+    assert_run!(lab.rmem(&["unlock", "table", "--owner", "r1"]), @r#"
+    {"_id":"table","locked":false}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["unlock", "table", "--owner", "r1"]), @r"
+    ------- stderr -------
+    error: table is not locked
+    [exit code: 1]
+    ");
+    lock(&lab, "r2", &[]).success();
+    let stored = lab.rmem(&["distinct", "robmem.mutexes", "locked-by", "{locked: true}"]).success();
+    assert_eq!(stored, "\"r2\"\n");
+}
+
+#[test]
+fn an_empty_owner_and_an_empty_name_are_refused() {
+    let lab = Lab::new();
+    assert_run!(lab.rmem(&["lock", "arm", "--owner", ""]), @r"
+    ------- stderr -------
+    error: a value is required for '--owner <OWNER>' but none was supplied
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+    assert_run!(lab.rmem(&["lock", ""]), @r"
+    ------- stderr -------
+    error: a value is required for '<NAME>' but none was supplied
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+    assert_run!(lab.rmem(&["unlock", "arm", "--owner", ""]), @r"
+    ------- stderr -------
+    error: a value is required for '--owner <OWNER>' but none was supplied
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+}
+
+#[test]
+fn a_lock_expires_and_the_holder_renews_it() {
+    let lab = Lab::new();
+    lock(&lab, "r1", &["--ttl", "1h"]).success();
+    assert_run!(lock(&lab, "r2", &[]), @r"
+    ------- stderr -------
+    error: table is held by r1 since [TIME] until [TIME]
+    [exit code: 5]
+    ");
+    lock(&lab, "r1", &["--ttl", "1ms"]).success();
+    std::thread::sleep(Duration::from_millis(20));
+    lock(&lab, "r2", &[]).success();
+    lab.rmem(&["unlock", "table", "--owner", "r1"]).exits(5);
+}
+
+#[test]
+fn waiting_ends_when_the_lock_is_free_or_the_timeout_is_over() {
+    let lab = Lab::new();
+    lock(&lab, "r1", &["--ttl", "700ms"]).success();
+    let start = Instant::now();
+    lock(&lab, "r2", &["--wait", "50ms"]).exits(5);
+    assert!(start.elapsed() >= Duration::from_millis(50));
+    lock(&lab, "r2", &["--wait", "1m"]).success();
+    assert!(start.elapsed() < Duration::from_secs(50));
+}
+
+#[test]
+fn the_owner_is_an_option_or_in_the_environment_never_guessed() {
+    let lab = Lab::new();
+    assert_run!(lab.rmem(&["lock", "table"]), @r"
+    ------- stderr -------
+    error: it is not known who locks: USER and HOSTNAME are not both set; expected --owner OWNER
+    [exit code: 2]
+    ");
+    let lab = lab.env("USER", "robotino").env("HOSTNAME", "r2");
+    assert_run!(lab.rmem(&["lock", "table"]), @r#"
+    {"_id":"table","locked":true,"locked-by":"robotino@r2","lock-time":{"$date":"[TIME]"}}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    lab.rmem(&["unlock", "table"]).success();
+}
+
+#[test]
+fn locks_of_shared_databases_are_shared() {
+    let lab = Lab::new();
+    lab.write(
+        "rmem.toml",
+        "memory = \"file:local.rmem\"\nshared = \"file:shared.rmem\"\nshared_databases = [\"team\"]\n",
+    );
+    lock(&lab, "r1", &[]).success();
+    lab.write("empty.toml", "");
+    let shared = lab.rmem(&["--config", "empty.toml", "--memory", "file:shared.rmem", "collections"]);
+    assert_eq!(shared.success(), "team.mutexes\n");
+    lock(&lab, "r2", &["--into", "robmem.own"]).success();
+    assert_eq!(lab.rmem(&["count", "robmem.own"]).success(), "1\n");
+}
+
+#[test]
+fn of_many_processes_one_at_a_time_holds_the_lock() {
+    const ROUNDS: usize = 4;
+    const ROBOTS: usize = 5;
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.counter", "{_id: 1, n: 0}"]).success();
+    let script = format!(
+        "for robot in $(seq {ROBOTS}); do (
+           for round in $(seq {ROUNDS}); do
+             rmem lock table --owner r$robot --wait 5m >/dev/null || exit 9
+             n=$(rmem distinct robmem.counter n)
+             rmem update robmem.counter '{{_id: 1}}' \"{{\\$set: {{n: $((n + 1))}}}}\" >/dev/null || exit 8
+             rmem unlock table --owner r$robot >/dev/null || exit 7
+           done ) & pids=\"$pids $!\"; done
+         for pid in $pids; do wait $pid || exit $?; done"
+    );
+    lab.shell(&script).success();
+    assert_eq!(lab.rmem(&["distinct", "robmem.counter", "n"]).success(), format!("{}\n", ROUNDS * ROBOTS));
+}

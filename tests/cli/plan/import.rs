@@ -1,0 +1,60 @@
+//! plan import.
+
+use crate::lab::{Lab, TASK, assert_run, plan};
+
+#[test]
+fn a_plan_from_a_file_is_stored_if_it_is_valid() {
+    let lab = Lab::new();
+    let text = plan(&lab, &["-q", "--no-store"]).success();
+    lab.write("ipc.plan", &text);
+    lab.write(
+        "ff.plan",
+        &plan(&lab, &["-q", "--no-store", "--format", "ff"])
+            .success()
+            .to_uppercase()
+            .replace("FF: FOUND LEGAL PLAN AS FOLLOWS", "ff: found legal plan as follows")
+            .replace("STEP", "step"),
+    );
+    for file in ["ipc.plan", "ff.plan"] {
+        let id = lab.rmem(&[&["plan", "import", file], &TASK[2..]].concat()).success();
+        assert_eq!(lab.rmem(&["plan", "show", id.trim()]).success(), text);
+        assert!(lab.rmem(&["plan", "why", "last"]).success().contains(&format!("command     {file}")));
+    }
+    lab.write("bad.plan", &text.lines().skip(1).collect::<Vec<_>>().join("\n"));
+    assert_run!(lab.rmem(&[&["plan", "import", "bad.plan"], &TASK[2..]].concat()), @r#"
+    ------- stderr -------
+    line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") in robmem.worldmodel: 3 documents
+    line 8: distinct(world, "object_top", "{relation: 'on'}") in robmem.worldmodel: 1 document
+    line 11: query(world, "{relation: 'on-table'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") in robmem.worldmodel: 1 document
+    line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 23: query(world, "{relation: 'holding'}") in robmem.worldmodel: 1 document
+    error: bad.plan is not stored: the plan is invalid: step 1: (unstack D A) cannot be taken: (hand-empty) is false
+    (hand-empty): not so from the beginning
+      (putdown B) would make it so, and can be taken there
+      (stack B C) would make it so, and can be taken there
+    [exit code: 1]
+    "#);
+    lab.write("no.plan", "(stack B");
+    assert_run!(lab.rmem(&[&["plan", "import", "no.plan"], &TASK[2..]].concat()), @r"
+    ------- stderr -------
+    error: no.plan:1:9: expected `)`, found the end of the text
+      |
+    1 | (stack B
+      |         ^
+    [exit code: 3]
+    ");
+    assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "2\n");
+}
+
+#[test]
+fn a_temporal_plan_from_a_file_is_stored_and_drawn() {
+    let lab = Lab::new();
+    let task = ["-d", "fixtures/pddl/tasks/durdom.pddl", "-p", "fixtures/pddl/tasks/durp.pddl"];
+    let text = lab.rmem(&[&["plan", "--no-store", "-q"], &task[..]].concat()).success();
+    lab.write("t.plan", &text);
+    lab.rmem(&[&["plan", "import", "t.plan"], &task[..]].concat()).success();
+    assert_eq!(lab.rmem(&["plan", "show", "last"]).success(), text);
+    assert!(lab.rmem(&["plan", "show", "last", "--format", "svg"]).success().contains("<rect"));
+    lab.rmem(&["plan", "check", "last"]).exits(0);
+}

@@ -1,0 +1,182 @@
+//! The limits of planners: time, memory, output, interruption; and what is left of them.
+
+use crate::lab::{Lab, TASK, assert_run, plan};
+
+#[test]
+fn configured_planners_run_under_limits() {
+    let lab = Lab::new();
+    lab.write(
+        "rmem.toml",
+        "[planner.spammer]\ncommand = [\"yes\", \"step\"]\noutput = \"ff\"\n\
+         [planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"sleep 100\"]\noutput = \"ff\"\n\
+         [planner.crasher]\ncommand = [\"/bin/sh\", \"-c\", \"echo broken >&2; kill -SEGV $$\"]\noutput = \"ff\"\n\
+         [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(pickup A)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}\"]\noutput = \"downward\"\n",
+    );
+    assert_run!(plan(&lab, &["--planner", "sleeper", "--timeout", "300ms"]), @r#"
+    ------- stderr -------
+    line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") in robmem.worldmodel: 3 documents
+    line 8: distinct(world, "object_top", "{relation: 'on'}") in robmem.worldmodel: 1 document
+    line 11: query(world, "{relation: 'on-table'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") in robmem.worldmodel: 1 document
+    line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 23: query(world, "{relation: 'holding'}") in robmem.worldmodel: 1 document
+    stored in robmem.plans as [ID]
+    error: sleeper: the planner ran out of time: no plan within 300ms
+    [exit code: 23]
+    "#);
+    assert_run!(plan(&lab, &["--planner", "crasher"]), @r#"
+    ------- stderr -------
+    line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") in robmem.worldmodel: 3 documents
+    line 8: distinct(world, "object_top", "{relation: 'on'}") in robmem.worldmodel: 1 document
+    line 11: query(world, "{relation: 'on-table'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") in robmem.worldmodel: 1 document
+    line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 23: query(world, "{relation: 'holding'}") in robmem.worldmodel: 1 document
+    stored in robmem.plans as [ID]
+    error: crasher: it was ended by signal 11
+      the last lines it printed:
+        broken
+    [exit code: 32]
+    "#);
+    assert_run!(plan(&lab, &["--planner", "liar"]), @r#"
+    ------- stderr -------
+    line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") in robmem.worldmodel: 3 documents
+    line 8: distinct(world, "object_top", "{relation: 'on'}") in robmem.worldmodel: 1 document
+    line 11: query(world, "{relation: 'on-table'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") in robmem.worldmodel: 1 document
+    line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 23: query(world, "{relation: 'holding'}") in robmem.worldmodel: 1 document
+    stored in robmem.plans as [ID]
+    error: liar: it returned a plan that is not valid: the plan is invalid: step 1: (pickup A) cannot be taken: (clear A) is false
+    [exit code: 32]
+    "#);
+    assert_run!(plan(&lab, &["--planner", "spammer"]), @r#"
+    ------- stderr -------
+    line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") in robmem.worldmodel: 3 documents
+    line 8: distinct(world, "object_top", "{relation: 'on'}") in robmem.worldmodel: 1 document
+    line 11: query(world, "{relation: 'on-table'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") in robmem.worldmodel: 1 document
+    line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 23: query(world, "{relation: 'holding'}") in robmem.worldmodel: 1 document
+    stored in robmem.plans as [ID]
+    error: spammer: it printed more than 16 MiB
+      the last lines it printed:
+        step
+        step
+        step
+        step
+        step
+        step
+        step
+        step
+        step
+        step
+        step
+        s
+    [exit code: 32]
+    "#);
+}
+
+#[test]
+fn a_limit_of_memory_is_22() {
+    let (domain, problem) = ("fixtures/tasks/explosion/domain.pddl", "fixtures/tasks/explosion/problem.pddl");
+    let args = ["plan", "-d", domain, "-p", problem, "--memory-limit", "100M", "--timeout", "60s", "--no-store"];
+    assert_run!(Lab::new().rmem(&args), @r"
+    ------- stderr -------
+    error: builtin: the planner ran out of memory: memory allocation of 67108864 bytes for the engine failed: Resource temporarily unavailable (os error 11)
+    [exit code: 22]
+    ");
+}
+
+#[test]
+fn a_limit_of_memory_is_the_same_one_each_time() {
+    let lab = Lab::new();
+    let folder = "fixtures/tasks/durative-numeric";
+    let (domain, problem) = (format!("{folder}/domain.pddl"), format!("{folder}/problem.pddl"));
+    for limit in ["120M", "160M", "200M", "240M"] {
+        let args = ["plan", "-d", &domain, "-p", &problem, "--memory-limit", limit, "--timeout", "60s", "--no-store"];
+        let codes: Vec<i32> = (0..6).map(|_| lab.rmem(&args).code).collect();
+        assert!(codes.iter().all(|code| code == &codes[0]), "{limit}: {codes:?}");
+    }
+    lab.rmem(&["plan", "-d", &domain, "-p", &problem, "--memory-limit", "400M", "--no-store"]).success();
+}
+
+/// A plan whose planner has started and sleeps; its temporary files go to `tmp` in the lab.
+fn planning() -> (Lab, std::process::Child) {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "[planner.sleeper]\ncommand = [\"sleep\", \"98.76\"]\noutput = \"ff\"\n");
+    std::fs::create_dir(lab.path().join("tmp")).unwrap();
+    let mut command = std::process::Command::new(crate::lab::rmem());
+    command.args([&["plan"], &TASK[..], &["--planner", "sleeper"]].concat());
+    lab.isolate(&mut command);
+    command.env("TMPDIR", lab.path().join("tmp")).stderr(std::process::Stdio::null());
+    let mut child = command.spawn().unwrap();
+    while sleepers(&lab) == 0 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before its planner started");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    (lab, child)
+}
+
+#[test]
+fn an_interruption_is_130_and_leaves_nothing_behind() {
+    let (lab, mut child) = planning();
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(sleepers(&lab), 0);
+    assert_eq!(std::fs::read_dir(lab.path().join("tmp")).unwrap().count(), 0);
+}
+
+#[test]
+fn a_killed_rmem_takes_its_planner_along() {
+    let (lab, mut child) = planning();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // The supervisor notices by itself; how soon is the machine's business.
+    while sleepers(&lab) > 0 || std::fs::read_dir(lab.path().join("tmp")).unwrap().count() > 0 {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn a_wrong_task_leaves_no_files_of_the_planner_prepared_for_it() {
+    let lab = Lab::new();
+    let tmp = lab.path().join("tmp");
+    std::fs::create_dir(&tmp).unwrap();
+    let lab = lab.env("TMPDIR", &tmp.display().to_string());
+    lab.write("d.pddl", "(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))");
+    for problem in ["(define (problem n) (:domain d) (:init) (:goal (q)))", "(define"] {
+        lab.write("p.pddl", problem);
+        lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(3);
+        assert_eq!(std::fs::read_dir(&tmp).unwrap().count(), 0, "{problem}");
+    }
+}
+
+/// How many planners of this lab are running: their environment has the lab's folder in it.
+fn sleepers(lab: &Lab) -> usize {
+    let folder = lab.path().display().to_string();
+    let processes = std::fs::read_dir("/proc").unwrap().flatten().map(|entry| entry.path());
+    let of = |path: &std::path::Path, name: &str| {
+        String::from_utf8_lossy(&std::fs::read(path.join(name)).unwrap_or_default()).into_owned()
+    };
+    processes.filter(|path| of(path, "cmdline").starts_with("sleep\0") && of(path, "environ").contains(&folder)).count()
+}
+
+#[test]
+fn a_run_without_room_for_its_files_is_4_and_no_failed_plan() {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:robot.rmem").env("TMPDIR", "/nonexistent");
+    let refused = crate::lab::plan(&lab, &["--planner", "ff"]).exits(4);
+    assert_run!(refused, @r#"
+    ------- stderr -------
+    line 7: distinct(world, "object", "{relation: {$in: ['on-table', 'holding']}}") in robmem.worldmodel: 3 documents
+    line 8: distinct(world, "object_top", "{relation: 'on'}") in robmem.worldmodel: 1 document
+    line 11: query(world, "{relation: 'on-table'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") in robmem.worldmodel: 1 document
+    line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") in robmem.worldmodel: 2 documents
+    line 23: query(world, "{relation: 'holding'}") in robmem.worldmodel: 1 document
+    error: /nonexistent: it could not be run: no files can be made for a run in /nonexistent: entity not found; make room there, or set TMPDIR
+    [exit code: 4]
+    "#);
+    assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "0\n");
+}

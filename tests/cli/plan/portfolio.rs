@@ -1,0 +1,244 @@
+//! Several planners at once: which one wins, which are stopped, and what is printed when none wins.
+
+use std::path::Path;
+
+use crate::lab::{Finished, Lab, assert_run};
+
+/// Planners that cannot be had from real ones: one that never ends, one whose plan is wrong, and one that is right only
+/// after that one was wrong.
+const PLANNERS: &str = "[planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"echo $$ > PID; exec sleep 100\"]\noutput = \"ff\"\n\
+     [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(light a)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}; touch LIED\"]\noutput = \"downward\"\n\
+     [planner.late]\ncommand = [\"/bin/sh\", \"-c\", \"until [ -e LIED ]; do sleep 0.05; done; sleep 1; exec RMEM ff -o {domain} -f {problem}\"]\noutput = \"ff\"\n\
+     [planner.absent]\ncommand = [\"/nonexistent/planner\"]\noutput = \"ff\"\n\
+     [planner.believer]\ncommand = [\"/bin/sh\", \"-c\", \"echo 'The problem is unsolvable'\"]\noutput = \"temporal\"\n\
+     [planner.quitter]\ncommand = [\"/bin/sh\", \"-c\", \"echo 'search cap reached!'\"]\noutput = \"ff\"\n";
+
+/// Runs planners against each other on a task of the fixtures.
+fn race(lab: &Lab, task: &str, planners: &[&str], more: &[&str]) -> Finished {
+    let pid = lab.path().join("sleeper.pid").display().to_string();
+    let lied = lab.path().join("lied").display().to_string();
+    let rmem = crate::lab::rmem().display().to_string();
+    lab.write("rmem.toml", &PLANNERS.replace("PID", &pid).replace("LIED", &lied).replace("RMEM", &rmem));
+    let (domain, problem) =
+        (format!("fixtures/tasks/{task}/domain.pddl"), format!("fixtures/tasks/{task}/problem.pddl"));
+    let mut words = vec!["plan", "-d", &domain, "-p", &problem, "--no-store"];
+    planners.iter().for_each(|name| words.extend(["--planner", name]));
+    lab.rmem(&[&words[..], more].concat())
+}
+
+/// The row of a planner in the table on stderr.
+fn row<'r>(run: &'r Finished, planner: &str) -> &'r str {
+    let mut rows = run.stderr.lines().filter_map(|line| line.trim_start().strip_prefix(planner));
+    rows.next_back().unwrap_or_else(|| panic!("no row of {planner}: {run}"))
+}
+
+#[test]
+fn the_first_valid_plan_wins_and_the_other_planners_are_stopped() {
+    let lab = Lab::new();
+    let run = race(&lab, "solvable", &["sleeper", "builtin"], &[]).exits(0);
+    assert!(run.stdout.starts_with('('), "{run}");
+    assert!(row(&run, "builtin").contains("success") && row(&run, "builtin").ends_with("wins"), "{run}");
+    assert!(row(&run, "sleeper").contains("ended"), "{run}");
+    if let Ok(pid) = std::fs::read_to_string(lab.path().join("sleeper.pid")) {
+        assert!(!Path::new("/proc").join(pid.trim()).exists(), "the sleeper is still there");
+    }
+}
+
+#[test]
+fn a_wrong_plan_does_not_win() {
+    let run = race(&Lab::new(), "solvable", &["liar", "late"], &[]).exits(0);
+    assert!(row(&run, "liar").contains("invalid"), "{run}");
+    assert!(row(&run, "late").ends_with("wins"), "{run}");
+}
+
+#[test]
+fn a_proof_ends_the_race() {
+    let run = race(&Lab::new(), "unreachable", &["sleeper", "builtin"], &[]).exits(11);
+    assert!(row(&run, "sleeper").contains("ended") && row(&run, "builtin").contains("unsolvable"), "{run}");
+}
+
+#[test]
+fn a_planner_that_cannot_run_keeps_no_other_from_winning() {
+    let lab = Lab::new();
+    // The one that can is late, so that the others are done.
+    lab.write("lied", "");
+    let run = race(&lab, "numeric", &["fast-downward", "absent", "late"], &[]).exits(0);
+    assert!(row(&run, "fast-downward").contains("unsupported"), "{run}");
+    assert!(row(&run, "absent").contains("not-found"), "{run}");
+}
+
+#[test]
+fn without_a_winner_the_exit_code_is_the_most_informative_one() {
+    let lab = Lab::new();
+    race(&lab, "solvable", &["absent", "liar"], &[]).exits(32);
+    race(&lab, "solvable", &["liar", "quitter", "absent"], &[]).exits(12);
+    race(&lab, "solvable", &["quitter", "sleeper"], &["--timeout", "300ms"]).exits(23);
+}
+
+#[test]
+fn what_a_configured_planner_lacks_is_refused_with_the_line() {
+    let lab = Lab::new();
+    let task = ["plan", "-d", "fixtures/tasks/numeric/domain.pddl", "-p", "fixtures/tasks/numeric/problem.pddl"];
+    let modest = |lacks: &str| {
+        format!(
+            "[planner.modest]\ncommand = [\"/bin/sh\", \"-c\", \"touch ran\"]\noutput = \"ff\"\nlacks = [{lacks}]\n"
+        )
+    };
+    lab.write("rmem.toml", &modest("'durative-actions', ':numeric-fluents'"));
+    assert_run!(lab.rmem(&[&task[..], &["--planner", "modest"]].concat()), @r"
+    ------- stderr -------
+    stored in robmem.plans as [ID]
+    error: modest: the planner cannot handle the task: fixtures/tasks/numeric/domain.pddl:9:45: the planner `modest` cannot handle numeric fluents
+      |
+    9 |     :precondition (and (at ?a) (road ?a ?b) (>= (charge) (distance ?a ?b)))
+      |                                             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: name another planner with --planner
+    [exit code: 34]
+    ");
+    lab.write("rmem.toml", &modest("'numbers'"));
+    assert_run!(lab.rmem(&[&task[..], &["--planner", "modest"]].concat()), @r"
+    ------- stderr -------
+    error: $LAB/rmem.toml:4:10: `numbers` is no part of PDDL; expected one of typing, equality, negative-preconditions, disjunctive-preconditions, existential-preconditions, universal-preconditions, conditional-effects, derived-predicates, derived-predicates, action-costs, numeric-fluents, object-fluents, durative-actions, duration-inequalities, continuous-effects, timed-initial-literals, preferences, constraints, action-variables
+      |
+    4 | lacks = ['numbers']
+      |          ^^^^^^^^^
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_claim_without_a_proof_ends_no_race() {
+    let lab = Lab::new();
+    lab.write("lied", "");
+    let run = race(&lab, "solvable", &["believer", "late"], &[]).exits(0);
+    assert!(row(&run, "believer").contains("gave-up") && row(&run, "late").ends_with("wins"), "{run}");
+    race(&lab, "solvable", &["believer"], &[]).exits(12);
+}
+
+/// A planner that needs much memory, and has its plan when the other one of its kind is gone.
+const ELEPHANT: &str = "echo $$ > $1.new; mv $1.new $1
+until [ -e $2 ]; do sleep 0.05; done
+other=$(cat $2)
+{ head -c 200000000 /dev/zero; while [ -e /proc/$other ]; do sleep 0.05; done; } | tail -c 200000000 > /dev/null
+echo 'ff: found legal plan as follows'
+echo 'step 0: WALK DOOR WINDOW'
+echo '1: PUSH WINDOW CORNER'
+echo '2: CLIMB CORNER'
+echo '3: SWITCH-ON CORNER'
+";
+
+#[test]
+fn the_limit_of_memory_is_one_for_all() {
+    let lab = Lab::new();
+    let place = |name: &str| lab.path().join(name).display().to_string();
+    let elephant = |name: &str, other: &str| {
+        let program = place("elephant.sh");
+        format!(
+            "[planner.{name}]\ncommand = [\"/bin/sh\", \"{program}\", \"{}\", \"{}\"]\noutput = \"ff\"\n",
+            place(&format!("{name}.pid")),
+            place(&format!("{other}.pid"))
+        )
+    };
+    lab.write("elephant.sh", ELEPHANT);
+    lab.write("nobody.pid", "nobody");
+    lab.write("rmem.toml", &[elephant("one", "two"), elephant("two", "one"), elephant("alone", "nobody")].concat());
+    let run = |planners: [&str; 2]| {
+        let task = ["domain", "problem"].map(|name| format!("fixtures/tasks/solvable/{name}.pddl"));
+        let planners = ["--planner", planners[0], "--planner", planners[1]];
+        lab.rmem(
+            &[&["plan", "-d", &task[0], "-p", &task[1], "--no-store", "--memory-limit", "350M"], &planners[..]]
+                .concat(),
+        )
+    };
+    // Together they have too much: one has to go, and the other may use what it leaves.
+    let both = run(["one", "two"]).exits(0);
+    assert_eq!(both.stderr.matches("  memory  ").count(), 1, "{both}");
+    assert_eq!(both.stderr.matches("wins").count(), 1, "{both}");
+    // One of them may have most of it.
+    run(["fast-downward", "alone"]).exits(0);
+}
+
+#[test]
+fn a_race_is_stored_with_its_plan() {
+    let lab = Lab::new();
+    race(&lab, "solvable", &["quitter", "builtin"], &[]).exits(0);
+    let task = ["domain", "problem"].map(|name| format!("fixtures/tasks/solvable/{name}.pddl"));
+    lab.rmem(&["plan", "-d", &task[0], "-p", &task[1], "--planner", "late", "--planner", "liar"]).exits(0);
+    let stored = lab.rmem(&["query", "robmem.plans", "--meta", "--fields", "{'_robmem_info.lineage.race': 1, _id: 0}"]);
+    let stored: serde_json::Value = serde_json::from_str(&stored.success()).unwrap();
+    let race = &stored["_robmem_info"]["lineage"]["race"];
+    assert_eq!((&race[0]["planner"], &race[0]["outcome"]), (&"late".into(), &"success".into()), "{stored}");
+    assert_eq!((&race[1]["planner"], &race[1]["outcome"]), (&"liar".into(), &"invalid".into()), "{stored}");
+    assert!(race[1]["message"].as_str().is_some_and(|message| message.contains("not valid")), "{stored}");
+    let why = lab.rmem(&["plan", "why", "last"]).success();
+    assert!(why.contains("race        liar: invalid after"), "{why}");
+}
+
+#[test]
+fn what_was_interrupted_is_not_stored() {
+    let lab = Lab::new();
+    race(&lab, "solvable", &["quitter"], &[]).exits(12);
+    let pid = lab.path().join("sleeper.pid").display().to_string();
+    let task = "-d fixtures/tasks/solvable/domain.pddl -p fixtures/tasks/solvable/problem.pddl";
+    let run = lab.shell(&format!(
+        "rmem plan {task} --planner sleeper & until [ -s {pid} ]; do sleep 0.05; done; kill -TERM $!; wait $!"
+    ));
+    let run = run.exits(130);
+    assert!(!run.stderr.contains("stored"), "{run}");
+    lab.rmem(&["plan", "show", "last"]).exits(2);
+}
+
+#[test]
+fn one_planner_makes_no_table() {
+    assert_run!(race(&Lab::new(), "solvable", &["builtin"], &[]), @r"
+    (walk door window)
+    (push window corner)
+    (climb corner)
+    (switch-on corner)
+    ; cost = 4 (unit cost)
+    ------- stderr -------
+    [exit code: 0]
+    ");
+}
+
+/// A planner that writes a longer way first and ends, and one that writes a shorter way later.
+const WAYS: &str = "[planner.quick]\ncommand = [\"/bin/sh\", \"-c\", \"printf '(go a)\\\\n(go b)\\\\n; cost = 2 (unit cost)\\\\n' > {plan}\"]\noutput = \"downward\"\n\
+     [planner.slow]\ncommand = [\"/bin/sh\", \"-c\", \"sleep 1; printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\noutput = \"downward\"\n";
+
+#[test]
+fn a_race_with_anytime_goes_on_after_the_first_plan_and_the_best_wins() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", WAYS);
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:constants a b) (:predicates (at ?x) (there))
+         (:action go :parameters (?x) :precondition () :effect (and (at ?x) (when (at a) (there))))
+         (:action jump :parameters () :precondition () :effect (there)))",
+    );
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (there)))");
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", "quick", "--planner", "slow"];
+    let first = lab.rmem(&words).exits(0);
+    assert!(first.stdout.starts_with("(go a)\n(go b)\n"), "{first}");
+    let best = lab.rmem(&[&words[..], &["--anytime"]].concat()).exits(0);
+    assert!(best.stdout.starts_with("(jump)\n") && row(&best, "slow").ends_with("wins"), "{best}");
+    assert!(row(&best, "quick").contains("success"), "{best}");
+}
+
+#[test]
+fn anytime_is_refused_where_no_planner_improves_its_plan() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :durative-actions) (:predicates (there))
+         (:durative-action go :parameters () :duration (= ?duration 2) :condition () :effect (at end (there))))",
+    );
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (there)))");
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"];
+    assert_run!(lab.rmem(&[&words[..], &["--anytime"]].concat()), @r"
+    ------- stderr -------
+    error: builtin cannot improve a plan of this task; leave out --anytime
+    [exit code: 2]
+    ");
+    let found = lab.rmem(&words).success();
+    assert!(found.contains("; makespan = 2"), "{found}");
+}

@@ -1,0 +1,100 @@
+//! plan show: the printed forms of stored plans, and their drawings.
+
+use crate::lab::{Lab, assert_run, plan};
+
+#[test]
+fn a_stored_plan_is_shown_in_every_format() {
+    let lab = Lab::new();
+    let text = plan(&lab, &["-q"]).success();
+    assert_eq!(lab.rmem(&["plan", "show", "last"]).success(), text);
+    let show = |format| lab.rmem(&["plan", "show", "last", "--format", format]);
+    assert_run!(show("document"), @r#"
+    {"_id":{"$oid":"[ID]"},"plan":"success","1":{"action":"stack","x":"B","y":"C"},"2":{"action":"unstack","x":"D","y":"A"},"3":{"action":"putdown","x":"D"},"4":{"action":"pickup","x":"A"},"5":{"action":"stack","x":"A","y":"B"}}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(show("dot"), @r#"
+    digraph "[ID]" {
+      node [shape=box];
+      init [shape=circle, label=""];
+      s1 [label="1: (stack B C)"];
+      s2 [label="2: (unstack D A)"];
+      s3 [label="3: (putdown D)"];
+      s4 [label="4: (pickup A)"];
+      s5 [label="5: (stack A B)"];
+      goal [shape=doublecircle, label=""];
+      s1 -> s2 [label="(hand-empty)"];
+      s2 -> s3 [label="(holding d)"];
+      s3 -> s4 [label="(hand-empty)"];
+      s4 -> s5 [label="(holding a)"];
+      init -> s1;
+      s5 -> goal;
+    }
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(show("clips"), @r"
+    (plan (id [ID]) (cost 5.0))
+    (plan-action (id 1) (plan-id [ID]) (name stack) (arguments B C) (status FORMULATED))
+    (plan-action (id 2) (plan-id [ID]) (name unstack) (arguments D A) (status FORMULATED))
+    (plan-action (id 3) (plan-id [ID]) (name putdown) (arguments D) (status FORMULATED))
+    (plan-action (id 4) (plan-id [ID]) (name pickup) (arguments A) (status FORMULATED))
+    (plan-action (id 5) (plan-id [ID]) (name stack) (arguments A B) (status FORMULATED))
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    assert_run!(show("ff"), @r"
+    ff: found legal plan as follows
+
+    step    0: stack B C
+            1: unstack D A
+            2: putdown D
+            3: pickup A
+            4: stack A B
+         
+    plan cost: 5.000000
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    // The report has times and the drawing has places; their tests are elsewhere.
+    for (format, mark) in [("json", "{\"id\":"), ("svg", "<svg ")] {
+        let shown = show(format).success();
+        assert!(shown.contains(mark), "{format}: {shown}");
+    }
+}
+
+#[test]
+fn a_plan_is_drawn_in_lanes_with_its_causal_links() {
+    let lab = Lab::new();
+    plan(&lab, &[]).exits(0);
+    lab.rmem(&["plan", "step", "last", "1", "--started"]).exits(0);
+    lab.rmem(&["plan", "step", "last", "1", "--done"]).exits(0);
+    let svg = lab.rmem(&["plan", "show", "last", "--format", "svg"]).success();
+    for part in [
+        "5 steps",
+        ">1 stack<",
+        ">makes true what is needed<",
+        "fill=\"#c3e6d8\"",
+        "marker-end=\"url(#arrow)\"",
+        "<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>",
+    ] {
+        assert!(svg.contains(part), "no {part} in {svg}");
+    }
+    // Block B is put on C once: three blocks are moved, and each has a lane.
+    assert_eq!(svg.matches("font-weight=\"bold\">A<").count(), 1, "{svg}");
+    let lanes = lab.rmem(&["plan", "show", "last", "--format", "svg", "--lanes", "action"]).success();
+    assert!(lanes.contains("font-weight=\"bold\">unstack<"), "{lanes}");
+    let timeline = lab.rmem(&["plan", "show", "last", "--format", "timeline"]).success();
+    assert!(timeline.contains(">planned<") && timeline.contains(">done<"), "{timeline}");
+}
+
+#[test]
+fn the_graph_of_a_plan_is_its_partial_order() {
+    let lab = Lab::new();
+    plan(&lab, &[]).exits(0);
+    let dot = lab.rmem(&["plan", "show", "last", "--format", "dot"]).success();
+    // (unstack D A) needs the hand that (stack B C) leaves empty.
+    assert!(dot.contains("s1 -> s2 [label="), "{dot}");
+    assert!(dot.contains("init -> s1;") && dot.contains("s5 -> goal;"), "{dot}");
+    assert!(!dot.contains("s1 -> s5"), "what follows from others is left out: {dot}");
+}

@@ -1,0 +1,137 @@
+//! plan --watch.
+
+use super::STACKED;
+use crate::lab::{Lab, TASK};
+
+/// `rmem plan --watch` on the blocks world, and what it prints.
+struct Watcher {
+    child: std::process::Child,
+    plans: std::io::Lines<std::io::BufReader<std::process::ChildStdout>>,
+    messages: std::io::Lines<std::io::BufReader<std::process::ChildStderr>>,
+}
+
+impl Watcher {
+    /// Starts it, and waits until it watches.
+    fn new(lab: &Lab) -> Self {
+        Self::with(lab, &[])
+    }
+
+    fn with(lab: &Lab, more: &[&str]) -> Self {
+        use std::io::{BufRead as _, BufReader};
+        let mut command = std::process::Command::new(crate::lab::rmem());
+        lab.isolate(&mut command);
+        let command = command.args([&["plan", "--watch"], &TASK[2..], more].concat());
+        let pipes = command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+        let mut child = pipes.spawn().unwrap();
+        let plans = BufReader::new(child.stdout.take().unwrap()).lines();
+        let messages = BufReader::new(child.stderr.take().unwrap()).lines();
+        let mut watcher = Self { child, plans, messages };
+        assert_eq!(watcher.messages_until("watching").last().unwrap(), "watching robmem.worldmodel");
+        watcher
+    }
+
+    /// The lines on stderr up to one with this text.
+    fn messages_until(&mut self, text: &str) -> Vec<String> {
+        let mut lines = Vec::new();
+        loop {
+            lines.push(self.messages.next().unwrap_or_else(|| panic!("no {text}: {lines:?}")).unwrap());
+            if lines.last().unwrap().contains(text) {
+                return lines;
+            }
+        }
+    }
+
+    /// The next plan that is printed.
+    fn plan(&mut self) -> Vec<String> {
+        let mut lines = Vec::new();
+        loop {
+            lines.push(self.plans.next().unwrap().unwrap());
+            if lines.last().unwrap().starts_with("; cost") {
+                return lines;
+            }
+        }
+    }
+
+    fn interrupt(mut self) -> i32 {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+        self.child.wait().unwrap().code().unwrap()
+    }
+}
+
+#[test]
+fn a_watch_plans_again_only_where_the_plan_does_not_hold() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let mut watcher = Watcher::new(&lab);
+    assert_eq!(watcher.plan().len(), 6);
+    // What the plan does not care about, and a step that is begun, done and noted: it still holds.
+    lab.rmem(&["insert", "robmem.worldmodel", "{relation: 'weather', is: 'fine'}"]).success();
+    lab.rmem(&["plan", "step", "last", "1", "--started"]).success();
+    STACKED.iter().for_each(|line| drop(lab.shell(line).success()));
+    lab.rmem(&["plan", "step", "last", "1", "--done"]).success();
+    // Now a new block lies on D, which the next step wants to take.
+    let block = ["{relation: 'on', object_top: 'E', object_bottom: 'D'}", "{relation: 'clear', object: 'E'}"];
+    lab.rmem(&[&["insert", "robmem.worldmodel"], &block[..]].concat()).success();
+    lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
+    let lines = watcher.messages_until("does not hold");
+    assert!(lines.last().unwrap().contains("step 2: (unstack D A)"), "{lines:?}");
+    watcher.messages_until("stored in");
+    let plan = watcher.plan();
+    assert_eq!(plan[0], "(unstack E D)", "{plan:?}");
+    assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "2\n");
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
+fn what_changes_during_a_step_is_looked_at_when_it_has_ended() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let mut watcher = Watcher::new(&lab);
+    watcher.plan();
+    lab.rmem(&["plan", "step", "last", "1", "--started"]).success();
+    STACKED.iter().for_each(|line| drop(lab.shell(line).success()));
+    let block = ["{relation: 'on', object_top: 'E', object_bottom: 'D'}", "{relation: 'clear', object: 'E'}"];
+    lab.rmem(&[&["insert", "robmem.worldmodel"], &block[..]].concat()).success();
+    lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
+    // Longer than a watch waits for quiet.
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    lab.rmem(&["plan", "step", "last", "1", "--done"]).success();
+    watcher.messages_until("does not hold");
+    assert_eq!(watcher.plan()[0], "(unstack E D)");
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
+fn a_watch_follows_what_facts_are_computed_from() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.blocks", "--load", "fixtures/blocksworld-geometric.json"]).success();
+    let mut watcher = Watcher::with(&lab, &["--config", "fixtures/blocksworld-geometric.toml"]);
+    assert_eq!(watcher.plan()[0], "(stack B C)");
+    // The camera sees that D has fallen from A.
+    let fallen = "{$set: {translation: [0.6, -0.2, 0.0]}}";
+    lab.rmem(&["update", "robmem.blocks", "{block: 'D'}", fallen]).success();
+    lab.rmem(&["update", "robmem.blocks", "{block: 'A'}", "{$set: {visible: true}}"]).success();
+    watcher.messages_until("does not hold");
+    assert_eq!(watcher.plan().len(), 4, "nothing has to be taken from A");
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
+fn a_watch_waits_for_a_world_in_which_there_is_a_plan() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let mut watcher = Watcher::new(&lab);
+    watcher.plan();
+    lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}", "--many"]).success();
+    watcher.messages_until("no plan: ");
+    lab.rmem(&[
+        "insert",
+        "robmem.worldmodel",
+        "{relation: 'on-table', object: 'C'}",
+        "{relation: 'clear', object: 'C'}",
+    ])
+    .success();
+    assert_eq!(watcher.plan().len(), 6);
+    assert_eq!(watcher.interrupt(), 130);
+}

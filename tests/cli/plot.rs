@@ -1,0 +1,64 @@
+//! plot.
+
+use crate::lab::{Lab, assert_run, kitchen};
+
+#[test]
+fn documents_are_drawn_as_svg_and_png() {
+    let lab = Lab::new();
+    kitchen(&lab, &["plot", "robmem.worldmodel", "--kind", "map", "--by", "type", "-o", "map.svg"]).exits(0);
+    let svg = lab.read("map.svg");
+    for part in ["<svg", ">red-cup<", ">surface<", ">x (m)<", ">robmem.worldmodel<"] {
+        assert!(svg.contains(part), "no {part} in {svg}");
+    }
+    let bars =
+        ["plot", "robmem.worldmodel", "[{$group: {_id: '$type', n: {$sum: 1}}}]", "--kind", "bars", "--x", "_id"];
+    kitchen(&lab, &[&bars[..], &["--y", "n", "-o", "bars.png"]].concat()).exits(0);
+    let png = std::fs::read(lab.path().join("bars.png")).unwrap();
+    assert!(png.starts_with(b"\x89PNG\r\n\x1a\n"));
+    lab.write(
+        "jobs.json",
+        "{\"a.jobs\": [{\"name\": \"fetch\", \"from\": 1, \"to\": 5}, {\"name\": \"place\", \"from\": 5, \"to\": 7}]}",
+    );
+    let timeline = ["--memory", "mem:", "--load", "jobs.json", "plot", "a.jobs", "--kind", "timeline", "-o", "-"];
+    let svg = lab.rmem(&timeline).success();
+    assert!(svg.contains(">fetch<") && svg.contains(">time (s)<"), "{svg}");
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_and_leaves_no_file() {
+    let lab = Lab::new();
+    let plot = |args: &[&str]| kitchen(&lab, &[&["plot", "robmem.worldmodel", "-o", "out.svg"], args].concat());
+    assert_run!(plot(&["--x", "nothing", "--y", "mass"]), @r"
+    ------- stderr -------
+    6 of 6 documents have not what is drawn and are left out
+    error: no document of robmem.worldmodel has what is drawn; see the fields with rmem schema robmem.worldmodel
+    [exit code: 3]
+    ");
+    assert_run!(plot(&["--x", "translation.0", "--y", "mass", "--kind", "scatter"]), @r"
+    ------- stderr -------
+    4 of 6 documents have not what is drawn and are left out
+    [exit code: 0]
+    ");
+    std::fs::remove_file(lab.path().join("out.svg")).unwrap();
+    assert_run!(plot(&["--x", "mass"]), @r"
+    ------- stderr -------
+    error: expected --x FIELD and --y FIELD; see the fields with rmem schema NS
+    [exit code: 2]
+    ");
+    assert_run!(plot(&["--x", "mass", "--y", "mass", "--size", "0x0"]), @r"
+    ------- stderr -------
+    error: invalid value '0x0' for '--size <WxH>': `0x0` is no size; expected WIDTHxHEIGHT in pixels, 100 to 10000 each, like 800x500
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+    assert_run!(plot(&["[{$nonsense: 1}]", "--x", "mass", "--y", "mass"]), @r"
+    ------- stderr -------
+    error: <pipeline>:1:3: unrecognized pipeline stage name: '$nonsense'
+      |
+    1 | [{$nonsense: 1}]
+      |   ^^^^^^^^^
+    [exit code: 3]
+    ");
+    assert!(!lab.path().join("out.svg").exists());
+}

@@ -1,0 +1,82 @@
+//! repair, and damaged memories.
+
+use rusqlite::Connection;
+
+use crate::lab::{Lab, assert_run};
+
+/// A folder with a memory of three documents and an index in `robot.rmem`.
+pub(crate) fn lab() -> Lab {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "a.b", "[{_id: 1, n: 1}, {_id: 2, n: 2}, {_id: 3, n: 3}]"]).success();
+    lab.rmem(&["index", "a.b", "{n: 1}"]).success();
+    lab
+}
+
+pub(crate) fn sql(lab: &Lab, file: &str, statements: &str) {
+    Connection::open(lab.path().join(file)).unwrap().execute_batch(statements).unwrap();
+}
+
+/// Changes a byte inside of the document with `_id: 2`.
+pub(crate) const DAMAGE: &str = "UPDATE documents_1 SET body = CAST(substr(body, 1, 20) || x'2a' || substr(body, 22) AS BLOB) \
+     WHERE position = 2";
+
+#[test]
+fn repair_makes_indexes_anew() {
+    let lab = lab();
+    sql(&lab, "robot.rmem", "DELETE FROM entries_1");
+    assert_eq!(lab.rmem(&["count", "a.b", "{n: 2}"]).success(), "0\n");
+    assert_eq!(lab.rmem(&["repair"]).success(), "1 collections, 3 documents, 1 indexes\n");
+    assert_eq!(lab.rmem(&["count", "a.b", "{n: 2}"]).success(), "1\n");
+    lab.rmem(&["doctor", "--deep"]).success();
+}
+
+#[test]
+fn repair_copies_what_can_be_read() {
+    let lab = lab();
+    sql(&lab, "robot.rmem", DAMAGE);
+    let repaired = lab.rmem(&["repair", "-o", "saved.rmem"]).exits(1).stdout;
+    let expected = "1 collections, 2 documents, 1 indexes\nlost: a.b: the document with _id 2: its checksum is wrong\n";
+    assert_eq!(repaired, expected);
+    let saved = lab.rmem(&["--memory", "file:saved.rmem", "query", "a.b", "{n: {$gt: 0}}"]).success();
+    assert_eq!(saved, "{\"_id\":1,\"n\":1}\n{\"_id\":3,\"n\":3}\n");
+    lab.rmem(&["--memory", "file:saved.rmem", "doctor", "--deep"]).success();
+    assert_run!(lab.rmem(&["repair", "-o", "saved.rmem"]), @r"
+    ------- stderr -------
+    error: file:saved.rmem: exists already; name a file that does not exist yet
+    [exit code: 4]
+    ");
+}
+
+#[test]
+fn repair_reads_around_damaged_pages() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let lines: String = (0..2_000).map(|n| format!("{{_id: {n}, pad: '{}'}}\n", "x".repeat(200))).collect();
+    lab.rmem_with(&["insert", "a.b"], &lines).success();
+    let path = lab.path().join("robot.rmem");
+    let mut bytes = std::fs::read(&path).unwrap();
+    // A page in the middle of the file is overwritten.
+    let (page, at) = (4096, bytes.len() / 4096 / 2);
+    bytes[at * page..(at + 1) * page].fill(0xff);
+    std::fs::write(&path, bytes).unwrap();
+    lab.rmem(&["doctor", "--deep"]).exits(4);
+    lab.rmem(&["repair", "-o", "saved.rmem"]).exits(1);
+    let count = lab.rmem(&["--memory", "file:saved.rmem", "count", "a.b"]).success();
+    let count: usize = count.trim().parse().unwrap();
+    assert!((1_900..2_000).contains(&count), "{count}");
+}
+
+#[test]
+fn a_file_of_version_1_gets_checksums_as_it_is_changed() {
+    let lab = lab();
+    // As version 1 stored documents: without the checksum of 8 bytes.
+    sql(&lab, "robot.rmem", "UPDATE documents_1 SET body = substr(body, 1, length(body) - 8); PRAGMA user_version = 1");
+    assert_eq!(lab.rmem(&["count", "a.b"]).success(), "3\n");
+    lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 5}}"]).success();
+    let found = lab.rmem(&["doctor", "--deep"]).success();
+    // The other lines differ with the machine.
+    let expected = "3 documents, 2 of them without a checksum (stored by an earlier rmem), 1 indexes";
+    assert!(found.contains(expected), "{found}");
+    let version = Connection::open(lab.path().join("robot.rmem")).unwrap();
+    let version: i32 = version.query_row("PRAGMA user_version", [], |row| row.get(0)).unwrap();
+    assert_eq!(version, 2);
+}

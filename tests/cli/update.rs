@@ -1,0 +1,97 @@
+//! update and delete of one document or many; replacement.
+
+use crate::lab::{assert_run, three_documents};
+
+#[test]
+fn update_changes_the_first_match_or_all() {
+    let lab = three_documents();
+    let update = |more: &[&str]| {
+        let mut args = vec!["update", "robmem.worldmodel", "{relation: 'on-table'}", "{$inc: {n: 1}}"];
+        args.extend(more);
+        lab.rmem(&args).success()
+    };
+    assert_eq!(update(&[]), "{\"matched\":1,\"modified\":1}\n");
+    assert_eq!(update(&["--many"]), "{\"matched\":2,\"modified\":2}\n");
+    let text = lab.rmem(&["update", "robmem.worldmodel", "{_id: 9}", "{$set: {a: 1}}", "--upsert"]).success();
+    assert_eq!(text, "{\"matched\":0,\"modified\":0,\"upserted\":9}\n");
+    let text = lab.rmem(&["update", "robmem.worldmodel", "{_id: 9}", "[{$set: {b: {$add: ['$a', 1]}}}]"]).success();
+    assert_eq!(text, "{\"matched\":1,\"modified\":1}\n");
+}
+
+#[test]
+fn update_and_delete_change_one_document_and_say_how_many_more_match() {
+    let lab = three_documents();
+    let update = ["update", "robmem.worldmodel", "{relation: 'on-table'}", "{$set: {seen: true}}"];
+    assert_run!(lab.rmem(&update), @r#"
+    {"matched":1,"modified":1}
+    ------- stderr -------
+    1 of 2 that match; --many for all
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&[&update[..], &["--many"]].concat()), @r#"
+    {"matched":2,"modified":1}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let delete = ["delete", "robmem.worldmodel", "{relation: 'on-table'}"];
+    assert_run!(lab.rmem(&delete), @r#"
+    1
+    ------- stderr -------
+    1 of 2 that match; --many for all
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&delete), @r#"
+    1
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["delete", "robmem.worldmodel"]), @r#"
+    ------- stderr -------
+    error: an empty query matches every document of robmem.worldmodel; expected a query, or --all
+    [exit code: 2]
+    "#);
+    assert_run!(lab.rmem(&["delete", "robmem.worldmodel", "--all"]), @r#"
+    1
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["count", "robmem.worldmodel"]), @r#"
+    0
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn a_whole_document_replaces_another_only_with_replace() {
+    let lab = three_documents();
+    let update = ["update", "robmem.worldmodel", "{_id: 1}", "{object: 'Z'}"];
+    assert_run!(lab.rmem(&update), @r#"
+    ------- stderr -------
+    error: <update>:1:1: expected update operators, found a whole document
+      |
+    1 | {object: 'Z'}
+      | ^^^^^^^^^^^^^
+      = hint: write {$set: {…}} to change fields, or --replace to replace the document as a whole
+    [exit code: 3]
+    "#);
+    assert_run!(lab.rmem(&[&update[..], &["--replace"]].concat()), @r#"
+    {"matched":1,"modified":1}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["query", "robmem.worldmodel", "{_id: 1}"]), @r#"
+    {"_id":1,"object":"Z"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["update", "robmem.worldmodel", "{_id: 1}", "{$set: {a: 1}}", "--replace"]), @r#"
+    ------- stderr -------
+    error: <update>:1:1: expected a whole document for --replace
+      |
+    1 | {$set: {a: 1}}
+      | ^^^^^^^^^^^^^^
+      = hint: leave --replace out for operators and pipelines
+    [exit code: 3]
+    "#);
+}
