@@ -104,7 +104,7 @@ fn a_failure_under_drop_leaves_the_old_content() {
     assert_run!(lab.rmem(&["restore", "dump", "--drop"]), @r"
     ------- stderr -------
     error: cannot restore robmem.blocks; nothing was changed
-      caused by: robmem.restoring_028e9ae4-0a14-48de-b98d-640780d5ddd0_pid:[4026531836]_15609_1333873_6b02cb4c8f2b64f7856353ba already has a document with _id: 2
+      caused by: robmem.blocks already has a document with _id: 2
     [exit code: 5]
     ");
     assert_eq!(all(&lab), before);
@@ -298,7 +298,7 @@ fn a_world_file_takes_no_index_away() {
     assert_run!(lab.rmem(&["restore", "twins.json", "--drop"]), @r#"
     ------- stderr -------
     error: cannot restore robmem.objects; nothing was changed
-      caused by: robmem.restoring_028e9ae4-0a14-48de-b98d-640780d5ddd0_pid:[4026531836]_15725_1334005_6b02cb4ee50cc4392bbbf0c8 already has a document with name: "jar" (unique index name_1)
+      caused by: robmem.objects already has a document with name: "jar" (unique index name_1)
     [exit code: 5]
     "#);
     assert_eq!(lab.rmem(&["query", "robmem.objects"]).success(), "{\"_id\":1,\"name\":\"cup\"}\n");

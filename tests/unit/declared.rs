@@ -43,12 +43,12 @@ fn declaration(file: &Path, root: &Path, first: &str) -> (PathBuf, String) {
     (parent, stem(module))
 }
 
-/// Whether a line is `mod NAME;`, of whatever visibility.
+/// Whether a line is `mod NAME;` of any visibility, or names the file of a module.
 fn declares(line: &str, name: &str) -> bool {
     let line = line.trim();
-    line.strip_suffix(';')
-        .and_then(|line| line.rsplit_once("mod "))
-        .is_some_and(|(before, module)| module == name && (before.is_empty() || before.starts_with("pub")))
+    let module = line.strip_suffix(';').and_then(|line| line.rsplit_once("mod "));
+    module.is_some_and(|(before, module)| module == name && (before.is_empty() || before.starts_with("pub")))
+        || (line.starts_with("#[") && line.contains("path = ") && line.contains(&format!("/{name}.rs\"")))
 }
 
 /// The Rust files below a folder.
