@@ -97,7 +97,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "WORLD")]
     pub load: Vec<PathBuf>,
     /// Output format; see the help of each command [env: RMEM_FORMAT]
-    #[arg(long, global = true, value_name = "FORMAT", hide_possible_values = true)]
+    #[arg(long, global = true, value_name = "FORMAT", hide_possible_values = true, value_parser = formats::any())]
     pub format: Option<Format>,
     /// Default collection (default: robmem.worldmodel) [env: RMEM_COLLECTION]
     #[arg(long, global = true, value_name = "NS")]

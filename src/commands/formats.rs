@@ -1,8 +1,9 @@
 //! The formats of commands: `--format` with a list of its own in each help.
 
 use clap::Arg;
-use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 
+use crate::formats::scene::SPELLINGS;
 use crate::output::Format;
 
 /// The formats of documents.
@@ -30,11 +31,21 @@ pub(crate) const STORED_PLAN: [Format; 8] = [
     Format::Timeline,
 ];
 /// The formats of scenes.
-pub(crate) const SCENE: [Format; 7] =
-    [Format::Json, Format::MoveIt, Format::MoveItMessage, Format::Mjcf, Format::Sdf, Format::Urdf, Format::OpenRave];
+pub(crate) const SCENE: [Format; SPELLINGS.len()] = scenes();
 
 /// The formats of operations on a scene.
-pub(crate) const SCENE_OPERATIONS: [Format; 2] = [Format::Jsonl, Format::MoveItMessage];
+pub(crate) const SCENE_OPERATIONS: [Format; 2] = [Format::Jsonl, Format::MOVEIT_MESSAGE];
+
+/// The formats of scenes, the first of which, JSON, is one of documents as well.
+const fn scenes() -> [Format; SPELLINGS.len()] {
+    let mut formats = [Format::Json; SPELLINGS.len()];
+    let mut at = 1;
+    while at < formats.len() {
+        formats[at] = Format::Scene(SPELLINGS[at].name);
+        at += 1;
+    }
+    formats
+}
 
 /// The id of the argument on the command line.
 pub(crate) const ID: &str = "format";
@@ -57,7 +68,12 @@ pub(crate) fn argument(formats: &[Format]) -> Arg {
 
 /// Returns the hidden `--format` of a command that has none.
 pub(crate) fn none() -> Arg {
-    global().hide(true).value_parser(clap::value_parser!(Format))
+    global().hide(true).value_parser(any())
+}
+
+/// Reads the name of any format.
+pub(crate) fn any() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::all().map(Format::name)).try_map(|name| name.parse::<Format>())
 }
 
 fn global() -> Arg {

@@ -1,4 +1,6 @@
 //! Complaints about a place in a text: `path:line:column`, the line, a caret.
+//!
+//! Rendered here, because annotate-snippets puts the place below the message and not before it, where editors look for it.
 
 use std::fmt;
 use std::sync::Arc;

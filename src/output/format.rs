@@ -2,12 +2,11 @@
 
 use std::str::FromStr;
 
-use clap::ValueEnum;
-
+use crate::formats::scene::{SPELLINGS, message};
 use crate::input::UsageError;
 
 /// How results are printed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Format {
     /// One document a line, relaxed Extended JSON.
     Jsonl,
@@ -35,24 +34,38 @@ pub enum Format {
     Svg,
     /// A drawing of what was planned above what was done.
     Timeline,
-    /// A scene in MoveIt's `.scene` format.
-    #[value(name = "moveit")]
-    MoveIt,
-    /// A scene as MoveIt's message `PlanningScene`.
-    #[value(name = "moveit-msg")]
-    MoveItMessage,
-    /// A scene for MuJoCo.
-    Mjcf,
-    /// A scene for Gazebo and Drake.
-    Sdf,
-    /// A scene as a robot description of ROS.
-    Urdf,
-    /// A scene for OpenRAVE.
-    #[value(name = "openrave")]
-    OpenRave,
+    /// A scene, in the format of that name ([`SPELLINGS`]).
+    Scene(&'static str),
 }
 
+/// All but those of scenes.
+const OWN: &[Format] = &[
+    Format::Jsonl,
+    Format::Json,
+    Format::Canonical,
+    Format::Table,
+    Format::Csv,
+    Format::Tsv,
+    Format::Text,
+    Format::Clips,
+    Format::Ff,
+    Format::Document,
+    Format::Dot,
+    Format::Svg,
+    Format::Timeline,
+];
+
 impl Format {
+    /// A scene as MoveIt's message `PlanningScene`.
+    pub const MOVEIT_MESSAGE: Self = Self::Scene(message::SPELLING.name);
+
+    /// Returns all formats. One of scenes that has the name of another format is that one.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let scenes = SPELLINGS.iter().map(|spelling| spelling.name);
+        let scenes = scenes.filter(|name| OWN.iter().all(|own| own.name() != *name));
+        OWN.iter().copied().chain(scenes.map(Self::Scene))
+    }
+
     /// Returns the word on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -70,12 +83,7 @@ impl Format {
             Self::Dot => "dot",
             Self::Svg => "svg",
             Self::Timeline => "timeline",
-            Self::MoveIt => "moveit",
-            Self::MoveItMessage => "moveit-msg",
-            Self::Mjcf => "mjcf",
-            Self::Sdf => "sdf",
-            Self::Urdf => "urdf",
-            Self::OpenRave => "openrave",
+            Self::Scene(name) => name,
         }
     }
 }
@@ -84,9 +92,8 @@ impl FromStr for Format {
     type Err = UsageError;
 
     fn from_str(name: &str) -> Result<Self, UsageError> {
-        let formats = Self::value_variants();
-        formats.iter().copied().find(|format| format.name() == name).ok_or_else(|| {
-            let known: Vec<_> = formats.iter().map(|format| format.name()).collect();
+        Self::all().find(|format| format.name() == name).ok_or_else(|| {
+            let known: Vec<_> = Self::all().map(Self::name).collect();
             UsageError::new(format!("unknown format `{name}`; expected one of {}", known.join(", ")))
         })
     }

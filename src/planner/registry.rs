@@ -10,7 +10,7 @@ use super::{Builtin, Configured, FastDownward, Ff, Planner};
 type Make = fn(&Registry, bool) -> Box<dyn Planner>;
 
 /// The planners that need no configuration, one line each.
-const OWN: [(&str, Make); 3] = [
+const OWN: &[(&str, Make)] = &[
     ("builtin", |_, anytime| Box::new(Builtin { anytime })),
     ("ff", |registry, _| Box::new(registry.ff())),
     ("fast-downward", |_, anytime| Box::new(FastDownward::configured(anytime))),

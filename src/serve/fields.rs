@@ -62,7 +62,19 @@ impl<'a> Fields<'a> {
         self.only(rest.find(|name| !names.contains(name) && !GENERIC.contains(name)))
     }
 
+    /// Takes some fields, and refuses those that MongoDB knows and this rmem has no word for.
+    pub(super) fn check(self, taken: &[&str], refused: &[&str]) -> Result<(), Failure> {
+        self.known(&[taken, refused].concat())?;
+        self.refuse(refused)
+    }
+
     /// The same for a document in a command, which has no name in front.
+    pub(super) fn check_inside(self, taken: &[&str], refused: &[&str]) -> Result<(), Failure> {
+        self.known_inside(&[taken, refused].concat())?;
+        self.refuse(refused)
+    }
+
+    /// Refuses fields that MongoDB does not know in a document of a command.
     pub(super) fn known_inside(self, names: &[&str]) -> Result<(), Failure> {
         self.only(self.document.keys().map(String::as_str).find(|name| !names.contains(name)))
     }

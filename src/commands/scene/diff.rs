@@ -76,7 +76,7 @@ fn print(
     format: Format,
     context: &mut Context<'_>,
 ) -> std::io::Result<()> {
-    if format == Format::MoveItMessage {
+    if format == Format::MOVEIT_MESSAGE {
         return context.output.stdout().write_all(write_operations(operations, frame).as_bytes());
     }
     operations.iter().try_for_each(|operation| context.output.line(&line(&operation.to_document(frame))))

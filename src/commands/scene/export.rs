@@ -49,7 +49,7 @@ pub struct ExportArgs {
 
 pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&FORMATS)?;
-    if args.diff && format != Format::MoveItMessage {
+    if args.diff && format != Format::MOVEIT_MESSAGE {
         return Err(UsageError::new("--diff is for --format moveit-msg").into());
     }
     let spelling = spelling(format)?;

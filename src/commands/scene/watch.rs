@@ -99,7 +99,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
 fn print(operations: &[Operation], frame: &str, format: Format, context: &mut Context<'_>) -> Result<u64> {
     for operation in operations {
         let text = match format {
-            Format::MoveItMessage => write_operations(std::slice::from_ref(operation), Some(frame)),
+            Format::MOVEIT_MESSAGE => write_operations(std::slice::from_ref(operation), Some(frame)),
             _ => line(&operation.to_document(Some(frame))) + "\n",
         };
         context.output.stdout().write_all(text.as_bytes())?;

@@ -1,21 +1,29 @@
 //! The checksum of an archive over the documents of a collection: CRC-64 with the polynomial of
 //! ECMA-182, reflected, as xz has it.
 
-use crc64fast::Digest;
+use crc::{CRC_64_XZ, Crc, Digest, Table};
+
+static CRC_64: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_XZ);
 
 /// A checksum of bytes in several parts.
-#[derive(Clone, Default)]
-pub(super) struct Checksum(Digest);
+#[derive(Clone)]
+pub(super) struct Checksum(Digest<'static, u64, Table<16>>);
+
+impl Default for Checksum {
+    fn default() -> Self {
+        Self(CRC_64.digest())
+    }
+}
 
 impl Checksum {
     /// Adds bytes.
     pub(super) fn add(&mut self, bytes: &[u8]) {
-        self.0.write(bytes);
+        self.0.update(bytes);
     }
 
     /// The checksum as an archive writes it.
     pub(super) fn value(&self) -> i64 {
-        self.0.sum64().cast_signed()
+        self.0.clone().finalize().cast_signed()
     }
 }
 

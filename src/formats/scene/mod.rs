@@ -30,25 +30,25 @@ pub use pose::Pose;
 pub use shape::{Kind, Mesh, Shape, Solid, Triangles};
 pub use spelling::{Color, Content, Limits, Mass, Model, Spelling};
 
-/// All formats. The last takes what no other recognises.
-pub const SPELLINGS: [&Spelling; 7] = [
+/// All formats; JSON, the default, is the first. A text that several recognise is in the last of these.
+pub const SPELLINGS: &[&Spelling] = &[
+    &json::SPELLING,
+    &moveit::SPELLING,
+    &message::SPELLING,
     &mjcf::SPELLING,
     &sdf::SPELLING,
     &urdf::SPELLING,
     &openrave::SPELLING,
-    &message::SPELLING,
-    &json::SPELLING,
-    &moveit::SPELLING,
 ];
 
 /// The format of that name.
 #[must_use]
 pub fn by_name(name: &str) -> Option<&'static Spelling> {
-    SPELLINGS.into_iter().find(|spelling| spelling.name == name)
+    SPELLINGS.iter().copied().find(|spelling| spelling.name == name)
 }
 
 /// The format that a text looks like.
 #[must_use]
 pub fn recognize(text: &str) -> &'static Spelling {
-    SPELLINGS.into_iter().find(|spelling| (spelling.recognizes)(text)).unwrap_or(&moveit::SPELLING)
+    SPELLINGS.iter().rev().copied().find(|spelling| (spelling.recognizes)(text)).unwrap_or(&moveit::SPELLING)
 }

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::date;
-
-const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
 /// The document in relaxed Extended JSON, on one line, keys in the document's order.
 #[must_use]
@@ -89,7 +89,7 @@ impl Writer<'_> {
             Bson::Symbol(text) => self.wrapped("$symbol", |this| this.string(text)),
             Bson::Binary(binary) => {
                 let subtype = u8::from(binary.subtype);
-                let base64 = base64(&binary.bytes);
+                let base64 = STANDARD.encode(&binary.bytes);
                 self.wrapped("$binary", |this| {
                     this.fields(&[("base64", &base64), ("subType", &format!("{subtype:02x}"))]);
                 });
@@ -243,31 +243,5 @@ impl Writer<'_> {
         }
         self.out.push_str(&text[start..]);
         self.out.push('"');
-    }
-}
-
-/// Base64 with padding, RFC 4648 section 4.
-fn base64(bytes: &[u8]) -> String {
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let byte = |index: usize| u32::from(chunk.get(index).copied().unwrap_or(0));
-        let group = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for digit in 0..4 {
-            let six = (group >> (18 - 6 * digit)) as usize & 63;
-            text.push(if digit <= chunk.len() { char::from(BASE64[six]) } else { '=' });
-        }
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn encodes_base64_as_the_rfc_does() {
-        for (text, encoded) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(base64(text.as_bytes()), encoded);
-        }
     }
 }

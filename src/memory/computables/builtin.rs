@@ -4,4 +4,4 @@ use super::body::Builtin;
 use super::{nearest, transform};
 
 /// All builtin bodies.
-pub const BUILTINS: [Builtin; 2] = [transform::BUILTIN, nearest::BUILTIN];
+pub const BUILTINS: &[Builtin] = &[transform::BUILTIN, nearest::BUILTIN];

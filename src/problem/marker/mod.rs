@@ -1,5 +1,7 @@
 //! Expands templates in the Fawkes spelling.
 
+mod value;
+
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
@@ -15,6 +17,7 @@ use crate::formats::marker::{self, Node, QueryKind, Section};
 use crate::formats::{Diagnostic, Span, shell};
 use crate::memory::Memory;
 use crate::store::{Documents, Find, Namespace, StoreError};
+use value::{kind, resolve, spell};
 
 /// What Fawkes writes for a value that it has no text for.
 const INVALID: &str = "INVALID_VALUE_TYPE";
@@ -265,60 +268,4 @@ fn cut_short(error: Diagnostic) -> Diagnostic {
         return error.hint("a query ends at the first `>>`; write `\\u003e` for `>` in its strings");
     }
     error
-}
-
-/// The value of a flattened key: `position_translation_0` is `position.translation[0]`.
-/// A key that is there as it is goes before one that is put together. The key's length bounds the depth.
-fn resolve<'a>(document: &'a RawDocument, key: &str) -> Option<RawBsonRef<'a>> {
-    if let Some(value) = document.get(key).ok().flatten() {
-        return Some(value).filter(|value| !matches!(value, RawBsonRef::Document(_)));
-    }
-    for (name, value) in document.iter().filter_map(Result::ok) {
-        let Some(rest) = key.strip_prefix(name.as_str()).and_then(|rest| rest.strip_prefix('_')) else { continue };
-        if let Some(found) = inside(value, rest) {
-            return Some(found);
-        }
-    }
-    None
-}
-
-fn inside<'a>(value: RawBsonRef<'a>, key: &str) -> Option<RawBsonRef<'a>> {
-    match value {
-        RawBsonRef::Document(document) => resolve(document, key),
-        RawBsonRef::Array(array) => {
-            let (index, rest) = key.split_once('_').map_or((key, None), |(index, rest)| (index, Some(rest)));
-            let canonical = index == "0" || !index.starts_with(['0', '+']);
-            let element = array.get(index.parse().ok().filter(|_| canonical)?).ok().flatten()?;
-            match rest {
-                Some(rest) => inside(element, rest),
-                None => Some(element).filter(|element| !matches!(element, RawBsonRef::Document(_))),
-            }
-        }
-        _ => None,
-    }
-}
-
-/// A scalar as the marker spelling writes it, and whether it is a number.
-fn spell(value: RawBsonRef<'_>) -> Option<(String, bool)> {
-    Some(match value {
-        RawBsonRef::String(text) | RawBsonRef::Symbol(text) => (text.to_owned(), false),
-        RawBsonRef::Int32(number) => (number.to_string(), true),
-        RawBsonRef::Int64(number) => (number.to_string(), true),
-        RawBsonRef::Double(number) if number.is_finite() => (format!("{number:.6}"), true),
-        RawBsonRef::Boolean(flag) => (u8::from(flag).to_string(), true),
-        RawBsonRef::ObjectId(id) => (id.to_hex(), false),
-        _ => return None,
-    })
-}
-
-fn kind(value: RawBsonRef<'_>) -> &'static str {
-    match value {
-        RawBsonRef::Null => "null",
-        RawBsonRef::DateTime(_) => "a date",
-        RawBsonRef::RegularExpression(_) => "a regular expression",
-        RawBsonRef::Array(_) => "an array in an array",
-        RawBsonRef::Document(_) => "a document",
-        RawBsonRef::Double(_) => "not a finite number",
-        _ => "of a type",
-    }
 }

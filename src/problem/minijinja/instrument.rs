@@ -4,6 +4,9 @@
 //! template called it. So each `{{ x }}` becomes `{{( x )|_at(n)}}`, and each
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
+//!
+//! Tags are found by a scan of our own: minijinja gives its lexer only with the feature `unstable_machinery`, whose interface
+//! any release may change.
 
 use crate::formats::Span;
 

@@ -3,6 +3,8 @@
 //! Ints and doubles are numbers, and numbers come back as doubles. All other types of BSON are objects that come back
 //! as they were.
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use bson::oid::ObjectId;
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, DateTime, Document, Regex, Timestamp};
@@ -81,26 +83,12 @@ pub(super) fn to_value<'js>(
         View::ObjectId(id) => types.make("id", (id.to_hex(),)),
         View::Regex(pattern, options) => types.make("regex", (pattern, options)),
         View::Timestamp(time, increment) => types.make("timestamp", (time, increment)),
-        View::Binary(subtype, bytes) => types.make("binary", (subtype, base64(bytes))),
+        View::Binary(subtype, bytes) => types.make("binary", (subtype, STANDARD.encode(bytes))),
         View::Code(text) | View::CodeWithScope(text, _) => types.make("code", (text,)),
         View::MinKey => types.make("min", ()),
         View::MaxKey => types.make("max", ()),
         View::DbPointer(pointer) => pointer.text().into_js(ctx),
     }
-}
-
-/// Returns bytes in base64 (RFC 4648).
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for group in bytes.chunks(3) {
-        let bits = (0..3).fold(0u32, |bits, index| bits << 8 | u32::from(group.get(index).copied().unwrap_or(0)));
-        for index in 0..4u32 {
-            let digit = DIGITS.get((bits >> (18 - 6 * index) & 63) as usize).copied().unwrap_or(b'A');
-            text.push(if index as usize <= group.len() { char::from(digit) } else { '=' });
-        }
-    }
-    text
 }
 
 /// Returns a value of JavaScript as one of BSON.

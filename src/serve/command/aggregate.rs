@@ -21,17 +21,14 @@ pub(super) const COMMANDS: &[Command] =
 /// The collection of a pipeline that brings its own documents.
 const NO_COLLECTION: &str = "$cmd.aggregate";
 
-const FIELDS: [&str; 14] = [
+/// What is taken, or makes no difference here.
+const TAKEN: [&str; 10] = [
     "pipeline",
     "cursor",
     "explain",
     "allowDiskUse",
     "bypassDocumentValidation",
-    "collation",
     "hint",
-    "let",
-    "encryptionInformation",
-    "exchange",
     "fromMongos",
     "needsMerge",
     "isMapReduceCommand",
@@ -46,8 +43,7 @@ fn writes(request: &Request) -> bool {
 
 /// The collection, where there is one, and the stages.
 pub(super) fn pipeline(call: &Call, fields: Fields<'_>) -> Result<(Namespace, Vec<Document>), Failure> {
-    fields.known(&FIELDS)?;
-    fields.refuse(&["collation", "let", "encryptionInformation", "exchange"])?;
+    fields.check(&TAKEN, &["collation", "let", "encryptionInformation", "exchange"])?;
     let stages = fields.documents("pipeline")?.ok_or_else(|| fields.missing("pipeline"))?;
     let stages: Vec<Document> = stages.into_iter().cloned().collect();
     let ns = match call.request.target() {

@@ -20,32 +20,36 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::read("listCollections", list),
 ];
 
-const OPTIONS: [&str; 18] = [
+/// The options of `create` that make no difference here.
+const TAKEN: [&str; 8] = [
     "autoIndexId",
-    "capped",
     "changeStreamPreAndPostImages",
+    "flags",
+    "idIndex",
+    "indexOptionDefaults",
+    "storageEngine",
+    "validationAction",
+    "validationLevel",
+];
+
+/// What this rmem has no word for.
+const REFUSED: [&str; 11] = [
+    "capped",
     "clusteredIndex",
     "collation",
     "encryptedFields",
     "expireAfterSeconds",
-    "flags",
-    "idIndex",
-    "indexOptionDefaults",
     "max",
     "pipeline",
     "size",
-    "storageEngine",
     "timeseries",
-    "validationAction",
-    "validationLevel",
     "validator",
+    "viewOn",
 ];
 
 fn create(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&OPTIONS[..], &["viewOn"]].concat())?;
-    fields.refuse(&["capped", "clusteredIndex", "collation", "encryptedFields", "expireAfterSeconds", "max"])?;
-    fields.refuse(&["pipeline", "size", "timeseries", "validator", "viewOn"])?;
+    fields.check(&TAKEN, &REFUSED)?;
     if !memory.create_collection(&ns)? {
         let message = format!("Collection {ns} already exists.");
         return Err(Failure::new(codes::NAMESPACE_EXISTS, message));
@@ -92,8 +96,7 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
 /// Images of documents before and after changes are always kept; nothing else can be modified.
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&["changeStreamPreAndPostImages", "index", "validator", "validationLevel", "validationAction"])?;
-    fields.refuse(&["index", "validator"])?;
+    fields.check(&["changeStreamPreAndPostImages", "validationLevel", "validationAction"], &["index", "validator"])?;
     if !memory.all_collections()?.contains(&ns) {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
     }

@@ -15,8 +15,7 @@ pub(super) const COMMANDS: &[Command] = &[Command::write("delete", delete).trans
 
 fn delete(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&COMMON[..], &["deletes"]].concat())?;
-    fields.refuse(&["let"])?;
+    fields.check(&[&COMMON[..], &["deletes"]].concat(), &["let"])?;
     let (ordered, mut outcome) = (is_ordered(fields)?, Outcome::default());
     for (index, statement) in statements(fields, "deletes")?.into_iter().enumerate() {
         match delete_one(memory, call, &ns, Fields::new("delete.deletes", statement)) {
@@ -33,8 +32,7 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
 }
 
 fn delete_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) -> Result<u64, Failure> {
-    fields.known_inside(&["q", "limit", "collation", "hint"])?;
-    fields.refuse(&["collation"])?;
+    fields.check_inside(&["q", "limit", "hint"], &["collation"])?;
     super::index::check_hint(memory, ns, fields)?;
     let filter = fields.document("q")?.ok_or_else(|| fields.missing("q"))?;
     let first_only = match fields.whole("limit")? {

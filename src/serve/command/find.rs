@@ -15,7 +15,8 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::read("distinct", distinct).transactional(),
 ];
 
-const FIELDS: [&str; 23] = [
+/// What is taken, or makes no difference here.
+const TAKEN: [&str; 13] = [
     "filter",
     "projection",
     "sort",
@@ -28,16 +29,6 @@ const FIELDS: [&str; 23] = [
     "noCursorTimeout",
     "allowPartialResults",
     "oplogReplay",
-    "let",
-    "collation",
-    "max",
-    "min",
-    "returnKey",
-    "showRecordId",
-    "tailable",
-    "awaitData",
-    "ntoreturn",
-    "encryptionInformation",
     "runtimeConstants",
 ];
 
@@ -75,8 +66,7 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
 
 /// The query of a `find`.
 pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
-    fields.known(&FIELDS)?;
-    fields.refuse(&REFUSED)?;
+    fields.check(&TAKEN, &REFUSED)?;
     Ok(Find {
         filter: fields.document_or_empty("filter")?,
         sort: fields.document_or_empty("sort")?,
@@ -97,8 +87,7 @@ fn limit(fields: Fields<'_>) -> Result<(u64, bool), Failure> {
 
 fn count(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
-    fields.known(&["query", "limit", "skip", "hint", "fields", "collation", "encryptionInformation"])?;
-    fields.refuse(&["collation", "encryptionInformation"])?;
+    fields.check(&["query", "limit", "skip", "hint", "fields"], &["collation", "encryptionInformation"])?;
     let memory = host.memory()?;
     super::index::check_hint(memory, &ns, fields)?;
     let all = call.access(memory).count(&ns, &fields.document_or_empty("query")?)?;
@@ -112,8 +101,7 @@ fn count(host: &mut Host<'_>, call: &Call) -> Answer {
 
 fn distinct(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
-    fields.known(&["key", "query", "collation", "hint"])?;
-    fields.refuse(&["collation"])?;
+    fields.check(&["key", "query", "hint"], &["collation"])?;
     let key = fields.text("key")?.ok_or_else(|| fields.missing("key"))?;
     let values = call.access(host.memory()?).distinct(&ns, key, &fields.document_or_empty("query")?)?;
     raw(&doc! { "values": values })

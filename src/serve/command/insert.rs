@@ -12,7 +12,7 @@ pub(super) const COMMANDS: &[Command] = &[Command::write("insert", insert).trans
 
 fn insert(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&COMMON[..], &["documents"]].concat())?;
+    fields.known(&[&COMMON[..], &["let", "documents"]].concat())?;
     let (ordered, documents) = (is_ordered(fields)?, statements(fields, "documents")?);
     let (mut outcome, mut start) = (Outcome::default(), 0);
     // Documents are stored together, up to the next one that is refused.

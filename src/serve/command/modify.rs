@@ -13,7 +13,8 @@ use crate::store::{Find, Namespace, UpdateRequest, UpdateSpec};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("findAndModify", modify).transactional()];
 
-const FIELDS: [&str; 9] = ["query", "sort", "remove", "update", "new", "fields", "upsert", "arrayFilters", "collation"];
+/// What is taken beside [`COMMON`].
+const TAKEN: [&str; 9] = ["query", "sort", "remove", "update", "new", "fields", "upsert", "arrayFilters", "hint"];
 
 /// What is to be done with the first document that matches.
 struct Modification {
@@ -28,8 +29,7 @@ struct Modification {
 
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&COMMON[..], &FIELDS, &["hint"]].concat())?;
-    fields.refuse(&["collation", "let"])?;
+    fields.check(&[&COMMON[..], &TAKEN].concat(), &["collation", "let"])?;
     super::index::check_hint(memory, &ns, fields)?;
     let modification = Modification {
         query: fields.document_or_empty("query")?,

@@ -14,8 +14,7 @@ pub(super) const COMMANDS: &[Command] = &[Command::write("update", update).trans
 
 fn update(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&COMMON[..], &["updates"]].concat())?;
-    fields.refuse(&["let"])?;
+    fields.check(&[&COMMON[..], &["updates"]].concat(), &["let"])?;
     let ordered = is_ordered(fields)?;
     let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
     for (index, statement) in statements(fields, "updates")?.into_iter().enumerate() {
@@ -48,19 +47,8 @@ pub(super) fn is_of_command(failure: &Failure) -> bool {
 }
 
 fn update_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) -> Result<Updated, Failure> {
-    fields.known_inside(&[
-        "q",
-        "u",
-        "c",
-        "arrayFilters",
-        "multi",
-        "upsert",
-        "collation",
-        "hint",
-        "upsertSupplied",
-        "sort",
-    ])?;
-    fields.refuse(&["c", "collation", "sort", "upsertSupplied"])?;
+    let taken = ["q", "u", "arrayFilters", "multi", "upsert", "hint"];
+    fields.check_inside(&taken, &["c", "collation", "sort", "upsertSupplied"])?;
     super::index::check_hint(memory, ns, fields)?;
     let request = UpdateRequest {
         filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,

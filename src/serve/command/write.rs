@@ -49,5 +49,4 @@ pub(super) fn statements<'a>(fields: Fields<'a>, name: &str) -> Result<Vec<&'a D
 }
 
 /// Fields that say how a write is made, and that every one may have.
-pub(super) const COMMON: [&str; 6] =
-    ["ordered", "bypassDocumentValidation", "stmtId", "stmtIds", "let", "runtimeConstants"];
+pub(super) const COMMON: [&str; 5] = ["ordered", "bypassDocumentValidation", "stmtId", "stmtIds", "runtimeConstants"];

@@ -1,32 +1,12 @@
-//! CRC-32C (Castagnoli; RFC 3720, B.4), with which OP_MSG may end.
+//! The checksum with which OP_MSG may end: CRC-32C (Castagnoli; RFC 3720, B.4), which catalogues call CRC-32/ISCSI.
 
-/// The polynomial, with its bits reversed.
-const POLYNOMIAL: u32 = 0x82F6_3B78;
+use crc::{CRC_32_ISCSI, Crc};
 
-const TABLE: [u32; 256] = table();
-
-const fn table() -> [u32; 256] {
-    let mut table = [0; 256];
-    let mut index = 0;
-    while index < 256 {
-        let mut value = index as u32;
-        let mut bit = 0;
-        while bit < 8 {
-            value = if value & 1 == 1 { (value >> 1) ^ POLYNOMIAL } else { value >> 1 };
-            bit += 1;
-        }
-        table[index] = value;
-        index += 1;
-    }
-    table
-}
+const CRC_32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// The checksum of some bytes.
 pub(super) fn crc32c(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |sum: u32, byte| {
-        let index = (sum ^ u32::from(*byte)) & 0xFF;
-        (sum >> 8) ^ TABLE.get(index as usize).copied().unwrap_or_default()
-    })
+    CRC_32C.checksum(bytes)
 }
 
 #[cfg(test)]
