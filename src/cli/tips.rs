@@ -3,6 +3,8 @@
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
+use super::mongosh;
+
 /// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
 const TIPS: [(&[&str], &str); 14] = [
     (&["find", "get", "select", "search", "findone"], "'rmem query NS [QUERY]' prints documents"),
@@ -27,14 +29,21 @@ const TIPS: [(&[&str], &str); 14] = [
     (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),
 ];
 
-/// Adds a tip to the error for an unknown command.
+/// Adds a tip to the error for an unknown command, or for a line of mongosh.
 pub(super) fn with_tip(mut error: Error) -> Error {
-    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return error };
-    let word = word.to_ascii_lowercase();
-    let tip = TIPS.iter().find(|(words, _)| words.contains(&word.as_str()));
-    if let (ErrorKind::InvalidSubcommand, Some((_, tip))) = (error.kind(), tip) {
-        error.remove(ContextKind::SuggestedSubcommand);
-        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![(*tip).into()]));
+    let (kind, value) = match error.kind() {
+        ErrorKind::InvalidSubcommand => (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
+        ErrorKind::ValueValidation => (ContextKind::InvalidValue, ContextKind::SuggestedValue),
+        _ => return error,
+    };
+    let Some(ContextValue::String(word)) = error.get(kind) else { return error };
+    let lower = word.to_ascii_lowercase();
+    let is_command = error.kind() == ErrorKind::InvalidSubcommand;
+    let known = || TIPS.iter().find(|(words, _)| is_command && words.contains(&lower.as_str()));
+    let tip = mongosh::command(word).map(|command| format!("write: {command}"));
+    if let Some(tip) = tip.or_else(|| known().map(|(_, tip)| (*tip).to_owned())) {
+        error.remove(value);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
     error
 }

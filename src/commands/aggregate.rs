@@ -20,6 +20,9 @@ pub struct AggregateArgs {
     /// Array of stages, e.g. '[{$match: {n: 1}}, {$limit: 5}]'
     #[arg(value_name = "PIPELINE")]
     pub pipeline: String,
+    /// Include all that computables have in the cache
+    #[arg(long)]
+    pub computed: bool,
     /// Fail if the collection does not exist
     #[arg(long)]
     pub strict: bool,
@@ -28,6 +31,7 @@ pub struct AggregateArgs {
 pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exit> {
     let pipeline = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))?;
     let memory = context.memory()?;
+    memory.show_computed(args.computed);
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;
     }

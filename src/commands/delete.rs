@@ -54,7 +54,7 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
     context.output.line(&deleted.to_string())?;
     match matching {
         Some(count) => context.output.note(&format!("{deleted} of {count} that match; --many for all")),
-        None if deleted == 0 => missing::warn(&args.namespace, &memory, context),
+        None if deleted == 0 => drop(missing::warn(&args.namespace, &memory, context)),
         None => {}
     }
     Ok(Exit::Done)
@@ -73,8 +73,8 @@ pub(super) fn others(
     }
     let two = Find { filter: filter.clone(), projection: doc! { "_id": 1 }, limit: 2, ..Find::default() };
     // A query that is refused is reported where it is executed.
-    let Ok(first) = memory.find(namespace, &two).and_then(Iterator::collect::<Result<Vec<_>, _>>) else {
+    let Ok(first) = memory.stored(namespace, &two).and_then(Iterator::collect::<Result<Vec<_>, _>>) else {
         return Ok(None);
     };
-    Ok(if first.len() < 2 { None } else { Some(memory.count(namespace, filter)?) })
+    Ok(if first.len() < 2 { None } else { Some(memory.count_stored(namespace, filter)?) })
 }

@@ -22,6 +22,9 @@ pub struct DistinctArgs {
     /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
+    /// Include all that computables have in the cache
+    #[arg(long)]
+    pub computed: bool,
     /// Fail if the collection does not exist
     #[arg(long)]
     pub strict: bool,
@@ -30,6 +33,7 @@ pub struct DistinctArgs {
 pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit> {
     let filter = argument("<query>", &args.query)?;
     let memory = context.memory()?;
+    memory.show_computed(args.computed);
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;
     }

@@ -42,7 +42,7 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     let memory = context.memory()?;
     let request = request(template, &args.options, context)?;
     let generated = problem::generate(&request, &memory)?;
-    report(&generated, args.options.strict, context)?;
+    report(&generated, args.options.strict, &memory, context)?;
     if let Some(domain) = &domain {
         generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
     }

@@ -13,7 +13,7 @@ use clap::Args;
 
 use super::query::blame;
 use super::{Context, WrongInput, formats};
-use crate::error::{Context as _, Result};
+use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::Source;
 use crate::formats::shell::{self, Reader};
@@ -55,9 +55,29 @@ const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory_to_fill()?;
     let mut batch = Batch::new(args, context.format(&formats::VALUES)?);
+    let read = read_all(args, &mut batch, &memory, context);
+    // What was read before a mistake is stored all the same: the documents are stored in order.
+    let stored = batch.store(&memory, context);
+    if batch.format == Format::Json {
+        context.print_values(std::mem::take(&mut batch.ids))?;
+    }
+    if let Err(error) = stored.and(read) {
+        return Err(after(error, batch.stored));
+    }
+    context.output.note(&format!("{} stored in {}", batch.stored, args.namespace));
+    Ok(Exit::Done)
+}
+
+/// Reads documents from the command line, a file, or stdin, and stores them but for the last batch.
+fn read_all(
+    args: &InsertArgs,
+    batch: &mut Batch<'_>,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> Result<()> {
     for (index, text) in args.documents.iter().enumerate() {
         if text == "-" {
-            read_stdin(&mut batch, &memory, context)?;
+            read_stdin(batch, memory, context)?;
             continue;
         }
         let name =
@@ -68,7 +88,7 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> 
             return Err(WrongInput::new(format!("{}: expected a document, found nothing", source.name())).into());
         }
         for (_, document) in documents {
-            batch.add(document, &memory, context)?;
+            batch.add(document, memory, context)?;
         }
     }
     match &args.file {
@@ -76,18 +96,24 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> 
             let name = path.display().to_string();
             let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
             for document in Reader::new(name, BufReader::new(file)) {
-                batch.add(document?.1, &memory, context)?;
+                batch.add(document?.1, memory, context)?;
             }
+            Ok(())
         }
-        None if !args.documents.is_empty() => {}
-        _ => read_stdin(&mut batch, &memory, context)?,
+        None if !args.documents.is_empty() => Ok(()),
+        _ => read_stdin(batch, memory, context),
     }
-    batch.store(&memory, context)?;
-    if batch.format == Format::Json {
-        context.print_values(std::mem::take(&mut batch.ids))?;
-    }
-    context.output.note(&format!("{} stored in {}", batch.stored, args.namespace));
-    Ok(Exit::Done)
+}
+
+/// The error with how many documents were stored before it, behind the reason.
+fn after(error: Error, stored: usize) -> Error {
+    let before = match stored {
+        0 => return error,
+        1 => "1 document was stored before it".to_owned(),
+        stored => format!("{stored} documents were stored before it"),
+    };
+    let reasons: Vec<String> = error.chain().map(ToString::to_string).collect();
+    error.context(format!("{}\n  {before}", reasons.join(": ")))
 }
 
 fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
@@ -145,11 +171,7 @@ impl<'a> Batch<'a> {
             _ => context.output.progress_lines(ids.iter().map(shell::relaxed_value))?,
         }
         let before = self.stored - ids.len();
-        let stored = self.stored;
-        result
-            .map_err(|error| blame(counted(error, before), &[]))
-            .with_context(|| format!("{stored} documents were stored before this"))?;
-        Ok(())
+        result.map(drop).map_err(|error| blame(counted(error, before), &[]))
     }
 }
 

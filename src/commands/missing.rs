@@ -13,15 +13,15 @@ pub(super) fn refuse(namespace: &Namespace, memory: &Memory) -> Result<(), Wrong
     }
 }
 
-/// Warns, after an empty result, if the collection does not exist.
-pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) {
-    if let Some(message) = message(namespace, memory) {
-        context.output.warn(&message);
-    }
+/// Warns, after an empty result, if the collection does not exist; returns whether it does not.
+pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> bool {
+    let message = message(namespace, memory);
+    message.iter().for_each(|message| context.output.warn(message));
+    message.is_some()
 }
 
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
-fn message(namespace: &Namespace, memory: &Memory) -> Option<String> {
+pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> {
     if memory.computables().any(|computable| computable.definition.namespace == *namespace) {
         return None;
     }
@@ -32,7 +32,9 @@ fn message(namespace: &Namespace, memory: &Memory) -> Option<String> {
     if names.contains(&name) {
         return None;
     }
-    let hint = match nearest(&name, names.iter().map(String::as_str)) {
+    let known = || names.iter().map(String::as_str);
+    let elsewhere = || known().find(|known| known.ends_with(&format!(".{}", namespace.collection)));
+    let hint = match nearest(&name, known()).or_else(elsewhere) {
         Some(nearest) => format!("did you mean {nearest}?"),
         None if names.is_empty() => "the memory is empty".to_owned(),
         None => "`rmem collections` lists those there are".to_owned(),

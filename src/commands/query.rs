@@ -6,13 +6,15 @@ use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::memory::{Diagnosis, Memory};
 use crate::store::{Find, Namespace, StoreError};
 
 /// What stands below the help of `query`.
 const HELP: &str = "\
 Examples:
   rmem query robmem.worldmodel \"{relation: 'on'}\" --sort '{object_top: 1}'
-  rmem query robmem.worldmodel --fields '{object: 1, _id: 0}' --limit 5";
+  rmem query robmem.worldmodel --fields '{object: 1, _id: 0}' --limit 5
+  rmem query robmem.worldmodel \"{relation: 'no', size: {$gt: '3'}}\" --why";
 
 /// Print the documents that match a query
 #[derive(Debug, Args)]
@@ -39,12 +41,18 @@ pub struct QueryArgs {
     /// Show the metadata of documents, under `_robmem_info`
     #[arg(long)]
     pub meta: bool,
+    /// Include all that computables have in the cache
+    #[arg(long)]
+    pub computed: bool,
     /// Fail if the collection does not exist
     #[arg(long)]
     pub strict: bool,
     /// Print how the query is executed instead of its result: index, keys and documents examined
     #[arg(long)]
     pub explain: bool,
+    /// Print how many documents meet each condition instead of the result, and why none does
+    #[arg(long, conflicts_with = "explain")]
+    pub why: bool,
 }
 
 pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -62,8 +70,13 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     ];
     let given: Vec<_> = texts.into_iter().filter(|(_, text)| !text.is_empty() && *text != "{}").collect();
     let memory = context.memory()?;
+    memory.show_computed(args.computed);
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;
+    }
+    if args.why {
+        let diagnosis = memory.diagnose(&args.namespace, &find.filter).map_err(|error| blame(error, &given))?;
+        return why(&diagnosis, &memory, context);
     }
     if args.explain {
         let account = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &given))?;
@@ -76,8 +89,29 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     };
     let documents = documents.map_err(|error| blame(error, &given))?;
     let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &given)));
-    if context.print_documents(documents)? == 0 {
-        missing::warn(&args.namespace, &memory, context);
+    if context.print_documents(documents)? == 0 && !missing::warn(&args.namespace, &memory, context) {
+        hint(&find, context);
+    }
+    Ok(Exit::Done)
+}
+
+/// Tells a person whose query matches nothing where to look.
+fn hint(find: &Find, context: &mut Context<'_>) {
+    if context.is_terminal() && !find.filter.is_empty() {
+        context.output.note("no document matches; --why shows which condition none meets");
+    }
+}
+
+/// Prints a diagnosis: lines for people, or a document where a format is asked for.
+fn why(diagnosis: &Diagnosis, memory: &Memory, context: &mut Context<'_>) -> Result<Exit> {
+    match context.settings.format.value {
+        None => diagnosis.lines().iter().try_for_each(|line| context.output.line(line))?,
+        Some(_) => {
+            context.print_documents([Ok(diagnosis.to_document())].into_iter())?;
+        }
+    }
+    if diagnosis.documents == 0 {
+        missing::warn(&diagnosis.namespace, memory, context);
     }
     Ok(Exit::Done)
 }

@@ -5,11 +5,13 @@ use std::path::Path;
 use bson::Bson;
 use clap::{Args, ValueEnum};
 
-use super::{Context, WrongInput};
+use super::{Context, WrongInput, missing};
 use crate::error::Result;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
+use crate::memory::Memory;
 use crate::pddl::Domain;
-use crate::problem::{Generated, Request, Syntax};
+use crate::problem::{Generated, Request, SectionReport, Syntax};
+use crate::store::Namespace;
 
 /// The arguments of a template.
 #[derive(Debug, Clone, Default, Args)]
@@ -97,23 +99,55 @@ fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
     Ok((definition.name.clone(), value))
 }
 
-/// Reports how many documents each section of a template matched; none is a warning, or an error if `strict`.
-pub(super) fn report(generated: &Generated, strict: bool, context: &mut Context<'_>) -> Result<()> {
+/// Reports how many documents each section of a template matched, under `-v`. One that matched none is a warning with
+/// the reason, or an error if `strict`; so is a collection that does not exist.
+pub(super) fn report(
+    generated: &Generated,
+    strict: bool,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> Result<()> {
     let mut empty = Vec::new();
+    let mut told: Vec<&Namespace> = Vec::new();
     for section in &generated.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };
         let line =
             format!("line {}: {} in {}: {} {plural}", section.line, section.name, section.namespace, section.matched);
-        if section.matched == 0 {
-            context.output.warn(&line);
-            empty.push(format!("line {}: {}", section.line, section.name));
-        } else {
-            context.output.note(&line);
+        if section.matched > 0 {
+            context.output.detail(&line);
+            continue;
+        }
+        context.output.warn(&line);
+        empty.push(format!("line {}: {}", section.line, section.name));
+        let is_told = told.contains(&&section.namespace);
+        if !is_told && context.output.shows_notes() {
+            why(section, memory, context)?;
+        }
+        if missing::message(&section.namespace, memory).is_some() {
+            told.push(&section.namespace);
+        }
+    }
+    for namespace in &generated.namespaces {
+        if !told.contains(&namespace) && !generated.sections.iter().any(|section| section.namespace == *namespace) {
+            missing::warn(namespace, memory, context);
         }
     }
     if strict && !empty.is_empty() {
         return Err(WrongInput::new(format!("sections that match no document: {}", empty.join("; "))).into());
     }
+    Ok(())
+}
+
+/// Tells why a section matched nothing: the collection does not exist, or which condition no document meets.
+fn why(section: &SectionReport, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
+    if let Some(message) = missing::message(&section.namespace, memory) {
+        context.output.note(&format!("  {message}"));
+        return Ok(());
+    }
+    let Some(filter) = section.filter().filter(|filter| !filter.is_empty()) else { return Ok(()) };
+    // The template was rendered: what a diagnosis meets now is no error of it.
+    let Ok(diagnosis) = memory.diagnose(&section.namespace, &filter) else { return Ok(()) };
+    diagnosis.lines().iter().for_each(|line| context.output.note(&format!("  {line}")));
     Ok(())
 }
 

@@ -11,14 +11,14 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_plan, shell};
 use crate::output::Format;
-use crate::pddl::{Domain, Plan, Problem, Repair, Validation, repair, validate};
+use crate::pddl::{Domain, Happening, Plan, Problem, Repair, Validation, repair, trace, validate};
 use crate::plan::rounded;
 use crate::problem::names;
 
 /// Check a domain and a problem, and simulate a plan
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nOf several plans, the worst decides the exit code: 1 where one is invalid."
+    after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plan.txt -v\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nWith -v, what happens at each moment is printed first: what becomes true (+) and false (-), and the numbers that change.\n\nOf several plans, the worst decides the exit code: 1 where one is invalid."
 )]
 #[command(arg = crate::commands::formats::argument(&crate::commands::formats::TEXT))]
 pub struct ValidateArgs {
@@ -50,7 +50,10 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
     }
     let mut exits = Vec::new();
     for path in &args.plans {
-        let judged = JudgedPlan::new(&context.read(path)?, &domain, &problem)?;
+        let mut judged = JudgedPlan::new(&context.read(path)?, &domain, &problem)?;
+        if context.output.is_verbose() {
+            judged.trace = Some(trace(&domain, &problem, &judged.plan.steps));
+        }
         match format {
             Format::Json => context.output.line(&shell::relaxed(&judged.to_document()))?,
             _ => judged.lines(args.plans.len() > 1).iter().try_for_each(|line| context.output.line(line))?,
@@ -68,6 +71,8 @@ struct JudgedPlan {
     plan: Plan,
     verdict: Validation,
     repairs: Vec<Repair>,
+    /// What happens at each moment, under `-v`.
+    trace: Option<Vec<Happening>>,
 }
 
 impl JudgedPlan {
@@ -79,7 +84,7 @@ impl JudgedPlan {
             Validation::Invalid(_) => repair(domain, problem, &plan.steps),
             _ => Vec::new(),
         };
-        Ok(Self { name: file.name().to_owned(), plan, verdict, repairs })
+        Ok(Self { name: file.name().to_owned(), plan, verdict, repairs, trace: None })
     }
 
     fn exit(&self) -> Exit {
@@ -106,7 +111,30 @@ impl JudgedPlan {
         let repairs = self.repairs.iter().map(|repair| names::restore(&repair.to_string()));
         let repairs: Vec<String> =
             repairs.flat_map(|text| text.lines().map(|line| format!("  {line}")).collect::<Vec<_>>()).collect();
-        std::iter::once(format!("{name}{verdict}")).chain(repairs).collect()
+        let trace = self.trace.iter().flatten().flat_map(|happening| self.happening_lines(happening));
+        trace.chain([format!("{name}{verdict}")]).chain(repairs).collect()
+    }
+
+    /// A moment: what happens, then what becomes true (+) and false (-), and the numbers that change.
+    fn happening_lines(&self, happening: &Happening) -> Vec<String> {
+        let time = match self.is_timed() {
+            true => format!("{:.3}", happening.time),
+            false => rounded(happening.time).to_string(),
+        };
+        let events = happening.events.iter().map(|event| format!("{time}: {}", names::restore(&event.to_string())));
+        let facts = |sign: char, facts: &[String]| -> Vec<String> {
+            facts.iter().map(|fact| format!("  {sign} {}", names::restore(fact))).collect()
+        };
+        let values = happening.values.iter().map(|(fluent, before, after)| {
+            let before = before.map_or_else(|| "undefined".to_owned(), |before| rounded(before).to_string());
+            format!("  = {} from {before} to {}", names::restore(fluent), rounded(*after))
+        });
+        let changes = [facts('-', &happening.becomes_false), facts('+', &happening.becomes_true)].concat();
+        events.chain(changes).chain(values).collect()
+    }
+
+    fn is_timed(&self) -> bool {
+        self.plan.steps.iter().any(|step| step.start.is_some())
     }
 
     /// The verdict for programs.
@@ -120,7 +148,7 @@ impl JudgedPlan {
             Validation::Invalid(failure) => (failure.step(), Some(failure.to_string())),
             Validation::Unjudged(reason) => (None, Some(reason.clone())),
         };
-        doc! {
+        let mut document = doc! {
             "plan": &self.name,
             "valid": match self.verdict {
                 Validation::Unjudged(_) => Bson::Null,
@@ -132,10 +160,29 @@ impl JudgedPlan {
             "step": step.and_then(|step| i64::try_from(step + 1).ok()),
             "message": message.map(|message| names::restore(&message)),
             "repairs": self.repairs.iter().map(|repair| names::restore(&repair.to_string())).collect::<Vec<_>>(),
+        };
+        if let Some(trace) = &self.trace {
+            document.insert("trace", trace.iter().map(to_document).collect::<Vec<_>>());
         }
+        document
     }
 
     fn length(&self) -> f64 {
         self.plan.steps.len() as f64
+    }
+}
+
+/// A moment for programs.
+fn to_document(happening: &Happening) -> Document {
+    let restored = |texts: &[String]| texts.iter().map(|text| names::restore(text)).collect::<Vec<_>>();
+    let value = |(fluent, before, after): &(String, Option<f64>, f64)| {
+        doc! { "fluent": names::restore(fluent), "before": before.map(rounded), "after": rounded(*after) }
+    };
+    doc! {
+        "time": rounded(happening.time),
+        "events": happening.events.iter().map(|event| names::restore(&event.to_string())).collect::<Vec<_>>(),
+        "true": restored(&happening.becomes_true),
+        "false": restored(&happening.becomes_false),
+        "values": happening.values.iter().map(value).collect::<Vec<_>>(),
     }
 }

@@ -9,6 +9,7 @@ mod atomic;
 mod check;
 mod clock;
 pub mod computables;
+mod diagnosis;
 pub mod dump;
 pub mod expiry;
 pub mod frames;
@@ -21,5 +22,6 @@ mod sharing;
 pub mod watch;
 
 pub use clock::Clock;
+pub use diagnosis::{Condition, Diagnosis, Remark};
 pub use journal::{Observer, Operation};
 pub use operations::Memory;

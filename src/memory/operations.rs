@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, DateTime, Document, doc};
 
 use super::clock::Clock;
 use super::computables::{self, Computables, Computed, Registry, View};
@@ -111,7 +111,7 @@ impl Memory {
     pub fn find_with_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         self.answer(&[(ns, &find.filter)], true, |view| {
             let start = Instant::now();
-            let find = Find { filter: view.filter(ns, &find.filter), ..find.clone() };
+            let find = Find { filter: view.filter(&find.filter), ..find.clone() };
             settled(view, self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
         })
     }
@@ -120,21 +120,21 @@ impl Memory {
     /// computed is left out.
     pub fn stored(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let start = Instant::now();
-        let stored = doc! { metadata::info_path("computed"): { "$ne": true } };
-        let filter = if find.filter.is_empty() {
-            stored
-        } else {
-            doc! { "$and": [find.filter.clone(), stored] }
-        };
-        let find = Find { filter: self.visible(ns, &filter), ..find.clone() };
+        let find = Find { filter: stored(self.clock.now(), &find.filter), ..find.clone() };
         Ok(self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
+    }
+
+    /// Counts the matches of [`Memory::stored`].
+    pub fn count_stored(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        let filter = stored(self.clock.now(), filter);
+        self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, &filter))
     }
 
     /// Says how a query is answered; see [`Store::explain`]. Where there are computables, those
     /// that the query needs run, and `computables` says what they did.
     pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
         let mut account = self.answer(&[(ns, &find.filter)], true, |view| {
-            let find = Find { filter: view.filter(ns, &find.filter), ..find.clone() };
+            let find = Find { filter: view.filter(&find.filter), ..find.clone() };
             self.journal.note("explain", Some(ns), |_| 1, || self.routes.reading(ns)?.explain(ns, &find))
         })?;
         if self.computables().next().is_some() {
@@ -147,7 +147,7 @@ impl Memory {
     /// Counts matches; see [`Store::count`].
     pub fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
         self.answer(&[(ns, filter)], true, |view| {
-            let filter = view.filter(ns, filter);
+            let filter = view.filter(filter);
             self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, &filter))
         })
     }
@@ -155,7 +155,7 @@ impl Memory {
     /// Distinct values; see [`Store::distinct`].
     pub fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
         self.answer(&[(ns, filter)], true, |view| {
-            let filter = view.filter(ns, filter);
+            let filter = view.filter(filter);
             self.journal.note(
                 "distinct",
                 Some(ns),
@@ -190,7 +190,7 @@ impl Memory {
 
     /// Changes documents; see [`Store::update`].
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        let update = UpdateRequest { filter: self.visible(ns, &update.filter), ..update.clone() };
+        let update = UpdateRequest { filter: self.visible(&update.filter), ..update.clone() };
         let work = || {
             let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
             store.update(ns, &update, Some(self.clock.now()))
@@ -198,14 +198,15 @@ impl Memory {
         self.journal.note("update", Some(ns), |updated: &Updated| updated.modified, work)
     }
 
-    /// Removes documents; see [`Store::delete`].
+    /// Removes documents; see [`Store::delete`]. What is removed as a whole loses what was computed, too.
     pub fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
         let store = self.routes.reading(ns)?;
-        let visible = self.visible(ns, filter);
+        let visible = self.visible(filter);
         let deleted =
             self.journal.note("delete", Some(ns), |count| *count, || store.delete(ns, &visible, first_only))?;
         if filter.is_empty() && !first_only {
             computables::forget(store, ns)?;
+            store.delete(ns, &doc! { metadata::TOKEN_PATH: { "$ne": null } }, false)?;
         }
         Ok(deleted)
     }
@@ -220,9 +221,14 @@ impl Memory {
         self.journal.note("drop", Some(ns), |found| u64::from(*found), work)
     }
 
-    /// The filter, for documents that have not decayed.
-    fn visible(&self, ns: &Namespace, filter: &Document) -> Document {
-        View::at(self.clock.now()).filter(ns, filter)
+    /// The filter, for documents that may be changed.
+    fn visible(&self, filter: &Document) -> Document {
+        self.computables.view(self.clock.now()).filter(filter)
+    }
+
+    /// Shows every operation from now on all that the cache of computables holds, or only what was computed for it.
+    pub fn show_computed(&self, is_shown: bool) {
+        self.computables.show(is_shown);
     }
 
     /// The same memory with computables, which run where a query needs them.
@@ -266,6 +272,17 @@ impl Memory {
         };
         self.journal.note("collections", None, |found: &Vec<Namespace>| length(found), work)
     }
+}
+
+/// The filter, for stored documents that have not decayed.
+fn stored(now: DateTime, filter: &Document) -> Document {
+    let stored = doc! { metadata::info_path("computed"): { "$ne": true } };
+    let filter = if filter.is_empty() {
+        stored
+    } else {
+        doc! { "$and": [filter.clone(), stored] }
+    };
+    View::at(now).filter(&filter)
 }
 
 fn length<T>(items: &[T]) -> u64 {

@@ -115,6 +115,19 @@ impl<'a> Output<'a> {
         }
     }
 
+    /// Prints a short report under `-v`.
+    pub fn detail(&mut self, text: &str) {
+        if self.is_verbose() {
+            self.print("", text);
+        }
+    }
+
+    /// Whether `-v` is given.
+    #[must_use]
+    pub fn is_verbose(&self) -> bool {
+        self.verbosity >= Verbosity::Verbose
+    }
+
     /// Prints a warning.
     pub fn warn(&mut self, text: &str) {
         if self.verbosity >= Verbosity::Normal {

@@ -26,4 +26,4 @@ pub use plan::{Plan, Step};
 pub use problem::{Object, Problem};
 pub use reachability::{Achiever, Obstacle, Why, why};
 pub use structure::{Link, Structure};
-pub use validation::{Cause, Failure, Remedy, Repair, Validation, repair, validate};
+pub use validation::{Cause, Event, Failure, Happening, Remedy, Repair, Validation, repair, trace, validate};

@@ -50,6 +50,19 @@ pub struct SectionReport {
     pub line: usize,
 }
 
+impl SectionReport {
+    /// Returns the filter that documents had to match; of a pipeline, the `$match` in front.
+    #[must_use]
+    pub fn filter(&self) -> Option<Document> {
+        if let Ok(stages) = self.query.get_array("pipeline") {
+            let first = stages.first().and_then(Bson::as_document)?;
+            return first.get_document("$match").ok().cloned();
+        }
+        let inner = self.query.get_document("query").ok().filter(|_| self.query.contains_key("distinct"));
+        Some(inner.unwrap_or(&self.query).clone())
+    }
+}
+
 /// Why there is no problem.
 #[derive(Debug, thiserror::Error)]
 pub enum ProblemError {

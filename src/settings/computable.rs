@@ -13,7 +13,7 @@ use crate::formats::quantity;
 use crate::formats::shell;
 use crate::memory::computables::{BUILTINS, BodyKind, Definition, Options, check_pipeline};
 use crate::query::Filter;
-use crate::store::Namespace;
+use crate::store::{Namespace, NamespaceError};
 
 /// The default time limit of a command.
 const TIMEOUT: Duration = Duration::from_secs(10);
@@ -148,7 +148,7 @@ impl Table {
 }
 
 fn namespace(name: &Spanned<String>) -> Result<Namespace, Mistake> {
-    Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))
+    name.get_ref().parse().map_err(|error: NamespaceError| (name.span(), error.to_string()))
 }
 
 /// Reads a duration that is not zero.

@@ -93,7 +93,7 @@ impl File {
     /// Checks what types cannot express; an error is the first mistake with its place.
     fn check(&self) -> Result<(), (Range<usize>, String)> {
         if let Some(name) = &self.collection {
-            Namespace::parse(name.get_ref()).map_err(|error| (name.span(), error.to_string()))?;
+            name.get_ref().parse::<Namespace>().map_err(|error| (name.span(), error.to_string()))?;
         }
         if let Some(name) = &self.format {
             name.get_ref().parse::<Format>().map_err(|error| (name.span(), error.to_string()))?;

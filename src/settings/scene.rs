@@ -11,7 +11,7 @@ use crate::formats::shell;
 use crate::query::Filter;
 use crate::scene::ObjectKind;
 use crate::scene::kind::NAME;
-use crate::store::Namespace;
+use crate::store::NamespaceError;
 
 /// What is wrong, and where.
 type Complaint = (Range<usize>, String);
@@ -61,8 +61,11 @@ impl ObjectTable {
         }
         Ok(ObjectKind {
             name: self.name.get_ref().clone(),
-            namespace: Namespace::parse(self.collection.get_ref())
-                .map_err(|error| (self.collection.span(), error.to_string()))?,
+            namespace: self
+                .collection
+                .get_ref()
+                .parse()
+                .map_err(|error: NamespaceError| (self.collection.span(), error.to_string()))?,
             query: self.query(file)?,
             name_key: name_key.to_owned(),
             model: self.model.clone(),

@@ -26,6 +26,9 @@ pub(crate) const DECAY_PATH: &str = "_robmem_info.decay_time";
 /// Under [`INFO`]: of a computed document, the computable and which of its runs made it.
 pub(crate) const COMPUTATION: &str = "computation";
 
+/// The path of the run of a computable that made a document; a stored document has none.
+pub(crate) const TOKEN_PATH: &str = "_robmem_info.computation.token";
+
 /// What rmem's own commands note of a document: where a plan comes from, what
 /// CLIPS makes of its slots, and until when a computed one is good.
 const NOTES: [&str; 5] = ["lineage", "clips", "computed", "cached_until", COMPUTATION];

@@ -23,7 +23,7 @@ pub struct Namespace {
 #[error("`{text}` is not a namespace: {reason}; expected DATABASE.COLLECTION, like robmem.worldmodel")]
 pub struct NamespaceError {
     text: String,
-    reason: &'static str,
+    reason: String,
 }
 
 impl AtFault for NamespaceError {
@@ -38,7 +38,7 @@ impl Namespace {
     /// # Errors
     /// Where a rule of MongoDB's names is broken.
     pub fn parse(text: &str) -> Result<Self, NamespaceError> {
-        let refuse = |reason| Err(NamespaceError { text: text.to_owned(), reason });
+        let refuse = |reason: &str| Err(NamespaceError { text: text.to_owned(), reason: reason.to_owned() });
         let Some((database, collection)) = text.split_once('.') else {
             return refuse("it has no dot");
         };
@@ -82,8 +82,20 @@ impl Namespace {
 impl FromStr for Namespace {
     type Err = NamespaceError;
 
+    /// Reads a namespace that a person wrote: of letters, digits, `_`, `-` and `.`, although MongoDB allows more. So a
+    /// line of another tool, like `db.orders.find({})`, names no collection.
+    ///
+    /// # Errors
+    /// Where it has another character, or a rule of MongoDB's names is broken.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Self::parse(text)
+        let is_allowed = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.');
+        let reason = match text.chars().find(|c| !is_allowed(*c)) {
+            None => return Self::parse(text),
+            Some(c) if c.is_whitespace() => "it has a blank".to_owned(),
+            Some(c) if c.is_control() => "it has a control character".to_owned(),
+            Some(c) => format!("it has a `{c}`"),
+        };
+        Err(NamespaceError { text: text.to_owned(), reason })
     }
 }
 
@@ -102,6 +114,22 @@ mod tests {
         let ns: Namespace = "robmem.world.model".parse().unwrap();
         assert_eq!((ns.database.as_str(), ns.collection.as_str()), ("robmem", "world.model"));
         assert_eq!(ns.to_string(), "robmem.world.model");
+    }
+
+    #[test]
+    fn a_person_writes_letters_digits_and_a_few_signs() {
+        for text in ["robmem.worldmodel", "robmem.rooms-2.west_wing", "robmem.räume"] {
+            assert_eq!(text.parse::<Namespace>().unwrap().to_string(), text);
+        }
+        for (text, reason) in [
+            ("db.orders.find({team:'CYAN'})", "it has a `(`"),
+            ("robmem.my orders", "it has a blank"),
+            ("robmem.a\u{7}", "it has a control character"),
+            ("robmem", "it has no dot"),
+        ] {
+            assert!(text.parse::<Namespace>().unwrap_err().to_string().contains(reason), "{text}");
+        }
+        assert!(Namespace::parse("robmem.my orders").is_ok(), "what a store has is not refused");
     }
 
     #[test]

@@ -300,7 +300,8 @@ fn a_computation_that_was_killed_lets_others_compute() {
     first.kill().unwrap();
     first.wait().unwrap();
     lab.rmem(&query).success();
-    let all = lab.rmem(&["--config", "robot/rmem.toml", "query", "robmem.calc", "{sum: 7}", "--fields", "{_id: 0}"]);
+    let all = args(&["query", "robmem.calc", "{sum: 7}", "--fields", "{_id: 0}", "--computed"]);
+    let all = lab.rmem(&all);
     assert_eq!(all.success(), "{\"sum\":7}\n");
 }
 
@@ -440,4 +441,31 @@ fn a_supervisor_that_was_stopped_is_continued() {
     );
     let answer = lab.rmem(&["count", "a.b", "{compute: 'stop'}"]).success();
     assert_eq!(answer, "1\n");
+}
+
+#[test]
+fn who_did_not_ask_a_computable_counts_stored_documents_only() {
+    let lab = lab("command = [\"sh\", \"sum.sh\"]\ncache = \"1h\"");
+    lab.rmem(&args(&["insert", "robmem.calc", "{_id: 1, compute: 'nothing'}"])).success();
+    let count = |more: &[&str]| {
+        let mut words = args(&["count", "robmem.calc"]);
+        words.extend(more);
+        lab.rmem(&words).success()
+    };
+    assert_eq!(count(&[]), "1\n");
+    assert_eq!(count(&["{compute: 'sum', x: 15, y: 4}"]), "1\n");
+    assert_eq!(count(&[]), "1\n", "nobody has to know what others asked");
+    assert_eq!(count(&["--computed"]), "2\n");
+    let of = |words: &[&str]| lab.rmem(&args(words)).success();
+    assert_eq!(of(&["distinct", "robmem.calc", "compute"]), "\"nothing\"\n");
+    assert_eq!(of(&["distinct", "robmem.calc", "compute", "--computed"]), "\"nothing\"\n\"sum\"\n");
+    assert_eq!(of(&["query", "robmem.calc", "--fields", "{_id: 0}"]), "{\"compute\":\"nothing\"}\n");
+    assert!(of(&["query", "robmem.calc", "--computed"]).contains("\"sum\":19"));
+    let total = "[{$group: {_id: null, n: {$sum: 1}}}, {$project: {_id: 0}}]";
+    assert_eq!(of(&["aggregate", "robmem.calc", total]), "{\"n\":1}\n");
+    assert_eq!(of(&["aggregate", "robmem.calc", total, "--computed"]), "{\"n\":2}\n");
+    assert_eq!(
+        of(&["update", "robmem.calc", "{}", "{$set: {seen: true}}", "--many"]),
+        "{\"matched\":1,\"modified\":1}\n"
+    );
 }

@@ -32,6 +32,7 @@ macro_rules! cases {
 
 const CASES: &[(&str, Case)] = cases![
     stored_and_computed_documents_are_answered_alike,
+    who_did_not_ask_sees_stored_documents_only,
     the_cache_answers_equal_queries_in_any_order_of_keys,
     what_is_no_longer_good_is_computed_again_in_place,
     what_was_changed_or_removed_is_computed_again,
@@ -208,8 +209,33 @@ fn fails(memory: &Memory, ns: &Namespace, filter: Document) -> String {
 
 /// How many documents a collection really has.
 fn stored(lab: &Lab, memory: &Memory, collection: &str) -> usize {
+    memory.show_computed(true);
     // A query that no spec matches.
-    all(memory, &lab.ns(collection), doc! { "no-spec": { "$exists": false } }).len()
+    let found = all(memory, &lab.ns(collection), doc! { "no-spec": { "$exists": false } }).len();
+    memory.show_computed(false);
+    found
+}
+
+fn who_did_not_ask_sees_stored_documents_only(lab: &Lab) {
+    let memory = lab.memory(vec![lab.low()]);
+    let (x, none) = (lab.ns("x"), doc! {});
+    lab.blocks(&memory);
+    memory.insert(&x, vec![doc! { "relation": "on", "object": "Z" }]).unwrap();
+    assert_eq!(memory.count(&x, &none).unwrap(), 1);
+    assert_eq!(memory.count(&x, &doc! { "relation": "on-table" }).unwrap(), 2);
+    assert_eq!(memory.count(&x, &none).unwrap(), 1);
+    assert_eq!(memory.distinct(&x, "object", &none).unwrap(), [Bson::from("Z")]);
+    assert_eq!(texts(&memory, &x, doc! { "object": { "$exists": true } }, "object"), ["Z"]);
+    let grouped = memory.aggregate(&x, &[doc! { "$sort": { "object": 1 } }]).unwrap();
+    assert_eq!(grouped.count(), 1);
+    let stages = [doc! { "$match": { "block": "A" } }, doc! { "$unionWith": "x" }];
+    assert_eq!(memory.aggregate(&lab.ns("blocks"), &stages).unwrap().count(), 2);
+    memory.show_computed(true);
+    assert_eq!(memory.count(&x, &none).unwrap(), 3);
+    assert_eq!(texts(&memory, &x, none.clone(), "object"), ["A", "C", "Z"]);
+    memory.show_computed(false);
+    assert_eq!(memory.delete(&x, &none, false).unwrap(), 1);
+    assert_eq!(stored(lab, &memory, "x"), 0, "what was computed went with the rest, uncounted");
 }
 
 fn stored_and_computed_documents_are_answered_alike(lab: &Lab) {
@@ -229,8 +255,10 @@ fn stored_and_computed_documents_are_answered_alike(lab: &Lab) {
     assert_eq!(computed.len(), 2);
     assert_eq!(texts(&memory, &x, doc! { "relation": "on-table" }, "object"), ["A", "C", "Z"]);
     assert_eq!(texts(&memory, &x, doc! { "relation": "on-table", "object": { "$gt": "B" } }, "object"), ["C", "Z"]);
-    let hidden = memory.find(&x, &Find { filter: doc! { "object": "A" }, ..Find::default() }).unwrap();
-    assert!(hidden.map(|raw| raw.unwrap()).all(|raw| raw.get("_robmem_info").unwrap().is_none()));
+    let hidden = memory.find(&x, &Find { filter: doc! { "relation": "on-table" }, ..Find::default() }).unwrap();
+    let hidden: Vec<_> = hidden.map(|raw| raw.unwrap()).collect();
+    assert_eq!(hidden.len(), 3);
+    assert!(hidden.iter().all(|raw| raw.get("_robmem_info").unwrap().is_none()));
 }
 
 fn the_cache_answers_equal_queries_in_any_order_of_keys(lab: &Lab) {
@@ -274,11 +302,17 @@ fn what_was_changed_or_removed_is_computed_again(lab: &Lab) {
             many: false,
             upsert: false,
         };
+        assert_eq!(memory.update(&x, &request).unwrap().matched, 0, "only stored documents are changed");
+        memory.show_computed(true);
         assert_eq!(memory.update(&x, &request).unwrap().modified, 1);
+        memory.show_computed(false);
     };
     holds(false);
     holds(true);
+    assert_eq!(memory.delete(&x, &doc! { "object": "A" }, false).unwrap(), 0, "only stored documents are removed");
+    memory.show_computed(true);
     assert_eq!(memory.delete(&x, &doc! { "object": "A" }, false).unwrap(), 1);
+    memory.show_computed(false);
     holds(false);
     holds(true);
     change(doc! { "$set": { "object": "Z" } });

@@ -37,6 +37,16 @@ fn what_clips_saved_is_written_again_as_it_was() {
 }
 
 #[test]
+fn a_listing_of_facts_is_read_as_clips_prints_it() {
+    let listing = "CLIPS> (facts)\nf-1     (block (name A) (on \"the table\"))\nf-12    (holding B 1.5)\n\
+                   For a total of 2 facts.\nCLIPS> (facts)\nf-13    (empty)\nFor a total of 1 fact.\nCLIPS> ";
+    assert_eq!(written(listing), "(block (name A) (on \"the table\"))\n(holding B 1.5)\n(empty)\n");
+    for wrong in ["f-x (a)", "f-1 a", "f- (a)", "For a while (a)", "f-1"] {
+        assert!(complaint(wrong).contains("expected a fact or a construct"), "{wrong}: {}", complaint(wrong));
+    }
+}
+
+#[test]
 fn deffacts_are_the_facts_that_clips_makes_of_them() {
     let program = include_str!("../../fixtures/clips/saved.clp");
     // Where CLIPS warns of a number that is too large, this is an error: none is in the file.

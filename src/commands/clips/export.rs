@@ -89,7 +89,7 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
     } else {
         let mut arguments = arguments.into_iter();
         let namespace = match arguments.next() {
-            Some(name) => Namespace::parse(name)?,
+            Some(name) => name.parse()?,
             None => context.settings.collection.value.clone(),
         };
         let filter = arguments.next().map(|query| argument("<query>", query)).transpose()?.unwrap_or_default();

@@ -20,7 +20,7 @@ const HELP: &str = "\
 Example:
   rmem clips import facts.txt --into robmem.worldmodel --deftemplates templates.clp --key sync-id
 
-Reads facts as (save-facts) writes them, deffacts, and the facts in programs.";
+Reads facts as (save-facts) writes them, what (facts) lists, deffacts, and the facts in programs.";
 
 /// Store CLIPS facts as documents, all or none
 #[derive(Debug, Args)]

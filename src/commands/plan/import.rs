@@ -48,7 +48,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let plan = Plan::from(read_plan(&text)?);
     let memory = context.memory()?;
     let task = PlanningTask::instantiate(&source, None, &domain, &memory)?;
-    SectionCounts::from(&args.task.options).report(&task, context)?;
+    SectionCounts::from(&args.task.options).report(&task, &memory, context)?;
     let mut plan = plan.spelled(domain.tree(), task.problem.tree());
     match validate(&domain, &task.problem, &plan.steps) {
         Validation::Valid { value } => plan.cost = value.or(plan.cost),

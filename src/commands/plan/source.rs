@@ -7,6 +7,7 @@ use clap::Args;
 use crate::commands::template::{self, TemplateArgs};
 use crate::commands::{Context, UsageError};
 use crate::error::Result;
+use crate::memory::Memory;
 use crate::plan::{Input, TaskSource};
 use crate::planning::PlanningTask;
 
@@ -47,9 +48,9 @@ pub(super) fn read(task: &TaskArgs, context: &mut Context<'_>) -> Result<TaskSou
 pub(super) enum SectionCounts {
     /// Not at all.
     Silent,
-    /// On stderr.
+    /// Under `-v` on stderr, and where a section matches none.
     Printed,
-    /// On stderr; a section that matches none is an error.
+    /// As well; a section that matches none is an error.
     Required,
 }
 
@@ -61,10 +62,10 @@ impl From<&TemplateArgs> for SectionCounts {
 
 impl SectionCounts {
     /// Reports them for a task.
-    pub(super) fn report(self, task: &PlanningTask, context: &mut Context<'_>) -> Result<()> {
+    pub(super) fn report(self, task: &PlanningTask, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
         match (&task.generated, self) {
             (None, _) | (_, Self::Silent) => Ok(()),
-            (Some(generated), _) => template::report(generated, self == Self::Required, context),
+            (Some(generated), _) => template::report(generated, self == Self::Required, memory, context),
         }
     }
 }

@@ -109,12 +109,48 @@ impl<'a> Reader<'a> {
                     }
                 }
                 (_, Some(open)) => return Err(self.unclosed(token, open, "a fact `(…)` or `)`")),
+                (TokenKind::Symbol, None) if self.is_listing(token)? => self.pass_listing(token)?,
                 (TokenKind::Close, None) => {
                     return Err(self.lexer.wrong(token, "a fact or a construct `(…)`").hint("no list is open here"));
                 }
                 _ => return Err(self.lexer.wrong(token, "a fact or a construct `(…)`")),
             }
         }
+    }
+
+    /// Whether a word is of a listing that CLIPS prints: `f-12` before a fact, the total below them, or the prompt.
+    fn is_listing(&mut self, word: Token) -> Result<bool, Diagnostic> {
+        let is_index = |text: &str| {
+            let number = text.strip_prefix("f-").unwrap_or_default();
+            !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
+        };
+        let next = self.lexer.peek(0)?;
+        Ok(match self.lexer.text(word) {
+            "CLIPS>" => matches!(next.kind, TokenKind::Open | TokenKind::End),
+            "For" => {
+                let words = [next, self.lexer.peek(1)?, self.lexer.peek(2)?];
+                words.map(|word| self.lexer.text(word)) == ["a", "total", "of"]
+            }
+            text => is_index(text) && next.kind == TokenKind::Open,
+        })
+    }
+
+    /// Passes over what a listing has beside its facts: the command after a prompt, or the line with the total.
+    fn pass_listing(&mut self, word: Token) -> Result<(), Diagnostic> {
+        match self.lexer.text(word) {
+            "CLIPS>" if self.lexer.peek(0)?.kind == TokenKind::Open => {
+                let open = self.lexer.next()?.span;
+                self.skip(open, "")?;
+            }
+            // `For a total of 12 facts.`
+            "For" => {
+                for _ in 0..5 {
+                    self.lexer.next()?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
     }
 
     /// A list at the top; nothing comes of the beginning of a group.

@@ -36,6 +36,11 @@ pub(super) fn call(name: &str, arguments: &[Bson]) -> Result<Bson, String> {
     make(arguments).ok_or_else(|| format!("`{name}` takes {takes}"))
 }
 
+/// Whether there is a constructor of that name.
+pub(super) fn is_known(name: &str) -> bool {
+    constructor(name).is_some()
+}
+
 type Make = fn(&[Bson]) -> Option<Bson>;
 
 /// What a constructor takes, in words, and how it makes its value.

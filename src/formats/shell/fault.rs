@@ -7,7 +7,7 @@
 use pest::Parser as _;
 
 use super::grammar::{Rule, ShellParser};
-use super::{constructor, scanner};
+use super::{constructor, foreign, scanner};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// The most characters of a token that a message repeats.
@@ -180,7 +180,8 @@ impl<'a> Checker<'a> {
                 let token = token(rest);
                 let whole = ShellParser::parse(Rule::number, token).is_ok_and(|pairs| pairs.as_str() == token);
                 if !whole {
-                    return Err(self.fault(&expected));
+                    let fault = self.fault(&expected);
+                    return Err(foreign::hint(rest).into_iter().fold(fault, Diagnostic::hint));
                 }
                 Ok(self.after(token.len(), Next::CommaOrClose))
             }
@@ -230,11 +231,13 @@ impl<'a> Checker<'a> {
             name = rest.get(start..end).unwrap_or_default();
         }
         let bracket = blank(end);
-        if rest.get(bracket..).is_some_and(|after| after.starts_with('(')) {
+        let is_call = rest.get(bracket..).is_some_and(|after| after.starts_with('('));
+        if is_call && (constructor::is_known(name) || foreign::hint(rest).is_none()) {
             return Ok(self.enter(b'(', bracket + 1, Next::ValueOrClose));
         }
-        if constructor::word(name).is_none() {
-            return Err(self.fault("a value").hint("strings are written in quotes"));
+        if is_call || constructor::word(name).is_none() {
+            let hint = foreign::hint(rest).unwrap_or_else(|| "strings are written in quotes".to_owned());
+            return Err(self.fault("a value").hint(hint));
         }
         Ok(self.after(end, Next::CommaOrClose))
     }

@@ -17,6 +17,7 @@ mod constructor;
 mod date;
 mod extended;
 mod fault;
+mod foreign;
 mod grammar;
 mod literal;
 mod reader;

@@ -8,7 +8,7 @@ use bson::{Bson, DateTime, Document, doc};
 use super::body::{Asked, ComputeError, Source};
 use super::cache::{self, Entry, State, after};
 use super::report::Computed;
-use super::state::{Running, Wanted};
+use super::state::{Others, Running, Wanted};
 use super::view::View;
 use crate::fault::{AtFault, Fault};
 use crate::memory::journal::Operation;
@@ -88,12 +88,12 @@ impl Memory {
             held.iter().for_each(|held| view.allow(held.token));
             for (index, wanted) in all.iter().enumerate() {
                 if !held.iter().any(|held| held.key == wanted.key) {
-                    let later = all.get(index + 1..).unwrap_or_default();
-                    let obtained = self.obtain(wanted, later)?;
+                    let earlier: Vec<ObjectId> = held.iter().map(|held| held.token).collect();
+                    let others = Others { earlier: &earlier, later: all.get(index + 1..).unwrap_or_default() };
+                    let obtained = self.obtain(wanted, others)?;
                     view.allow(obtained.token);
                     held.push(obtained);
                 }
-                view.limit(&wanted.computable.definition.namespace, &wanted.computable.definition.name);
             }
             let answer = work(&view)?;
             if !repeatable || self.still_holds(held)? || attempt == ATTEMPTS {
@@ -125,14 +125,14 @@ impl Memory {
     }
 
     /// The computation that answers the query: of the cache, or a new one.
-    fn obtain(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<Held, StoreError> {
+    fn obtain(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<Held, StoreError> {
         let start = Instant::now();
         let definition = &wanted.computable.definition;
         // A computable needs no stored documents, so the file need not exist.
         self.routes.excuse(&definition.namespace);
         let (held, cached, documents) = match definition.cache {
-            Some(cache) => self.obtain_cached(wanted, rest, cache)?,
-            None => self.compute_once(wanted, rest)?,
+            Some(cache) => self.obtain_cached(wanted, others, cache)?,
+            None => self.compute_once(wanted, others)?,
         };
         let computed = Computed {
             name: definition.name.clone(),
@@ -154,7 +154,7 @@ impl Memory {
     fn obtain_cached(
         &self,
         wanted: &Wanted<'_>,
-        rest: &[Wanted<'_>],
+        others: Others<'_>,
         good_for: Duration,
     ) -> Result<(Held, bool, u64), StoreError> {
         let definition = &wanted.computable.definition;
@@ -186,7 +186,7 @@ impl Memory {
                     {
                         continue;
                     }
-                    let made = self.compute(wanted, rest).and_then(|documents| {
+                    let made = self.compute(wanted, others).and_then(|documents| {
                         former.iter().try_for_each(|former| entry.clear(former))?;
                         let until = after(self.clock.now(), good_for);
                         let ids = self.publish(store, wanted, documents, token, until)?;
@@ -211,9 +211,9 @@ impl Memory {
     }
 
     /// Computes for this query alone.
-    fn compute_once(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<(Held, bool, u64), StoreError> {
+    fn compute_once(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<(Held, bool, u64), StoreError> {
         let ns = &wanted.computable.definition.namespace;
-        let documents = self.compute(wanted, rest)?;
+        let documents = self.compute(wanted, others)?;
         let token = object_id::new();
         let until = after(self.clock.now(), COMPUTE_TIMEOUT);
         let ids = self.publish(self.routes.reading(ns)?, wanted, documents, token, until)?;
@@ -222,16 +222,17 @@ impl Memory {
     }
 
     /// Runs the body.
-    fn compute(&self, wanted: &Wanted<'_>, rest: &[Wanted<'_>]) -> Result<Vec<Document>, StoreError> {
+    fn compute(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<Vec<Document>, StoreError> {
         let definition = &wanted.computable.definition;
         self.check_cycle(wanted)?;
-        let later = rest.iter().map(|other| &other.computable.definition);
+        let later = others.later.iter().map(|other| &other.computable.definition);
         let later = later.filter(|other| other.namespace == definition.namespace);
         let running = Running {
             name: definition.name.clone(),
             namespace: definition.namespace.clone(),
             key: wanted.key.clone(),
             later: later.map(|other| other.name.clone()).collect(),
+            earlier: others.earlier.to_vec(),
         };
         self.computables.running.borrow_mut().push(running);
         let asked = Asked { memory: self, namespace: &definition.namespace, query: wanted.query };

@@ -10,12 +10,13 @@
 //!
 //! Rules:
 //!
-//! - Of the documents of a computable that a query needs, it sees those that
-//!   were computed for it (or for an equal query), and no others: what was
-//!   computed for another query does not come twice. A query that does not need
-//!   a computable sees its documents as it sees all others.
-//! - A body may query the memory, and its queries may need other computables. It
-//!   does not see the documents of its own computable, unless its query needs that.
+//! - A query sees stored documents, and those that were computed for it (or for an
+//!   equal query), and no others: the same memory gives the same answer, whatever others asked
+//!   before. [`Memory::show_computed`](crate::memory::Memory::show_computed) shows all that the cache holds.
+//! - A body may query the memory, and its queries may need other computables. It sees
+//!   the documents of those that ran before it for the same query, and does not see the documents
+//!   of its own computable, unless its query needs that.
+//! - Updates and deletions change stored documents only.
 //! - Without a cache time, documents are removed when the query is answered.
 //! - The cache holds as long as the documents are as they were computed: where
 //!   some were removed or changed, the next query computes them anew, and what

@@ -71,13 +71,13 @@ pub(in crate::memory) fn visible_stages(ns: &Namespace, stages: &[Document], vie
     let stages = stages.iter().skip_while(is_empty);
     let mut stages: Vec<Document> = stages.map(|stage| with_visible_others(ns, stage, view)).collect();
     match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
-        Some((name, Bson::Document(filter))) if name == "$match" => *filter = view.filter(ns, filter),
+        Some((name, Bson::Document(filter))) if name == "$match" => *filter = view.filter(filter),
         Some((name, Bson::Document(near))) if name == "$geoNear" => {
             let query = near.get_document("query").cloned().unwrap_or_default();
-            near.insert("query", view.filter(ns, &query));
+            near.insert("query", view.filter(&query));
         }
         Some((name, _)) if FIRST_ONLY.contains(&name.as_str()) => {}
-        _ => stages.insert(0, doc! { "$match": view.visible(ns) }),
+        _ => stages.insert(0, doc! { "$match": view.visible() }),
     }
     stages
 }
@@ -95,24 +95,25 @@ fn with_visible_others(ns: &Namespace, stage: &Document, view: &View) -> Documen
                         spec.insert("pipeline", visible_stages(&other, &documents(inner), view));
                     }
                     None if !spec.contains_key("let") => {
-                        spec.insert("pipeline", vec![doc! { "$match": view.visible(&other) }]);
+                        spec.insert("pipeline", vec![doc! { "$match": view.visible() }]);
                     }
                     _ => {}
                 }
             }
             ("$unionWith", Bson::String(collection)) => {
-                let Some(other) = origin(ns, Some(&Bson::String(collection.clone()))) else { continue };
-                *argument = doc! { "coll": &*collection, "pipeline": [{ "$match": view.visible(&other) }] }.into();
+                *argument = doc! { "coll": &*collection, "pipeline": [{ "$match": view.visible() }] }.into();
             }
             ("$graphLookup", Bson::Document(spec)) => {
-                let Some(other) = origin(ns, spec.get("from")) else { continue };
+                if origin(ns, spec.get("from")).is_none() {
+                    continue;
+                }
                 match spec.get("restrictSearchWithMatch") {
                     Some(Bson::Document(filter)) => {
-                        let filter = view.filter(&other, filter);
+                        let filter = view.filter(filter);
                         spec.insert("restrictSearchWithMatch", filter);
                     }
                     None => {
-                        spec.insert("restrictSearchWithMatch", view.visible(&other));
+                        spec.insert("restrictSearchWithMatch", view.visible());
                     }
                     Some(_) => {}
                 }
@@ -196,7 +197,7 @@ mod tests {
     #[test]
     fn what_has_decayed_is_not_looked_up() {
         let view = View::at(DateTime::from_millis(7));
-        let visible = view.visible(&ns("d.x"));
+        let visible = view.visible();
         let stages = [
             doc! { "$match": { "a": 1 } },
             doc! { "$lookup": { "from": "x", "pipeline": [{ "$sort": { "b": 1 } }], "as": "x" } },

@@ -1,7 +1,8 @@
 //! The computables of a memory: which are registered, which are running, what the last operation computed.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
+use bson::oid::ObjectId;
 use bson::{DateTime, Document};
 
 use super::definition::Definition;
@@ -19,6 +20,8 @@ pub(in crate::memory) struct Computables {
     pub(super) running: RefCell<Vec<Running>>,
     /// What was computed for the last operation.
     pub(super) computed: RefCell<Vec<Computed>>,
+    /// Whether all that the cache holds is seen.
+    is_shown: Cell<bool>,
 }
 
 /// A computable that a query needs.
@@ -26,6 +29,15 @@ pub(super) struct Wanted<'a> {
     pub(super) computable: &'a Computable,
     pub(super) query: &'a Document,
     pub(super) key: String,
+}
+
+/// The other computables that a query needs, seen from one of them.
+#[derive(Clone, Copy)]
+pub(super) struct Others<'a> {
+    /// The computations of those that ran before.
+    pub(super) earlier: &'a [ObjectId],
+    /// Those that run after it.
+    pub(super) later: &'a [Wanted<'a>],
 }
 
 /// A computable whose body is running.
@@ -36,11 +48,18 @@ pub(super) struct Running {
     /// Those of the namespace that run after it for the same query. A query of its body does
     /// not run them: they see its documents, and not the other way round.
     pub(super) later: Vec<String>,
+    /// The computations of those that ran before it for the same query.
+    pub(super) earlier: Vec<ObjectId>,
 }
 
 impl Computables {
     pub(in crate::memory) fn new(registry: Registry) -> Self {
         Self { registry, ..Self::default() }
+    }
+
+    /// Shows all that the cache holds, or only what was computed for an operation.
+    pub(in crate::memory) fn show(&self, is_shown: bool) {
+        self.is_shown.set(is_shown);
     }
 
     /// What was computed, or found in the cache, for the last operation.
@@ -73,11 +92,13 @@ impl Computables {
     }
 
     /// What is visible now, to a running body or to an application.
-    pub(super) fn view(&self, now: DateTime) -> View {
+    pub(in crate::memory) fn view(&self, now: DateTime) -> View {
+        if self.is_shown.get() {
+            return View::with_computed(now);
+        }
         let mut view = View::at(now);
-        for running in self.running.borrow().iter() {
-            view.limit(&running.namespace, &running.name);
-            running.later.iter().for_each(|name| view.limit(&running.namespace, name));
+        for token in self.running.borrow().iter().flat_map(|running| &running.earlier) {
+            view.allow(*token);
         }
         view
     }

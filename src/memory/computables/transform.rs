@@ -17,7 +17,7 @@ use super::body::{Asked, Body, Builtin, ComputeError, Options, Source, WrongOpti
 use crate::formats::scene::Pose;
 use crate::formats::shell;
 use crate::memory::frames::{self, Frames};
-use crate::store::{Find, Namespace, StoreError};
+use crate::store::{Find, Namespace, NamespaceError, StoreError};
 
 /// The keys of the query that are not about the documents as they are.
 const OWN: [&str; 4] = ["frame", "allow_tf", "translation", "rotation"];
@@ -28,7 +28,7 @@ pub(super) const BUILTIN: Builtin = Builtin { name: "transform", keys: &["frames
 
 fn make(options: &Options, ns: &Namespace) -> Result<Box<dyn Body>, WrongOption> {
     let frames = match options.get("frames") {
-        Some(name) => Namespace::parse(name).map_err(|error| ("frames", error.to_string()))?,
+        Some(name) => name.parse().map_err(|error: NamespaceError| ("frames", error.to_string()))?,
         None => Namespace { database: ns.database.clone(), collection: "frames".to_owned() },
     };
     Ok(Box::new(Transform { frames }))

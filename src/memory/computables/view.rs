@@ -2,62 +2,53 @@
 
 use bson::{Bson, DateTime, Document, doc};
 
-use crate::store::{Namespace, metadata};
+use crate::store::metadata;
 
 /// What an operation sees: documents that have not decayed, and of those that
-/// computables made, the ones that are for it.
+/// computables made, the ones that were computed for it.
 #[derive(Debug, Clone)]
 pub(in crate::memory) struct View {
     at: DateTime,
-    /// By namespace, the computables whose documents count only …
-    limited: Vec<(Namespace, Vec<String>)>,
-    /// … where one of these computations made them.
-    tokens: Vec<Bson>,
+    /// Null, which stands for stored documents, and the computations that are for it; none where all are seen.
+    tokens: Option<Vec<Bson>>,
 }
 
 impl View {
-    /// What is visible at a time.
+    /// Returns the stored documents at a time.
     pub(in crate::memory) fn at(at: DateTime) -> Self {
-        Self { at, limited: Vec::new(), tokens: Vec::new() }
+        Self { at, tokens: Some(vec![Bson::Null]) }
     }
 
-    pub(super) fn limit(&mut self, ns: &Namespace, name: &str) {
-        let place = match self.limited.iter().position(|(other, _)| other == ns) {
-            Some(place) => place,
-            None => {
-                self.limited.push((ns.clone(), Vec::new()));
-                self.limited.len() - 1
-            }
-        };
-        if let Some((_, names)) = self.limited.get_mut(place)
-            && !names.iter().any(|other| other == name)
-        {
-            names.push(name.to_owned());
-        }
+    /// Returns the stored documents at a time, and all that the cache holds.
+    pub(in crate::memory) fn with_computed(at: DateTime) -> Self {
+        Self { at, tokens: None }
     }
 
+    /// Adds the documents of a computation.
     pub(super) fn allow(&mut self, token: impl Into<Bson>) {
-        self.tokens.push(token.into());
+        if let Some(tokens) = &mut self.tokens {
+            tokens.push(token.into());
+        }
     }
 
     /// Whether documents are in sight that may be computed anew meanwhile.
     pub(in crate::memory) fn is_computed(&self) -> bool {
-        !self.tokens.is_empty()
+        self.tokens.as_ref().is_none_or(|tokens| tokens.len() > 1)
     }
 
     /// What is true of the documents that are seen.
-    pub(in crate::memory) fn visible(&self, ns: &Namespace) -> Document {
+    pub(in crate::memory) fn visible(&self) -> Document {
         let mut visible = metadata::visible(self.at);
-        if let Some((_, names)) = self.limited.iter().find(|(other, _)| other == ns) {
-            let others = doc! { metadata::computation("by"): { "$in": names }, metadata::computation("token"): { "$nin": &self.tokens } };
-            visible.insert("$nor", vec![others]);
+        if let Some(tokens) = &self.tokens {
+            // A stored document has no token, and null equals missing.
+            visible.insert(metadata::TOKEN_PATH, doc! { "$in": tokens });
         }
         visible
     }
 
     /// The filter, for the documents that are seen.
-    pub(in crate::memory) fn filter(&self, ns: &Namespace, filter: &Document) -> Document {
-        let visible = self.visible(ns);
+    pub(in crate::memory) fn filter(&self, filter: &Document) -> Document {
+        let visible = self.visible();
         if filter.is_empty() {
             visible
         } else {

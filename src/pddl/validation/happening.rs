@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use super::change::{Changes, is_continuous};
 use super::error::EvaluationError;
 use super::state::{Bindings, Ground, State, TOLERANCE};
+use super::trace::{Event, Happening};
 use super::truth::at_moment;
 use super::verdict::Failure;
 use crate::formats::pddl::ast::Moment;
@@ -117,7 +118,12 @@ fn happen(
         }
         all.join(changes, state).map_err(|trouble| stop(trouble, step, instances))?;
     }
+    let mut noted = state.trace.is_some().then(|| state.noted(&all, instances, now));
     state.apply(all).map_err(|trouble| stop(trouble, last, instances))?;
+    if let (Some(noted), Some(mut trace)) = (noted.take(), state.trace.take()) {
+        trace.push(state.with_values(noted));
+        state.trace = Some(trace);
+    }
     for (_, point) in now {
         match point {
             Point::Start(step) => running.push(*step),
@@ -128,7 +134,53 @@ fn happen(
     running.iter().try_for_each(|step| state.invariant(instances, *step))
 }
 
+/// A moment that is noted, and the numbers that it changes.
+struct Noted {
+    happening: Happening,
+    values: Vec<Ground>,
+}
+
 impl State<'_> {
+    /// What happens now, and what it is about to change.
+    fn noted(&self, changes: &Changes, instances: &[Instance<'_>], now: &[(f64, Point)]) -> Noted {
+        let texts = |facts: Vec<&Ground>| {
+            let mut texts: Vec<String> = facts.into_iter().map(|fact| self.fact_text(fact)).collect();
+            texts.sort();
+            texts
+        };
+        let event = |(_, point): &(f64, Point)| match point {
+            Point::Whole(step) => Event::Action(text(instances, *step)),
+            Point::Start(step) => Event::Start(text(instances, *step)),
+            Point::End(step) => Event::End(text(instances, *step)),
+            Point::Literal(_) => Event::Literal,
+        };
+        let adds = changes.adds.iter().filter(|fact| !self.facts.contains(*fact)).collect();
+        let is_gone = |fact: &&Ground| self.facts.contains(*fact) && !changes.adds.contains(*fact);
+        let mut values: Vec<(String, Ground)> =
+            changes.values.keys().map(|fluent| (self.ground_function_text(fluent), fluent.clone())).collect();
+        values.sort();
+        let before = |fluent: &Ground| self.values.get(fluent).copied();
+        Noted {
+            happening: Happening {
+                time: self.time,
+                events: now.iter().map(event).collect(),
+                becomes_true: texts(adds),
+                becomes_false: texts(changes.deletes.iter().filter(is_gone).collect()),
+                values: values.iter().map(|(text, fluent)| (text.clone(), before(fluent), 0.0)).collect(),
+            },
+            values: values.into_iter().map(|(_, fluent)| fluent).collect(),
+        }
+    }
+
+    /// The moment with the values that numbers have after it.
+    fn with_values(&self, noted: Noted) -> Happening {
+        let Noted { mut happening, values } = noted;
+        for (entry, fluent) in happening.values.iter_mut().zip(&values) {
+            entry.2 = self.values.get(fluent).copied().unwrap_or_default();
+        }
+        happening
+    }
+
     /// Checks what a point needs, and says what it changes.
     fn point(&mut self, instances: &[Instance<'_>], point: Point, alone: bool) -> Result<Effects, Stop> {
         let (step, moment) = match point {

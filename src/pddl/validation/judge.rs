@@ -3,6 +3,7 @@
 use super::error::EvaluationError;
 use super::happening::{Instance, Stop, simulate};
 use super::state::{Bindings, State};
+use super::trace::Happening;
 use super::verdict::{Failure, Validation};
 use crate::pddl::Step;
 use crate::pddl::domain::{Action, Domain};
@@ -22,6 +23,16 @@ pub fn validate(domain: &Domain, problem: &Problem, steps: &[Step]) -> Validatio
         Err(Stop::Failure(failure)) => Validation::Invalid(*failure),
         Err(Stop::Unjudged(reason)) => Validation::Unjudged(reason),
     }
+}
+
+/// Simulates a plan and says what happens at each moment, up to where the plan breaks.
+#[must_use]
+pub fn trace(domain: &Domain, problem: &Problem, steps: &[Step]) -> Vec<Happening> {
+    let mut state = State::new(domain, problem);
+    state.trace = Some(Vec::new());
+    // What is wrong is said by `validate`.
+    let _ = judge(&mut state, steps);
+    state.trace.unwrap_or_default()
 }
 
 /// Lets a plan happen in a state, which is left as it was when the plan broke.

@@ -17,6 +17,7 @@ mod repair;
 mod state;
 mod stratum;
 mod text;
+mod trace;
 mod truth;
 mod verdict;
 
@@ -24,6 +25,7 @@ pub(super) use error::EvaluationError;
 pub(super) use state::{Bindings, Ground, State, UNBOUND};
 pub(super) use stratum::{free_slots, predicates};
 
-pub use judge::validate;
+pub use judge::{trace, validate};
 pub use repair::{Cause, Remedy, Repair, repair};
+pub use trace::{Event, Happening};
 pub use verdict::{Failure, Validation};

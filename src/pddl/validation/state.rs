@@ -6,6 +6,7 @@ use std::rc::Rc;
 
 use super::error::EvaluationError;
 use super::stratum::{compares, predicates};
+use super::trace::Happening;
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Formula};
 use crate::pddl::problem::Problem;
@@ -46,6 +47,8 @@ pub(in crate::pddl) struct State<'a> {
     pub(super) tolerance: f64,
     /// What each fact owes its truth or falsehood to, where that is wanted.
     pub(super) history: Option<History>,
+    /// What happened so far, where that is kept.
+    pub(super) trace: Option<Vec<Happening>>,
     /// The parts of a condition that were found to be false, with the values of their variables.
     pub(super) blamed: RefCell<Vec<(Formula, Bindings)>>,
 }
@@ -82,6 +85,7 @@ impl<'a> State<'a> {
             time: 0.0,
             tolerance: TOLERANCE,
             history: None,
+            trace: None,
             blamed: RefCell::default(),
         }
     }

@@ -1,8 +1,14 @@
 //! Renders minijinja templates.
 
 mod bound;
+mod call;
+mod context;
+mod documents;
 mod function;
+mod hint;
 mod instrument;
+mod method;
+mod signature;
 mod value;
 
 use std::borrow::Cow;
@@ -18,7 +24,8 @@ use super::assembly::{Assembled, Assembler};
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
-use function::{Context, Piece, pieces, register};
+use context::{Context, Piece, pieces};
+use function::register;
 pub(super) use instrument::PLACED;
 use instrument::{Instrumented, instrument};
 use value::{CLOSE, OPEN, from_bson};
@@ -173,7 +180,10 @@ fn explain(template: &Source, instrumented: &Instrumented, context: &Context, er
     }
     let expression = template.slice(span).trim().trim_matches(['{', '}', '-']).trim();
     let detail = innermost.detail().unwrap_or_default();
+    let missing =
+        context.missing().filter(|missing| expression.trim_end_matches(['"', '\'', ']']).ends_with(&missing.key));
     let message = match innermost.kind() {
+        ErrorKind::UnknownFunction => format!("unknown function `{}`", detail.trim_end_matches(" is unknown")),
         ErrorKind::UndefinedError if detail.starts_with('`') => detail.to_owned(),
         ErrorKind::UndefinedError if !expression.is_empty() && !expression.contains('\n') => {
             format!("`{expression}` is undefined")
@@ -189,5 +199,7 @@ fn explain(template: &Source, instrumented: &Instrumented, context: &Context, er
         ErrorKind::InvalidOperation => detail.to_owned(),
         kind => format!("{kind}: {detail}"),
     };
-    ProblemError::Template(Diagnostic::new(template, span, message))
+    let hints = hint::hints(innermost, template.text(), expression, missing.as_ref());
+    let diagnostic = Diagnostic::new(template, span, message);
+    ProblemError::Template(hints.into_iter().fold(diagnostic, Diagnostic::hint))
 }

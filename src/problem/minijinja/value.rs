@@ -12,7 +12,7 @@ use minijinja::{Error, ErrorKind};
 
 use crate::formats::shell;
 use crate::problem::origin::{DocumentId, document_id};
-use crate::store::Namespace;
+use crate::store::{Namespace, metadata};
 
 /// Brackets around the number of a value in rendered text. Unicode reserves
 /// these characters for programs; texts that hold them are refused.
@@ -29,9 +29,42 @@ const MAX_DEPTH: usize = 100;
 pub(super) struct Looked {
     last: Mutex<Option<Arc<Root>>>,
     longs: Mutex<HashSet<i64>>,
+    missed: Mutex<Option<Missed>>,
+}
+
+/// A key that a document was asked for and does not have.
+#[derive(Debug)]
+struct Missed {
+    root: Arc<Root>,
+    /// The document inside that was asked.
+    inner: Option<RawDocumentBuf>,
+    key: String,
+}
+
+/// A key that a document does not have, for messages.
+#[derive(Debug)]
+pub(super) struct Missing {
+    pub(super) key: String,
+    /// The keys that it has.
+    pub(super) keys: Vec<String>,
+    pub(super) document: Option<DocumentId>,
 }
 
 impl Looked {
+    /// The last key that a document was asked for and does not have.
+    pub(super) fn missing(&self) -> Option<Missing> {
+        let Missed { root, inner, key } = self.missed.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        let keys = inner.as_ref().unwrap_or(&root.raw).iter().filter_map(Result::ok);
+        let keys = keys.map(|(key, _)| key.as_str().to_owned()).filter(|key| key != metadata::INFO).collect();
+        Some(Missing { key, keys, document: root.id() })
+    }
+
+    fn miss(&self, document: &Doc, key: &str) {
+        let (root, inner) = (Arc::clone(&document.root), document.inner.clone());
+        let missed = Missed { root, inner, key: key.to_owned() };
+        *self.missed.lock().unwrap_or_else(PoisonError::into_inner) = Some(missed);
+    }
+
     fn at(&self, document: &Arc<Root>) {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if !last.as_ref().is_some_and(|last| Arc::ptr_eq(last, document)) {
@@ -136,7 +169,11 @@ impl Object for Doc {
         if self.root.namespace.is_some() {
             self.looked.at(&self.root);
         }
-        self.raw().get(key).ok().flatten().map(|value| self.convert(value))
+        let value = self.raw().get(key).ok().flatten().map(|value| self.convert(value));
+        if value.is_none() {
+            self.looked.miss(self, key);
+        }
+        value
     }
 
     fn enumerate(self: &Arc<Self>) -> Enumerator {

@@ -402,9 +402,11 @@ impl Iterator for Scan<'_> {
     }
 }
 
-/// Removes the condition on decay from a filter where the collection has no decaying documents.
+/// Removes the conditions on decay and computation from a filter where the collection has no decaying documents.
+/// Computed documents decay.
 pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
     if let (None, Some(filter)) = (decay(indexes), Rc::get_mut(filter)) {
         filter.assume_missing(metadata::DECAY_PATH);
+        filter.assume_missing(metadata::TOKEN_PATH);
     }
 }

@@ -70,7 +70,7 @@ impl<'a> Arguments<'a> {
     }
 
     pub(super) fn namespace(self, nth: u32) -> Result<Namespace, Failure> {
-        Namespace::parse(self.text(nth)?).map_err(Failure::declined)
+        self.text(nth)?.parse::<Namespace>().map_err(Failure::declined)
     }
 
     /// A copy of a document, or the document that a text is.

@@ -1,0 +1,243 @@
+//! Lines of mongosh, like `db.orders.find({team: 'CYAN'})`, as commands of rmem.
+
+/// The database of collections that are written as `db.NAME`.
+const DATABASE: &str = "robmem";
+
+/// A part of a line between dots: a name, with its arguments where it is called.
+struct Segment<'a> {
+    name: &'a str,
+    arguments: Option<Vec<&'a str>>,
+}
+
+/// Returns the command for a line; none where it is no such line, or rmem has no such command.
+pub(super) fn command(line: &str) -> Option<String> {
+    let line = line.trim().trim_end_matches(';');
+    let segments = segments(line.strip_prefix("await ").unwrap_or(line).trim())?;
+    let mut segments = segments.into_iter().peekable();
+    let is_db = segments.next_if(|segment| segment.name == "db" && segment.arguments.is_none()).is_some();
+    let mut database = is_db.then(|| DATABASE.to_owned());
+    let mut path: Vec<String> = Vec::new();
+    for segment in segments.by_ref() {
+        match (segment.name, &segment.arguments) {
+            ("getSiblingDB" | "getDB", Some(arguments)) => database = Some(unquoted(arguments.first()?)),
+            ("getCollection", Some(arguments)) => path.push(unquoted(arguments.first()?)),
+            (name, None) => path.push(name.to_owned()),
+            (method, Some(arguments)) => {
+                let modifiers: Vec<Segment<'_>> = segments.collect();
+                let words = words(method, &namespace(database, &path)?, arguments, &modifiers)?;
+                return Some(words.join(" "));
+            }
+        }
+    }
+    None
+}
+
+fn namespace(database: Option<String>, path: &[String]) -> Option<String> {
+    let path = path.join(".");
+    let name = match database {
+        Some(database) => format!("{database}.{path}"),
+        None if path.contains('.') => path,
+        None => format!("{DATABASE}.{path}"),
+    };
+    name.parse::<crate::store::Namespace>().is_ok().then_some(name)
+}
+
+/// The words of the command for a method.
+fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) -> Option<Vec<String>> {
+    let given = |nth: usize| arguments.get(nth).copied().filter(|text| !is_empty(text));
+    let word = |nth: usize| given(nth).map(quoted);
+    let has = |option: &str| arguments.last().is_some_and(|text| text.contains(option) && text.contains("true"));
+    let flag = |name: &str, is_set: bool| is_set.then(|| name.to_owned());
+    let command = |name: &str| vec!["rmem".to_owned(), name.to_owned(), ns.to_owned()];
+    let is_counted = modifiers.iter().any(|segment| ["count", "size", "length", "itcount"].contains(&segment.name));
+    let with = |name: &str, more: Vec<Option<String>>| [command(name), more.into_iter().flatten().collect()].concat();
+    let update = |more: &[Option<String>]| {
+        let rest = [vec![Some(quoted(arguments.first()?)), Some(quoted(arguments.get(1)?))], more.to_vec()].concat();
+        Some(with("update", rest))
+    };
+    let upsert = flag("--upsert", arguments.len() > 2 && has("upsert"));
+    Some(match method {
+        "find" if is_counted => with("count", vec![word(0)]),
+        "find" => {
+            let projection = word(1).map(|fields| format!("--fields {fields}"));
+            [with("query", vec![word(0), projection]), options(modifiers)].concat()
+        }
+        "findOne" => {
+            let projection = word(1).map(|fields| format!("--fields {fields}"));
+            with("query", vec![word(0), projection, Some("--limit 1".to_owned())])
+        }
+        "insertOne" | "insertMany" | "insert" | "save" => with("insert", vec![word(0)]),
+        "updateOne" => update(&[upsert])?,
+        "updateMany" => update(&[Some("--many".to_owned()), upsert])?,
+        "update" => update(&[flag("--many", arguments.len() > 2 && has("multi")), upsert])?,
+        "replaceOne" => update(&[Some("--replace".to_owned()), upsert])?,
+        "deleteMany" | "remove" if given(0).is_none() => with("delete", vec![Some("--all".to_owned())]),
+        "deleteMany" | "remove" => with("delete", vec![word(0), Some("--many".to_owned())]),
+        "deleteOne" => with("delete", vec![word(0)]),
+        "countDocuments" | "count" | "estimatedDocumentCount" => with("count", vec![word(0)]),
+        "aggregate" if arguments.len() > 1 && !arguments.first()?.starts_with('[') => {
+            with("aggregate", vec![Some(quoted(&format!("[{}]", arguments.join(", "))))])
+        }
+        "aggregate" => with("aggregate", vec![Some(quoted(arguments.first().copied().unwrap_or("[]")))]),
+        "distinct" => with("distinct", vec![Some(unquoted(arguments.first()?)), word(1)]),
+        "drop" => with("drop", Vec::new()),
+        "createIndex" | "ensureIndex" => {
+            with("index", vec![word(0), flag("--unique", arguments.len() > 1 && has("unique"))])
+        }
+        "getIndexes" => with("index", Vec::new()),
+        "dropIndex" => with("index", vec![Some(unquoted_or_quoted(arguments.first()?)), Some("--drop".to_owned())]),
+        "watch" => with("watch", Vec::new()),
+        _ => return None,
+    })
+}
+
+/// The options that methods of a cursor stand for; others, like `toArray`, have none.
+fn options(modifiers: &[Segment<'_>]) -> Vec<String> {
+    let option = |segment: &Segment<'_>| {
+        let argument = segment.arguments.as_ref().and_then(|arguments| arguments.first().copied());
+        match segment.name {
+            "sort" => Some(format!("--sort {}", quoted(argument?))),
+            "limit" | "skip" => Some(format!("--{} {}", segment.name, argument?)),
+            "projection" => Some(format!("--fields {}", quoted(argument?))),
+            "explain" => Some("--explain".to_owned()),
+            _ => None,
+        }
+    };
+    modifiers.iter().filter_map(option).collect()
+}
+
+/// Takes a line apart at the dots outside of brackets and quotes.
+fn segments(line: &str) -> Option<Vec<Segment<'_>>> {
+    split(line, b'.')?.into_iter().map(parsed).collect()
+}
+
+fn parsed(part: &str) -> Option<Segment<'_>> {
+    let part = part.trim();
+    let Some((name, rest)) = part.split_once('(') else {
+        return is_name(part).then_some(Segment { name: part, arguments: None });
+    };
+    let inner = rest.strip_suffix(')').filter(|_| is_name(name.trim()))?;
+    let arguments = split(inner, b',')?.into_iter().map(str::trim).filter(|text| !text.is_empty()).collect();
+    Some(Segment { name: name.trim(), arguments: Some(arguments) })
+}
+
+fn is_name(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '$'))
+}
+
+/// Splits a text at a sign outside of brackets and quotes; none where these are not closed.
+fn split(text: &str, sign: u8) -> Option<Vec<&str>> {
+    let (mut parts, mut start, mut depth) = (Vec::new(), 0, 0_usize);
+    let (mut quote, mut is_escaped) = (None, false);
+    for (at, byte) in text.bytes().enumerate() {
+        if let Some(mark) = quote {
+            (is_escaped, quote) =
+                if is_escaped { (false, quote) } else { (byte == b'\\', quote.filter(|_| byte != mark)) };
+            continue;
+        }
+        match byte {
+            b'"' | b'\'' | b'`' => quote = Some(byte),
+            b'(' | b'[' | b'{' => depth += 1,
+            b')' | b']' | b'}' => depth = depth.checked_sub(1)?,
+            _ if byte == sign && depth == 0 => {
+                parts.push(text.get(start..at)?);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    parts.push(text.get(start..)?);
+    (depth == 0 && quote.is_none()).then_some(parts)
+}
+
+fn is_empty(text: &str) -> bool {
+    text.chars().filter(|c| !c.is_whitespace()).collect::<String>() == "{}"
+}
+
+fn is_text(text: &str) -> bool {
+    text.starts_with(['"', '\'', '`'])
+}
+
+fn unquoted(text: &str) -> String {
+    text.trim().trim_matches(['"', '\'', '`']).to_owned()
+}
+
+fn unquoted_or_quoted(text: &str) -> String {
+    if is_text(text) { unquoted(text) } else { quoted(text) }
+}
+
+/// A word of a shell's command line.
+fn quoted(text: &str) -> String {
+    let text = text.trim();
+    if text.contains(['$', '`', '"', '\\', '!']) && !text.contains('\'') {
+        return format!("'{text}'");
+    }
+    let mut word = String::from('"');
+    for c in text.chars() {
+        if matches!(c, '$' | '`' | '"' | '\\') {
+            word.push('\\');
+        }
+        word.push(c);
+    }
+    word.push('"');
+    word
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_of_mongosh_is_a_command() {
+        for (line, wanted) in [
+            ("db.orders.find({team:'CYAN'})", "rmem query robmem.orders \"{team:'CYAN'}\""),
+            ("db.orders.find()", "rmem query robmem.orders"),
+            ("db.orders.find({}).pretty();", "rmem query robmem.orders"),
+            ("robmem.orders.find({n: {$gt: 3}})", "rmem query robmem.orders '{n: {$gt: 3}}'"),
+            ("orders.find({n: 1}, {n: 1, _id: 0})", "rmem query robmem.orders \"{n: 1}\" --fields \"{n: 1, _id: 0}\""),
+            (
+                "db.orders.find({a: 'x.y(z)'}).sort({n: -1}).skip(2).limit(5)",
+                "rmem query robmem.orders \"{a: 'x.y(z)'}\" --sort \"{n: -1}\" --skip 2 --limit 5",
+            ),
+            ("db.orders.find({n: 1}).count()", "rmem count robmem.orders \"{n: 1}\""),
+            ("db.orders.findOne({_id: 7})", "rmem query robmem.orders \"{_id: 7}\" --limit 1"),
+            ("db.orders.insertOne({team: \"CYAN\"})", "rmem insert robmem.orders '{team: \"CYAN\"}'"),
+            ("db.orders.insertMany([{n: 1}, {n: 2}])", "rmem insert robmem.orders \"[{n: 1}, {n: 2}]\""),
+            (
+                "db.orders.updateOne({team: 'CYAN'}, {$set: {n: 'x'}}, {upsert: true})",
+                "rmem update robmem.orders \"{team: 'CYAN'}\" \"{\\$set: {n: 'x'}}\" --upsert",
+            ),
+            ("db.a.b.updateMany({}, {$inc: {n: 1}})", "rmem update robmem.a.b \"{}\" '{$inc: {n: 1}}' --many"),
+            ("db.orders.replaceOne({_id: 1}, {n: 2})", "rmem update robmem.orders \"{_id: 1}\" \"{n: 2}\" --replace"),
+            ("db.orders.deleteOne({n: 1})", "rmem delete robmem.orders \"{n: 1}\""),
+            ("db.orders.deleteMany({n: 1})", "rmem delete robmem.orders \"{n: 1}\" --many"),
+            ("db.orders.deleteMany({})", "rmem delete robmem.orders --all"),
+            ("db.orders.countDocuments()", "rmem count robmem.orders"),
+            ("db.orders.distinct('team', {n: 1})", "rmem distinct robmem.orders team \"{n: 1}\""),
+            ("db.orders.aggregate([{$match: {n: 1}}])", "rmem aggregate robmem.orders '[{$match: {n: 1}}]'"),
+            ("db.orders.drop()", "rmem drop robmem.orders"),
+            ("db.orders.createIndex({n: 1}, {unique: true})", "rmem index robmem.orders \"{n: 1}\" --unique"),
+            ("db.getSiblingDB('lab').getCollection('orders').find()", "rmem query lab.orders"),
+        ] {
+            assert_eq!(command(line).as_deref(), Some(wanted), "{line}");
+        }
+    }
+
+    #[test]
+    fn other_texts_are_no_lines_of_mongosh() {
+        for text in [
+            "",
+            "db",
+            "robmem.orders",
+            "a b.c",
+            "db.orders.find({)",
+            "db.find({'x})",
+            "db.(x)",
+            "db.x.dance()",
+            "é.(",
+            "f()",
+        ] {
+            assert_eq!(command(text), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! What keeps documents from meeting a condition.
+
+use std::fmt;
+
+use bson::Bson;
+
+use crate::formats::shell;
+
+/// What keeps documents from meeting a condition.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Remark {
+    /// No document has the key.
+    NoKey {
+        /// The key, or a dotted path.
+        path: String,
+        /// A key like it, and how many documents have that.
+        nearest: Option<(String, u64)>,
+    },
+    /// The documents have values of other types.
+    OtherType {
+        /// The key, or a dotted path.
+        path: String,
+        /// How many documents have the key.
+        documents: u64,
+        /// The types, and how many documents have each.
+        types: Vec<(&'static str, u64)>,
+        /// The type that the condition compares with.
+        wanted: &'static str,
+    },
+    /// A value like that of the condition, which documents have.
+    OtherValue {
+        /// The key, or a dotted path.
+        path: String,
+        /// The value that they have.
+        value: Bson,
+        /// How many have it.
+        documents: u64,
+    },
+}
+
+/// The types that values of documents may have: the name in messages, with its article, and MongoDB's alias.
+pub(super) const TYPES: [(&str, &str); 9] = [
+    ("an array", "array"),
+    ("a string", "string"),
+    ("a number", "number"),
+    ("true or false", "bool"),
+    ("a date", "date"),
+    ("an ObjectId", "objectId"),
+    ("a document", "object"),
+    ("null", "null"),
+    ("binary data", "binData"),
+];
+
+/// Returns the name of the type with which a value is compared; none where types play no role.
+pub(super) fn type_of(value: &Bson) -> Option<&'static str> {
+    Some(match value {
+        Bson::Array(_) => "an array",
+        Bson::String(_) | Bson::Symbol(_) | Bson::RegularExpression(_) => "a string",
+        Bson::Int32(_) | Bson::Int64(_) | Bson::Double(_) | Bson::Decimal128(_) => "a number",
+        Bson::Boolean(_) => "true or false",
+        Bson::DateTime(_) => "a date",
+        Bson::ObjectId(_) => "an ObjectId",
+        Bson::Document(_) => "a document",
+        Bson::Binary(_) => "binary data",
+        _ => return None,
+    })
+}
+
+impl fmt::Display for Remark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoKey { path, nearest: Some((nearest, documents)) } => {
+                let verb = if *documents == 1 { "has" } else { "have" };
+                write!(f, "no document has the key `{path}`; {documents} {verb} `{nearest}`")
+            }
+            Self::NoKey { path, nearest: None } => write!(f, "no document has the key `{path}`"),
+            Self::OtherType { path, documents, types, wanted } => {
+                write!(f, "{path} is {}; you compare with {wanted}", types_text(types, *documents))
+            }
+            Self::OtherValue { path, value, documents } => {
+                write!(f, "{{{path}: {}}} matches {}", shell::relaxed_value(value), count(*documents))
+            }
+        }
+    }
+}
+
+fn types_text(types: &[(&str, u64)], documents: u64) -> String {
+    if let [(name, number)] = types
+        && *number == documents
+    {
+        return match documents {
+            1 => format!("{name} in the one document that has it"),
+            _ => format!("{name} in all {}", count(documents)),
+        };
+    }
+    types.iter().map(|(name, number)| format!("{name} in {}", count(*number))).collect::<Vec<_>>().join(", ")
+}
+
+pub(super) fn count(documents: u64) -> String {
+    if documents == 1 { "1 document".to_owned() } else { format!("{documents} documents") }
+}

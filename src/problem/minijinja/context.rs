@@ -1,0 +1,308 @@
+//! What the functions of one rendering share: who asks the memory, and what was asked and written.
+
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use bson::{Bson, Document, RawDocumentBuf};
+use minijinja::value::{Value, ValueKind};
+use minijinja::{Error, ErrorKind, Output};
+
+use super::value::{CLOSE, Looked, Missing, OPEN, Other, to_bson};
+use crate::formats::{Source, Span, shell};
+use crate::problem::answer::{Answer, Asker, Question};
+use crate::problem::assembly::Emitted;
+use crate::store::{Namespace, StoreError};
+
+/// What the functions of one rendering share.
+#[derive(Debug)]
+pub(super) struct Context {
+    pub(super) asker: Asker,
+    /// Where each numbered place is in the template.
+    pub(super) sites: Vec<Span>,
+    /// The place of the expression that is written next.
+    pub(super) at: AtomicUsize,
+    pub(super) looked: Arc<Looked>,
+    failure: Mutex<Option<StoreError>>,
+    emitted: Mutex<Vec<Emitted>>,
+    asked: Mutex<Vec<Asked>>,
+    /// Whom the template asked, for whatever.
+    namespaces: Mutex<Vec<Namespace>>,
+    /// Values that the filter `name` made texts of, by those texts.
+    named: Mutex<HashMap<String, Bson>>,
+}
+
+/// A query that was asked, perhaps several times with different filters.
+#[derive(Debug, Clone)]
+pub(super) struct Asked {
+    pub(super) site: Option<usize>,
+    pub(super) namespace: Arc<Namespace>,
+    pub(super) query: Document,
+    pub(super) matched: Arc<AtomicU64>,
+    /// How many documents of each of its queries were counted, by the query's hash.
+    counted: HashMap<u64, Arc<AtomicU64>>,
+}
+
+/// Counts the documents of a query, each once, however often the template goes through them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tally {
+    matched: Arc<AtomicU64>,
+    counted: Arc<AtomicU64>,
+}
+
+impl Tally {
+    /// Counts the documents of the answer up to this number.
+    pub(super) fn reach(&self, number: u64) {
+        let before = self.counted.fetch_max(number, Ordering::Relaxed);
+        self.matched.fetch_add(number.saturating_sub(before), Ordering::Relaxed);
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+pub(super) fn invalid(message: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidOperation, message.into())
+}
+
+impl Context {
+    pub(super) fn new(asker: Asker, sites: Vec<Span>) -> Self {
+        Self {
+            asker,
+            sites,
+            at: AtomicUsize::new(usize::MAX),
+            looked: Arc::default(),
+            failure: Mutex::default(),
+            emitted: Mutex::default(),
+            asked: Mutex::default(),
+            namespaces: Mutex::default(),
+            named: Mutex::default(),
+        }
+    }
+
+    /// Says that nothing more will be asked.
+    pub(super) fn end(&self) {
+        self.asker.end();
+    }
+
+    /// Why the store did not answer, if that is what ended the rendering.
+    pub(super) fn failure(&self) -> Option<StoreError> {
+        lock(&self.failure).take()
+    }
+
+    /// The values that were written, by number.
+    pub(super) fn emitted(&self) -> Vec<Emitted> {
+        std::mem::take(&mut *lock(&self.emitted))
+    }
+
+    /// The queries that were asked.
+    pub(super) fn asked(&self) -> Vec<Asked> {
+        lock(&self.asked).clone()
+    }
+
+    /// The last key that was asked for and that its document does not have.
+    pub(super) fn missing(&self) -> Option<Missing> {
+        self.looked.missing()
+    }
+
+    /// The namespaces that were asked.
+    pub(super) fn namespaces(&self) -> Vec<Namespace> {
+        lock(&self.namespaces).clone()
+    }
+
+    /// Keeps a value for the problem; its number in brackets stands for it in the rendered text.
+    pub(super) fn emit(&self, value: &Value, out: &mut Output<'_>) -> Result<(), Error> {
+        let (text, number) = self.spell(value)?;
+        let value = self.typed(value).or_else(|| lock(&self.named).get(&text).cloned()).map(Box::new);
+        self.keep(
+            Emitted { text, number, template: self.site(), document: self.looked.take(), goal: false, value },
+            out,
+        )
+    }
+
+    /// Keeps the goal for the problem, like a value.
+    pub(super) fn emit_goal(&self, goal: &str, out: &mut Output<'_>) -> Result<(), Error> {
+        self.looked.take();
+        let text = goal.to_owned();
+        let goal = Emitted { text, number: false, template: self.site(), document: None, goal: true, value: None };
+        self.keep(goal, out)
+    }
+
+    /// The place of the expression that is written.
+    fn site(&self) -> Span {
+        self.sites.get(self.at.load(Ordering::Relaxed)).copied().unwrap_or_default()
+    }
+
+    fn keep(&self, value: Emitted, out: &mut Output<'_>) -> Result<(), Error> {
+        let mut emitted = lock(&self.emitted);
+        emitted.push(value);
+        Ok(write!(out, "{OPEN}{}{CLOSE}", emitted.len() - 1)?)
+    }
+
+    /// The name of a value as text; what it was is remembered.
+    pub(super) fn name(&self, value: &Value) -> Result<String, Error> {
+        let (text, _) = self.spell(value)?;
+        if let Some(value) = self.typed(value) {
+            lock(&self.named).entry(text.clone()).or_insert(value);
+        }
+        Ok(text)
+    }
+
+    /// The value in the memory, where it is no text.
+    fn typed(&self, value: &Value) -> Option<Bson> {
+        if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
+            return matches!(other, Bson::ObjectId(_)).then(|| other.clone());
+        }
+        match value.kind() {
+            ValueKind::Bool => Some(Bson::Boolean(value.is_true())),
+            ValueKind::Number if value.is_integer() => {
+                let number = value.as_i64()?;
+                let short = i32::try_from(number).ok().filter(|_| !self.looked.is_long(number));
+                Some(short.map_or(Bson::Int64(number), Bson::Int32))
+            }
+            ValueKind::Number => f64::try_from(value.clone()).ok().map(Bson::Double),
+            _ => None,
+        }
+    }
+
+    /// A value's text, and whether it is a number.
+    fn spell(&self, value: &Value) -> Result<(String, bool), Error> {
+        if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
+            return match other {
+                Bson::ObjectId(id) => Ok((id.to_hex(), false)),
+                Bson::Decimal128(_) => Err(invalid("a decimal is no name; use the filter `number`")),
+                Bson::DateTime(_) => Err(invalid("a date is no name; use the filter `number` for its milliseconds")),
+                _ => Err(invalid(format!("{value} has no name in PDDL"))),
+            };
+        }
+        match value.kind() {
+            ValueKind::String => Ok((self.plain(value.as_str().unwrap_or_default()), false)),
+            ValueKind::Bool => Ok((if value.is_true() { "true" } else { "false" }.to_owned(), false)),
+            ValueKind::Number if value.is_integer() => Ok((value.to_string(), true)),
+            ValueKind::Number => match f64::try_from(value.clone())? {
+                number if !number.is_finite() => Err(invalid("NaN and infinity are no numbers in PDDL")),
+                number if number.fract() == 0.0 => Ok((format!("{number:.1}"), true)),
+                number => Ok((number.to_string(), true)),
+            },
+            ValueKind::None => Err(invalid("null has no name in PDDL; test with `is none` first")),
+            ValueKind::Undefined => Err(Error::new(ErrorKind::UndefinedError, "there is no such value")),
+            ValueKind::Seq | ValueKind::Iterable => Err(invalid("a list is no name; go through it with `for`")),
+            ValueKind::Map => Err(invalid("a document is no name; take one of its keys")),
+            kind => Err(invalid(format!("a value of type {kind} has no name in PDDL"))),
+        }
+    }
+
+    /// Rendered text with the texts of the values instead of their numbers.
+    pub(super) fn plain(&self, text: &str) -> String {
+        if !text.contains(OPEN) {
+            return text.to_owned();
+        }
+        let emitted = lock(&self.emitted);
+        pieces(text)
+            .map(|piece| match piece {
+                Piece::Text(text) => text.to_owned(),
+                Piece::Value(number) => emitted.get(number).map_or(String::new(), |value| value.text.clone()),
+            })
+            .collect()
+    }
+
+    /// Asks the memory; a failure is kept with its type.
+    pub(super) fn ask(&self, question: Question) -> Result<Answer, Error> {
+        match self.asker.ask(question) {
+            Some(Answer::Failed(error)) => {
+                let message = error.to_string();
+                lock(&self.failure).get_or_insert(error);
+                Err(invalid(message))
+            }
+            Some(answer) => Ok(answer),
+            None => Err(invalid("the memory is gone")),
+        }
+    }
+
+    /// Notes a query; the same place and namespace share a count.
+    pub(super) fn note(&self, site: Option<usize>, namespace: &Arc<Namespace>, query: &Document) -> Tally {
+        let mut asked = lock(&self.asked);
+        let known = asked.iter().position(|known| known.site == site && known.namespace == *namespace);
+        let place = known.unwrap_or_else(|| {
+            let (namespace, query) = (Arc::clone(namespace), query.clone());
+            asked.push(Asked { site, namespace, query, matched: Arc::default(), counted: HashMap::new() });
+            asked.len() - 1
+        });
+        let Some(asked) = asked.get_mut(place) else { return Tally::default() };
+        let counted = asked.counted.entry(hash(query)).or_default();
+        Tally { matched: Arc::clone(&asked.matched), counted: Arc::clone(counted) }
+    }
+
+    /// Notes a namespace that is asked.
+    pub(super) fn note_namespace(&self, namespace: &Namespace) {
+        let mut known = lock(&self.namespaces);
+        if !known.contains(namespace) {
+            known.push(namespace.clone());
+        }
+    }
+
+    /// A filter, update or the like: a map, or text in the shell spelling.
+    pub(super) fn document(&self, value: Option<&Value>, what: &str) -> Result<Document, Error> {
+        let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(Document::new()) };
+        match to_bson(value, &|text| self.plain(text))? {
+            Bson::Document(document) => Ok(document),
+            Bson::String(text) => shell::parse_document(&Source::new(format!("<{what}>"), text))
+                .map_err(|error| invalid(format!("in the {what}: {}", first_line(&error.to_string())))),
+            _ => Err(invalid(format!("the {what} must be a map, or text like \"{{key: 'value'}}\""))),
+        }
+    }
+
+    pub(super) fn pipeline(&self, value: &Value) -> Result<Vec<Document>, Error> {
+        let wrong = || invalid("the pipeline must be a list of stages, or text like \"[{$match: …}]\"");
+        match to_bson(value, &|text| self.plain(text))? {
+            Bson::String(text) => shell::parse_pipeline(&Source::new("<pipeline>", text))
+                .map_err(|error| invalid(format!("in the pipeline: {}", first_line(&error.to_string())))),
+            Bson::Document(stage) => Ok(vec![stage]),
+            Bson::Array(stages) => {
+                let stages = stages.into_iter().map(|stage| match stage {
+                    Bson::Document(stage) => Some(stage),
+                    _ => None,
+                });
+                stages.collect::<Option<_>>().ok_or_else(wrong)
+            }
+            _ => Err(wrong()),
+        }
+    }
+}
+
+fn hash(query: &Document) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    // Every document that was read or written as text can be encoded.
+    RawDocumentBuf::try_from(query).unwrap_or_default().as_bytes().hash(&mut hasher);
+    hasher.finish()
+}
+
+/// `<filter>:1:5: expected …` without the lines below.
+fn first_line(text: &str) -> &str {
+    text.lines().next().unwrap_or_default()
+}
+
+/// A part of rendered text.
+pub(super) enum Piece<'a> {
+    Text(&'a str),
+    /// The number of a value.
+    Value(usize),
+}
+
+/// Takes rendered text apart.
+pub(super) fn pieces(text: &str) -> impl Iterator<Item = Piece<'_>> {
+    let mut rest = text;
+    std::iter::from_fn(move || {
+        if let Some(after) = rest.strip_prefix(OPEN) {
+            let (number, after) = after.split_once(CLOSE).unwrap_or((after, ""));
+            rest = after;
+            return Some(Piece::Value(number.parse().unwrap_or(usize::MAX)));
+        }
+        let end = rest.find(OPEN).unwrap_or(rest.len());
+        let (piece, after) = rest.split_at(end);
+        rest = after;
+        (!piece.is_empty()).then_some(Piece::Text(piece))
+    })
+}
