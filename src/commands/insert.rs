@@ -69,12 +69,7 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> 
 }
 
 /// Reads documents from the command line, a file, or stdin, and stores them but for the last batch.
-fn read_all(
-    args: &InsertArgs,
-    batch: &mut Batch<'_>,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> Result<()> {
+fn read_all(args: &InsertArgs, batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
     for (index, text) in args.documents.iter().enumerate() {
         if text == "-" {
             read_stdin(batch, memory, context)?;

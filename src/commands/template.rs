@@ -101,12 +101,7 @@ fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
 
 /// Reports how many documents each section of a template matched, under `-v`. One that matched none is a warning with
 /// the reason, or an error if `strict`; so is a collection that does not exist.
-pub(super) fn report(
-    generated: &Generated,
-    strict: bool,
-    memory: &Memory,
-    context: &mut Context<'_>,
-) -> Result<()> {
+pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
     let mut empty = Vec::new();
     let mut told: Vec<&Namespace> = Vec::new();
     for section in &generated.sections {

@@ -123,7 +123,7 @@ impl<'a> Portfolio<'a> {
         // A racer that said nothing has panicked, which the scope has passed on.
         let runs: Vec<Run> = runs.into_iter().flatten().collect();
         let winner =
-            first.filter(|place| *place < runs.len()).or_else(|| best(&runs)).or_else(|| most_telling(&runs))?;
+            first.filter(|place| *place < runs.len()).or_else(|| best(&runs, task)).or_else(|| most_telling(&runs))?;
         Some(Race { runs, winner })
     }
 }
@@ -133,14 +133,23 @@ fn is_decided(outcome: &Outcome) -> bool {
     matches!(outcome, Outcome::Plan(_) | Outcome::Unsolvable)
 }
 
-/// The run with the cheapest plan; of equals the one with fewer steps, then the first named.
-fn best(runs: &[Run]) -> Option<usize> {
+/// The run with the best plan; of equals the one with fewer steps, then the first named.
+fn best(runs: &[Run], task: &Task<'_>) -> Option<usize> {
     let plans = runs.iter().enumerate().filter_map(|(place, run)| Some((place, run.outcome.plan()?)));
-    let cost = |plan: &Plan| plan.cost.unwrap_or(f64::INFINITY);
     let order = |(_, one): &(usize, &Plan), (_, other): &(usize, &Plan)| {
-        cost(one).total_cmp(&cost(other)).then(one.steps.len().cmp(&other.steps.len()))
+        badness(one, task).total_cmp(&badness(other, task)).then(one.steps.len().cmp(&other.steps.len()))
     };
     plans.min_by(order).map(|(place, _)| place)
+}
+
+/// How bad a plan is: its metric, or, where the task has none, when it ends or how many steps it has.
+fn badness(plan: &Plan, task: &Task<'_>) -> f64 {
+    let cost = plan.cost.unwrap_or(f64::INFINITY);
+    match &task.problem.tree().metric {
+        Some(metric) if metric.minimize => cost,
+        Some(_) => plan.cost.map_or(f64::INFINITY, |value| -value),
+        None => plan.makespan().unwrap_or(cost),
+    }
 }
 
 /// Whose outcome says most where nobody won: a limit that can be raised before a planner that gave up by

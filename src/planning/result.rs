@@ -79,7 +79,18 @@ impl<'a> PlanResult<'a> {
         let unjudged = self.run.unjudged.as_ref();
         let unjudged = unjudged.map(|reason| Note::Warning(format!("the plan was not simulated: {reason}")));
         let spaced = || Note::Info(format!("{} lets actions touch; the plan has them apart", self.run.planner));
-        race.into_iter().chain(unjudged).chain(self.run.is_spaced.then(spaced)).collect()
+        race.into_iter().chain(unjudged).chain(self.run.is_spaced.then(spaced)).chain(self.ended_early()).collect()
+    }
+
+    /// Where the time was for better plans, but a planner with a plan did not use it.
+    fn ended_early(&self) -> Option<Note> {
+        let options = &self.request.options;
+        let is_early = |run: &&Run| run.outcome.plan().is_some() && run.time < options.timeout.mul_f64(0.9);
+        let early = self.race.runs.iter().filter(is_early);
+        let names: Vec<String> =
+            early.map(|run| format!("{} ended after {:.1} s", run.planner, run.time.as_secs_f64())).collect();
+        let is_told = options.anytime && !names.is_empty();
+        is_told.then(|| Note::Info(format!("{}: it looks for no better plan any more", names.join(", "))))
     }
 
     /// Stores the document with its lineage and returns its id. A search that was interrupted says nothing about

@@ -26,6 +26,7 @@ mod lock;
 mod log;
 mod map_reduce;
 mod memory;
+mod newcomers;
 mod plan;
 mod plot;
 mod query;

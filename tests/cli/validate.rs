@@ -1,5 +1,7 @@
 //! validate.
 
+use serde_json::{Value, json};
+
 use crate::gen_problem::problem;
 use crate::lab::{Lab, assert_run};
 
@@ -45,4 +47,46 @@ fn validate_accepts_a_plan_or_names_the_step_that_cannot_be_applied() {
       |          ^
     [exit code: 3]
     ");
+}
+
+#[test]
+fn a_trace_says_what_each_step_makes_true_and_false() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :typing :fluents) (:types place)
+         (:predicates (at ?p - place)) (:functions (walked))
+         (:action go :parameters (?a ?b - place) :precondition (at ?a)
+           :effect (and (not (at ?a)) (at ?b) (increase (walked) 3.3))))",
+    );
+    lab.write(
+        "p.pddl",
+        "(define (problem p) (:domain d) (:objects a b c - place) (:init (at a) (= (walked) 5.3)) (:goal (at c))
+         (:metric minimize (walked)))",
+    );
+    lab.write("good.txt", "(go a b)\n(go b c)\n");
+    lab.write("bad.txt", "(go a b)\n(go a c)\n");
+    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "bad.txt", "-v"]), @"");
+    let report = crate::plan::parsed(
+        &lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "-v", "--format", "json"]).success(),
+    );
+    assert_eq!((&report["value"], &report["makespan"]), (&json!(11.9), &Value::Null));
+    assert_eq!(
+        report["trace"][1],
+        json!({"time": 2.0, "events": ["(go b c)"], "true": ["(at c)"], "false": ["(at b)"],
+            "values": [{"fluent": "(walked)", "before": 8.6, "after": 11.9}]})
+    );
+    let plain =
+        crate::plan::parsed(&lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "--format", "json"]).success());
+    assert!(plain.get("trace").is_none(), "{plain}");
+    // Durative actions happen at two moments.
+    lab.write(
+        "t.pddl",
+        "(define (domain t) (:requirements :durative-actions) (:predicates (dark) (light))
+         (:durative-action burn :parameters () :duration (= ?duration 5) :condition (at start (dark))
+           :effect (and (at start (light)) (at end (not (light))) (at end (not (dark))))))",
+    );
+    lab.write("q.pddl", "(define (problem q) (:domain t) (:init (dark)) (:goal (not (dark))))");
+    lab.write("t.txt", "0.5: (burn) [5]\n");
+    assert_run!(lab.rmem(&["validate", "t.pddl", "q.pddl", "t.txt", "-v"]), @"");
 }

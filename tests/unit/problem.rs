@@ -288,6 +288,98 @@ fn mistakes_are_complained_about_at_their_place() {
 }
 
 #[test]
+fn a_mistake_in_a_template_says_what_there_is() {
+    let holding = "{% for d in query('robmem.worldmodel', '{_id: 4}') %}";
+    for (template, words) in [
+        (
+            "{{ find('robmem.worldmodel') }}",
+            vec!["unknown function `find`", "did you mean `query`?", "aggregate, count"],
+        ),
+        ("{{ qurey('robmem.worldmodel') }}", vec!["unknown function `qurey`", "did you mean `query`?"]),
+        ("{% macro block(x) %}{% endmacro %}{{ blok(1) }}", vec!["unknown function `blok`", "did you mean `block`?"]),
+        ("{{ len('abc') }}", vec!["unknown function `len`", "`length` is a filter: write {{ value|length }}"]),
+        ("{{ 'a'|uper }}", vec!["filter uper is unknown", "did you mean `upper`?", "there are the filters abs, "]),
+        ("{% if 1 is defind %}{% endif %}", vec!["test defind is unknown", "did you mean `defined`?"]),
+        ("{{ [1].count() }}", vec!["documents have the methods get, keys, values, items"]),
+        (
+            "{% for d in query('robmem.worldmodel', fields={'a': 1}) %}{% endfor %}",
+            vec![
+                "unknown keyword argument `fields`, did you mean `projection`?",
+                "query(ns, filter, sort=, projection=, ",
+            ],
+        ),
+        ("{{ count('robmem.worldmodel', limit=1) }}", vec!["unknown keyword argument `limit`", "count(ns, filter)"]),
+        ("{{ count('robmem.worldmodel', {}, 3) }}", vec!["expected count(ns, filter)"]),
+        ("{{ count('robmem.worldmodel', ns='a.b') }}", vec!["unknown keyword argument 'ns'"]),
+        ("{{ count(\"db.orders.find({})\") }}", vec!["is not a namespace: it has a `(`"]),
+    ] {
+        let error = complaint(template, blocks());
+        assert!(words.iter().all(|word| error.contains(word)), "{template}: {error}");
+    }
+    for (body, words) in [
+        (
+            "{% if d.carries %}x{% endif %}",
+            vec![
+                "`d.carries` is undefined",
+                "_id 4 of robmem.worldmodel",
+                "it has the keys _id, relation, object",
+                "{% if d.carries is defined %}, or d.get(\"carries\")",
+            ],
+        ),
+        ("{{ d.objekt }}", vec!["t:1:54: `d.objekt` is undefined", "did you mean `object`?"]),
+        ("{{ d['at-home'] }}", vec!["is undefined", "{% if d[\"at-home\"] is defined %}, or d.get(\"at-home\")"]),
+    ] {
+        let error = complaint(&format!("{holding}{body}{{% endfor %}}"), blocks());
+        assert!(words.iter().all(|word| error.contains(word)), "{body}: {error}");
+    }
+    let nothing = complaint("{{ nothing }}", blocks());
+    assert!(!nothing.contains("the keys"), "{nothing}");
+}
+
+#[test]
+fn documents_have_the_methods_of_dictionaries_and_queries_a_length() {
+    let mut documents = blocks();
+    documents.push(doc! { "_id": 5, "at": "T", "odd key": "K", "items": "I", "caps-on-shelf": 3, "pose": { "x": 7 } });
+    let odd = "{% for r in query('robmem.worldmodel', {'_id': 5}) %}";
+    for (template, wanted) in [
+        ("{{ query('robmem.worldmodel')|length }}", "5"),
+        ("{% if query('robmem.worldmodel', skip=1, limit=2)|length == 2 %}two{% endif %}", "two"),
+        ("{% if aggregate('robmem.worldmodel', '[{$limit: 3}]')|length == 3 %}three{% endif %}", "three"),
+        ("{% for d in query('robmem.worldmodel') %}{% if d.get('top') %}{{ d.top }}{% endif %}{% endfor %}", "D"),
+        (
+            &format!("{odd}{{{{ r['at'] }}}}{{{{ r[\"odd key\"] }}}}{{{{ r.items }}}}{{{{ r.at }}}}{{% endfor %}}"),
+            "Tx--_4b--xIT",
+        ),
+        (
+            &format!(
+                "{odd}{{{{ r['caps-on-shelf'] }}}} {{{{ r.pose.get('x') }}}} {{{{ r.get('y', 'N') }}}}{{% endfor %}}"
+            ),
+            "3 7 N",
+        ),
+        (&format!("{odd}{{% if r.get('gone') is none %}}none{{% endif %}}{{% endfor %}}"), "none"),
+        (&format!("{odd}{{% if 'pose' in r.keys() and 'I' in r.values() %}}yes{{% endif %}}{{% endfor %}}"), "yes"),
+        ("{% for k, v in {'a': 'b'}.items() %}{{ k }}{{ v }}{% endfor %}{{ {'a': 'c'}.values()[0] }}", "abc"),
+    ] {
+        assert_eq!(text(template, documents.clone()), wanted, "{template}");
+    }
+}
+
+#[test]
+fn a_section_is_counted_once_with_each_of_its_documents_once() {
+    let low = "query('robmem.worldmodel', {'relation': 'on-table'})";
+    let twice = format!(
+        "{{% set b = {low} %}}{{% if b %}}{{% for d in b %}}{{{{ d.object }}}}{{% endfor %}}{{% for d in b %}}{{{{ d.object }}}}\
+         {{% endfor %}}{{{{ b|length }}}}{{% endif %}}"
+    );
+    let within =
+        format!("{{% for x in [1, 2, 3] %}}{{% for d in {low} %}}{{{{ d.object }}}} {{% endfor %}}{{% endfor %}}");
+    for template in [twice, within] {
+        let sections = made(&template, blocks()).sections;
+        assert_eq!(sections.iter().map(|section| section.matched).collect::<Vec<_>>(), [2], "{template}");
+    }
+}
+
+#[test]
 fn a_value_cannot_smuggle_syntax_in() {
     let evil = || vec![doc! { "_id": 1, "x": "A) (on B", "y": "; gone", "z": "\u{e9} \"" }];
     for template in [

@@ -6,12 +6,14 @@ use bson::doc;
 use clap::Args;
 
 use super::layout::Layout;
+use super::show;
 use super::source::{self, SectionCounts, TaskArgs};
-use crate::commands::Context;
+use crate::commands::{Context, formats};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
-use crate::formats::Source;
 use crate::formats::plan::read_plan;
+use crate::formats::{Source, shell};
+use crate::output::Format;
 use crate::pddl::{Plan, Validation, repair, validate};
 use crate::plan::{IMPORTED, Repository, to_document};
 use crate::planning::PlanningTask;
@@ -25,6 +27,7 @@ use crate::store::{Namespace, metadata};
 Reads what FF prints, plans as in planning competitions, and temporal plans. A plan that does\n\
 not reach the goal is not stored; exits with 1 then."
 )]
+#[command(arg = formats::argument(&formats::TEXT))]
 pub struct ImportArgs {
     /// The plan; - is stdin
     #[arg(value_name = "FILE")]
@@ -41,6 +44,7 @@ pub struct ImportArgs {
 }
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
+    let is_json = context.format(&formats::TEXT)? == Format::Json;
     let source = source::read(&args.task, context)?;
     let domain = source.read_domain()?;
     let file = context.read(&args.file)?;
@@ -58,7 +62,15 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
             for repair in repair(&domain, &task.problem, &plan.steps) {
                 context.output.note(&names::restore(&repair.to_string()));
             }
-            return Ok(if matches!(verdict, Validation::Invalid(_)) { Exit::No } else { Exit::Unsupported });
+            let exit = if matches!(verdict, Validation::Invalid(_)) { Exit::No } else { Exit::Unsupported };
+            if is_json {
+                let outcome = if exit == Exit::No { "invalid" } else { "unsupported" };
+                let exit = i32::from(exit.code());
+                let report =
+                    doc! { "id": null, "namespace": null, "outcome": outcome, "exit": exit, "message": reason };
+                context.output.line(&shell::relaxed(&report))?;
+            }
+            return Ok(exit);
         }
     }
     let mut lineage = task.lineage(source);
@@ -69,8 +81,13 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     lineage.length = Some(plan.steps.len());
     let mut document = to_document(&plan, domain.tree(), args.layout.into(), &|name| task.value(name));
     document.insert(metadata::INFO, doc! { "lineage": lineage.to_document() });
-    let id = Repository::new(&memory, &args.into).store(document).context("storing the plan")?;
+    let repository = Repository::new(&memory, &args.into);
+    let id = repository.store(document).context("storing the plan")?;
     context.output.note(&format!("stored in {} as {id}", args.into));
-    context.output.line(&id)?;
+    if is_json {
+        show::report(&repository.get(&id)?, Some(&args.into), Exit::Done, context)?;
+    } else {
+        context.output.line(&id)?;
+    }
     Ok(Exit::Done)
 }

@@ -1,24 +1,31 @@
 //! `rmem plan step ID N --done`: what became of a step.
 
-use bson::DateTime;
+use bson::{Bson, DateTime, Document, doc};
 use clap::Args;
 
-use crate::commands::{Context, UsageError};
+use crate::commands::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::plan::{Record, Repository, Status};
+use crate::formats::shell;
+use crate::output::Format;
+use crate::plan::{self, Record, Repository, Status};
+use crate::problem::names;
 use crate::store::Namespace;
 
 /// Record how the execution of a step went
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  rmem plan step last 1 --started\n  rmem plan step last 1 --done\n\n\
-Steps count from 1; `next` is the first that is not done. In the plan's document, the step gets\n\
-the keys _status (running, done, failed), _started and _ended (dates).")]
+#[command(arg = formats::argument(&formats::TEXT))]
+#[command(
+    after_help = "Examples:\n  rmem plan step last 1 --started\n  rmem plan step last '(pick \"box #18\")' --done\n\n\
+Steps count from 1; `next` is the first that is not done. An action like '(pick A)' is the first step that\n\
+takes it and is not done. In the plan's document, the step gets\n\
+the keys _status (running, done, failed), _started and _ended (dates)."
+)]
 pub struct StepArgs {
     /// The plan: its id, a unique prefix of it, or last
     #[arg(value_name = "ID")]
     pub id: String,
-    /// The step, from 1; next is the first that is not done
+    /// The step: its number from 1, its action like '(pick A)', or next
     #[arg(value_name = "N")]
     pub step: String,
     /// What became of it.
@@ -56,9 +63,35 @@ pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> Result<Exit> {
     let plan = repository.get(&args.id)?;
     let number = number(&args.step, &plan)?;
     check_order(number, args, &plan)?;
-    repository.mark(&plan, number, status(args.state), DateTime::now())?;
-    context.output.note(&format!("step {number} of {} is {}", plan.id(), status(args.state)));
+    let status = status(args.state);
+    repository.mark(&plan, number, status, DateTime::now())?;
+    let step = steps(&plan).into_iter().nth(number.saturating_sub(1)).unwrap_or_default();
+    if context.format(&formats::TEXT)? == Format::Json {
+        let of = |key: &str| step.get(key).cloned().unwrap_or(Bson::Null);
+        let number = i64::try_from(number).unwrap_or(i64::MAX);
+        let report = doc! {
+            "id": plan.id(), "namespace": args.namespace.to_string(), "step": number, "action": of("action"),
+            "args": of("args"), "list": of("list"), "status": status.word(),
+        };
+        context.output.line(&shell::relaxed(&report))?;
+        return Ok(Exit::Done);
+    }
+    let action = names::readable(&spelled(&step));
+    context.output.note(&format!("step {number} of {} is {status}: {action}", plan.id()));
     Ok(Exit::Done)
+}
+
+/// The steps of a plan, as an executive reads them.
+fn steps(plan: &Record) -> Vec<Document> {
+    let report = plan.report(None, 0);
+    report.get_array("steps").into_iter().flatten().filter_map(Bson::as_document).cloned().collect()
+}
+
+/// `(pick x--box_20_2318--x)`
+fn spelled(step: &Document) -> String {
+    let action = step.get_str("action").unwrap_or_default().to_owned();
+    let arguments = step.get_array("list").into_iter().flatten().filter_map(plan::spelled);
+    format!("({})", std::iter::once(action).chain(arguments).collect::<Vec<_>>().join(" "))
 }
 
 /// Refuses a step that would be done before an earlier one.
@@ -91,5 +124,25 @@ fn number(text: &str, plan: &Record) -> Result<usize, UsageError> {
         let next = plan.progress().iter().position(|step| step.status != Status::Done);
         return next.map(|index| index + 1).ok_or_else(|| UsageError::new(format!("{} has no step left", plan.id())));
     }
-    text.parse().map_err(|_| UsageError::new(format!("`{text}` is no step; expected a number from 1, or `next`")))
+    if text.trim_start().starts_with('(') {
+        return by_action(text, plan);
+    }
+    text.parse().map_err(|_| {
+        UsageError::new(format!("`{text}` is no step; expected a number from 1, an action like '(pick A)', or `next`"))
+    })
+}
+
+/// The first step with an action that is not done; names may be the memory's own.
+fn by_action(text: &str, plan: &Record) -> Result<usize, UsageError> {
+    let words =
+        |text: &str| text.to_lowercase().replace(['(', ')'], " ").split_whitespace().collect::<Vec<_>>().join(" ");
+    let wanted = words(&names::spell(text));
+    let steps = steps(plan);
+    let numbers = || (1..).zip(&steps).filter(|(_, step)| words(&spelled(step)) == wanted);
+    let is_open = |step: &Document| step.get_str("status").is_ok_and(|status| status != Status::Done.word());
+    let found = numbers().find(|(_, step)| is_open(step)).or_else(|| numbers().last());
+    found.map(|(number, _)| number).ok_or_else(|| {
+        let known: Vec<String> = steps.iter().map(|step| names::readable(&spelled(step))).collect();
+        UsageError::new(format!("no step of {} is `{text}`; it has {}", plan.id(), known.join(" ")))
+    })
 }

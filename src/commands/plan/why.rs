@@ -1,15 +1,17 @@
 //! `rmem plan why ID`: where a stored plan comes from.
 
-use bson::{Bson, Document};
+use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::stored::{self, StoredArgs};
-use crate::commands::{Context, WrongInput};
+use crate::commands::{Context, WrongInput, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
-use crate::plan::{Record, hash};
+use crate::output::Format;
+use crate::plan::{Record, Status, hash};
 use crate::problem::names;
+use crate::store::Namespace;
 
 /// How wide the names are.
 const WIDTH: usize = 12;
@@ -18,7 +20,8 @@ const DIGITS: usize = 12;
 
 /// Explain where a stored plan comes from
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem plan why last")]
+#[command(after_help = "Examples:\n  rmem plan why last\n  rmem plan why last --format json")]
+#[command(arg = formats::argument(&formats::TEXT))]
 pub struct WhyArgs {
     /// The plan.
     #[command(flatten)]
@@ -31,10 +34,48 @@ pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let lineage = record.lineage().ok_or_else(|| {
         WrongInput::new(format!("{} says nothing about where it comes from; rmem did not store it", record.id()))
     })?;
+    if context.format(&formats::TEXT)? == Format::Json {
+        context.output.line(&shell::relaxed(&to_document(&record, lineage, &args.plan.namespace)))?;
+        return Ok(Exit::Done);
+    }
     for (name, text) in story(&record, lineage) {
         context.output.line(&format!("{name:WIDTH$}{text}"))?;
     }
     Ok(Exit::Done)
+}
+
+/// The story for programs: the lineage as it is stored, but for the texts of the files.
+fn to_document(record: &Record, lineage: &Document, namespace: &Namespace) -> Document {
+    let count = |status| record.progress().iter().filter(|step| step.status == status).count() as i64;
+    let mut document = doc! {
+        "id": record.id(), "namespace": namespace.to_string(),
+        "execution": {
+            "steps": record.progress().len() as i64, "done": count(Status::Done), "running": count(Status::Running),
+            "failed": count(Status::Failed),
+        },
+    };
+    document.extend(lineage.clone());
+    let sources = document.remove("sources");
+    let sources = sources.as_ref().and_then(Bson::as_document);
+    for what in ["domain", "template", "problem"] {
+        let Ok(known) = lineage.get_str(what) else { continue };
+        let kept = sources.and_then(|sources| sources.get_document(what).ok());
+        let name = kept.and_then(|kept| kept.get_str("name").ok());
+        let is_changed = name.and_then(|name| is_changed(name, known));
+        document.insert(what, doc! { "file": name, "sha256": known, "changed": is_changed });
+    }
+    for key in ["collection", "parameters"] {
+        document.extend(sources.and_then(|sources| sources.get(key)).map(|value| (key.to_owned(), value.clone())));
+    }
+    if let Ok(goal) = lineage.get_str("goal") {
+        document.insert("goal", names::readable(goal));
+    }
+    document
+}
+
+/// Whether a file is another now; none where it cannot be read.
+fn is_changed(name: &str, known: &str) -> Option<bool> {
+    std::fs::read_to_string(name).ok().map(|text| hash(&text) != known)
 }
 
 /// The lines of the story: a name, and what is said of it.
@@ -90,8 +131,7 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
     say("rerun of", text("rerun_of"));
     let progress = record.progress();
     let count = |status| progress.iter().filter(|step| step.status == status).count();
-    let [done, running, failed] =
-        [crate::plan::Status::Done, crate::plan::Status::Running, crate::plan::Status::Failed].map(count);
+    let [done, running, failed] = [Status::Done, Status::Running, Status::Failed].map(count);
     if done + running + failed > 0 {
         story.push(("execution", format!("{done} done, {running} running, {failed} failed, of {}", progress.len())));
     }
@@ -141,10 +181,7 @@ fn raced(racer: &Document) -> String {
 fn source(kept: Option<&Document>, known: &str) -> String {
     let short = known.get(..DIGITS).unwrap_or(known);
     let Some(name) = kept.and_then(|kept| kept.get_str("name").ok()) else { return format!("sha256 {short}") };
-    let changed = match std::fs::read_to_string(name) {
-        Ok(text) if hash(&text) != known => ", the file is another now",
-        _ => "",
-    };
+    let changed = if is_changed(name, known) == Some(true) { ", the file is another now" } else { "" };
     format!("{name} (sha256 {short}{changed})")
 }
 

@@ -37,6 +37,15 @@ const ENGINE: &str = "ferroplan 0.30.0";
 /// What the engine does not read, or refuses.
 const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables];
 
+/// What a temporal task may use for the engine only.
+const ENGINE_ONLY: [Feature; 5] = [
+    Feature::TimedInitialLiterals,
+    Feature::DerivedPredicates,
+    Feature::ChangingDerivedPredicates,
+    Feature::Preferences,
+    Feature::Constraints,
+];
+
 /// The requirements that the engine knows by name. Others announce what it may well
 /// be able to do: it reads `:derived` but not the keyword for it.
 const REQUIREMENTS: [&str; 21] = [
@@ -123,10 +132,12 @@ impl Planner for Builtin {
         }
     }
 
-    /// Plans with times are not improved.
+    /// Plans with times are improved where the search of rmem's own makes them; the engine makes one plan.
     fn improves(&self, task: &Task<'_>) -> bool {
-        let is_temporal = task.domain.features().iter().any(|used| used.feature == Feature::DurativeActions);
-        self.anytime && !is_temporal
+        let features = || task.domain.features().iter().chain(task.problem.features()).map(|used| used.feature);
+        let is_temporal = features().any(|feature| feature == Feature::DurativeActions);
+        let is_for_engine = features().any(|feature| ENGINE_ONLY.contains(&feature));
+        self.anytime && !(is_temporal && is_for_engine)
     }
 
     fn is_anytime(&self) -> bool {

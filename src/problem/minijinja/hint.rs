@@ -12,7 +12,7 @@ const FUNCTIONS: [&str; 9] =
     ["aggregate", "count", "dict", "distinct", "find_one", "namespace", "param", "query", "range"];
 
 /// The filters of templates.
-pub(super) const FILTERS: [&str; 45] = [
+const FILTERS: [&str; 46] = [
     "abs",
     "attr",
     "batch",
@@ -58,6 +58,7 @@ pub(super) const FILTERS: [&str; 45] = [
     "trim",
     "unique",
     "upper",
+    "zip",
 ];
 
 /// The tests of templates.

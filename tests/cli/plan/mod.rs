@@ -5,6 +5,7 @@ mod find;
 mod import;
 mod limits;
 mod list;
+mod names;
 mod portfolio;
 mod rerun;
 mod show;
@@ -377,7 +378,7 @@ fn names_are_written_as_the_memory_has_them() {
     "#);
 }
 
-fn parsed(text: &str) -> Value {
+pub(crate) fn parsed(text: &str) -> Value {
     serde_json::from_str(text.trim()).unwrap()
 }
 

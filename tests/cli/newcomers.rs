@@ -1,0 +1,123 @@
+//! What a newcomer types: lines of mongosh, misspelt keys, dictionaries of Python, batches with a mistake.
+
+use serde_json::{Value, json};
+
+use crate::lab::{Lab, assert_run};
+
+fn lab() -> Lab {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:m.rmem");
+    lab.rmem(&[
+        "insert",
+        "-q",
+        "robmem.orders",
+        "{_id: 1, team: 'CYAN', rings: 2, pose: {x: 1.5}}",
+        "{_id: 2, team: 'CYAN', rings: 0, pose: {x: 2}}",
+        "{_id: 3, team: 'MAGENTA', rings: 2, tags: ['late']}",
+    ])
+    .success();
+    lab
+}
+
+#[test]
+fn a_line_of_mongosh_is_refused_with_the_command_for_it() {
+    let lab = lab();
+    assert_run!(lab.rmem(&["query", "db.orders.find({team:'CYAN'})"]), @"");
+    let tip = |words: &[&str], tip: &str| {
+        let refused = lab.rmem(words).exits(2);
+        assert!(refused.stderr.contains(tip), "{words:?}: {refused}");
+    };
+    tip(&["db.orders.find({team:'CYAN'})"], "tip: write: rmem query robmem.orders \"{team:'CYAN'}\"");
+    tip(&["insert", "db.orders.insertOne({n: 1})", "{}"], "write: rmem insert robmem.orders \"{n: 1}\"");
+    tip(&["update", "db.orders.updateMany({}, {$set: {n: 1}})", "{}", "{}"], "'{$set: {n: 1}}' --many");
+    tip(&["drop", "db.orders.drop()"], "write: rmem drop robmem.orders");
+    tip(&["query", "robmem.my orders"], "it has a blank");
+    assert_eq!(lab.rmem(&["collections"]).success(), "robmem.orders\n", "nothing was made of it");
+    // The command that is named does it.
+    let named = lab.shell("rmem query robmem.orders \"{team:'CYAN'}\" --fields '{_id: 1}'").success();
+    assert_eq!(named, "{\"_id\":1}\n{\"_id\":2}\n");
+    lab.write("rmem.toml", "collection = \"my orders.x\"\n");
+    let refused = lab.rmem(&["config"]).exits(3);
+    assert!(refused.stderr.contains("rmem.toml:1:14: ") && refused.stderr.contains("it has a blank"), "{refused}");
+}
+
+#[test]
+fn a_collection_of_that_name_in_another_database_is_named() {
+    let lab = lab();
+    let found = lab.rmem(&["query", "factory.orders"]).exits(0);
+    assert!(found.stderr.contains("no collection factory.orders; did you mean robmem.orders?"), "{found}");
+}
+
+#[test]
+fn why_says_which_condition_no_document_meets() {
+    let lab = lab();
+    let why = |query: &str| lab.rmem(&["query", "robmem.orders", query, "--why"]);
+    assert_run!(why("{team: 'CYAN', rings: '2', 'pose.y': {$gt: 0}}"), @"");
+    assert_run!(why("{team: 3, tags: {$in: ['Late']}, ring: 2, x: 1.5}"), @"");
+    assert_run!(why("{team: 'MAGENTA', rings: {$gte: 0, $lt: 2}}"), @"");
+    assert_run!(why("{$or: [{team: 'CYANN'}, {rings: true}]}"), @"");
+    assert_run!(why("{}"), @"");
+    let json: Value = serde_json::from_str(
+        &lab.rmem(&["query", "robmem.orders", "{ring: 2}", "--why", "--format", "jsonl"]).success(),
+    )
+    .unwrap();
+    assert_eq!(
+        json["conditions"],
+        json!([{"query": {"ring": 2}, "alone": 0, "together": 0,
+            "remarks": ["no document has the key `ring`; 3 have `rings`"]}])
+    );
+    let wrong = why("{team: {$wrong: 1}}").exits(3);
+    assert!(wrong.stderr.contains("<query>:1:9"), "{wrong}");
+    let missing = lab.rmem(&["query", "robmem.order", "{a: 1}", "--why"]).exits(0);
+    assert!(missing.stderr.contains("did you mean robmem.orders?"), "{missing}");
+}
+
+#[test]
+fn a_section_that_matches_nothing_says_why() {
+    let lab = lab();
+    lab.write(
+        "t.j2",
+        "{% for o in query('robmem.orders', {'team': 'CYAN'}) %}{{ o.team }} {% endfor %}\n\
+         {% for o in query('robmem.orders', {'rings': '2', 'team': 'CYAN'}) %}{{ o.team }}{% endfor %}\n\
+         {% for o in query('robmem.order') %}{{ o.team }}{% endfor %}{{ count('robmem.odrers') }}\n",
+    );
+    assert_run!(lab.rmem(&["gen-problem", "-t", "t.j2"]), @"");
+    let verbose = lab.rmem(&["-v", "gen-problem", "-t", "t.j2"]).exits(0);
+    assert!(
+        verbose.stderr.contains("\nline 1: query('robmem.orders', {'team': 'CYAN'}) in robmem.orders: 2 documents\n"),
+        "{verbose}"
+    );
+    assert_eq!(lab.rmem(&["-q", "gen-problem", "-t", "t.j2"]).exits(0).stderr, "");
+    lab.rmem(&["gen-problem", "-t", "t.j2", "--strict"]).exits(3);
+    lab.write("t.tmpl", "<<#O|{rings: '2'}>><<team>><</O>>\n<<#P||[{$match: {ring: 2}}]>><<team>><</P>>\n");
+    let marker = lab.rmem(&["--collection", "robmem.orders", "gen-problem", "-t", "t.tmpl"]).exits(0);
+    for words in [
+        "rings is a number in all 3 documents; you compare with a string",
+        "no document has the key `ring`; 3 have `rings`",
+    ] {
+        assert!(marker.stderr.contains(words), "{marker}");
+    }
+}
+
+#[test]
+fn a_batch_with_a_mistake_says_the_reason_first_and_then_what_was_stored() {
+    let lab = lab();
+    assert_run!(lab.rmem(&["insert", "robmem.batch", "{_id: 1}", "{_id: 2}", "{_id: 1}", "{_id: 4}"]), @"");
+    lab.write("b.jsonl", "{_id: 11}\n{_id: 12}\n{_id: 13, seen: True}\n{_id: 14}\n");
+    assert_run!(lab.rmem(&["insert", "robmem.batch", "--file", "b.jsonl"]), @"");
+    let first = lab.rmem(&["insert", "robmem.batch", "{_id: 1}"]).exits(5);
+    assert!(!first.stderr.contains("before it"), "{first}");
+    lab.write("c.jsonl", "{_id: 21}\n{_id: 22}\nnonsense\n");
+    let ids = lab.rmem(&["insert", "robmem.batch", "--file", "c.jsonl", "--format", "json"]).exits(3);
+    assert_eq!(serde_json::from_str::<Value>(&ids.stdout).unwrap(), json!([21, 22]));
+    assert_eq!(lab.rmem(&["count", "robmem.batch"]).success(), "6\n");
+}
+
+#[test]
+fn a_listing_of_facts_is_imported() {
+    let lab = lab();
+    let listing = "f-1     (block (name A))\nf-2     (holding B)\nFor a total of 2 facts.\n";
+    let imported = lab.rmem_with(&["clips", "import", "--into", "robmem.facts"], listing);
+    assert_eq!(imported.success(), "{\"inserted\":2,\"replaced\":0,\"unchanged\":0}\n");
+    let blocks = lab.rmem(&["query", "robmem.facts", "{relation: 'block'}", "--fields", "{_id: 0, name: 1}"]);
+    assert_eq!(blocks.success(), "{\"name\":\"A\"}\n");
+}

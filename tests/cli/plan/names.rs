@@ -1,0 +1,81 @@
+//! Names as the memory has them, and JSON, in the commands about plans.
+
+use serde_json::{Value, json};
+
+use super::parsed;
+use crate::lab::Lab;
+
+/// A memory with lamps whose names are no names of PDDL, and a plan to light them.
+fn lamps() -> Lab {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:m.rmem");
+    lab.write(
+        "domain.pddl",
+        "(define (domain lamps) (:predicates (wick ?x) (lit ?x))
+         (:action light :parameters (?x) :precondition (wick ?x) :effect (lit ?x)))",
+    );
+    lab.write(
+        "p.j2",
+        "(define (problem p) (:domain lamps) (:objects {% for l in query('a.b', {'name': lamp}) %}{{ l.name }} {% endfor %})
+         (:init {% for l in query('a.b', {'name': lamp}) %}(wick {{ lamp }}) {% endfor %}) (:goal {{ goal }}))",
+    );
+    lab.rmem(&["insert", "-q", "a.b", "{name: 'box #18'}", "{name: 'box#17'}"]).success();
+    lab
+}
+
+#[test]
+fn names_of_parameters_and_steps_are_those_of_the_memory() {
+    let lab = lamps();
+    for (lamp, goal, step) in
+        [("box #18", "(lit \"box #18\")", "(light \"box #18\")"), ("box#17", "(lit box#17)", "(LIGHT box#17)")]
+    {
+        let parameter = format!("lamp={lamp}");
+        let task = ["plan", "-d", "domain.pddl", "-t", "p.j2", "-D", &parameter, "--goal", goal];
+        let plan = lab.rmem(&task).success();
+        assert!(plan.starts_with(&step.to_lowercase()), "{plan}");
+        let words = [
+            "gen-problem",
+            "-t",
+            "p.j2",
+            "-D",
+            &parameter,
+            "--goal",
+            goal,
+            "--explain",
+            &step.replace("light", "wick").replace("LIGHT", "wick"),
+        ];
+        assert!(lab.rmem(&words).success().contains(&format!("\"name\":\"{lamp}\"")));
+        let done = lab.rmem(&["plan", "step", "last", step, "--done"]).exits(0);
+        assert!(done.stderr.ends_with(&format!("is done: {}\n", step.to_lowercase())), "{done}");
+        let again = parsed(&lab.rmem(&["plan", "step", "last", "1", "--failed", "--format", "json"]).success());
+        assert_eq!(
+            (&again["status"], &again["list"], &again["args"]["x"]),
+            (&json!("failed"), &json!([lamp]), &json!(lamp))
+        );
+    }
+    let unknown = lab.rmem(&["plan", "step", "last", "(light box)", "--done"]).exits(2);
+    assert!(unknown.stderr.contains("it has (light box#17)"), "{unknown}");
+    let typed = lab.rmem(&["gen-problem", "-t", "p.j2", "-D", "lamp:={$ne: 'box#17'}", "--goal", "(lit a)"]);
+    assert_eq!(typed.exits(3).stdout, "", "a document has no name");
+}
+
+#[test]
+fn json_is_json_for_every_command_about_plans() {
+    let lab = lamps();
+    lab.rmem(&["plan", "-d", "domain.pddl", "-t", "p.j2", "-D", "lamp=box#17", "--goal", "(lit box#17)"]).success();
+    let why = parsed(&lab.rmem(&["plan", "why", "last", "--format", "json"]).success());
+    assert_eq!((&why["outcome"], &why["goal"]), (&json!("success"), &json!("(lit box#17)")));
+    assert_eq!((&why["domain"]["file"], &why["domain"]["changed"]), (&json!("domain.pddl"), &json!(false)));
+    assert_eq!((&why["queries"][0]["count"], &why["execution"]["steps"]), (&json!(1), &json!(1)));
+    assert!(why.get("sources").is_none(), "{why}");
+    let task = ["-d", "domain.pddl", "-t", "p.j2", "-D", "lamp=box#17", "--goal", "(lit box#17)", "--format", "json"];
+    lab.write("plan.txt", "(light box#17)\n");
+    let imported = parsed(&lab.rmem(&[&["plan", "import", "plan.txt"], &task[..]].concat()).success());
+    assert_eq!((&imported["planner"], &imported["steps"][0]["list"]), (&json!("import"), &json!(["box#17"])));
+    lab.write("wrong.txt", "(light box#18)\n");
+    let refused = parsed(&lab.rmem(&[&["plan", "import", "wrong.txt"], &task[..]].concat()).exits(1).stdout);
+    assert_eq!((&refused["outcome"], &refused["exit"], &refused["id"]), (&json!("invalid"), &json!(1), &Value::Null));
+    for command in [["plan", "why"], ["plan", "step"], ["plan", "import"], ["plan", "list"]] {
+        let help = lab.rmem(&[&command[..], &["--help"]].concat()).success();
+        assert!(help.contains("Output format: ") && help.contains("json"), "{help}");
+    }
+}
