@@ -90,7 +90,7 @@ impl<'a> PlanResult<'a> {
         let names: Vec<String> =
             early.map(|run| format!("{} ended after {:.1} s", run.planner, run.time.as_secs_f64())).collect();
         let is_told = options.anytime && !names.is_empty();
-        is_told.then(|| Note::Info(format!("{}: it looks for no better plan any more", names.join(", "))))
+        is_told.then(|| Note::Info(format!("--anytime: {}; no better plan is looked for any more", names.join(", "))))
     }
 
     /// Stores the document with its lineage and returns its id. A search that was interrupted says nothing about

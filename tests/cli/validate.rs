@@ -66,7 +66,26 @@ fn a_trace_says_what_each_step_makes_true_and_false() {
     );
     lab.write("good.txt", "(go a b)\n(go b c)\n");
     lab.write("bad.txt", "(go a b)\n(go a c)\n");
-    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "bad.txt", "-v"]), @"");
+    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "bad.txt", "-v"]), @r"
+    1: (go a b)
+      - (at a)
+      + (at b)
+      = (walked) from 5.3 to 8.6
+    2: (go b c)
+      - (at b)
+      + (at c)
+      = (walked) from 8.6 to 11.9
+    good.txt: the plan is valid, value 11.9
+    1: (go a b)
+      - (at a)
+      + (at b)
+      = (walked) from 5.3 to 8.6
+    bad.txt: the plan is invalid: step 2: (go a c) cannot be taken: (at a) is false
+      (at a): undone by step 1, (go a b)
+        (go b a) would make it so, and can be taken there
+    ------- stderr -------
+    [exit code: 1]
+    ");
     let report = crate::plan::parsed(
         &lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "-v", "--format", "json"]).success(),
     );
@@ -88,5 +107,14 @@ fn a_trace_says_what_each_step_makes_true_and_false() {
     );
     lab.write("q.pddl", "(define (problem q) (:domain t) (:init (dark)) (:goal (not (dark))))");
     lab.write("t.txt", "0.5: (burn) [5]\n");
-    assert_run!(lab.rmem(&["validate", "t.pddl", "q.pddl", "t.txt", "-v"]), @"");
+    assert_run!(lab.rmem(&["validate", "t.pddl", "q.pddl", "t.txt", "-v"]), @r"
+    0.500: (burn) starts
+      + (light)
+    5.500: (burn) ends
+      - (dark)
+      - (light)
+    the plan is valid, makespan 5.5
+    ------- stderr -------
+    [exit code: 0]
+    ");
 }

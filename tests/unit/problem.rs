@@ -348,7 +348,7 @@ fn documents_have_the_methods_of_dictionaries_and_queries_a_length() {
         ("{% for d in query('robmem.worldmodel') %}{% if d.get('top') %}{{ d.top }}{% endif %}{% endfor %}", "D"),
         (
             &format!("{odd}{{{{ r['at'] }}}}{{{{ r[\"odd key\"] }}}}{{{{ r.items }}}}{{{{ r.at }}}}{{% endfor %}}"),
-            "Tx--_4b--xIT",
+            "TKIT",
         ),
         (
             &format!(

@@ -236,8 +236,7 @@ impl<'a> Checker<'a> {
             return Ok(self.enter(b'(', bracket + 1, Next::ValueOrClose));
         }
         if is_call || constructor::word(name).is_none() {
-            let hint = foreign::hint(rest).unwrap_or_else(|| "strings are written in quotes".to_owned());
-            return Err(self.fault("a value").hint(hint));
+            return Err(self.fault("a value").hint(foreign::hint_of_word(rest)));
         }
         Ok(self.after(end, Next::CommaOrClose))
     }

@@ -39,6 +39,11 @@ pub(super) fn hint(text: &str) -> Option<String> {
     })
 }
 
+/// What to write instead of a word that is no value.
+pub(super) fn hint_of_word(text: &str) -> String {
+    hint(text).unwrap_or_else(|| "strings are written in quotes".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use crate::formats::Source;

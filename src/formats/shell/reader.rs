@@ -6,7 +6,7 @@ use pest::iterators::Pair;
 
 use super::grammar::{Rule, ShellParser};
 use super::scanner::{self, MAX_DEPTH};
-use super::{constructor, extended, fault, literal};
+use super::{constructor, extended, fault, foreign, literal};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// A value and where it stands.
@@ -283,7 +283,7 @@ impl Walker<'_> {
             Rule::word => {
                 let name = pair.as_str();
                 constructor::word(name).ok_or_else(|| {
-                    wrong(format!("expected a value, found `{name}`")).hint("strings are written in quotes")
+                    wrong(format!("expected a value, found `{name}`")).hint(foreign::hint_of_word(name))
                 })?
             }
             other => return Err(wrong(format!("expected a value, found {}", words(other)))),

@@ -179,7 +179,9 @@ fn readings(value: &Bson) -> Vec<Bson> {
     match value {
         Bson::String(text) => {
             let text = text.trim();
-            let number = text.parse::<f64>().ok().filter(|number| number.is_finite()).map(Bson::Double);
+            let whole = || text.parse::<i64>().ok().map(Bson::Int64);
+            let fraction = || text.parse::<f64>().ok().filter(|number| number.is_finite()).map(Bson::Double);
+            let number = whole().or_else(fraction);
             let flag = text.to_lowercase().parse::<bool>().ok().map(Bson::Boolean);
             let id = ObjectId::parse_str(text).ok().map(Bson::ObjectId);
             let date = DateTime::parse_rfc3339_str(text).ok().map(Bson::DateTime);
