@@ -8,7 +8,7 @@ use crate::exit::Exit;
 use crate::formats::pddl::{Dialect, read_problem};
 use crate::formats::shell;
 use crate::memory::Memory;
-use crate::problem::{Explanation, Generated, Part, SectionReport};
+use crate::problem::{Explanation, Generated, Part, SectionReport, names};
 use crate::store::{Find, Namespace};
 
 /// Tells where an atom comes from: the template's line, the query, and the document.
@@ -51,7 +51,8 @@ fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> R
         Part::Goal => "in the goal",
     };
     let place = format!("{}:{}:{}", generated.template().name(), origin.line, origin.column);
-    let mut lines = vec![format!("{text}: {part}, line {line} of the problem"), format!("  {place}: {written}")];
+    let mut lines =
+        vec![format!("{}: {part}, line {line} of the problem", names::readable(text)), format!("  {place}: {written}")];
     if let Some(section) = asked(explanation, generated, memory)? {
         let plural = if section.matched == 1 { "document" } else { "documents" };
         let query = shell::relaxed(&section.query);

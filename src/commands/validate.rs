@@ -106,9 +106,9 @@ impl JudgedPlan {
                 format!("the plan is valid, makespan {makespan}{value}")
             }
             (Validation::Valid { value: Some(value) }, None) => format!("the plan is valid, value {}", rounded(*value)),
-            (verdict, _) => names::restore(&verdict.to_string()),
+            (verdict, _) => names::readable(&verdict.to_string()),
         };
-        let repairs = self.repairs.iter().map(|repair| names::restore(&repair.to_string()));
+        let repairs = self.repairs.iter().map(|repair| names::readable(&repair.to_string()));
         let repairs: Vec<String> =
             repairs.flat_map(|text| text.lines().map(|line| format!("  {line}")).collect::<Vec<_>>()).collect();
         let trace = self.trace.iter().flatten().flat_map(|happening| self.happening_lines(happening));
@@ -121,13 +121,13 @@ impl JudgedPlan {
             true => format!("{:.3}", happening.time),
             false => rounded(happening.time).to_string(),
         };
-        let events = happening.events.iter().map(|event| format!("{time}: {}", names::restore(&event.to_string())));
+        let events = happening.events.iter().map(|event| format!("{time}: {}", names::readable(&event.to_string())));
         let facts = |sign: char, facts: &[String]| -> Vec<String> {
-            facts.iter().map(|fact| format!("  {sign} {}", names::restore(fact))).collect()
+            facts.iter().map(|fact| format!("  {sign} {}", names::readable(fact))).collect()
         };
         let values = happening.values.iter().map(|(fluent, before, after)| {
             let before = before.map_or_else(|| "undefined".to_owned(), |before| rounded(before).to_string());
-            format!("  = {} from {before} to {}", names::restore(fluent), rounded(*after))
+            format!("  = {} from {before} to {}", names::readable(fluent), rounded(*after))
         });
         let changes = [facts('-', &happening.becomes_false), facts('+', &happening.becomes_true)].concat();
         events.chain(changes).chain(values).collect()
@@ -158,8 +158,8 @@ impl JudgedPlan {
             "makespan": self.plan.makespan().map(rounded),
             "steps": i64::try_from(self.plan.steps.len()).unwrap_or(i64::MAX),
             "step": step.and_then(|step| i64::try_from(step + 1).ok()),
-            "message": message.map(|message| names::restore(&message)),
-            "repairs": self.repairs.iter().map(|repair| names::restore(&repair.to_string())).collect::<Vec<_>>(),
+            "message": message.map(|message| names::readable(&message)),
+            "repairs": self.repairs.iter().map(|repair| names::readable(&repair.to_string())).collect::<Vec<_>>(),
         };
         if let Some(trace) = &self.trace {
             document.insert("trace", trace.iter().map(to_document).collect::<Vec<_>>());
@@ -174,13 +174,13 @@ impl JudgedPlan {
 
 /// A moment for programs.
 fn to_document(happening: &Happening) -> Document {
-    let restored = |texts: &[String]| texts.iter().map(|text| names::restore(text)).collect::<Vec<_>>();
+    let restored = |texts: &[String]| texts.iter().map(|text| names::readable(text)).collect::<Vec<_>>();
     let value = |(fluent, before, after): &(String, Option<f64>, f64)| {
-        doc! { "fluent": names::restore(fluent), "before": before.map(rounded), "after": rounded(*after) }
+        doc! { "fluent": names::readable(fluent), "before": before.map(rounded), "after": rounded(*after) }
     };
     doc! {
         "time": rounded(happening.time),
-        "events": happening.events.iter().map(|event| names::restore(&event.to_string())).collect::<Vec<_>>(),
+        "events": happening.events.iter().map(|event| names::readable(&event.to_string())).collect::<Vec<_>>(),
         "true": restored(&happening.becomes_true),
         "false": restored(&happening.becomes_false),
         "values": happening.values.iter().map(value).collect::<Vec<_>>(),

@@ -30,7 +30,7 @@ impl Record {
             "cost": number(&of("cost")),
             "metric": of("metric"),
             "makespan": steps.iter().filter_map(end).reduce(f64::max).map(|end| rounded(end).into()).unwrap_or(Bson::Null),
-            "seconds": millis.map(|millis| millis / 1000.0),
+            "seconds": millis.map(|millis| rounded(millis / 1000.0)),
             "steps": steps,
             "why": of("why"),
             "sections": self.sections(),

@@ -129,7 +129,8 @@ impl Examiner<'_> {
             let nearest = sample.nearest_path(path);
             let of = |nearest: &str| self.count(&doc! { nearest: { "$exists": true } });
             let nearest = nearest.map(|nearest| Ok::<_, StoreError>((nearest.to_owned(), of(nearest)?))).transpose()?;
-            return Ok(vec![Remark::NoKey { path: path.to_owned(), nearest }]);
+            let known = if nearest.is_none() { sample.keys() } else { Vec::new() };
+            return Ok(vec![Remark::NoKey { path: path.to_owned(), nearest, known }]);
         }
         let mut remarks = Vec::new();
         let wanted = test.values.iter().find_map(type_of);

@@ -15,6 +15,8 @@ pub enum Remark {
         path: String,
         /// A key like it, and how many documents have that.
         nearest: Option<(String, u64)>,
+        /// Keys that documents have, where none is like it.
+        known: Vec<String>,
     },
     /// The documents have values of other types.
     OtherType {
@@ -69,11 +71,16 @@ pub(super) fn type_of(value: &Bson) -> Option<&'static str> {
 impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoKey { path, nearest: Some((nearest, documents)) } => {
+            Self::NoKey { path, nearest: Some((nearest, documents)), .. } => {
                 let verb = if *documents == 1 { "has" } else { "have" };
                 write!(f, "no document has the key `{path}`; {documents} {verb} `{nearest}`")
             }
-            Self::NoKey { path, nearest: None } => write!(f, "no document has the key `{path}`"),
+            Self::NoKey { path, nearest: None, known } if known.is_empty() => {
+                write!(f, "no document has the key `{path}`")
+            }
+            Self::NoKey { path, nearest: None, known } => {
+                write!(f, "no document has the key `{path}`; there are {}", known.join(", "))
+            }
             Self::OtherType { path, documents, types, wanted } => {
                 write!(f, "{path} is {}; you compare with {wanted}", types_text(types, *documents))
             }

@@ -10,6 +10,9 @@ use crate::store::metadata;
 /// How many documents are looked at for keys and texts like those of a query.
 pub(super) const SIZE: u64 = 1_000;
 
+/// How many keys a message lists at most.
+const MOST_KEYS: usize = 12;
+
 /// Keys and texts of some documents.
 #[derive(Debug, Default)]
 pub(super) struct Sample {
@@ -30,6 +33,12 @@ impl Sample {
         let last = |path: &'_ str| path.rsplit('.').next().unwrap_or_default().to_lowercase();
         let inside = || paths().filter(|path| last(path) == last(wanted)).min_by_key(|path| path.len());
         nearest(wanted, paths()).or_else(inside)
+    }
+
+    /// The keys of the documents, unless there are too many for a message.
+    pub(super) fn keys(&self) -> Vec<String> {
+        let keys: Vec<String> = self.paths.iter().filter(|path| !path.contains('.')).cloned().collect();
+        if keys.len() > MOST_KEYS { Vec::new() } else { keys }
     }
 
     /// The text under a key that is most like one which no document has.

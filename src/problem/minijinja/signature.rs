@@ -53,7 +53,7 @@ impl Signature {
         let meant = synonym.filter(|name| known().any(|known| known == *name)).or_else(|| nearest(unknown, known()));
         let meant = meant.map(|name| format!(", did you mean `{name}`?")).unwrap_or_default();
         let message = format!("unknown keyword argument `{unknown}`{meant}: {self}");
-        Err(Error::new(ErrorKind::TooManyArguments, message))
+        Err(Error::new(ErrorKind::InvalidOperation, message))
     }
 }
 

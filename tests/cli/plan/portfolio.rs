@@ -238,13 +238,26 @@ fn delivery(lab: &Lab) {
 fn anytime_uses_all_the_time_for_a_task_with_durations() {
     let lab = Lab::new();
     delivery(&lab);
+    let boxes: Vec<String> = (1..=14).map(|number| format!("b{number}")).collect();
+    let each = |text: &str| boxes.iter().map(|name| text.replace('?', name)).collect::<Vec<_>>().join(" ");
+    lab.write(
+        "p.pddl",
+        &format!(
+            "(define (problem many) (:domain delivery)
+             (:objects anna bert carl - robot {} - box store desk shelf - waypoint)
+             (:init (robot-at anna store) (robot-at bert desk) (robot-at carl shelf) (empty anna) (empty bert)
+               (empty carl) {})
+             (:goal (and {})))",
+            boxes.join(" "),
+            each("(box-at ? store)"),
+            each("(box-at ? desk)")
+        ),
+    );
     let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "3s", "--anytime"];
     let start = std::time::Instant::now();
     let found = lab.rmem(&words).exits(0);
-    let took = start.elapsed().as_secs_f64();
-    assert!(found.stdout.contains("; makespan = 34.006"), "{found}");
-    let is_told = found.stderr.contains("--anytime: builtin ended after");
-    assert!((2.7..20.0).contains(&took) || is_told, "{took} s: {found}");
+    assert!(start.elapsed().as_secs_f64() > 2.7 && found.stdout.contains("; makespan = "), "{found}");
+    assert!(!found.stderr.contains("ended after"), "{found}");
 }
 
 #[test]
