@@ -353,7 +353,7 @@ fn names_are_written_as_the_memory_has_them() {
     assert_eq!((&verdict["valid"], &verdict["steps"]), (&json!(true), &json!(2)));
     let explain = ["gen-problem", "-t", "p.j2", "--goal", goal, "--explain", "(wick \"box #18\")"];
     assert_run!(lab.rmem(&explain), @r#"
-    (wick x--box_20_2318--x): in the initial state, line 2 of the problem
+    (wick "box #18"): in the initial state, line 2 of the problem
       p.j2:2:44: (:init {% for l in query('a.b') %}(wick {{ l.name }}) {% endfor %}) (:goal {{ goal }}))
       line 2: query('a.b') asks {} in a.b: 2 documents
       {"_id":{"$oid":"[ID]"},"name":"box #18"} in a.b
