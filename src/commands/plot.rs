@@ -71,9 +71,9 @@ pub struct PlotArgs {
     /// What the y axis shows, with its unit (default: the field)
     #[arg(long, value_name = "TEXT")]
     pub y_label: Option<String>,
-    /// Width and height in pixels
-    #[arg(long, value_name = "WxH", default_value = "800x500", value_parser = size)]
-    pub size: (f64, f64),
+    /// Width and height in pixels (default: 800x500; of a timeline, as its rows need)
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub size: Option<(f64, f64)>,
     /// Write to FILE, .svg or .png; - is stdout
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -109,7 +109,7 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     let taken = take(args, &fields, kind, &memory)?;
     if taken.skipped > 0 {
         context.output.note(&format!(
-            "{} of {} documents have not what is drawn and are left out",
+            "{} of {} documents lack what is drawn and are left out",
             taken.skipped,
             taken.used + taken.skipped
         ));

@@ -2,7 +2,7 @@
 
 use kuva::backend::png::PngBackend;
 use kuva::backend::svg::SvgBackend;
-use kuva::render::render::Scene;
+use kuva::render::render::{Primitive, Scene};
 
 /// Pixels of a PNG for each unit of the SVG.
 const DENSITY: f32 = 2.0;
@@ -13,15 +13,21 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The drawing of a charting crate's scene.
-    pub(super) fn new(scene: Scene) -> Self {
+    /// The drawing of a charting crate's scene. Texts are shown as they are: to the crate, what is between two `$`
+    /// would be a formula.
+    pub(super) fn new(mut scene: Scene) -> Self {
+        for element in &mut scene.elements {
+            if let Primitive::Text { content, .. } = element {
+                *content = content.replace('$', "\\$");
+            }
+        }
         Self { scene }
     }
 
-    /// The drawing as SVG, with its size and on white.
+    /// The drawing as SVG, with its size and on white, an element a line.
     #[must_use]
     pub fn svg(&self) -> String {
-        let mut text = SvgBackend.render_scene(&self.scene);
+        let mut text = SvgBackend::new().with_pretty(true).render_scene(&self.scene);
         if !text.ends_with('\n') {
             text.push('\n');
         }

@@ -2,10 +2,14 @@
 
 use bson::Document;
 
-use super::chart::{Axis, Chart, Interval, Kind, Point, Series};
+use super::chart::{Axis, Chart, Interval, Kind, Point, Series, timeline_height};
 use super::field::{lookup, number, text};
 use crate::formats::scene::Pose;
 use crate::formats::scene::document::numbers;
+
+/// The usual size of a chart in pixels.
+const WIDTH: f64 = 800.0;
+const HEIGHT: f64 = 500.0;
 
 /// Which fields are drawn: dotted paths.
 #[derive(Debug, Clone, Default)]
@@ -36,7 +40,9 @@ pub struct Taken {
     /// How many have not.
     pub skipped: u64,
     /// Whether x is a date.
-    pub dates: bool,
+    pub x_dates: bool,
+    /// Whether y is a date.
+    pub y_dates: bool,
 }
 
 impl Taken {
@@ -68,10 +74,11 @@ impl Taken {
             _ => ("x", "y"),
         };
         let x = lookup(document, fields.x.as_deref().unwrap_or(x))?;
-        let y = number(lookup(document, fields.y.as_deref().unwrap_or(y))?)?;
-        self.dates |= matches!(x, bson::Bson::DateTime(_));
+        let y = lookup(document, fields.y.as_deref().unwrap_or(y))?;
+        self.x_dates |= matches!(x, bson::Bson::DateTime(_));
+        self.y_dates |= matches!(y, bson::Bson::DateTime(_));
         let label = lookup(document, fields.label.as_deref().unwrap_or("name")).map(text).unwrap_or_default();
-        let point = Point { x: number(x)?, y, label, heading: heading(document, fields) };
+        let point = Point { x: number(x)?, y: number(y)?, label, heading: heading(document, fields) };
         self.series(name).points.push(point);
         Some(())
     }
@@ -89,7 +96,7 @@ impl Taken {
     fn interval(&mut self, document: &Document, fields: &Fields, name: String) -> Option<()> {
         let from = lookup(document, fields.from.as_deref().unwrap_or("from"))?;
         let to = lookup(document, fields.to.as_deref().unwrap_or("to"))?;
-        self.dates |= matches!(from, bson::Bson::DateTime(_));
+        self.x_dates |= matches!(from, bson::Bson::DateTime(_));
         let label = lookup(document, fields.label.as_deref().unwrap_or("name")).map(text).unwrap_or_default();
         let (from, to) = (number(from)?, number(to)?);
         let interval = Interval { label, from, to: to.max(from), color: None };
@@ -97,20 +104,24 @@ impl Taken {
         Some(())
     }
 
-    /// The chart of what was taken; axes are called by their fields where nothing else is given.
+    /// The chart of what was taken; axes are called by their fields where nothing else is given. Without a size, a
+    /// timeline is as high as its rows need.
     #[must_use]
-    pub fn chart(self, fields: &Fields, kind: Kind, title: String, size: (f64, f64)) -> Chart {
+    pub fn chart(self, fields: &Fields, kind: Kind, title: String, size: Option<(f64, f64)>) -> Chart {
         let called = |given: &Option<String>, usual: &str| given.clone().unwrap_or_else(|| usual.to_owned());
         let (x, y) = match kind {
             Kind::Map => ("x (m)".to_owned(), "y (m)".to_owned()),
             Kind::Bars => (called(&fields.x, ""), called(&fields.y, "documents")),
-            Kind::Timeline if self.dates => ("time".to_owned(), String::new()),
+            Kind::Timeline if self.x_dates => ("time".to_owned(), String::new()),
             Kind::Timeline => ("time (s)".to_owned(), String::new()),
             Kind::Line | Kind::Scatter => (called(&fields.x, "x"), called(&fields.y, "y")),
         };
-        let axis = |label: String| Axis { label, ..Axis::default() };
-        let x = Axis { dates: self.dates, ..axis(x) };
-        Chart { title, x, y: axis(y), kind, series: self.series, size }
+        let size = size.unwrap_or_else(|| match kind {
+            Kind::Timeline => (WIDTH, timeline_height(&self.series)),
+            _ => (WIDTH, HEIGHT),
+        });
+        let axis = |label: String, dates: bool| Axis { label, dates, ..Axis::default() };
+        Chart { title, x: axis(x, self.x_dates), y: axis(y, self.y_dates), kind, series: self.series, size }
     }
 }
 
@@ -176,7 +187,7 @@ mod tests {
                     continue;
                 }
                 for log in [false, true] {
-                    let mut chart = taken.clone().chart(&Fields::default(), kind, "t".into(), (600.0, 400.0));
+                    let mut chart = taken.clone().chart(&Fields::default(), kind, "t".into(), Some((600.0, 400.0)));
                     (chart.x.log, chart.y.log) = (log, log);
                     let svg = chart.positive().draw().svg();
                     assert!(svg.starts_with("<svg") && !svg.contains("NaN"), "{svg}");

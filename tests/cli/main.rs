@@ -27,6 +27,7 @@ mod log;
 mod map_reduce;
 mod memory;
 mod newcomers;
+mod pictures;
 mod plan;
 mod plot;
 mod query;

@@ -30,13 +30,13 @@ fn what_cannot_be_drawn_is_refused_and_leaves_no_file() {
     let plot = |args: &[&str]| kitchen(&lab, &[&["plot", "robmem.worldmodel", "-o", "out.svg"], args].concat());
     assert_run!(plot(&["--x", "nothing", "--y", "mass"]), @r"
     ------- stderr -------
-    6 of 6 documents have not what is drawn and are left out
+    6 of 6 documents lack what is drawn and are left out
     error: no document of robmem.worldmodel has what is drawn; see the fields with rmem schema robmem.worldmodel
     [exit code: 3]
     ");
     assert_run!(plot(&["--x", "translation.0", "--y", "mass", "--kind", "scatter"]), @r"
     ------- stderr -------
-    4 of 6 documents have not what is drawn and are left out
+    4 of 6 documents lack what is drawn and are left out
     [exit code: 0]
     ");
     std::fs::remove_file(lab.path().join("out.svg")).unwrap();

@@ -16,7 +16,7 @@ use crate::pddl::Plan;
 use crate::plan::{self, PrintedPlan, Progress, Record, Status, Stored};
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
-use crate::views::chart::COLORS;
+use crate::views::chart::{COLORS, timeline_height};
 use crate::views::{Axis, Chart, Interval, Kind, Series};
 
 pub(super) use formats::PLAN as FORMATS;
@@ -131,10 +131,9 @@ fn timeline(plan: &Plan, progress: &[Progress], title: String) -> Chart {
     });
     let series =
         |name: &str, intervals: Vec<Interval>| Series { name: name.to_owned(), intervals, ..Series::default() };
-    let (planned, done): (Vec<_>, Vec<_>) = (planned.collect(), done.collect());
-    let height = 130.0 + 26.0 * (planned.len() + done.len() + 2) as f64;
-    let mut all = vec![series("planned", planned), series("done", done)];
+    let mut all = vec![series("planned", planned.collect()), series("done", done.collect())];
     all.retain(|series| !series.is_empty());
+    let height = timeline_height(&all);
     let axis = |label: &str| Axis { label: label.to_owned(), ..Axis::default() };
     Chart { title, x: axis("time (s)"), y: axis(""), kind: Kind::Timeline, series: all, size: (900.0, height) }
 }

@@ -1,0 +1,39 @@
+//! A chart as a picture.
+
+use kuva::render::layout::{ComputedLayout, Layout};
+use kuva::render::plots::Plot;
+use kuva::render::render::render_multiple;
+
+use super::chart::{Chart, Kind};
+use super::frame::layout;
+use super::labels::place;
+use super::marks::marks;
+use super::picture::Picture;
+
+impl Chart {
+    /// Draws the chart.
+    #[must_use]
+    pub fn draw(&self) -> Picture {
+        let (plots, mut layout) = self.parts();
+        if self.kind != Kind::Map {
+            return Picture::new(render_multiple(plots, layout));
+        }
+        let (mut names, mut left_out) = place(self, &ComputedLayout::from_layout(&layout));
+        if left_out > 0 {
+            // The line that says so takes room, too.
+            layout = layout.with_subtitle("-");
+            (names, left_out) = place(self, &ComputedLayout::from_layout(&layout));
+            layout = layout.with_subtitle(format!("{left_out} names are left out: there is no room for them"));
+        }
+        let mut scene = render_multiple(plots, layout);
+        names.into_iter().for_each(|name| scene.add(name));
+        Picture::new(scene)
+    }
+
+    /// What the chart is made of, to be drawn alone or among others.
+    pub(super) fn parts(&self) -> (Vec<Plot>, Layout) {
+        let plots = marks(self);
+        let layout = layout(self, &plots);
+        (plots, layout)
+    }
+}
