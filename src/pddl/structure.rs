@@ -6,6 +6,8 @@
 //! at are facts in conjunctions, with their times; steps with quantifiers, alternatives or conditional effects stay
 //! where they are, so that the partial order never promises too much.
 
+use std::collections::HashMap;
+
 use super::Step;
 use super::domain::Domain;
 use super::model::{Arg, Change, Fact, Formula};
@@ -44,27 +46,50 @@ struct Ground {
 /// A ground literal: its predicate, its arguments in small letters, and whether the fact holds.
 type Key = (u32, Vec<String>, bool);
 
+/// Steps by the literals that they need or make true.
+#[derive(Default)]
+struct Known<'a> {
+    needs: HashMap<&'a Key, Vec<usize>>,
+    adds: HashMap<&'a Key, Vec<usize>>,
+    opaque: Vec<usize>,
+}
+
+impl<'a> Known<'a> {
+    fn insert(&mut self, index: usize, step: &'a Ground) {
+        step.needs.iter().for_each(|fact| self.needs.entry(fact).or_default().push(index));
+        step.adds.iter().for_each(|fact| self.adds.entry(fact).or_default().push(index));
+        if step.is_opaque {
+            self.opaque.push(index);
+        }
+    }
+
+    /// The steps whose facts, needed or made true, a step undoes.
+    fn undone(&self, step: &Ground) -> impl Iterator<Item = usize> {
+        let facts = step.deletes.iter();
+        facts.flat_map(|fact| [self.needs.get(fact), self.adds.get(fact)]).flatten().flatten().copied()
+    }
+}
+
 impl Domain {
     /// The structure of a plan, as far as this domain knows its actions.
     #[must_use]
     pub fn structure(&self, steps: &[Step]) -> Structure {
         let ground: Vec<Ground> = steps.iter().map(|step| self.ground(step)).collect();
         let mut structure = Structure::default();
-        let mut before = vec![vec![false; ground.len()]; ground.len()];
+        let (mut known, mut before) = (Known::default(), vec![Steps::new(ground.len()); ground.len()]);
         for (to, step) in ground.iter().enumerate() {
             for need in &step.needs {
-                if let Some(from) = (0..to).rev().find(|from| ground[*from].adds.contains(need)) {
+                if let Some(from) = known.adds.get(need).and_then(|steps| steps.last()).copied() {
                     structure.links.push(Link { from, to, fact: self.fact_text(need) });
-                    before[from][to] = true;
+                    before[from].insert(to);
                 }
             }
-            for (other, earlier) in ground.iter().enumerate().take(to) {
-                let undoes = |facts: &[Key]| facts.iter().any(|fact| step.deletes.contains(fact));
-                let is_opaque = step.is_opaque || earlier.is_opaque;
-                before[other][to] |= is_opaque || undoes(&earlier.needs) || undoes(&earlier.adds);
-            }
+            known.undone(step).for_each(|from| before[from].insert(to));
+            let all = if step.is_opaque { 0..to } else { 0..0 };
+            all.chain(known.opaque.iter().copied()).for_each(|from| before[from].insert(to));
+            known.insert(to, step);
         }
-        structure.order = reduced(before);
+        structure.order = reduced(&before);
         structure
     }
 
@@ -123,24 +148,46 @@ impl Domain {
     }
 }
 
-/// The pairs that do not follow from others. Steps are in an order already.
-fn reduced(mut before: Vec<Vec<bool>>) -> Vec<(usize, usize)> {
-    let count = before.len();
-    let direct = before.clone();
-    for middle in 0..count {
-        for first in 0..middle {
-            if before[first][middle] {
-                let (front, back) = before.split_at_mut(middle);
-                for (known, further) in front[first].iter_mut().zip(&back[0]) {
-                    *known |= further;
-                }
+/// A set of steps, a bit each.
+#[derive(Clone)]
+struct Steps(Vec<u64>);
+
+impl Steps {
+    fn new(count: usize) -> Self {
+        Self(vec![0; count.div_ceil(64)])
+    }
+
+    fn insert(&mut self, step: usize) {
+        self.0[step / 64] |= 1 << (step % 64);
+    }
+
+    fn contains(&self, step: usize) -> bool {
+        self.0[step / 64] & (1 << (step % 64)) != 0
+    }
+
+    fn extend(&mut self, other: &Self) {
+        self.0.iter_mut().zip(&other.0).for_each(|(word, more)| *word |= more);
+    }
+}
+
+/// The pairs that do not follow from others. Steps are in an order already, so that a way around a pair begins
+/// with a step that is looked at before its end.
+fn reduced(before: &[Steps]) -> Vec<(usize, usize)> {
+    let mut reach: Vec<Steps> = vec![Steps::new(before.len()); before.len()];
+    let mut pairs = Vec::new();
+    for (first, direct) in before.iter().enumerate().rev() {
+        let mut own = Steps::new(before.len());
+        for (last, further) in reach.iter().enumerate().skip(first + 1) {
+            if direct.contains(last) && !own.contains(last) {
+                pairs.push((first, last));
+                own.insert(last);
+                own.extend(further);
             }
         }
+        reach[first] = own;
     }
-    let follows =
-        |first: usize, last: usize| (first + 1..last).any(|middle| before[first][middle] && before[middle][last]);
-    let pairs = (0..count).flat_map(|first| (first + 1..count).map(move |last| (first, last)));
-    pairs.filter(|(first, last)| direct[*first][*last] && !follows(*first, *last)).collect()
+    pairs.sort_unstable();
+    pairs
 }
 
 #[cfg(test)]
@@ -148,6 +195,7 @@ mod tests {
     use super::*;
     use crate::formats::Source;
     use crate::formats::pddl::Dialect;
+    use proptest::prelude::*;
 
     #[test]
     fn two_towers_are_built_side_by_side() {
@@ -165,5 +213,33 @@ mod tests {
         let link = |from: usize, to: usize, fact: &str| Link { from, to, fact: fact.to_owned() };
         assert_eq!(structure.links, [link(0, 2, "(held r a)"), link(1, 3, "(held s c)"), link(2, 4, "(free r)")]);
         assert_eq!(structure.order, [(0, 2), (1, 3), (2, 4)], "the robots do not wait for each other");
+    }
+
+    proptest! {
+        #[test]
+        fn a_pair_is_left_out_where_there_is_a_way_around_it(pairs in prop::collection::vec((0..9_usize, 0..9_usize), 0..40)) {
+            let mut before = vec![Steps::new(9); 9];
+            let pairs: Vec<(usize, usize)> = pairs.into_iter().filter(|(first, last)| first < last).collect();
+            pairs.iter().for_each(|(first, last)| before[*first].insert(*last));
+            let reduced = reduced(&before);
+            // Whether the second is behind the first, by these pairs without one.
+            let leads = |pairs: &[(usize, usize)], without: Option<(usize, usize)>, from: usize, to: usize| {
+                let mut reached = vec![from];
+                for step in from..9 {
+                    let is_next = |first: &usize| pairs.contains(&(*first, step)) && Some((*first, step)) != without;
+                    if reached.iter().any(is_next) {
+                        reached.push(step);
+                    }
+                }
+                reached[1..].contains(&to)
+            };
+            for &(first, last) in &pairs {
+                prop_assert!(leads(&reduced, None, first, last), "{:?} is lost in {:?}", (first, last), reduced);
+            }
+            for &(first, last) in &reduced {
+                prop_assert!(pairs.contains(&(first, last)));
+                prop_assert!(!leads(&reduced, Some((first, last)), first, last), "{:?} is not needed", (first, last));
+            }
+        }
     }
 }

@@ -7,6 +7,7 @@ use bson::{Bson, Document, doc};
 use super::lineage::lineage;
 use super::{PlanRequest, PlanningError, PlanningTask};
 use crate::memory::Memory;
+use crate::pddl::Structure;
 use crate::plan::{self, PrintedPlan, Record, Repository};
 use crate::planner::{Outcome, Race, Run};
 use crate::problem::names;
@@ -121,6 +122,13 @@ impl<'a> PlanResult<'a> {
     pub fn printed<'b>(&'b self, id: &'b str, value: &'b dyn Fn(&str) -> Bson) -> Option<PrintedPlan<'b>> {
         let plan = self.run.outcome.plan()?;
         Some(PrintedPlan { plan, document: &self.document, statuses: &[], id, value, structure: None, lanes: None })
+    }
+
+    /// Which step of the plan needs which, for drawings of it. Empty where there is no plan.
+    #[must_use]
+    pub fn structure(&self) -> Structure {
+        let steps = self.run.outcome.plan().map(|plan| plan.steps.as_slice()).unwrap_or_default();
+        self.request.domain.structure(steps)
     }
 
     /// Why there is no plan, in the memory's names: the outcome, the planner's words, and what keeps the goal from

@@ -8,6 +8,7 @@ use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::output::Format;
+use crate::plan::PrintedPlan;
 use crate::planner::{Host, Planner};
 use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
 use crate::store::Namespace;
@@ -80,11 +81,13 @@ fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -
         context.output.note(&why);
     }
     let exit = Exit::from(&result.run().outcome);
-    if context.format(&show::FORMATS)? == Format::Json {
+    let format = context.format(&show::FORMATS)?;
+    if format == Format::Json {
         let namespace = id.and(result.namespace());
         show::report(&result.record(id), namespace, exit, context)?;
     } else if let Some(printed) = result.printed(id.unwrap_or("plan"), &|name| result.task().value(name)) {
-        show::print(&printed, context)?;
+        let structure = matches!(format, Format::Dot | Format::Svg).then(|| result.structure());
+        show::print(&PrintedPlan { structure: structure.as_ref(), ..printed }, context)?;
     }
     Ok(exit)
 }

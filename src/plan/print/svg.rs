@@ -4,12 +4,13 @@
 //! times, or as early as what they need is there. Arrows are causal links between lanes, from the step that
 //! makes a condition true to the one that needs it.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use bson::{Bson, Document};
 
-use super::page::{PrintedPlan, time};
-use crate::plan::Status;
+use super::page::PrintedPlan;
+use crate::plan::{Status, rounded};
 
 /// The height of a lane, in pixels.
 const LANE: f64 = 64.0;
@@ -31,12 +32,20 @@ const WIDEST: f64 = 1300.0;
 const BREAK: f64 = 28.0;
 /// The least that is seen of a bar.
 const THIN: f64 = 3.0;
+/// The most characters of a lane's name.
+const NAME: usize = 24;
+/// The most characters of a line in a box without times.
+const LONGEST: usize = 36;
+/// Of a character of the title, about.
+const WIDE: f64 = 9.6;
 
 /// Where a step is drawn.
 struct Placed {
     /// Long plans go on below.
     row: usize,
     lane: usize,
+    /// What is done at once in a lane is drawn in tracks, one below the other.
+    track: usize,
     left: f64,
     width: f64,
 }
@@ -45,6 +54,8 @@ struct Placed {
 struct Drawing<'a> {
     page: &'a PrintedPlan<'a>,
     lanes: Vec<String>,
+    /// How many tracks each lane has.
+    tracks: Vec<usize>,
     placed: Vec<Placed>,
     left: f64,
     width: f64,
@@ -57,7 +68,8 @@ struct Drawing<'a> {
 pub(super) fn draw(page: &PrintedPlan<'_>) -> String {
     let drawing = Drawing::of(page);
     let height = drawing.bottom(drawing.rows - 1) + 78.0;
-    let width = (drawing.left + drawing.width + MARGIN).max(420.0);
+    let width = drawing.left + drawing.width + MARGIN;
+    let width = width.max(drawing.words().chars().count() as f64 * WIDE + 2.0 * MARGIN).max(drawing.legend_width());
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
          viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"DejaVu Sans, Arial, sans-serif\" font-size=\"12\">\n\
@@ -93,7 +105,7 @@ impl<'a> Drawing<'a> {
         }
         let lane = |name: &String| lanes.iter().position(|lane| lane == name).unwrap_or_default();
         let rows: Vec<usize> = names.iter().map(lane).collect();
-        let widest = lanes.iter().map(|lane| lane.chars().count()).max().unwrap_or_default();
+        let widest = lanes.iter().map(|lane| lane.chars().count().min(NAME)).max().unwrap_or_default();
         let left = MARGIN + widest as f64 * CHARACTER + 12.0;
         let end = page.plan.is_temporal().then(|| {
             let ends =
@@ -105,12 +117,15 @@ impl<'a> Drawing<'a> {
             None => by_need(page, &rows, left),
         };
         let rows = placed.iter().map(|placed| placed.row + 1).max().unwrap_or(1);
-        Self { page, lanes, placed, left, width, rows, end }
+        let mut tracks = vec![1; lanes.len()];
+        placed.iter().for_each(|placed| tracks[placed.lane] = tracks[placed.lane].max(placed.track + 1));
+        Self { page, lanes, tracks, placed, left, width, rows, end }
     }
 
     /// The upper edge of a lane.
     fn top(&self, row: usize, lane: usize) -> f64 {
-        HEAD + (LANE * self.lanes.len() as f64 + BREAK) * row as f64 + LANE * lane as f64
+        let tracks = |count: usize| self.tracks.iter().take(count).sum::<usize>() as f64;
+        HEAD + (LANE * tracks(self.lanes.len()) + BREAK) * row as f64 + LANE * tracks(lane)
     }
 
     /// The lower edge of the last lane.
@@ -118,15 +133,28 @@ impl<'a> Drawing<'a> {
         self.top(row, self.lanes.len())
     }
 
-    fn title(&self, text: &mut String) {
+    /// The height at which a step is drawn.
+    fn middle(&self, placed: &Placed) -> f64 {
+        self.top(placed.row, placed.lane) + LANE * placed.track as f64 + LANE / 2.0
+    }
+
+    /// What the title says.
+    fn words(&self) -> String {
         let count = self.page.plan.steps.len();
         let mut words = format!("plan {} — {count} step{}", self.page.id, if count == 1 { "" } else { "s" });
-        if let Some(cost) = self.page.plan.cost {
-            let _ = write!(words, ", cost {cost}");
+        // Without a metric, the cost is the number of steps, which says nothing about a plan with times.
+        let is_said = |cost: &f64| self.end.is_none_or(|end| *cost != count as f64 && *cost != end);
+        if let Some(cost) = self.page.plan.cost.filter(is_said) {
+            let _ = write!(words, ", cost {}", rounded(cost));
         }
         if let Some(end) = self.end {
-            let _ = write!(words, ", makespan {} s", time(end));
+            let _ = write!(words, ", makespan {} s", rounded(end));
         }
+        words
+    }
+
+    fn title(&self, text: &mut String) {
+        let words = self.words();
         let _ = writeln!(
             text,
             "<text x=\"{MARGIN}\" y=\"24\" font-size=\"15\" font-weight=\"bold\">{}</text>",
@@ -140,16 +168,17 @@ impl<'a> Drawing<'a> {
         for (row, lane, name) in all {
             let top = self.top(row, lane);
             let fill = if lane % 2 == 0 { "#f5f6f8" } else { "#ffffff" };
-            let width = self.left + self.width - MARGIN;
+            let (width, height) = (self.left + self.width - MARGIN, LANE * self.tracks[lane] as f64);
             let _ = writeln!(
                 text,
-                "<rect x=\"{MARGIN}\" y=\"{top}\" width=\"{width:.1}\" height=\"{LANE}\" fill=\"{fill}\"/>"
+                "<rect x=\"{MARGIN}\" y=\"{top}\" width=\"{width:.1}\" height=\"{height}\" fill=\"{fill}\"/>"
             );
             let _ = writeln!(
                 text,
-                "<text x=\"{}\" y=\"{}\" font-weight=\"bold\">{}</text>",
+                "<text x=\"{}\" y=\"{}\" font-weight=\"bold\">{}<title>{}</title></text>",
                 MARGIN + 4.0,
-                top + LANE / 2.0 + 4.0,
+                top + height / 2.0 + 4.0,
+                escaped(&clipped(name, NAME as f64 * CHARACTER)),
                 escaped(name)
             );
         }
@@ -189,25 +218,22 @@ impl<'a> Drawing<'a> {
     /// Arrows between lanes; one for each pair of steps, which names all facts.
     fn links(&self, text: &mut String) {
         let Some(structure) = self.page.structure else { return };
-        let mut pairs: Vec<(usize, usize, Vec<&str>)> = Vec::new();
+        let mut pairs: BTreeMap<(usize, usize), Vec<&str>> = BTreeMap::new();
         for link in &structure.links {
             let (Some(from), Some(to)) = (self.placed.get(link.from), self.placed.get(link.to)) else { continue };
             if from.lane == to.lane {
                 continue;
             }
-            match pairs.iter_mut().find(|(a, b, _)| (*a, *b) == (link.from, link.to)) {
-                Some((_, _, facts)) => facts.push(&link.fact),
-                None => pairs.push((link.from, link.to, vec![&link.fact])),
-            }
+            pairs.entry((link.from, link.to)).or_default().push(&link.fact);
         }
         let mut marked: Vec<usize> = Vec::new();
-        for (from, to, facts) in pairs {
+        for ((from, to), facts) in pairs {
             let beside = marked.iter().filter(|other| **other == to).count() as f64 * 30.0;
             let (step, target) = (from + 1, to);
             let (from, to) = (&self.placed[from], &self.placed[to]);
             if from.row != to.row {
                 marked.push(target);
-                let (x, y) = (to.left + 2.0 + beside, self.top(to.row, to.lane) + 8.0);
+                let (x, y) = (to.left + 2.0 + beside, self.middle(to) - LANE / 2.0 + 8.0);
                 let facts = escaped(&facts.join(" "));
                 let _ = writeln!(
                     text,
@@ -215,8 +241,8 @@ impl<'a> Drawing<'a> {
                 );
                 continue;
             }
-            let (x1, y1) = (from.left + from.width, self.top(from.row, from.lane) + LANE / 2.0);
-            let (x2, y2) = (to.left - 1.0, self.top(to.row, to.lane) + LANE / 2.0);
+            let (x1, y1) = (from.left + from.width, self.middle(from));
+            let (x2, y2) = (to.left - 1.0, self.middle(to));
             let bend = ((x2 - x1) / 2.0).clamp(12.0, 60.0);
             let _ = writeln!(
                 text,
@@ -231,7 +257,7 @@ impl<'a> Drawing<'a> {
 
     fn boxes(&self, text: &mut String) {
         for (index, (step, placed)) in self.page.plan.steps.iter().zip(&self.placed).enumerate() {
-            let (status, top) = (self.page.status(index), self.top(placed.row, placed.lane) + (LANE - BOX) / 2.0);
+            let (status, top) = (self.page.status(index), self.middle(placed) - BOX / 2.0);
             let (fill, stroke) = colors(status);
             let (left, width) = (placed.left, placed.width);
             let whole = escaped(&self.page.readable(step));
@@ -262,7 +288,7 @@ impl<'a> Drawing<'a> {
     fn legend(&self, text: &mut String, height: f64) {
         let mut left = MARGIN;
         let y = height - 18.0;
-        for status in [Status::Open, Status::Running, Status::Done, Status::Failed] {
+        for status in STATUSES {
             let (fill, stroke) = colors(status);
             let word = status.to_string();
             let _ = writeln!(
@@ -272,18 +298,35 @@ impl<'a> Drawing<'a> {
                 y - 10.0,
                 left + 20.0
             );
-            left += 36.0 + word.chars().count() as f64 * CHARACTER;
+            left += legend_entry(&word);
         }
         if self.page.structure.is_some() {
             let _ = writeln!(
                 text,
                 "<path d=\"M{left:.1} {0:.1}h26\" stroke=\"#555\" marker-end=\"url(#arrow)\"/>\n\
-                 <text x=\"{1:.1}\" y=\"{y:.1}\">makes true what is needed</text>",
+                 <text x=\"{1:.1}\" y=\"{y:.1}\">{LINK}</text>",
                 y - 4.0,
                 left + 34.0
             );
         }
     }
+
+    /// How wide the drawing has to be for its legend.
+    fn legend_width(&self) -> f64 {
+        let statuses: f64 = STATUSES.iter().map(|status| legend_entry(&status.to_string())).sum();
+        let link = if self.page.structure.is_some() { legend_entry(LINK) } else { 0.0 };
+        2.0 * MARGIN + statuses + link
+    }
+}
+
+/// What the legend shows, in its order.
+const STATUSES: [Status; 4] = [Status::Open, Status::Running, Status::Done, Status::Failed];
+/// What the legend says of arrows.
+const LINK: &str = "makes true what is needed";
+
+/// How wide a word of the legend is, with what is before it.
+fn legend_entry(word: &str) -> f64 {
+    36.0 + word.chars().count() as f64 * CHARACTER
 }
 
 /// Fill and stroke of a step; told apart by lightness, too.
@@ -340,11 +383,16 @@ fn arguments(page: &PrintedPlan<'_>, index: usize, lane: &str) -> String {
 /// Boxes as long as they take; the drawing is wide enough for the names of short ones to be seen somewhere.
 fn by_time(page: &PrintedPlan<'_>, rows: &[usize], left: f64, end: f64) -> (Vec<Placed>, f64) {
     let scale = if end > 0.0 && end.is_finite() { SPAN / end } else { 0.0 };
-    let place = |(step, lane): (&crate::pddl::Step, &usize)| Placed {
-        row: 0,
-        lane: *lane,
-        left: left + step.start.unwrap_or_default() * scale,
-        width: (step.duration.unwrap_or_default() * scale).max(THIN),
+    // Of each lane, where each of its tracks is free again.
+    let mut free: Vec<Vec<f64>> = vec![Vec::new(); rows.iter().max().map_or(0, |last| last + 1)];
+    let place = |(step, lane): (&crate::pddl::Step, &usize)| {
+        let left = left + step.start.unwrap_or_default() * scale;
+        let width = (step.duration.unwrap_or_default() * scale).max(THIN);
+        let tracks = &mut free[*lane];
+        let track = tracks.iter().position(|end| *end <= left + 0.5).unwrap_or(tracks.len());
+        tracks.resize(tracks.len().max(track + 1), 0.0);
+        tracks[track] = left + width;
+        Placed { row: 0, lane: *lane, track, left, width }
     };
     (page.plan.steps.iter().zip(rows).map(place).collect(), SPAN)
 }
@@ -366,7 +414,7 @@ fn by_need(page: &PrintedPlan<'_>, rows: &[usize], left: f64) -> (Vec<Placed>, f
     for (index, column) in columns.iter().enumerate() {
         let words = format!("{} {}", index + 1, page.plan.steps[index].action);
         let longest = words.chars().count().max(arguments(page, index, "").chars().count());
-        widths[*column] = widths[*column].max(longest as f64 * CHARACTER + 16.0);
+        widths[*column] = widths[*column].max(longest.min(LONGEST) as f64 * CHARACTER + 16.0);
     }
     let (mut starts, mut row, mut at, mut reach) = (Vec::with_capacity(count), 0, 0.0_f64, 0.0_f64);
     for width in &widths {
@@ -379,7 +427,7 @@ fn by_need(page: &PrintedPlan<'_>, rows: &[usize], left: f64) -> (Vec<Placed>, f
     }
     let place = |(lane, column): (&usize, &usize)| {
         let (row, left) = starts[*column];
-        Placed { row, lane: *lane, left, width: widths[*column] }
+        Placed { row, lane: *lane, track: 0, left, width: widths[*column] }
     };
     (rows.iter().zip(&columns).map(place).collect(), reach)
 }
