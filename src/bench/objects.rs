@@ -1,4 +1,4 @@
-//! The documents: objects of a robot that tidies up.
+//! The documents: objects of a robot that tidies up, and what finds the nearest of them.
 
 use bson::{Document, doc};
 
@@ -46,9 +46,25 @@ impl Objects {
 }
 
 fn name(number: usize) -> String {
-    format!("object-{number}")
+    number.to_string()
 }
 
 fn place(number: u64) -> String {
-    format!("place-{number}")
+    number.to_string()
 }
+
+/// The stages that give the object nearest to a place in the middle: its name, position and distance. Places are
+/// numbers in a row, written as text.
+pub(super) fn nearest() -> Vec<Document> {
+    let distance = doc! { "$abs": { "$subtract": [{ "$toInt": "$position" }, (PLACES / 2) as i64] } };
+    vec![
+        doc! { "$match": { "tidied": { "$exists": true } } },
+        doc! { "$project": { "_id": 0, "name": 1, "position": 1, "distance": distance } },
+        doc! { "$sort": { "distance": 1, "name": 1 } },
+        doc! { "$limit": 1 },
+        doc! { "$addFields": { "compute": NEAREST } },
+    ]
+}
+
+/// What a memory is asked for, for its computable to run.
+pub(super) const NEAREST: &str = "nearest";

@@ -4,8 +4,10 @@ use std::time::{Duration, Instant};
 
 use bson::{Document, doc};
 
+use super::objects::{NEAREST, nearest};
 use super::work::Task;
 use crate::memory::Memory;
+use crate::memory::computables::{BodyKind, Definition};
 use crate::store::{Find, Index, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 /// A memory or a database that does the work.
@@ -31,6 +33,12 @@ pub trait Subject {
     /// Where it fails.
     fn update(&self, filter: Document, update: Document) -> Result<(), StoreError>;
 
+    /// Finds the object that is nearest to a place; returns how many there are.
+    ///
+    /// # Errors
+    /// Where it fails.
+    fn nearest(&self) -> Result<u64, StoreError>;
+
     /// Makes the index on names.
     ///
     /// # Errors
@@ -54,8 +62,22 @@ pub trait Subject {
             Task::Insert(document) => self.insert(vec![document])?,
             Task::Find(filter) => drop(self.find(filter)?),
             Task::Update(filter, update) => self.update(filter, update)?,
+            Task::Nearest => drop(self.nearest()?),
         }
         Ok(start.elapsed())
+    }
+}
+
+/// The computable of a memory that is measured: it finds the nearest object, and keeps nothing.
+#[must_use]
+pub fn computable(namespace: &Namespace) -> Definition {
+    Definition {
+        name: NEAREST.to_owned(),
+        namespace: namespace.clone(),
+        spec: doc! { "compute": NEAREST },
+        priority: 0,
+        cache: None,
+        body: BodyKind::Pipeline { from: namespace.clone(), stages: nearest() },
     }
 }
 
@@ -95,6 +117,10 @@ impl Subject for OfMemory<'_> {
         self.memory.update(&self.namespace, &request).map(drop)
     }
 
+    fn nearest(&self) -> Result<u64, StoreError> {
+        self.find(doc! { "compute": NEAREST })
+    }
+
     fn index(&self) -> Result<(), StoreError> {
         self.memory.create_index(&self.namespace, &Self::index_on_names()).map(drop)
     }
@@ -120,6 +146,10 @@ impl Subject for crate::store::mongodb::Raw {
 
     fn update(&self, filter: Document, update: Document) -> Result<(), StoreError> {
         self.update(filter, update)
+    }
+
+    fn nearest(&self) -> Result<u64, StoreError> {
+        self.aggregate(nearest())
     }
 
     fn index(&self) -> Result<(), StoreError> {

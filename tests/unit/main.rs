@@ -4,6 +4,7 @@ mod clips;
 mod content;
 mod declared;
 mod facts;
+mod figures;
 mod fuzzed;
 mod imported;
 mod index;

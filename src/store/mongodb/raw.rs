@@ -54,6 +54,15 @@ impl Raw {
         cursor.try_fold(0, |count, document| document.map(|_| count + 1)).map_err(|e| self.explain(&e))
     }
 
+    /// Reads what stages give; returns how many documents there were.
+    ///
+    /// # Errors
+    /// Where the server cannot be reached or refuses.
+    pub fn aggregate(&self, stages: Vec<Document>) -> Result<u64, StoreError> {
+        let mut cursor = self.collection.aggregate(stages).run().map_err(|e| self.explain(&e))?;
+        cursor.try_fold(0, |count, document| document.map(|_| count + 1)).map_err(|e| self.explain(&e))
+    }
+
     /// Changes the first match.
     ///
     /// # Errors
