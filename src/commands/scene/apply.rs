@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bson::{Document, doc};
 use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
 
 use super::selection::{More, names, read_file, sources};
 use crate::commands::{Context, UsageError, WrongInput};
@@ -40,7 +41,7 @@ pub struct ApplyArgs {
     #[arg(long, value_name = "NS")]
     into: Option<Namespace>,
     /// The frame of the file's poses, where it does not say
-    #[arg(long, value_name = "FRAME")]
+    #[arg(long, value_name = "FRAME", value_parser = NonEmptyStringValueParser::new())]
     frame: Option<String>,
     #[command(flatten)]
     more: More,

@@ -51,7 +51,7 @@ pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
     let scene = found.scene(&args.selection.frame);
     let pairs = check(&scene, args.distance);
     let documents = pairs.iter().map(|pair| {
-        let mut written = doc! { "first": pair.first, "second": pair.second, "distance": pair.distance };
+        let mut written = doc! { "first": pair.first, "second": pair.second, "distance": pair.distance + 0.0 };
         if pair.distance < 0.0 {
             written.insert("depth", -pair.distance);
         }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
 
 use super::selection::{More, names, read_file, sources};
 use crate::commands::{Context, UsageError, WrongInput};
@@ -38,7 +39,7 @@ pub struct DiffArgs {
     #[arg(value_name = "B")]
     second: String,
     /// The frame of a collection's poses (default: that of the file)
-    #[arg(long, value_name = "FRAME")]
+    #[arg(long, value_name = "FRAME", value_parser = NonEmptyStringValueParser::new())]
     frame: Option<String>,
     #[command(flatten)]
     more: More,

@@ -55,9 +55,9 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let spelling = spelling(format)?;
     let memory = context.memory()?;
     let found = args.selection.objects(&memory, context)?;
-    let fitting = args.selection.more.fit(found, spelling, context)?;
-    let objects = fitting.objects.into_iter().map(|located| located.object);
     let frame = args.selection.frame.as_str();
+    let fitting = args.selection.more.fit(found, spelling, frame, context)?;
+    let objects = fitting.objects.into_iter().map(|located| located.object);
     let text = if args.diff {
         let operations: Vec<Operation> = objects.map(|object| Operation::Add(Box::new(object))).collect();
         write_operations(&operations, Some(frame))

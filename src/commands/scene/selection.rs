@@ -1,9 +1,11 @@
 //! Which documents are objects, and in which frame they are wanted.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use bson::Document;
 use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
 
 use crate::commands::query::{argument, blame};
 use crate::commands::{Context, UsageError, WrongInput};
@@ -31,7 +33,7 @@ pub(super) struct Selection {
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub(super) query: String,
     /// The frame of all poses
-    #[arg(long, value_name = "FRAME")]
+    #[arg(long, value_name = "FRAME", value_parser = NonEmptyStringValueParser::new())]
     pub(super) frame: String,
     #[command(flatten)]
     pub(super) more: More,
@@ -138,7 +140,14 @@ impl More {
 
     /// Prepares objects for a format: loads meshes that it wants inside, refuses or leaves out what it cannot
     /// express, and says what else gets lost.
-    pub(super) fn fit(&self, found: Extraction, spelling: &Spelling, context: &mut Context<'_>) -> Result<Extraction> {
+    pub(super) fn fit(
+        &self,
+        found: Extraction,
+        spelling: &Spelling,
+        frame: &str,
+        context: &mut Context<'_>,
+    ) -> Result<Extraction> {
+        spelling.check_frame(frame).map_err(|wrong| UsageError::new(format!("--frame {frame}: {wrong}")))?;
         let mut meshes = Meshes::in_folder(Path::new(""));
         let kinds = spelling.limits.kinds;
         let inline = kinds.contains(&Kind::Triangles) && !kinds.contains(&Kind::MeshFile);
@@ -146,7 +155,8 @@ impl More {
         let mut lost: Vec<(&str, Vec<String>)> = Vec::new();
         for mut located in found.objects {
             let loaded = if inline { meshes.load(&mut located.object) } else { Ok(()) };
-            match loaded.and_then(|()| spelling.check(&located.object)) {
+            let checked = loaded.and_then(|()| spelling.check_in(&located.object, frame));
+            match checked {
                 Ok(()) => {
                     for what in spelling.loses(&located.object) {
                         match lost.iter_mut().find(|(other, _)| *other == what) {
@@ -191,7 +201,23 @@ pub(super) fn read_file(
         Some(name) => by_name(name).ok_or_else(|| UsageError::new(format!("`{name}` is no format of scenes")))?,
         None => recognize(source.text()),
     };
-    Ok(((spelling.read)(&source)?, spelling))
+    let content = (spelling.read)(&source)?;
+    check_names(path, &content)?;
+    Ok((content, spelling))
+}
+
+/// Refuses a scene with two objects of one name: which of them is meant is not known.
+fn check_names(path: &Path, content: &Content) -> Result<(), WrongInput> {
+    let Content::Scene(scene) = content else { return Ok(()) };
+    let mut names = HashSet::new();
+    match scene.objects.iter().find(|object| !names.insert(object.name.as_str())) {
+        None => Ok(()),
+        Some(object) => Err(WrongInput::new(format!(
+            "{}: there are two objects with the name `{}`; give one of them another",
+            path.display(),
+            object.name
+        ))),
+    }
 }
 
 /// The names of the formats that scenes are read from, for the command line.

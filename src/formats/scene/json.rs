@@ -15,6 +15,7 @@ pub const SPELLING: Spelling = Spelling {
         kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::Cone, Kind::Plane, Kind::MeshFile, Kind::Triangles],
         name: true,
         frame: true,
+        framed: false,
         color: Color::Shape,
         mass: Mass::All,
         fixed: true,

@@ -27,6 +27,7 @@ pub const SPELLING: Spelling = Spelling {
         kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::Cone, Kind::Plane, Kind::Triangles],
         name: true,
         frame: true,
+        framed: false,
         color: Color::Object,
         mass: Mass::Attached,
         fixed: false,
@@ -416,6 +417,9 @@ impl Reader<'_> {
         }
         self.stay(&object.header.frame_id)?;
         let (name, operation) = (object.id.clone(), object.operation);
+        if let Some(weight) = grip.as_ref().map(|grip| grip.weight).filter(|weight| *weight < 0.0) {
+            return Err(format!("`{name}` weighs {weight}; expected a weight of 0 (unknown) or more"));
+        }
         if self.is_whole && operation != ADD {
             return Err(format!(
                 "`{name}` has the operation {operation} in a scene that is no difference; expected `is_diff`"
@@ -470,7 +474,7 @@ impl Reader<'_> {
             solid.check().map_err(|words| wrong(format!("a {} that {words}", solid.kind().name())))?;
             // Where there are fewer poses than shapes, the rest is at the object's own.
             let pose = poses.get(index).map_or(Ok(Pose::IDENTITY), RosPose::pose).map_err(wrong)?;
-            shapes.push(Shape { color: self.color(&name), ..Shape::new(solid, pose) });
+            shapes.push(Shape { color: self.color(&name).map_err(wrong)?, ..Shape::new(solid, pose) });
         }
         let pose = object.pose.pose().map_err(wrong)?;
         let subframe = |(frame, pose): (String, &RosPose)| Ok((frame, pose.pose().map_err(wrong)?));
@@ -479,10 +483,12 @@ impl Reader<'_> {
         Ok(Object { pose, shapes, subframes, name, ..Object::default() })
     }
 
-    fn color(&self, name: &str) -> Option<[f64; 4]> {
-        let found = self.colors.iter().find(|color| color.id == name)?;
+    fn color(&self, name: &str) -> Result<Option<[f64; 4]>, String> {
+        let Some(found) = self.colors.iter().find(|color| color.id == name) else { return Ok(None) };
         let Rgba { r, g, b, a } = found.color;
-        Some([r, g, b, a])
+        let color = [r, g, b, a];
+        let is_color = color.iter().all(|part| (0.0..=1.0).contains(part));
+        if is_color { Ok(Some(color)) } else { Err(format!("a colour of {color:?}; expected numbers from 0 to 1")) }
     }
 }
 

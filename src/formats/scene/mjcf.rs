@@ -22,6 +22,7 @@ pub const SPELLING: Spelling = Spelling {
         kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::Plane, Kind::MeshFile, Kind::Triangles],
         name: true,
         frame: true,
+        framed: false,
         color: Color::Shape,
         mass: Mass::All,
         fixed: true,
@@ -248,7 +249,7 @@ impl Reader {
                 "freejoint" => object.fixed = false,
                 "joint" if child.attribute("type") == Some("free") => object.fixed = false,
                 "joint" => return Err(child.wrong("a scene has no joints but free ones; expected <freejoint/>")),
-                "inertial" => object.mass = child.numbers("mass")?.map(|[mass]| mass),
+                "inertial" => object.mass = child.numbers("mass")?.map(|[mass]| child.mass(mass)).transpose()?,
                 _ => {}
             }
         }
@@ -313,8 +314,11 @@ impl Reader {
         }
         let solid = self.solid(geom, &size)?;
         solid.check().map_err(|wrong| geom.wrong(format!("a {} that {wrong}", solid.kind().name())))?;
-        let mass = geom.numbers::<1>("mass")?.map(|[mass]| mass).filter(|mass| *mass > 0.0);
-        Ok((Shape { color: geom.numbers("rgba")?, ..Shape::new(solid, pose) }, mass))
+        // A geom without a mass of its own has the mass 0.
+        let mass = geom.numbers::<1>("mass")?.map(|[mass]| mass).filter(|mass| *mass != 0.0);
+        let mass = mass.map(|mass| geom.mass(mass)).transpose()?;
+        let color = geom.numbers("rgba")?.map(|color| geom.color(color)).transpose()?;
+        Ok((Shape { color, ..Shape::new(solid, pose) }, mass))
     }
 
     fn solid(&self, geom: Element<'_>, size: &[f64]) -> Result<Solid, Diagnostic> {

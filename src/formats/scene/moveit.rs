@@ -27,6 +27,7 @@ pub const SPELLING: Spelling = Spelling {
         kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::Cone, Kind::Plane, Kind::Triangles],
         name: true,
         frame: false,
+        framed: false,
         color: Color::Shape,
         mass: Mass::None,
         fixed: false,

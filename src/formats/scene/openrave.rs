@@ -20,6 +20,7 @@ pub const SPELLING: Spelling = Spelling {
         kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::MeshFile],
         name: false,
         frame: false,
+        framed: false,
         color: Color::Shape,
         mass: Mass::All,
         fixed: true,
@@ -183,7 +184,7 @@ fn kinbody(element: Element<'_>) -> Result<Object, Diagnostic> {
     let own = read_place(body)?;
     object.fixed = body.attribute("type").is_some_and(|kind| kind.eq_ignore_ascii_case("static"));
     if let Some(total) = body.child("mass").and_then(|mass| mass.child("total")) {
-        object.mass = Some(total.own_numbers::<1>()?[0]);
+        object.mass = Some(total.mass(total.own_numbers::<1>()?[0])?);
     }
     for geom in body.children().filter(|child| lower(*child) == "geom") {
         object.shapes.push(read_geom(geom, &own)?);
@@ -262,8 +263,8 @@ fn read_geom(geom: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {
 
 fn read_color(geom: Element<'_>) -> Result<Option<[f64; 4]>, Diagnostic> {
     let Some(color) = geom.child("diffusecolor") else { return Ok(None) };
-    let [r, g, b] = color.own_numbers()?;
-    let [clear] = geom.child("transparency").map_or(Ok([0.0]), |clear| clear.own_numbers())?;
+    let [r, g, b] = color.color(color.own_numbers()?)?;
+    let [clear] = geom.child("transparency").map_or(Ok([0.0]), |clear| clear.color(clear.own_numbers()?))?;
     Ok(Some([r, g, b, 1.0 - clear]))
 }
 

@@ -21,6 +21,7 @@ pub const SPELLING: Spelling = Spelling {
         kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::Plane, Kind::MeshFile],
         name: true,
         frame: true,
+        framed: true,
         color: Color::Shape,
         mass: Mass::All,
         fixed: true,
@@ -227,7 +228,7 @@ fn read_link(link: Element<'_>, object: &mut Object) -> Result<(), Diagnostic> {
     )?;
     let own = link.child("pose").map(read_local).transpose()?.unwrap_or_default();
     if let Some(inertial) = link.child("inertial") {
-        object.mass = inertial.child("mass").map(|mass| mass.own_numbers::<1>()).transpose()?.map(|[mass]| mass);
+        object.mass = inertial.child("mass").map(|mass| mass.mass(mass.own_numbers::<1>()?[0])).transpose()?;
     }
     let all = |name: &'static str| link.children().filter(move |child| child.name() == name);
     let collisions = all("collision").count();
@@ -247,7 +248,7 @@ fn read_link(link: Element<'_>, object: &mut Object) -> Result<(), Diagnostic> {
 fn read_color(visual: Element<'_>) -> Result<Option<[f64; 4]>, Diagnostic> {
     let Some(material) = visual.child("material") else { return Ok(None) };
     let color = material.child("diffuse").or_else(|| material.child("ambient"));
-    color.map(|color| color.own_numbers()).transpose()
+    color.map(|color| color.color(color.own_numbers()?)).transpose()
 }
 
 fn read_shape(body: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {

@@ -23,6 +23,8 @@ pub struct Limits {
     pub name: bool,
     /// The frame of the poses.
     pub frame: bool,
+    /// Whether frames and objects may not have one name.
+    pub framed: bool,
     /// Colours.
     pub color: Color,
     /// Masses of objects.
@@ -114,6 +116,30 @@ impl Spelling {
                 Err(format!("{format} has no {}; it has {}", kind.name(), known.join(", ")))
             }
         }
+    }
+
+    /// Says why an object cannot be written in this format, into a scene in a frame.
+    ///
+    /// # Errors
+    /// See [`Spelling::check`]; or it has the frame's name, where frames and objects have their names in common.
+    pub fn check_in(&self, object: &Object, frame: &str) -> Result<(), String> {
+        self.check(object)?;
+        match self.limits.framed && object.name == frame {
+            true => Err(format!("its name is that of the scene's frame, which {} cannot express", self.name)),
+            false => Ok(()),
+        }
+    }
+
+    /// Says why a frame cannot be named in this format.
+    ///
+    /// # Errors
+    /// What its name has that the format cannot express.
+    pub fn check_frame(&self, frame: &str) -> Result<(), String> {
+        // A frame of this name is that of the format itself.
+        if !self.limits.frame || frame == "world" {
+            return Ok(());
+        }
+        (self.fits)(&Object { name: frame.to_owned(), ..Object::default() })
     }
 
     fn weighs(&self, object: &Object) -> bool {

@@ -21,6 +21,7 @@ pub const SPELLING: Spelling = Spelling {
         kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::MeshFile],
         name: true,
         frame: true,
+        framed: true,
         color: Color::Shape,
         mass: Mass::All,
         fixed: true,
@@ -174,7 +175,8 @@ fn read_link(link: Element<'_>, materials: &HashMap<&str, [f64; 4]>) -> Result<O
     link.only(&["inertial", "collision", "visual"], &[])?;
     let mut object = Object { name: link.needs_attribute("name")?.to_owned(), ..Object::default() };
     if let Some(inertial) = link.child("inertial") {
-        object.mass = inertial.needs("mass")?.numbers("value")?.map(|[mass]| mass);
+        let mass = inertial.needs("mass")?;
+        object.mass = mass.numbers("value")?.map(|[value]| mass.mass(value)).transpose()?;
     }
     let all = |name: &'static str| link.children().filter(move |child| child.name() == name);
     let visuals: Vec<_> = all("visual").collect();
@@ -193,7 +195,8 @@ fn read_link(link: Element<'_>, materials: &HashMap<&str, [f64; 4]>) -> Result<O
 }
 
 fn color(material: Element<'_>) -> Result<Option<[f64; 4]>, Diagnostic> {
-    material.child("color").map_or(Ok(None), |color| color.numbers("rgba"))
+    let Some(color) = material.child("color") else { return Ok(None) };
+    color.numbers("rgba")?.map(|rgba| color.color(rgba)).transpose()
 }
 
 fn read_shape(body: Element<'_>) -> Result<Shape, Diagnostic> {

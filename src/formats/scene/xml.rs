@@ -201,6 +201,17 @@ impl<'a> Element<'a> {
         }
     }
 
+    /// A mass that was read here.
+    pub(super) fn mass(&self, mass: f64) -> Result<f64, Diagnostic> {
+        if mass > 0.0 { Ok(mass) } else { Err(self.wrong(format!("a mass of {mass}; expected more than 0 kilograms"))) }
+    }
+
+    /// A colour that was read here.
+    pub(super) fn color<const N: usize>(&self, color: [f64; N]) -> Result<[f64; N], Diagnostic> {
+        let is_color = color.iter().all(|part| (0.0..=1.0).contains(part));
+        if is_color { Ok(color) } else { Err(self.wrong("a colour that is not of numbers from 0 to 1")) }
+    }
+
     /// The pose of a translation and a rotation that were read here.
     pub(super) fn pose(&self, translation: [f64; 3], rotation: [f64; 4]) -> Result<Pose, Diagnostic> {
         let length = super::pose::norm(&rotation);

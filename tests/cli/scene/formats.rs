@@ -1,0 +1,170 @@
+//! What is exported, and what is different when it is read back.
+
+use super::{Kitchen, OBJECTS, named, operations};
+use crate::lab::assert_run;
+
+/// All formats but rmem's own.
+const OTHERS: [&str; 6] = ["moveit", "moveit-msg", "mjcf", "sdf", "urdf", "openrave"];
+
+#[test]
+fn poses_are_resolved_through_the_tree_of_frames() {
+    let kitchen = Kitchen::new();
+    let args = ["scene", "export", OBJECTS, "{name: 'red-cup'}", "--frame", "map", "--format", "moveit"];
+    let text = kitchen.rmem(&args).success();
+    // The kitchen is turned by a right angle: x is y there. map <- kitchen (2, 1) <- table (0.8, 0.2) <- cup (-0.2, 0.1)
+    let numbers: Vec<f64> = text.lines().nth(2).unwrap().split(' ').map(|number| number.parse().unwrap()).collect();
+    for (number, expected) in numbers.iter().zip([2.0 - 0.3, 1.0 + 0.6, 0.8]) {
+        assert!((number - expected).abs() < 1e-9, "{text}");
+    }
+}
+
+#[test]
+fn every_format_is_written_and_says_the_same_when_it_is_read() {
+    let kitchen = Kitchen::new();
+    kitchen.export("json", "kitchen.json");
+    for format in OTHERS {
+        kitchen.export(format, "other");
+        for sides in [["kitchen.json", "other"], ["other", OBJECTS]] {
+            let diff = kitchen.rmem(&["scene", "diff", sides[0], sides[1], "--frame", "map"]);
+            assert_eq!((diff.code, diff.stdout.as_str()), (0, ""), "{format}\n{diff}");
+        }
+        // Nothing differs, and so nothing is written.
+        let applied = kitchen.apply("other", &[]);
+        assert_eq!((applied.code, applied.stdout.as_str()), (0, ""), "{format}\n{applied}");
+    }
+}
+
+#[test]
+fn a_change_in_any_format_is_written_back_in_the_documents_own_frame() {
+    for format in OTHERS {
+        let kitchen = Kitchen::new();
+        kitchen.update(OBJECTS, "red-cup", "{$set: {'translation.2': 0.15}}");
+        kitchen.export(format, "higher");
+        kitchen.update(OBJECTS, "red-cup", "{$set: {'translation.2': 0.05}}");
+        let applied = kitchen.apply("higher", &[]).success();
+        assert_eq!(operations(&applied), [named("move", "red-cup")], "{format}");
+        let height = kitchen.rmem(&["query", OBJECTS, "{_id: 'red-cup'}", "--fields", "{_id: 0, translation: 1}"]);
+        let height: serde_json::Value = serde_json::from_str(&height.success()).unwrap();
+        let height = height["translation"][2].as_f64().unwrap();
+        assert!((height - 0.15).abs() < 1e-9, "{format}: {height}");
+    }
+}
+
+#[test]
+fn what_a_format_cannot_say_is_left_out_with_a_warning() {
+    let kitchen = Kitchen::new();
+    assert_run!(kitchen.rmem(&["scene", "export", OBJECTS, "--frame", "map", "--format", "moveit"]), @r"
+    scene
+    * blue-cup
+    1.6999999999999997 2 0.8
+    0 0 0.7071067811865476 0.7071067811865476
+    1
+    cylinder
+    0.04 0.1
+    0 0 0
+    0 0 0 1
+    0.1 0.2 0.9 1
+    1
+    handle
+    0.05 0 0
+    0 0 0 1
+    * red-cup
+    1.6999999999999997 1.6 0.8
+    0 0 0.7071067811865476 0.7071067811865476
+    1
+    cylinder
+    0.04 0.1
+    0 0 0
+    0 0 0 1
+    0.9 0.1 0.1 1
+    0
+    * counter
+    0.5999999999999999 1.7999999999999998 0.45
+    0 0 0.7071067811865476 0.7071067811865476
+    1
+    box
+    1.6 0.6 0.9
+    0 0 0
+    0 0 0 1
+    0 0 0 0
+    0
+    * table
+    1.7999999999999998 1.8 0.75
+    0 0 0.7071067811865476 0.7071067811865476
+    5
+    box
+    1.2 0.8 0.04
+    0 0 -0.02
+    0 0 0 1
+    0.6 0.4 0.2 1
+    box
+    0.06 0.06 0.71
+    0.5 0.3 -0.395
+    0 0 0 1
+    0.6 0.4 0.2 1
+    box
+    0.06 0.06 0.71
+    -0.5 0.3 -0.395
+    0 0 0 1
+    0.6 0.4 0.2 1
+    box
+    0.06 0.06 0.71
+    0.5 -0.3 -0.395
+    0 0 0 1
+    0.6 0.4 0.2 1
+    box
+    0.06 0.06 0.71
+    -0.5 -0.3 -0.395
+    0 0 0 1
+    0.6 0.4 0.2 1
+    0
+    .
+    ------- stderr -------
+    warning: moveit has no masses, which are left out: blue-cup, red-cup
+    warning: moveit has no static objects, which are left out: counter, table
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn an_operation_is_printed_for_each_difference() {
+    let kitchen = Kitchen::new();
+    kitchen.export("json", "before.json");
+    kitchen.update(OBJECTS, "red-cup", "{$set: {'translation.0': -0.1, mass: 0.3}}");
+    kitchen.update(OBJECTS, "blue-cup", "{$set: {attached_to: {link: 'gripper', touch: ['table']}}}");
+    kitchen.rmem(&["delete", OBJECTS, "{_id: 'counter'}"]).success();
+    let new = "{name: 'ball', frame: 'map', translation: [0, 0, 1], rotation: [0, 0, 0, 1], geometry: {type: 'sphere', radius: 0.1}}";
+    kitchen.rmem(&["insert", OBJECTS, new]).success();
+    let diff = kitchen.rmem(&["scene", "diff", "before.json", OBJECTS]).exits(1);
+    let expected =
+        [("remove", "counter"), ("attach", "blue-cup"), ("reshape", "red-cup"), ("move", "red-cup"), ("add", "ball")];
+    assert_eq!(operations(&diff.stdout), expected.map(|(word, name)| named(word, name)), "{diff}");
+    let message = kitchen.rmem(&["scene", "diff", "before.json", OBJECTS, "--format", "moveit-msg"]).exits(1);
+    assert!(
+        message.stdout.contains("\"is_diff\":true") && message.stdout.contains("\"id\":\"counter\",\"operation\":1"),
+        "{message}"
+    );
+}
+
+#[test]
+fn removed_objects_stay_unless_removing_is_asked_for() {
+    let kitchen = Kitchen::new();
+    let count = || kitchen.rmem(&["count", OBJECTS, "{name: 'counter'}"]).success();
+    kitchen.export("moveit", "kitchen.scene");
+    let text = kitchen.lab.read("kitchen.scene");
+    let (start, end) = (text.find("* counter").unwrap(), text.find("* table").unwrap());
+    kitchen.lab.write("less.scene", &format!("{}{}", &text[..start], &text[end..]));
+    assert_run!(kitchen.apply("less.scene", &[]), @r"
+    ------- stderr -------
+    1 objects are not in the scene and stay; remove them with --remove
+    [exit code: 0]
+    ");
+    let tried = kitchen.apply("less.scene", &["--remove", "--dry-run"]).success();
+    assert_eq!((operations(&tried), count()), (vec![named("remove", "counter")], "1\n".to_owned()));
+    kitchen.apply("less.scene", &["--remove"]).success();
+    assert_eq!(count(), "0\n");
+    // And an object that the memory does not have becomes a document.
+    kitchen.apply("kitchen.scene", &[]).success();
+    let new = kitchen.rmem(&["query", OBJECTS, "{name: 'counter'}", "--fields", "{_id: 0, frame: 1, geometry: 1}"]);
+    assert_eq!(new.success(), "{\"frame\":\"map\",\"geometry\":{\"type\":\"box\",\"size\":[1.6,0.6,0.9]}}\n");
+}

@@ -1,0 +1,168 @@
+//! What is no scene: named by the document or the place, and nothing is half-written.
+
+use super::{Kitchen, OBJECTS};
+use crate::lab::{Lab, assert_run, settings};
+
+/// An object with one key as it is given.
+fn object(id: &str, changed: &str) -> String {
+    let (key, value) = changed.split_once(": ").unwrap();
+    let keys = [
+        ("name", format!("'{id}'")),
+        ("frame", "'map'".to_owned()),
+        ("translation", "[0, 0, 0]".to_owned()),
+        ("rotation", "[0, 0, 0, 1]".to_owned()),
+        ("geometry", "{type: 'sphere', radius: 1}".to_owned()),
+    ];
+    let others = keys.into_iter().filter(|(other, _)| *other != key).map(|(key, value)| format!("{key}: {value}"));
+    format!("{{_id: '{id}', {}, {key}: {value}}}", others.collect::<Vec<_>>().join(", "))
+}
+
+#[test]
+fn what_is_no_object_is_an_error_with_its_id_and_nothing_is_written() {
+    let (lab, mut refusals) = (Lab::new(), String::new());
+    for (changes, format) in [
+        ("rotation: [0, 0, 0, 1.1]", "json"),
+        ("rotation: [0, 0, 0, 0]", "json"),
+        ("rotation: [0, 0, 0, Infinity]", "json"),
+        ("translation: [NaN, 0, 0]", "json"),
+        ("geometry: {type: 'box', size: [1, -1, 1]}", "json"),
+        ("geometry: {type: 'sphere', radius: 0}", "json"),
+        ("geometry: {type: 'cylinder', radius: 1, length: NaN}", "json"),
+        ("geometry: {type: 'blob'}", "json"),
+        ("geometry: [{type: 'sphere', radius: 1}, {type: 'box', size: [1, 1]}]", "json"),
+        ("mass: -1", "json"),
+        ("color: [2, 0, 0]", "json"),
+        ("frame: 'nowhere'", "json"),
+        ("frame: 7", "json"),
+        ("name: 5", "json"),
+        ("name: 'red cup'", "openrave"),
+        ("name: 'a::b'", "sdf"),
+        ("name: 'map'", "sdf"),
+        ("name: 'map'", "urdf"),
+        ("name: 'world'", "mjcf"),
+        ("name: ' cup'", "moveit"),
+        ("name: ''", "moveit-msg"),
+        ("name: 'a\\u0007'", "mjcf"),
+        ("geometry: {type: 'cone', radius: 1, length: 1}", "urdf"),
+        ("geometry: {type: 'plane', normal: [0, 0, 1], offset: 0}", "openrave"),
+        ("geometry: {type: 'mesh', file: 'missing.stl'}", "moveit"),
+    ] {
+        lab.rmem(&["drop", "robmem.things"]);
+        lab.rmem(&["insert", "robmem.things", &object("good", "static: true"), &object("bad", changes)]).success();
+        let args = ["scene", "export", "robmem.things", "--frame", "map", "--format", format, "-o", "out"];
+        refusals += &format!("{format}, {changes}
+{}
+", lab.rmem(&args));
+        assert!(!lab.path().join("out").exists(), "{changes}");
+        let left_out = lab.rmem(&[&args[..], &["--skip-invalid"]].concat()).exits(0);
+        assert!(left_out.stderr.contains("left out: the document of robmem.things with _id \"bad\""), "{left_out}");
+        assert!(lab.read("out").contains("good") && !lab.read("out").contains("bad"));
+        std::fs::remove_file(lab.path().join("out")).unwrap();
+    }
+    settings().bind(|| insta::assert_snapshot!("refused_objects", refusals));
+}
+
+#[test]
+fn two_objects_of_one_name_and_frames_in_a_circle_are_errors() {
+    let lab = Lab::new();
+    let object = |id: i32, frame: &str| {
+        format!("{{_id: {id}, name: 'a', frame: '{frame}', translation: [0, 0, 0], rotation: [0, 0, 0, 1]}}")
+    };
+    lab.rmem(&["insert", "robmem.things", &object(1, "map"), &object(2, "map")]).success();
+    assert_run!(lab.rmem(&["scene", "export", "robmem.things", "--frame", "map"]), @r"
+    ------- stderr -------
+    error: the document of robmem.things with _id 2 is no object of a scene: there is another object with the name `a`; correct it, or leave it out with --skip-invalid
+    [exit code: 3]
+    ");
+    let frame = |frame: &str, parent: &str| {
+        format!("{{frame: '{frame}', parent: '{parent}', translation: [0, 0, 0], rotation: [0, 0, 0, 1]}}")
+    };
+    lab.rmem(&["insert", "robmem.frames", &frame("x", "y"), &frame("y", "x")]).success();
+    lab.rmem(&["insert", "robmem.other", &object(3, "x")]).success();
+    assert_run!(lab.rmem(&["scene", "export", "robmem.other", "--frame", "map"]), @r"
+    ------- stderr -------
+    error: the document of robmem.other with _id 3 is no object of a scene: the frames of robmem.frames are no tree: x → y → x; correct it, or leave it out with --skip-invalid
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn frames_that_a_format_cannot_name_are_refused_before_anything_is_written() {
+    let kitchen = Kitchen::new();
+    for (frame, format, words) in [
+        ("a::b", "sdf", "reserved in sdf"),
+        ("a\u{7}", "urdf", "which XML cannot express"),
+        ("", "json", "a value is required"),
+    ] {
+        let args = ["scene", "export", OBJECTS, "--frame", frame, "--format", format, "--skip-invalid", "-o", "out"];
+        let refused = kitchen.rmem(&args).exits(2);
+        assert!(refused.stderr.contains(words), "{frame}\n{refused}");
+        assert!(!kitchen.lab.path().join("out").exists());
+    }
+}
+
+#[test]
+fn wrong_scene_files_are_shown_at_their_place_and_change_nothing() {
+    let kitchen = Kitchen::new();
+    let before = kitchen.rmem(&["query", OBJECTS, "{}", "--meta"]).success();
+    let cup = "<body name='red-cup' pos='9 9 9'><geom size='1'/></body>";
+    for (text, words) in [
+        (
+            format!(
+                "<mujoco>\n  <worldbody>{cup}\n    <body name='a'><geom type='capsule' size='1 1'/></body>\n  </worldbody>\n</mujoco>"
+            ),
+            "bad:3:32: unknown geometry `capsule`; expected box",
+        ),
+        (
+            format!(
+                "<mujoco><worldbody>{cup}<body name='a' quat='1 1 0 0'><geom size='1'/></body></worldbody></mujoco>"
+            ),
+            "a quaternion of length 1.414214 in <body>; expected a unit quaternion",
+        ),
+        (format!("<mujoco><worldbody>{cup}<body name='a' pos='nan 0 0'/></worldbody></mujoco>"), "`pos` has `nan`"),
+        (
+            format!("<mujoco><worldbody>{cup}<body name='a'><geom size='-1'/></body></worldbody></mujoco>"),
+            "the radius -1",
+        ),
+        (
+            format!("<mujoco><worldbody>{cup}<body name='a'><geom size='1' mass='-1'/></body></worldbody></mujoco>"),
+            "a mass of -1",
+        ),
+        (
+            format!(
+                "<mujoco><worldbody>{cup}<body name='a'><geom size='1' rgba='2 0 0 1'/></body></worldbody></mujoco>"
+            ),
+            "a colour",
+        ),
+        (format!("<mujoco><worldbody>{cup}<frame/></worldbody></mujoco>"), "unknown element <frame> in <worldbody>"),
+        (
+            format!("<mujoco><worldbody>{cup}{cup}</worldbody></mujoco>"),
+            "bad: there are two objects with the name `red-cup`",
+        ),
+        (
+            "<Environment>\n  <unit>mm 0.001</unit>\n</Environment>".to_owned(),
+            "bad:2:3: lengths in `mm 0.001`; expected metres",
+        ),
+        ("demo\n* red-cup\n9 9 9\n0 0 0 1\n1\npyramid\n".to_owned(), "bad:6:1: unknown shape `pyramid`"),
+        ("{\"objects\": [{\"name\": \"red-cup\", \"units\": \"mm\"}]}".to_owned(), "unknown key `units`"),
+    ] {
+        kitchen.lab.write("bad", &text);
+        let refused = kitchen.apply("bad", &["--remove"]).exits(3);
+        assert!(refused.stderr.contains(words), "{text}\n{refused}");
+        assert!(refused.stderr.contains("bad:"), "{refused}");
+        assert_eq!(kitchen.rmem(&["query", OBJECTS, "{}", "--meta"]).success(), before, "{text}");
+    }
+}
+
+#[test]
+fn poses_in_another_frame_and_other_formats_are_refused() {
+    let kitchen = Kitchen::new();
+    kitchen.export("json", "kitchen.json");
+    let args = ["scene", "apply", "kitchen.json", "--into", OBJECTS, "--frame", "base_link"];
+    assert_run!(kitchen.rmem(&args), @r"
+    ------- stderr -------
+    error: the poses of kitchen.json are in the frame `map`, not in `base_link`
+    [exit code: 3]
+    ");
+    kitchen.rmem(&["scene", "export", OBJECTS, "--frame", "map", "--format", "csv"]).exits(2);
+}
