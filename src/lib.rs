@@ -203,7 +203,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
     );
     let result = commands::run(&cli.command, &mut context);
     context.report_operations();
-    let result = result.and_then(|exit| context.output.flush().map(|()| exit).map_err(Into::into));
+    let result = result.and_then(|exit| match context.output.flush() {
+        // Whoever interrupts a command does not wait for its output, which may have nowhere to go.
+        Err(error) if exit != Exit::Interrupted => Err(error.into()),
+        _ => Ok(exit),
+    });
     match result {
         Ok(exit) => exit,
         Err(error) => report(&error, &mut context.output),

@@ -81,17 +81,15 @@ fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard)
 
 /// Waits for a key, for at most `limit`; returns whether the terminal is gone, at whose end crossterm would read for ever.
 fn is_hung_up(limit: Duration) -> bool {
-    let stdin = io::stdin();
-    if !stdin.is_terminal() {
-        // Keys come from /dev/tty.
-        std::thread::sleep(limit);
-        return false;
+    let (stdin, stdout) = (io::stdin(), io::stdout());
+    let mut ends = vec![PollFd::new(&stdout, PollFlags::empty())];
+    // Else keys come from /dev/tty.
+    if stdin.is_terminal() {
+        ends.push(PollFd::new(&stdin, PollFlags::IN));
     }
-    let limit = Timespec::try_from(limit).ok();
-    let mut terminal = [PollFd::new(&stdin, PollFlags::IN)];
     // A signal ends the wait early.
-    let _ = poll(&mut terminal, limit.as_ref());
-    terminal[0].revents().intersects(PollFlags::HUP | PollFlags::ERR)
+    let _ = poll(&mut ends, Timespec::try_from(limit).ok().as_ref());
+    ends.iter().any(|end| end.revents().intersects(PollFlags::HUP | PollFlags::ERR))
 }
 
 fn meaning(code: KeyCode) -> Option<Key> {
@@ -124,11 +122,20 @@ impl<'a> Screen<'a> {
 
 impl Write for Screen<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes)
+        unless_gone(self.0.write(bytes), bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
+        unless_gone(self.0.flush(), ())
+    }
+}
+
+/// What is written to a terminal that is gone is lost, and no error: ratatui would report it on stderr, which is the
+/// same terminal, and panic there. That it is gone is seen where keys are waited for.
+fn unless_gone<T>(written: io::Result<T>, all: T) -> io::Result<T> {
+    match written {
+        Err(_) if is_hung_up(Duration::ZERO) => Ok(all),
+        written => written,
     }
 }
 

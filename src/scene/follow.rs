@@ -35,6 +35,8 @@ pub struct Follower<'a> {
     documents: BTreeMap<(usize, String), Located>,
     /// Those that are no objects as they are now: their frame is not known yet, perhaps.
     unplaced: BTreeSet<(usize, String)>,
+    /// Whether it goes on where another was done: what is known of documents may be newer than their changes.
+    is_resumed: bool,
     turn: usize,
 }
 
@@ -109,6 +111,7 @@ impl<'a> Follower<'a> {
             sources: own,
             documents: BTreeMap::new(),
             unplaced: BTreeSet::new(),
+            is_resumed: name.is_some(),
             turn: 0,
         };
         follower.read_all()?;
@@ -282,7 +285,12 @@ impl<'a> Follower<'a> {
         };
         match (&before, &after) {
             (Some(old), Some(new)) if old.object.name == new.object.name => {
+                let count = operations.len();
                 changes(&old.object, &new.object, 0.0, operations);
+                // What is known is as it is after the change, perhaps; what the object was before is not known then.
+                if is_imageless && self.is_resumed && operations.len() == count {
+                    operations.push(Operation::Add(Box::new(new.object.clone())));
+                }
             }
             _ => {
                 operations.extend(before.map(|old| Operation::Remove { name: old.object.name }));

@@ -16,7 +16,8 @@ use crate::contract;
 use crate::mongod::Mongod;
 use crate::places;
 use crate::planning;
-use crate::{mixtures, triggers, worlds};
+use crate::scenes::watched;
+use crate::{mixtures, triggers, views, worlds};
 
 /// The one server of this run, started by the first test that needs it.
 static SERVER: Mutex<Option<Mongod>> = Mutex::new(None);
@@ -33,7 +34,7 @@ pub(crate) fn names() -> Vec<String> {
     names.extend(cases().map(|(name, _)| name.to_owned()));
     names.extend(triggers::KILLERS.iter().map(|(name, _)| (*name).to_owned()));
     names.extend(computables::names(COMPUTABLES));
-    names.extend([ANOTHER, LOST, DECIDING].map(str::to_owned));
+    names.extend([ANOTHER, LOST, DECIDING, watched::LATENCY].map(str::to_owned));
     names
 }
 
@@ -41,7 +42,13 @@ type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried on the one server, by its address.
 fn cases() -> impl Iterator<Item = (&'static str, Case)> {
-    let cases = worlds::CASES.iter().chain(triggers::CASES).chain(&places::CASES).chain(&mixtures::CASES);
+    let cases = worlds::CASES
+        .iter()
+        .chain(triggers::CASES)
+        .chain(&places::CASES)
+        .chain(&mixtures::CASES)
+        .chain(&watched::CASES)
+        .chain(&views::CASES);
     cases.chain(planning::CASES).copied()
 }
 
@@ -61,7 +68,7 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
         Trial::test(*name, move || killer(program.as_deref().ok_or("there is no mongod")?))
     });
     let mut trials: Vec<_> = cases.chain(killers).collect();
-    let (server, other) = (program.clone(), program.clone());
+    let (server, other, third) = (program.clone(), program.clone(), program.clone());
     trials.extend(computables::trials(COMPUTABLES, true, move || {
         Ok(computables::Place { uri: uri(server.as_deref().ok_or("there is no mongod")?)?, folder: None })
     }));
@@ -72,6 +79,8 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
     let mut trials: Vec<_> = trials.into_iter().map(|trial| trial.with_ignored_flag(missing)).collect();
     let deciding = move || computables::deciding(&uri(other.as_deref().ok_or("there is no mongod")?)?);
     trials.push(Trial::test(DECIDING, deciding).with_ignored_flag(true));
+    let latency = move || watched::latency(&uri(third.as_deref().ok_or("there is no mongod")?)?);
+    trials.push(Trial::test(watched::LATENCY, latency).with_ignored_flag(true));
     trials.push(lost);
     trials.push(another.with_ignored_flag(missing));
     trials.push(Trial::test("mongodb::an_unreachable_server_is_named_within_seconds", unreachable));

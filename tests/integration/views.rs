@@ -11,9 +11,16 @@ use crate::scenes::programs::{Python, run};
 pub(crate) fn trials() -> Vec<Trial> {
     let python = Python::find();
     let is_missing = |module: &str| !python.as_ref().is_some_and(|python| python.has(module));
-    let ends = [("q", 0), ("TERM", 130), ("INT", 130), ("HUP", 130)];
-    let browsers = ends.map(|(end, code)| {
-        Trial::test(format!("views::the_browser_leaves_the_terminal_as_it_was_after_{end}"), move || browse(end, code))
+    let ends = [
+        ("leaves_the_terminal_as_it_was_after_q", "q", 0),
+        ("leaves_the_terminal_as_it_was_after_TERM", "TERM", 130),
+        ("leaves_the_terminal_as_it_was_after_INT", "INT", 130),
+        ("leaves_the_terminal_as_it_was_after_HUP", "HUP", 130),
+        ("ends_when_its_terminal_is_gone", "gone", 130),
+        ("ends_when_the_terminal_of_its_session_is_gone", "gone-session", 130),
+    ];
+    let browsers = ends.map(|(what, end, code)| {
+        Trial::test(format!("views::the_browser_{what}"), move || browse(end, code))
             .with_ignored_flag(is_missing("pty"))
     });
     let log = Trial::test("views::mcap_reads_the_messages_of_a_log", mcap_reads).with_ignored_flag(is_missing("mcap"));
@@ -36,10 +43,29 @@ fn script(name: &str) -> String {
 fn browse(end: &str, code: i32) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let memory = format!("file:{}", folder.path().join("m.rmem").display());
-    rmem(folder.path(), &["--memory", &memory, "insert", "robmem.cups", "{name: 'cup 1'}", "{name: 'cup 2'}"])?;
+    let insert = |args: &[&str]| rmem(folder.path(), &[&["--memory", &memory, "insert"], args].concat());
+    insert(&["robmem.cups", "{name: 'cup 1'}", "{name: 'cup 2'}"])?;
+    insert(&["robmem.plans", "{plan: 'success', '1': {action: 'pick-up', x: 'A', _status: 'done'}}"])?;
+    drive(&[&memory, end], code)
+}
+
+/// Drives the browser by the script; checks its exit code.
+fn drive(arguments: &[&str], code: i32) -> Result<(), Failed> {
     let python = Python::find().ok_or("there is no python3")?;
-    let said = run(python.path(), &[&script("views.py"), env!("CARGO_BIN_EXE_rmem"), &memory, end])?;
+    let script = script("views.py");
+    let said = run(python.path(), &[&[script.as_str(), env!("CARGO_BIN_EXE_rmem")], arguments].concat())?;
     if said.trim() == code.to_string() { Ok(()) } else { Err(format!("it ended with {said}").into()) }
+}
+
+type Case = fn(&str) -> Result<(), Failed>;
+
+/// What is tried on a server.
+pub(crate) const CASES: [(&str, Case); 1] = [("views::the_browser_is_live_on_mongod", live)];
+
+fn live(uri: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    rmem(folder.path(), &["--memory", uri, "insert", "viewed.cups", "{name: 'cup 1'}", "{name: 'cup 2'}"])?;
+    drive(&[uri, "q", "viewed.cups"], 0)
 }
 
 fn mcap_reads() -> Result<(), Failed> {

@@ -22,8 +22,10 @@ use crate::query::QueryError;
 use crate::store::metadata::{INFO, INSERTED, UPDATED};
 use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError};
 
-/// How long the server waits for changes before it returns none.
+/// How long the server waits for changes before it returns none, at most …
 const AWAIT: Duration = Duration::from_millis(200);
+/// … and where who asks does not wait: several streams are asked in turn, or keys are waited for.
+const SHORTEST_AWAIT: Duration = Duration::from_millis(10);
 
 type Event = ChangeStreamEvent<RawDocumentBuf>;
 
@@ -36,6 +38,8 @@ struct Stream<'a> {
     /// Whether the collection may be another than the one that keeps images.
     renewed: bool,
     stream: Option<ChangeStream<Event>>,
+    /// How long the server waits in this stream.
+    await_time: Duration,
     /// Where to open the stream again.
     token: Option<ResumeToken>,
     /// How far everything was given.
@@ -69,6 +73,7 @@ impl MongoDb {
             images: server.images,
             renewed: false,
             stream: None,
+            await_time: AWAIT,
             token,
             given: None,
             copy: None,
@@ -87,7 +92,7 @@ impl Stream<'_> {
     /// Opens the stream of the server, behind what was given.
     fn open(&mut self) -> mongodb::error::Result<()> {
         let collection = self.store.collection(&self.namespace);
-        let mut action = collection.watch().max_await_time(AWAIT);
+        let mut action = collection.watch().max_await_time(self.await_time);
         action = match self.images {
             true => action
                 .full_document(FullDocumentType::WhenAvailable)
@@ -103,6 +108,15 @@ impl Stream<'_> {
         }
         self.stream = Some(stream);
         Ok(())
+    }
+
+    /// Opens the stream anew where the server would wait for longer than who asks.
+    fn wait_at_most(&mut self, timeout: Duration) {
+        let await_time = timeout.clamp(SHORTEST_AWAIT, AWAIT);
+        if await_time < self.await_time {
+            self.await_time = await_time;
+            self.stream = None;
+        }
     }
 
     /// One look at the stream: an event, or nothing for now.
@@ -282,6 +296,7 @@ impl Changes for Stream<'_> {
     fn next(&mut self, timeout: Duration) -> Result<Next, StoreError> {
         let start = Instant::now();
         self.renew()?;
+        self.wait_at_most(timeout);
         loop {
             match self.step()? {
                 Step::Change(change) => return Ok(Next::Change(Box::new(change))),

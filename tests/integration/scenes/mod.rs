@@ -2,6 +2,7 @@
 //! ROS 2's messages. What *they* read has to be what the scene says.
 
 pub(crate) mod programs;
+pub(crate) mod watched;
 
 use std::path::Path;
 
@@ -21,7 +22,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let with = |module: &str| !python.as_ref().is_some_and(|python| python.has(module));
     let (mujoco, drake, rosbags) = (with("mujoco"), with("pydrake"), with("rosbags"));
     let package = |name: &str| !installed("g++") || !programs::has_package(name);
-    vec![
+    let mut trials = vec![
         Trial::test("scenes::mujoco_reads_the_poses_and_sizes_of_mjcf", mujoco_reads).with_ignored_flag(mujoco),
         Trial::test("scenes::distances_agree_with_mujoco_on_1000_random_pairs", distances).with_ignored_flag(mujoco),
         Trial::test("scenes::drake_reads_the_poses_and_sizes_of_sdf", || drake_reads("sdf")).with_ignored_flag(drake),
@@ -32,7 +33,9 @@ pub(crate) fn trials() -> Vec<Trial> {
         Trial::test("scenes::libsdformat_resolves_the_poses_of_sdf", sdformat_resolves)
             .with_ignored_flag(package("sdformat12")),
         Trial::test("scenes::check_urdf_accepts_urdf", urdf_is_accepted).with_ignored_flag(!installed("check_urdf")),
-    ]
+    ];
+    trials.extend(watched::trials());
+    trials
 }
 
 /// Numbers that look random and are the same in every run: Marsaglia's xorshift.
