@@ -50,9 +50,7 @@ fn what_is_no_object_is_an_error_with_its_id_and_nothing_is_written() {
         lab.rmem(&["drop", "robmem.things"]);
         lab.rmem(&["insert", "robmem.things", &object("good", "static: true"), &object("bad", changes)]).success();
         let args = ["scene", "export", "robmem.things", "--frame", "map", "--format", format, "-o", "out"];
-        refusals += &format!("{format}, {changes}
-{}
-", lab.rmem(&args));
+        refusals += &format!("{format}, {changes}\n{}\n", lab.rmem(&args));
         assert!(!lab.path().join("out").exists(), "{changes}");
         let left_out = lab.rmem(&[&args[..], &["--skip-invalid"]].concat()).exits(0);
         assert!(left_out.stderr.contains("left out: the document of robmem.things with _id \"bad\""), "{left_out}");
