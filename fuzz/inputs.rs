@@ -4,9 +4,8 @@
 //! `tests/unit/fuzzed.rs` runs the same on damaged fixtures in every test run.
 
 use bson::{Bson, Document, RawDocument, doc};
-use rmem::formats::diagnostic::{Diagnostic, Source};
 use rmem::formats::mongodump::{Archive, Documents, Metadata, decode_document, unpack};
-use rmem::formats::{clips as facts, marker as sections, pddl, plan as plans, shell as json};
+use rmem::formats::{Diagnostic, Source, clips as facts, marker as sections, pddl, plan as plans, shell as json};
 use rmem::memory::Memory;
 use rmem::problem::{Request, Syntax, generate};
 use rmem::query::{self, Filter, Pipeline, Projection, Sort, Update};

@@ -84,6 +84,14 @@ pub(crate) fn weekday(days: i64) -> i64 {
     (days + 4).rem_euclid(7)
 }
 
+/// Returns the date of a day of an ISO week: as the day of a January, which may be out of range.
+pub(crate) fn iso_date(year: i64, week: i64, day: i64) -> (i64, i64, i64) {
+    let fourth = days_of(year, 1, 4);
+    let monday = fourth - (weekday(fourth) + 6) % 7;
+    let days = monday + (week - 1) * 7 + day - 1;
+    (year, 1, days - days_of(year, 1, 1) + 1)
+}
+
 /// Returns the number of weeks that a year has in ISO 8601.
 fn iso_weeks(year: i64) -> i64 {
     let first = weekday(days_of(year, 1, 1));

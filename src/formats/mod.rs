@@ -16,7 +16,9 @@ pub mod plan;
 pub mod quantity;
 pub mod scene;
 pub mod shell;
+mod source;
 pub mod visible;
 
-pub use diagnostic::{Diagnostic, Diagnostics, Source, Span};
+pub use diagnostic::{Diagnostic, Diagnostics};
 pub use nearest::nearest;
+pub use source::{Source, Span};

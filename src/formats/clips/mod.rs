@@ -8,6 +8,7 @@
 //! Texts are read word by word and lists are kept on explicit stacks, so that
 //! no nesting is too deep for the machine and no text too long.
 
+mod deftemplate;
 mod expression;
 mod lexer;
 mod reader;

@@ -2,9 +2,10 @@
 
 use std::collections::HashSet;
 
+use super::deftemplate::{self, local};
 use super::expression::{self, evaluate};
 use super::lexer::{Lexer, Token, TokenKind};
-use super::template::{self, Template, local};
+use super::template::Template;
 use super::value::{Body, Fact, Filled, Value};
 use crate::formats::{Diagnostic, Source, Span};
 
@@ -162,7 +163,7 @@ impl<'a> Reader<'a> {
             "deftemplate" => {
                 self.lexer.next()?;
                 self.program = true;
-                let template = template::read(&mut self.lexer).map_err(|error| self.opened(error, open))?;
+                let template = deftemplate::read(&mut self.lexer).map_err(|error| self.opened(error, open))?;
                 self.templates.insert(template.name.clone());
                 Ok(Some(Item::Template(template)))
             }

@@ -14,25 +14,30 @@
 //! Files may be larger than memory: documents are written as they are read from
 //! the memory, and read several times instead of being kept.
 
+mod error;
+mod identity;
+mod write;
+
 use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
 use std::fmt;
 use std::fs::File;
 use std::hash::{Hash as _, Hasher as _};
-use std::io::{self, BufRead, Cursor, Write};
+use std::io::{BufRead, Cursor};
 use std::path::{Path, PathBuf};
 
-use bson::oid::ObjectId;
-use bson::{Bson, Document, RawDocumentBuf, doc};
-use sha2::{Digest as _, Sha256};
+use bson::Document;
 
 use super::batch::batches;
-use crate::fault::{AtFault, Fault};
 use crate::formats::shell::{self, ReadError, WorldItem, WorldReader};
 use crate::formats::{Diagnostic, Source, Span, mongodump};
 use crate::memory::Memory;
 use crate::query::{QueryError, key};
-use crate::store::{Find, Namespace, StoreError, document, metadata};
+use crate::store::{Namespace, document, metadata};
+use identity::Identities;
+
+pub use error::WorldError;
+pub use write::{WorldDumpError, dump, write};
 
 /// A world file that was read through once: its namespaces, in the order of the file.
 #[derive(Debug, Clone)]
@@ -66,64 +71,6 @@ pub struct Loaded {
     pub namespaces: Vec<(Namespace, crate::store::Put)>,
 }
 
-/// Why a world file was not loaded.
-#[derive(Debug, thiserror::Error)]
-pub enum WorldError {
-    /// It is not a world file.
-    #[error("{name} is not a world file")]
-    Text {
-        /// The file.
-        name: String,
-        /// Where, and what is wrong.
-        source: Diagnostic,
-    },
-    /// It cannot be read.
-    #[error("cannot read {name}: {reason}")]
-    Read {
-        /// The file.
-        name: String,
-        /// The system's error.
-        reason: String,
-    },
-    /// A namespace could not be stored; those before it were.
-    #[error("cannot put the documents of {namespace} into the memory")]
-    Store {
-        /// The namespace.
-        namespace: String,
-        /// What went wrong.
-        source: StoreError,
-    },
-}
-
-impl AtFault for WorldError {
-    fn fault(&self) -> Fault {
-        match self {
-            Self::Text { .. } | Self::Read { .. } => Fault::Input,
-            Self::Store { source, .. } => source.fault(),
-        }
-    }
-}
-
-/// Why a world file was not written.
-#[derive(Debug, thiserror::Error)]
-pub enum WorldDumpError {
-    /// The store fails.
-    #[error("{0}")]
-    Store(#[from] StoreError),
-    /// What it is written to fails.
-    #[error("{0}")]
-    Write(#[from] io::Error),
-}
-
-impl AtFault for WorldDumpError {
-    fn fault(&self) -> Fault {
-        match self {
-            Self::Store(error) => error.fault(),
-            Self::Write(error) => error.fault(),
-        }
-    }
-}
-
 /// Reads a world file and puts its documents into the memory.
 ///
 /// # Errors
@@ -131,76 +78,6 @@ impl AtFault for WorldDumpError {
 pub fn load(memory: &Memory, source: &Source) -> Result<Loaded, WorldError> {
     let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error };
     WorldFile::parse(source).map_err(wrong)?.load(memory)
-}
-
-/// The namespaces of the memory as a world file.
-///
-/// # Errors
-/// Where a store fails.
-pub fn dump(memory: &Memory, namespaces: &[Namespace]) -> Result<String, WorldDumpError> {
-    let mut bytes = Vec::new();
-    write(memory, namespaces, &mut bytes)?;
-    String::from_utf8(bytes).map_err(|error| io::Error::other(error).into())
-}
-
-/// Writes the namespaces of the memory as a world file, document by document.
-///
-/// # Errors
-/// Where a store fails, or `out`.
-pub fn write(memory: &Memory, namespaces: &[Namespace], out: &mut dyn Write) -> Result<(), WorldDumpError> {
-    let mut namespaces = namespaces.to_vec();
-    namespaces.sort();
-    namespaces.dedup();
-    let mut text = String::from("{");
-    for (index, ns) in namespaces.iter().enumerate() {
-        text.push_str(if index == 0 { "\n  " } else { ",\n  " });
-        shell::write_relaxed(&Bson::String(ns.to_string()), &mut text);
-        text.push_str(": [");
-        let count = write_documents(memory, ns, &mut text, out)?;
-        text.push_str(if count == 0 { "]" } else { "\n  ]" });
-    }
-    text.push_str(if namespaces.is_empty() { "}\n" } else { "\n}\n" });
-    Ok(out.write_all(text.as_bytes())?)
-}
-
-/// Writes the documents behind `text`, which is emptied whenever it is long.
-fn write_documents(
-    memory: &Memory,
-    ns: &Namespace,
-    text: &mut String,
-    out: &mut dyn Write,
-) -> Result<usize, WorldDumpError> {
-    let find = Find { sort: doc! { "_id": 1 }, ..Find::default() };
-    let mut count = 0;
-    for document in memory.stored(ns, &find)? {
-        let mut document =
-            Document::try_from(&*document?).map_err(|error| StoreError::from(QueryError::from(error)))?;
-        metadata::forget_dates(&mut document);
-        text.push_str(if count == 0 { "\n    " } else { ",\n    " });
-        shell::write_relaxed(&faithful(Bson::Document(document)), text);
-        count += 1;
-        if text.len() > FLUSH {
-            out.write_all(text.as_bytes())?;
-            text.clear();
-        }
-    }
-    Ok(count)
-}
-
-/// So many bytes of text are written at once.
-const FLUSH: usize = 64 << 10;
-
-/// The value with small 64-bit integers spelled out: as plain numbers they
-/// would be read back with 32 bits. As deep as documents may be nested.
-fn faithful(value: Bson) -> Bson {
-    match value {
-        Bson::Int64(number) if i32::try_from(number).is_ok() => doc! { "$numberLong": number.to_string() }.into(),
-        Bson::Document(document) => {
-            Bson::Document(document.into_iter().map(|(key, value)| (key, faithful(value))).collect())
-        }
-        Bson::Array(values) => Bson::Array(values.into_iter().map(faithful).collect()),
-        other => other,
-    }
 }
 
 impl WorldFile {
@@ -332,15 +209,6 @@ impl WorldFile {
     }
 }
 
-impl From<ReadError> for WorldError {
-    fn from(error: ReadError) -> Self {
-        match error {
-            ReadError::Text(wrong) => Self::Text { name: wrong.name().to_owned(), source: wrong },
-            ReadError::Io { name, error } => Self::Read { name, reason: error.to_string() },
-        }
-    }
-}
-
 impl Origin {
     /// What is in the file, from the beginning.
     fn items(
@@ -403,39 +271,6 @@ fn check(source: &Source, span: Span, document: &Document) -> Result<(), Diagnos
     let wrong = |error: QueryError| Diagnostic::new(source, span, error.message);
     document::check(document).map_err(wrong)?;
     metadata::check(document).map_err(wrong)
-}
-
-/// Gives documents without an `_id` one that follows from what they are.
-struct Identities {
-    namespace: String,
-    /// How often each content was seen, by the first bytes of its digest.
-    seen: HashMap<u64, u32>,
-}
-
-impl Identities {
-    fn new(namespace: &Namespace) -> Self {
-        Self { namespace: namespace.to_string(), seen: HashMap::new() }
-    }
-
-    fn give(&mut self, mut document: Document) -> Result<Document, QueryError> {
-        if document.contains_key("_id") {
-            return Ok(document);
-        }
-        let content: [u8; 32] = Sha256::new()
-            .chain_update(&self.namespace)
-            .chain_update([0])
-            .chain_update(RawDocumentBuf::try_from(&document)?.as_bytes())
-            .finalize()
-            .into();
-        let short = content.iter().take(8).fold(0, |short, byte| short << 8 | u64::from(*byte));
-        let nth = self.seen.entry(short).or_default();
-        let digest = Sha256::new().chain_update(content).chain_update(u64::from(*nth).to_le_bytes()).finalize();
-        *nth += 1;
-        let mut id = [0; 12];
-        id.iter_mut().zip(digest).for_each(|(byte, digit)| *byte = digit);
-        document.insert("_id", ObjectId::from_bytes(id));
-        Ok(document)
-    }
 }
 
 impl fmt::Display for Loaded {

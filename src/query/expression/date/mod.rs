@@ -1,14 +1,21 @@
 //! Dates: parts, texts, and sums.
 
+mod format;
+mod scan;
+
 use bson::{Bson, DateTime};
 
 use super::boundary::{Unit, date_bin, date_difference, date_step};
 use super::operator::{Arguments, Named, Operator, document, is_null, type_of, wrong_type};
 use super::value::Value;
-use crate::calendar::{Civil, days_in_month, days_of, weekday};
+use crate::calendar::{Civil, iso_date};
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 use crate::query::zone::Zone;
+use format::{check_format, formatted};
+use scan::{scan, scan_iso};
+
+pub(super) use scan::parse_iso;
 
 pub(super) const OPERATORS: [Operator; 0] = [];
 
@@ -209,14 +216,6 @@ fn from_parts(arguments: &Arguments) -> Result<Value> {
     Ok(Some(Bson::DateTime(DateTime::from_millis(zone.moment(local)))))
 }
 
-/// Returns the date of a day of an ISO week: as the day of a January, which may be out of range.
-fn iso_date(year: i64, week: i64, day: i64) -> (i64, i64, i64) {
-    let fourth = days_of(year, 1, 4);
-    let monday = fourth - (weekday(fourth) + 6) % 7;
-    let days = monday + (week - 1) * 7 + day - 1;
-    (year, 1, days - days_of(year, 1, 1) + 1)
-}
-
 fn to_string(arguments: &Arguments) -> Result<Value> {
     let format = match arguments.get(1) {
         _ if !arguments.given(1) => "%Y-%m-%dT%H:%M:%S.%LZ",
@@ -236,69 +235,6 @@ fn to_string(arguments: &Arguments) -> Result<Value> {
     let millis = moment("$dateToString", value)?;
     let format = if arguments.given(1) || zone == Zone::UTC { format } else { "%Y-%m-%dT%H:%M:%S.%L" };
     formatted(format, millis, &zone).map(|text| Some(Bson::String(text)))
-}
-
-const SPECIFIERS: &str = "dGHjLmMSuUVwYzZ%";
-
-fn check_format(format: &str) -> Result<()> {
-    let mut chars = format.chars();
-    while let Some(c) = chars.next() {
-        if c == '%' {
-            match chars.next() {
-                None => return Err(QueryError::invalid(18_535, "unmatched '%' at end of format string")),
-                Some(next) if SPECIFIERS.contains(next) => {}
-                Some(next) => {
-                    return Err(QueryError::invalid(
-                        18_536,
-                        format!("invalid format character '%{next}' in format string"),
-                    ));
-                }
-            }
-        }
-    }
-    Ok(())
-}
-
-fn formatted(format: &str, millis: i64, zone: &Zone) -> Result<String> {
-    let civil = Civil::from_millis(zone.local(millis));
-    if !(0..=9999).contains(&civil.year) {
-        return Err(QueryError::invalid(
-            18_537,
-            format!("$dateToString is only defined on year 0-9999, tried to use year {}", civil.year),
-        ));
-    }
-    let offset = zone.offset_at(millis) / 60;
-    let mut text = String::with_capacity(format.len() + 16);
-    let mut chars = format.chars();
-    while let Some(c) = chars.next() {
-        if c != '%' {
-            text.push(c);
-            continue;
-        }
-        let part = match chars.next() {
-            Some('d') => format!("{:02}", civil.day),
-            Some('G') => format!("{:04}", civil.iso_week().0),
-            Some('H') => format!("{:02}", civil.hour),
-            Some('j') => format!("{:03}", civil.day_of_year()),
-            Some('L') => format!("{:03}", civil.millisecond),
-            Some('m') => format!("{:02}", civil.month),
-            Some('M') => format!("{:02}", civil.minute),
-            Some('S') => format!("{:02}", civil.second),
-            Some('u') => format!("{}", (civil.weekday() + 6) % 7 + 1),
-            Some('U') => format!("{:02}", civil.week()),
-            Some('V') => format!("{:02}", civil.iso_week().1),
-            Some('w') => format!("{}", civil.weekday() + 1),
-            Some('Y') => format!("{:04}", civil.year),
-            Some('z') => {
-                let sign = if offset < 0 { '-' } else { '+' };
-                format!("{sign}{:02}{:02}", offset.abs() / 60, offset.abs() % 60)
-            }
-            Some('Z') => offset.to_string(),
-            _ => "%".to_owned(),
-        };
-        text.push_str(&part);
-    }
-    Ok(text)
 }
 
 fn from_string(arguments: &Arguments) -> Result<Value> {
@@ -333,170 +269,6 @@ fn from_string(arguments: &Arguments) -> Result<Value> {
         None if arguments.given(3) => Ok(fallback(3)),
         None => Err(QueryError::invalid(241, format!("error parsing date string '{text}'"))),
     }
-}
-
-/// What a text says: a local clock, and perhaps seconds east of UTC.
-struct Read {
-    local: i64,
-    offset: Option<i64>,
-}
-
-/// Reads an ISO 8601 date, as `$toDate` does.
-pub(super) fn parse_iso(text: &str) -> Option<i64> {
-    scan_iso(text).map(|read| read.local - read.offset.unwrap_or(0) * 1000)
-}
-
-/// A cursor over a text.
-struct Cursor<'a> {
-    rest: &'a str,
-}
-
-impl<'a> Cursor<'a> {
-    fn digits(&mut self, least: usize, most: usize) -> Option<i64> {
-        let count = self.rest.bytes().take(most).take_while(u8::is_ascii_digit).count();
-        if count < least {
-            return None;
-        }
-        let (digits, rest) = self.rest.split_at_checked(count)?;
-        self.rest = rest;
-        digits.parse().ok()
-    }
-
-    fn eat(&mut self, text: &str) -> bool {
-        match self.rest.strip_prefix(text) {
-            Some(rest) => {
-                self.rest = rest;
-                true
-            }
-            None => false,
-        }
-    }
-
-    /// `Z`, `UTC`, `GMT`, `+02:00`, `-0330`, or a name of a zone.
-    fn zone(&mut self, local: i64) -> Option<i64> {
-        let text = std::mem::take(&mut self.rest).trim_start();
-        let zone = Zone::parse(text)?;
-        Some(zone.offset_at(zone.moment(local)))
-    }
-}
-
-fn scan_iso(text: &str) -> Option<Read> {
-    let mut cursor = Cursor { rest: text.trim_matches(|c: char| c.is_whitespace() || c == '\0') };
-    let year = cursor.digits(4, 4)?;
-    let dashed = cursor.eat("-");
-    let month = cursor.digits(1, 2)?;
-    if dashed && !cursor.eat("-") || !dashed && cursor.rest.is_empty() {
-        return None;
-    }
-    let day = cursor.digits(1, 2)?;
-    let (mut hour, mut minute, mut second, mut millisecond) = (0, 0, 0, 0);
-    if cursor.eat("T")
-        || cursor.eat("t")
-        || (cursor.rest.starts_with([' ', '\t']) && cursor.rest.trim_start().starts_with(|c: char| c.is_ascii_digit()))
-    {
-        cursor.rest = cursor.rest.trim_start();
-        hour = cursor.digits(1, 2)?;
-        let colon = cursor.eat(":");
-        minute = if colon { cursor.digits(1, 2)? } else { cursor.digits(2, 2).unwrap_or(0) };
-        if cursor.eat(":") || !colon && cursor.rest.starts_with(|c: char| c.is_ascii_digit()) {
-            second = cursor.digits(1, 2)?;
-            if cursor.eat(".") || cursor.eat(",") {
-                millisecond = fraction(&mut cursor)?;
-            }
-        }
-    }
-    let local = checked(year, month, day, hour, minute, second, millisecond)?;
-    let offset = if cursor.rest.is_empty() { None } else { Some(cursor.zone(local)?) };
-    Some(Read { local, offset })
-}
-
-/// Digits after the point as milliseconds.
-fn fraction(cursor: &mut Cursor<'_>) -> Option<i64> {
-    let count = cursor.rest.bytes().take_while(u8::is_ascii_digit).count();
-    let digits = cursor.rest.get(..count.min(3))?;
-    let value: i64 = digits.parse().ok()?;
-    cursor.rest = cursor.rest.get(count..)?;
-    Some(value * [100, 10, 1].get(digits.len().checked_sub(1)?)?)
-}
-
-fn checked(year: i64, month: i64, day: i64, hour: i64, minute: i64, second: i64, millisecond: i64) -> Option<i64> {
-    let valid = (1..=12).contains(&month)
-        && (1..=days_in_month(year, month)).contains(&day)
-        && (0..24).contains(&hour)
-        && (0..60).contains(&minute)
-        && (0..60).contains(&second);
-    if !valid {
-        return None;
-    }
-    Civil { year, month, day, hour, minute, second, millisecond }.to_millis()
-}
-
-fn scan(text: &str, format: &str) -> Option<Read> {
-    let mut cursor = Cursor { rest: text };
-    let (mut year, mut month, mut day, mut of_year) = (None, None, None, None);
-    let (mut iso_year, mut iso_week, mut iso_day) = (None, None, None);
-    let (mut hour, mut minute, mut second, mut millisecond) = (0, 0, 0, 0);
-    let mut offset = None;
-    let mut zone = None;
-    let mut chars = format.chars();
-    while let Some(c) = chars.next() {
-        if c != '%' {
-            if !cursor.eat(c.encode_utf8(&mut [0; 4])) {
-                return None;
-            }
-            continue;
-        }
-        match chars.next()? {
-            'Y' => year = Some(cursor.digits(4, 4)?),
-            'm' => month = Some(cursor.digits(1, 2)?),
-            'd' => day = Some(cursor.digits(1, 2)?),
-            'j' => of_year = Some(cursor.digits(1, 3)?),
-            'G' => iso_year = Some(cursor.digits(4, 4)?),
-            'V' => iso_week = Some(cursor.digits(1, 2)?),
-            'u' => iso_day = Some(cursor.digits(1, 1)?),
-            'H' => hour = cursor.digits(1, 2)?,
-            'M' => minute = cursor.digits(1, 2)?,
-            'S' => second = cursor.digits(1, 2)?,
-            'L' => millisecond = cursor.digits(1, 3)?,
-            '%' => {
-                if !cursor.eat("%") {
-                    return None;
-                }
-            }
-            'z' => {
-                let length = cursor
-                    .rest
-                    .find(|c: char| !(c.is_ascii_alphanumeric() || "+-:/_".contains(c)))
-                    .unwrap_or(cursor.rest.len());
-                let (name, rest) = cursor.rest.split_at_checked(length)?;
-                cursor.rest = rest;
-                zone = Some(Zone::parse(name)?);
-            }
-            'Z' => {
-                let sign = if cursor.eat("-") { -1 } else { i64::from(cursor.eat("+")) };
-                if sign == 0 {
-                    return None;
-                }
-                offset = Some(sign * cursor.digits(1, 4)? * 60);
-            }
-            _ => return None,
-        }
-    }
-    if !cursor.rest.is_empty() {
-        return None;
-    }
-    let local = match (iso_year, of_year) {
-        (Some(iso_year), _) => {
-            let (year, month, day) = iso_date(iso_year, iso_week.unwrap_or(1), iso_day.unwrap_or(1));
-            Civil { year, month, day, hour, minute, second, millisecond }.to_millis()?
-        }
-        (None, Some(of_year)) => {
-            Civil { year: year?, month: 1, day: of_year, hour, minute, second, millisecond }.to_millis()?
-        }
-        _ => checked(year?, month?, day?, hour, minute, second, millisecond)?,
-    };
-    let offset = offset.or_else(|| zone.map(|zone| zone.offset_at(zone.moment(local))));
-    Some(Read { local, offset })
 }
 
 fn unit(arguments: &Arguments, index: usize) -> Result<Option<Unit>> {
