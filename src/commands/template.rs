@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bson::Bson;
+use bson::{Bson, Document};
 use clap::{Args, ValueEnum};
 
 use super::{Context, WrongInput, missing};
@@ -116,7 +116,7 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
         empty.push(format!("line {}: {}", section.line, section.name));
         let is_told = told.contains(&&section.namespace);
         if !is_told && context.output.shows_notes() {
-            why(section, memory, context)?;
+            why(section, memory, context);
         }
         if missing::message(&section.namespace, memory).is_some() {
             told.push(&section.namespace);
@@ -133,17 +133,27 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
     Ok(())
 }
 
+/// In larger collections, why a section matched nothing is looked into under `-v` only: a plan is not to wait for it.
+const DIAGNOSED: u64 = 10_000;
+
 /// Tells why a section matched nothing: the collection does not exist, or which condition no document meets.
-fn why(section: &SectionReport, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
+fn why(section: &SectionReport, memory: &Memory, context: &mut Context<'_>) {
     if let Some(message) = missing::message(&section.namespace, memory) {
         context.output.note(&format!("  {message}"));
-        return Ok(());
+        return;
     }
-    let Some(filter) = section.filter().filter(|filter| !filter.is_empty()) else { return Ok(()) };
+    let Some(filter) = section.filter().filter(|filter| !filter.is_empty()) else { return };
     // The template was rendered: what a diagnosis meets now is no error of it.
-    let Ok(diagnosis) = memory.diagnose(&section.namespace, &filter) else { return Ok(()) };
-    diagnosis.lines().iter().for_each(|line| context.output.note(&format!("  {line}")));
-    Ok(())
+    let documents = memory.count_stored(&section.namespace, &Document::new()).unwrap_or_default();
+    if documents > DIAGNOSED && !context.output.is_verbose() {
+        let query = shell::relaxed(&filter);
+        context.output.note(&format!("  rmem query {} '{query}' --why says why", section.namespace));
+        return;
+    }
+    let Ok(diagnosis) = memory.diagnose(&section.namespace, &filter) else { return };
+    if diagnosis.is_telling() {
+        diagnosis.lines().iter().for_each(|line| context.output.note(&format!("  {line}")));
+    }
 }
 
 #[cfg(test)]

@@ -167,6 +167,22 @@ fn a_section_that_matches_nothing_says_why() {
 }
 
 #[test]
+fn a_section_that_matches_nothing_for_no_mistake_is_one_line() {
+    let lab = lab();
+    lab.write("t.tmpl", "<<#O|{team: 'BLACK-AND-WHITE'}>><<team>><</O>>\n");
+    let empty = lab.rmem(&["--collection", "robmem.orders", "gen-problem", "-t", "t.tmpl"]).exits(0);
+    assert_eq!(empty.stderr, "warning: line 1: O in robmem.orders: 0 documents\n");
+    let documents: Vec<String> = (0..10_001).map(|number| format!("{{n: {number}}}\n")).collect();
+    lab.rmem_with(&["insert", "-q", "robmem.many", "-"], &documents.concat()).success();
+    lab.write("t.tmpl", "<<#O|{m: 1}>><<n>><</O>>\n");
+    let many = ["--collection", "robmem.many", "gen-problem", "-t", "t.tmpl"];
+    let hint = "  rmem query robmem.many '{\"m\":1}' --why says why\n";
+    assert!(lab.rmem(&many).exits(0).stderr.ends_with(hint), "a plan is not to wait for it");
+    let verbose = lab.rmem(&[&many[..], &["-v"]].concat()).exits(0);
+    assert!(verbose.stderr.contains("no document has the key `m`; there are _id, n"), "{verbose}");
+}
+
+#[test]
 fn a_batch_with_a_mistake_says_the_reason_first_and_then_what_was_stored() {
     let lab = lab();
     assert_run!(lab.rmem(&["insert", "robmem.batch", "{_id: 1}", "{_id: 2}", "{_id: 1}", "{_id: 4}"]), @r"

@@ -48,7 +48,9 @@ fn declares(line: &str, name: &str) -> bool {
     let line = line.trim();
     let module = line.strip_suffix(';').and_then(|line| line.rsplit_once("mod "));
     module.is_some_and(|(before, module)| module == name && (before.is_empty() || before.starts_with("pub")))
-        || (line.starts_with("#[") && line.contains("path = ") && line.contains(&format!("/{name}.rs\"")))
+        || (line.starts_with("#[")
+            && line.contains("path = ")
+            && ["/", "\""].iter().any(|before| line.contains(&format!("{before}{name}.rs\""))))
 }
 
 /// The Rust files below a folder.

@@ -60,8 +60,9 @@ mod tests {
             ("{'name': u'A'}", "1:10", "leave out the `u`"),
             ("{'x': np.float64(1.5)}", "1:7", "plain number"),
             ("{'x': nan}", "1:7", "NaN"),
-            ("{'x': array([1, 2])}", "1:7", "[1, 2]"),
-            ("{'x': set()}", "1:7", "[1, 2]"),
+            ("{'x': array([1, 2])}", "1:7", "an array is written [1, 2]"),
+            ("{'x': set()}", "1:7", "an array is written [1, 2]"),
+            ("{'x': set([1)}", "1:7", "an array is written [1, 2]"),
             ("{'x': red}", "1:7", "strings are written in quotes"),
         ] {
             let error = parse_document(&Source::new("<argument>", text)).unwrap_err().to_string();

@@ -317,7 +317,10 @@ impl Walker<'_> {
         let name = inner.next().map_or("", |name| name.as_str());
         let arguments = inner.map(|argument| self.value(argument).map(|node| node.value));
         let arguments: Vec<Bson> = arguments.collect::<Result<_, _>>()?;
-        constructor::call(name, &arguments).map_err(|message| Diagnostic::new(self.source, span, message))
+        constructor::call(name, &arguments).map_err(|message| {
+            let hint = if constructor::is_known(name) { None } else { foreign::hint(name) };
+            hint.into_iter().fold(Diagnostic::new(self.source, span, message), Diagnostic::hint)
+        })
     }
 
     fn text(&self, pair: &Pair<'_, Rule>) -> Result<String, Diagnostic> {

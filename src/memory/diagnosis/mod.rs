@@ -210,6 +210,12 @@ fn escaped(text: &str) -> String {
 }
 
 impl Diagnosis {
+    /// Whether it says more than that nothing matches: of several conditions which, or why.
+    #[must_use]
+    pub fn is_telling(&self) -> bool {
+        self.conditions.len() > 1 || self.conditions.iter().any(|condition| !condition.remarks.is_empty())
+    }
+
     /// The diagnosis for people.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
