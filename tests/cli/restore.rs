@@ -14,7 +14,10 @@ pub(crate) fn lab() -> Lab {
         "{_id: 1, name: 'B', at: ISODate('2026-01-02T03:04:05Z'), pose: {x: [1, 2.5, null]}}",
     ])
     .success();
-    lab.rmem(&["insert", "other.a.b/c", "{_id: 'x'}"]).success();
+    // Another program may have named a collection so; a person would not.
+    lab.write("other.json", r#"{"other.a.b/c": [{"_id": "x"}]}"#);
+    lab.rmem(&["restore", "other.json"]).success();
+    fs::remove_file(lab.path().join("other.json")).unwrap();
     lab
 }
 
@@ -161,7 +164,7 @@ fn a_damaged_file_is_named_with_its_place_and_changes_nothing() {
         let name = if packed { "blocks.bson.gz" } else { "blocks.bson" };
         let path = lab.path().join("dump/robmem").join(name);
         let whole = fs::read(&path).unwrap();
-        lab.rmem(&["delete", "other.a.b/c", "--all"]).success();
+        lab.rmem(&["delete", "robmem.blocks", "{_id: 1}"]).success();
         let before = all(&lab);
         let mut damages = vec![whole[..whole.len() - 3].to_vec()];
         if !packed {

@@ -298,8 +298,8 @@ fn a_mistake_in_a_template_says_what_there_is() {
         ("{{ qurey('robmem.worldmodel') }}", vec!["unknown function `qurey`", "did you mean `query`?"]),
         ("{% macro block(x) %}{% endmacro %}{{ blok(1) }}", vec!["unknown function `blok`", "did you mean `block`?"]),
         ("{{ len('abc') }}", vec!["unknown function `len`", "`length` is a filter: write {{ value|length }}"]),
-        ("{{ 'a'|uper }}", vec!["filter uper is unknown", "did you mean `upper`?", "there are the filters abs, "]),
-        ("{% if 1 is defind %}{% endif %}", vec!["test defind is unknown", "did you mean `defined`?"]),
+        ("{{ 'a'|uper }}", vec!["unknown filter `uper`", "did you mean `upper`?", "there are the filters abs, "]),
+        ("{% if 1 is defind %}{% endif %}", vec!["unknown test `defind`", "did you mean `defined`?"]),
         ("{{ [1].count() }}", vec!["documents have the methods get, keys, values, items"]),
         (
             "{% for d in query('robmem.worldmodel', fields={'a': 1}) %}{% endfor %}",

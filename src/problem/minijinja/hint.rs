@@ -129,7 +129,7 @@ pub(super) fn hints(error: &Error, template: &str, expression: &str, missing: Op
 }
 
 /// The name in `filter NAME is unknown`.
-fn quoted(detail: &str) -> &str {
+pub(super) fn quoted(detail: &str) -> &str {
     detail.split_whitespace().nth(1).unwrap_or_default()
 }
 

@@ -183,6 +183,8 @@ fn explain(template: &Source, instrumented: &Instrumented, context: &Context, er
     let missing =
         context.missing().filter(|missing| expression.trim_end_matches(['"', '\'', ']']).ends_with(&missing.key));
     let message = match innermost.kind() {
+        ErrorKind::UnknownFilter if !detail.contains("safe") => format!("unknown filter `{}`", hint::quoted(detail)),
+        ErrorKind::UnknownTest => format!("unknown test `{}`", hint::quoted(detail)),
         ErrorKind::UnknownFunction => format!("unknown function `{}`", detail.trim_end_matches(" is unknown")),
         ErrorKind::UndefinedError if detail.starts_with('`') => detail.to_owned(),
         ErrorKind::UndefinedError if !expression.is_empty() && !expression.contains('\n') => {
