@@ -168,8 +168,8 @@ fn a_taken_key_is_5() {
     assert_run!(lab.rmem(&["insert", "robmem.x", "{_id: 0}", "{_id: 1}", "{_id: 2}"]), @r"
     0
     ------- stderr -------
-    error: 1 documents were stored before this
-      caused by: robmem.x already has a document with _id: 1
+    error: robmem.x already has a document with _id: 1
+      1 document was stored before it
     [exit code: 5]
     ");
     assert_eq!(lab.rmem(&["count", "robmem.x"]).success(), "2\n");
@@ -236,6 +236,7 @@ fn stdin_is_read_once() {
     {"$oid":"[ID]"}
     ------- stderr -------
     error: stdin can be read only once; expected `-` for one input at most
+      1 document was stored before it
     [exit code: 2]
     "#);
     assert_run!(lab.rmem_with(&["--load", "-", "insert", "robmem.x", "-"], "{}"), @r"

@@ -24,8 +24,7 @@ fn a_taken_unique_key_is_a_conflict_that_names_key_and_index() {
     lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]).success();
     assert_run!(lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]), @r#"
     ------- stderr -------
-    error: 0 documents were stored before this
-      caused by: robmem.objects already has a document with name: "cup" (unique index names)
+    error: robmem.objects already has a document with name: "cup" (unique index names)
     [exit code: 5]
     "#);
     lab.rmem(&["index", "robmem.objects", "{name: 1}", "--name", "names"]).exits(3);

@@ -102,23 +102,19 @@ fn what_is_no_file_is_named_for_what_it_is() {
     assert_run!(lab.transcript(&commands.each_ref().map(|command| &command[..])), @r"
     $ rmem --memory file:loop insert a.b '{}'
     ------- stderr -------
-    error: 0 documents were stored before this
-      caused by: cannot reach file:loop: is a symbolic link that leads back to itself; name a file
+    error: cannot reach file:loop: is a symbolic link that leads back to itself; name a file
     [exit code: 4]
     $ rmem --memory file:pipe insert a.b '{}'
     ------- stderr -------
-    error: 0 documents were stored before this
-      caused by: cannot reach file:pipe: is a pipe; name a file
+    error: cannot reach file:pipe: is a pipe; name a file
     [exit code: 4]
     $ rmem --memory file:/dev/null insert a.b '{}'
     ------- stderr -------
-    error: 0 documents were stored before this
-      caused by: cannot reach file:/dev/null: is a device; name a file, or mem: for a memory without one
+    error: cannot reach file:/dev/null: is a device; name a file, or mem: for a memory without one
     [exit code: 4]
     $ rmem --memory file:other insert a.b '{}'
     ------- stderr -------
-    error: 0 documents were stored before this
-      caused by: file:other: is an SQLite database of another program, not an rmem memory; name another file
+    error: file:other: is an SQLite database of another program, not an rmem memory; name another file
     [exit code: 4]
     ");
 }
