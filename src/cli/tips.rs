@@ -4,6 +4,7 @@ use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use super::mongosh;
+use crate::store::Namespace;
 
 /// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
 const TIPS: [(&[&str], &str); 14] = [
@@ -41,11 +42,22 @@ pub(super) fn with_tip(mut error: Error) -> Error {
     let is_command = error.kind() == ErrorKind::InvalidSubcommand;
     let known = || TIPS.iter().find(|(words, _)| is_command && words.contains(&lower.as_str()));
     let tip = mongosh::command(word).map(|command| format!("write: {command}"));
-    if let Some(tip) = tip.or_else(|| known().map(|(_, tip)| (*tip).to_owned())) {
+    let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
+    if let Some(tip) = tip.or_else(|| known().map(|(_, tip)| (*tip).to_owned())).or_else(documents) {
         error.remove(value);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
     error
+}
+
+/// The tip for a collection in the place of a command.
+fn of_namespace(word: &str, error: &Error) -> Option<String> {
+    word.parse::<Namespace>().ok()?;
+    let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
+    Some(match usage.contains("rmem export") {
+        true => format!("'rmem dump {word} -o FILE.json' and 'rmem clips export {word}' write its documents"),
+        false => format!("'rmem query {word}' prints its documents"),
+    })
 }
 
 #[cfg(test)]

@@ -38,6 +38,8 @@ fn a_line_of_mongosh_is_refused_with_the_command_for_it() {
     tip(&["insert", "db.orders.insertOne({n: 1})", "{}"], "write: rmem insert robmem.orders \"{n: 1}\"");
     tip(&["update", "db.orders.updateMany({}, {$set: {n: 1}})", "{}", "{}"], "'{$set: {n: 1}}' --many");
     tip(&["drop", "db.orders.drop()"], "write: rmem drop robmem.orders");
+    tip(&["robmem.orders"], "tip: 'rmem query robmem.orders' prints its documents");
+    tip(&["export", "robmem.orders"], "'rmem dump robmem.orders -o FILE.json'");
     tip(&["query", "robmem.my orders"], "it has a blank");
     assert_eq!(lab.rmem(&["collections"]).success(), "robmem.orders\n", "nothing was made of it");
     // The command that is named does it.
