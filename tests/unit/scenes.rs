@@ -469,11 +469,14 @@ fn names_and_shapes_that_a_format_cannot_express_are_refused() {
         ..Object::default()
     };
     let ball = |name: &str| object(name, Solid::Sphere(1.0));
+    let mesh = |file: &str| Solid::Mesh(Mesh::File { file: file.to_owned(), scale: [1.0; 3] });
     let cone = || object("cone", Solid::Cone { radius: 1.0, length: 1.0 });
     for (format, object, words) in [
         ("moveit", ball(" cup"), "begins or ends with a blank"),
         ("moveit", ball("a\nb"), "no single line"),
         ("mjcf", ball("a\u{1}"), "which XML cannot express"),
+        ("mjcf", object("a", mesh("a\u{1}.stl")), "its mesh has the character \\u{1}"),
+        ("urdf", Object { model: Some("\u{2}".into()), ..ball("a") }, "its model has the character \\u{2}"),
         ("mjcf", ball("world"), "MuJoCo's own body"),
         ("sdf", ball("a::b"), "reserved in sdf"),
         ("sdf", ball("__cup__"), "reserved in sdf"),

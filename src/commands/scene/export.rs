@@ -40,11 +40,19 @@ pub struct ExportArgs {
     #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true)]
     output: PathBuf,
     /// The scene's name
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = scene_name)]
     name: Option<String>,
     /// For moveit-msg: add to what the planner knows instead of replacing it (`is_diff`)
     #[arg(long)]
     diff: bool,
+}
+
+/// A name that every format can have.
+fn scene_name(text: &str) -> std::result::Result<String, String> {
+    match text.chars().find(|c| c.is_control() || ('\u{fffe}'..='\u{ffff}').contains(c)) {
+        Some(c) => Err(format!("the character {} cannot be in a name of a scene", c.escape_default())),
+        None => Ok(text.to_owned()),
+    }
 }
 
 pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> {

@@ -11,7 +11,7 @@ use super::inertia::masses;
 use super::number::numbers;
 use super::pose::{cross, dot, from_axis, from_matrix, from_z_to, multiply, norm, sub};
 use super::shape::{Mesh, Triangles};
-use super::xml::{self, Element, check_text, escape};
+use super::xml::{self, Element, check_names, escape};
 use super::{Color, Content, Kind, Limits, Mass, Model, Object, Pose, Scene, Shape, Solid, Spelling};
 use crate::formats::{Diagnostic, Source};
 
@@ -39,7 +39,7 @@ pub const SPELLING: Spelling = Spelling {
 };
 
 fn fits(object: &Object) -> Result<(), String> {
-    check_text("name", &object.name)?;
+    check_names(object)?;
     if object.name == "world" {
         return Err("its name is `world`, which is that of MuJoCo's own body; give it another".to_owned());
     }

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 use super::number::{number, numbers};
 use super::pose::{from_axis, from_matrix, multiply};
-use super::xml::{self, Element, check_text, escape};
+use super::xml::{self, Element, check_names, escape};
 use super::{Color, Content, Kind, Limits, Mass, Mesh, Model, Object, Pose, Scene, Shape, Solid, Spelling};
 use crate::formats::{Diagnostic, Source};
 
@@ -39,7 +39,7 @@ pub const SPELLING: Spelling = Spelling {
 };
 
 fn fits(object: &Object) -> Result<(), String> {
-    check_text("name", &object.name)?;
+    check_names(object)?;
     if object.name.chars().any(|c| c <= ' ' || c == '\u{7f}') {
         return Err(format!(
             "its name `{}` has a blank, which names of openrave cannot have; give it another",

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use super::inertia::inertia;
 use super::number::{number, numbers};
 use super::pose::{from_rpy, from_z_to};
-use super::xml::{self, Element, check_text, escape};
+use super::xml::{self, Element, check_names, escape};
 use super::{Color, Content, Kind, Limits, Mass, Mesh, Model, Object, Pose, Scene, Shape, Solid, Spelling};
 use crate::formats::{Diagnostic, Source};
 
@@ -38,7 +38,7 @@ pub const SPELLING: Spelling = Spelling {
 };
 
 fn fits(object: &Object) -> Result<(), String> {
-    check_text("name", &object.name)?;
+    check_names(object)?;
     let name = &object.name;
     if name.contains("::") || name == "world" || (name.starts_with("__") && name.ends_with("__")) {
         return Err(format!(

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use super::inertia::inertia;
 use super::number::{number, numbers};
 use super::pose::from_rpy;
-use super::xml::{self, Element, check_text, escape};
+use super::xml::{self, Element, check_names, escape};
 use super::{Color, Content, Kind, Limits, Mass, Mesh, Model, Object, Pose, Scene, Shape, Solid, Spelling};
 use crate::formats::{Diagnostic, Source};
 
@@ -31,7 +31,7 @@ pub const SPELLING: Spelling = Spelling {
         empty: true,
         grouped: false,
     },
-    fits: |object| check_text("name", &object.name),
+    fits: check_names,
     write,
     read,
     recognizes: |text| xml::root(text) == Some("robot"),

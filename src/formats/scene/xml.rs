@@ -1,6 +1,6 @@
 //! XML with places: elements whose attributes and texts are read as numbers, and escapes for writing.
 
-use super::Pose;
+use super::{Mesh, Object, Pose, Solid};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// How deep elements may be nested; no scene is deeper than some ten.
@@ -258,7 +258,7 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// Says why a text cannot be in XML 1.0: it has control characters.
-pub(super) fn check_text(what: &str, text: &str) -> Result<(), String> {
+fn check_text(what: &str, text: &str) -> Result<(), String> {
     let is_bad = |c: char| {
         (c.is_control() && !"\t\n\r\u{7f}".contains(c) && c < '\u{80}') || ('\u{fffe}'..='\u{ffff}').contains(&c)
     };
@@ -267,6 +267,19 @@ pub(super) fn check_text(what: &str, text: &str) -> Result<(), String> {
         None if text.is_empty() => Err(format!("its {what} is empty")),
         None => Ok(()),
     }
+}
+
+/// Says why an object's name, or that of one of its files, cannot be in XML 1.0.
+pub(super) fn check_names(object: &Object) -> Result<(), String> {
+    check_text("name", &object.name)?;
+    let files = object.shapes.iter().filter_map(|shape| match &shape.solid {
+        Solid::Mesh(Mesh::File { file, .. }) => Some(file),
+        _ => None,
+    });
+    files
+        .map(|file| check_text("mesh", file))
+        .chain(object.model.iter().map(|file| check_text("model", file)))
+        .collect()
 }
 
 #[cfg(test)]

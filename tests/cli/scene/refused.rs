@@ -97,6 +97,8 @@ fn frames_that_a_format_cannot_name_are_refused_before_anything_is_written() {
         assert!(refused.stderr.contains(words), "{frame}\n{refused}");
         assert!(!kitchen.lab.path().join("out").exists());
     }
+    let refused = kitchen.rmem(&["scene", "export", OBJECTS, "--frame", "map", "--name", "a\u{7}"]).exits(2);
+    assert!(refused.stderr.contains("the character \\u{7} cannot be in a name of a scene"), "{refused}");
 }
 
 #[test]
