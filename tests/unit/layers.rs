@@ -8,13 +8,11 @@ use std::fs;
 use std::path::Path;
 
 /// Groups of files that import each other, and why they may.
-const RECURSIVE: [(&str, &str); 6] = [
+const RECURSIVE: [(&str, &str); 4] = [
     ("query::expression::constants", "expressions contain expressions"),
     ("query::filter::operators", "filters contain filters"),
     ("query::filter::test", "filters contain filters"),
-    ("query::javascript", "values of JavaScript and documents contain each other"),
     ("query::pipeline", "stages such as $facet and $lookup contain pipelines"),
-    ("query::pipeline::window", "the bounds of a window, its function and its values are read together"),
 ];
 
 type Name = Vec<String>;

@@ -8,14 +8,31 @@ use base64::engine::general_purpose::STANDARD;
 use bson::oid::ObjectId;
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, DateTime, Document, Regex, Timestamp};
-use rquickjs::{Array, Ctx, Function, IntoJs as _, Object, Result, Value};
+use rquickjs::{Array, Ctx, Error, Function, IntoJs as _, Object, Result, Value};
 
-use super::machine::Fault;
 use crate::query::error::QueryError;
 use crate::query::limit::Held;
 use crate::query::nesting::MAX_DEPTH;
 use crate::query::number::Number;
 use crate::query::view::{Fields, View};
+
+/// Why a call failed: in the engine, or because a value cannot be converted.
+pub(super) enum Fault {
+    Engine(Error),
+    Value(QueryError),
+}
+
+impl From<Error> for Fault {
+    fn from(error: Error) -> Self {
+        Self::Engine(error)
+    }
+}
+
+impl From<QueryError> for Fault {
+    fn from(error: QueryError) -> Self {
+        Self::Value(error)
+    }
+}
 
 /// The functions of the prelude that make and take apart BSON's types.
 pub(super) struct Types<'a, 'js>(pub(super) &'a Object<'js>);

@@ -10,8 +10,8 @@ use rquickjs::context::EvalOptions;
 use rquickjs::function::Args;
 use rquickjs::{Context, Ctx, Error, Function, Object, Persistent, Runtime, Value};
 
-use super::Program;
-use super::convert::{Types, from_value, to_document, to_value};
+use super::convert::{Fault, Types, from_value, to_document, to_value};
+use super::script::Script;
 use crate::query::error::{QueryError, Result};
 use crate::query::view::{Fields, View};
 
@@ -61,8 +61,8 @@ impl Machine {
         Ok(Self { programs: HashMap::new(), runtime, deadline })
     }
 
-    fn compile(&mut self, program: &Program) -> Result<()> {
-        if self.programs.contains_key(&program.id) {
+    fn compile(&mut self, script: &Script) -> Result<()> {
+        if self.programs.contains_key(&script.id) {
             return Ok(());
         }
         if self.programs.len() >= MOST_PROGRAMS {
@@ -71,7 +71,7 @@ impl Machine {
         let context = Context::full(&self.runtime).map_err(|error| failure(error.to_string()))?;
         let (function, types) = context.with(|ctx| {
             let types: Object<'_> = ctx.eval(PRELUDE).map_err(|error| self.explain(&ctx, &error))?;
-            for (name, value) in &program.scope {
+            for (name, value) in &script.scope {
                 let value = to_value(&ctx, &Types(&types), View::from(value), 0);
                 let set = value.and_then(|value| ctx.globals().set(name.as_str(), value));
                 set.map_err(|error| self.explain(&ctx, &error))?;
@@ -80,23 +80,23 @@ impl Machine {
             // MongoDB's functions are not strict: they may make global variables.
             options.strict = false;
             let value: Value<'_> =
-                ctx.eval_with_options(program.source.as_str(), options).map_err(|error| self.explain(&ctx, &error))?;
+                ctx.eval_with_options(script.source.as_str(), options).map_err(|error| self.explain(&ctx, &error))?;
             let function = value.into_function().ok_or_else(|| failure("the code is not a function".to_owned()))?;
             Ok::<_, QueryError>((Persistent::save(&ctx, function), Persistent::save(&ctx, types)))
         })?;
-        self.programs.insert(program.id, Compiled { function, types, context });
+        self.programs.insert(script.id, Compiled { function, types, context });
         Ok(())
     }
 
     /// Runs `work` with the function and the types of a program.
     fn run<T>(
         &mut self,
-        program: &Program,
+        script: &Script,
         work: impl for<'js> FnOnce(&Ctx<'js>, &Function<'js>, &Types<'_, 'js>) -> std::result::Result<T, Fault>,
     ) -> Result<T> {
         self.deadline.set(Some(Instant::now() + TIME_LIMIT));
-        self.compile(program)?;
-        let Some(compiled) = self.programs.get(&program.id) else { return Err(failure("no program".to_owned())) };
+        self.compile(script)?;
+        let Some(compiled) = self.programs.get(&script.id) else { return Err(failure("no program".to_owned())) };
         compiled.context.with(|ctx| {
             let restored = compiled.function.clone().restore(&ctx).and_then(|function| {
                 let types = compiled.types.clone().restore(&ctx)?;
@@ -136,24 +136,6 @@ impl Machine {
     }
 }
 
-/// Why a call failed: in the engine, or because a value cannot be converted.
-pub(super) enum Fault {
-    Engine(Error),
-    Value(QueryError),
-}
-
-impl From<Error> for Fault {
-    fn from(error: Error) -> Self {
-        Self::Engine(error)
-    }
-}
-
-impl From<QueryError> for Fault {
-    fn from(error: QueryError) -> Self {
-        Self::Value(error)
-    }
-}
-
 fn failure(message: String) -> QueryError {
     QueryError::invalid(FAILED, format!("JavaScript failed: {message}"))
 }
@@ -185,10 +167,10 @@ pub(super) fn forget(id: u64) {
 }
 
 /// Returns whether a predicate holds for a document, which it sees as `this` and `obj`.
-pub(super) fn holds(program: &Program, document: Fields<'_>) -> Result<bool> {
+pub(super) fn holds(script: &Script, document: Fields<'_>) -> Result<bool> {
     with_machine(|machine| {
-        machine.run(program, |ctx, function, types| {
-            let object = to_document(ctx, types, document, program.fields.as_deref())?;
+        machine.run(script, |ctx, function, types| {
+            let object = to_document(ctx, types, document, script.fields.as_deref())?;
             ctx.globals().set("obj", object.clone())?;
             let mut arguments = Args::new(ctx.clone(), 0);
             arguments.this(object)?;
@@ -199,9 +181,9 @@ pub(super) fn holds(program: &Program, document: Fields<'_>) -> Result<bool> {
 }
 
 /// Returns what a function gives for arguments.
-pub(super) fn call(program: &Program, arguments: &[Option<Bson>]) -> Result<Option<Bson>> {
+pub(super) fn call(script: &Script, arguments: &[Option<Bson>]) -> Result<Option<Bson>> {
     with_machine(|machine| {
-        machine.run(program, |ctx, function, types| {
+        machine.run(script, |ctx, function, types| {
             let mut args = Args::new(ctx.clone(), arguments.len());
             for argument in arguments {
                 args.push_arg(match argument {

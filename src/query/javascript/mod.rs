@@ -9,37 +9,26 @@ mod convert;
 #[cfg(feature = "javascript")]
 mod machine;
 mod map_reduce;
+mod script;
 mod source;
-
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use bson::{Bson, Document};
 
 use super::error::{QueryError, Result};
 use super::view::Fields;
 pub use map_reduce::MapReduce;
+use script::Script;
 
 /// A function, to be called with documents or values.
 #[derive(Debug)]
-pub(super) struct Program {
-    /// The number under which a machine knows it.
-    id: u64,
-    /// An expression whose value is the function.
-    source: String,
-    /// Global variables.
-    scope: Document,
-    /// The fields of documents that the function uses; all where that is unknown.
-    fields: Option<Vec<String>>,
-}
-
-static NEXT: AtomicU64 = AtomicU64::new(0);
+pub(super) struct Program(Script);
 
 impl Program {
     fn new(operator: &str, source: String, scope: Document) -> Result<Self> {
         if !cfg!(feature = "javascript") {
             return Err(QueryError::unsupported(operator));
         }
-        Ok(Self { id: NEXT.fetch_add(1, Ordering::Relaxed), source, scope, fields: None })
+        Ok(Self(Script::new(source, scope)))
     }
 
     /// Reads the argument of `$where`: a function, its body, or an expression, as a string or code.
@@ -59,7 +48,7 @@ impl Program {
         }
         let fields = source::used_fields(text);
         let mut program = Self::new("$where", source::predicate(text), Document::new())?;
-        program.fields = fields;
+        program.0.fields = fields;
         Ok(program)
     }
 
@@ -82,7 +71,7 @@ impl Program {
     /// If it throws, or exceeds its limits.
     pub(super) fn holds(&self, document: Fields<'_>) -> Result<bool> {
         #[cfg(feature = "javascript")]
-        return machine::holds(self, document);
+        return machine::holds(&self.0, document);
         #[cfg(not(feature = "javascript"))]
         return Err(QueryError::unsupported("$where")).inspect_err(|_| drop(document.to_document()));
     }
@@ -93,10 +82,10 @@ impl Program {
     /// If it throws, or exceeds its limits.
     pub(super) fn call(&self, arguments: &[Option<Bson>]) -> Result<Option<Bson>> {
         #[cfg(feature = "javascript")]
-        return machine::call(self, arguments);
+        return machine::call(&self.0, arguments);
         #[cfg(not(feature = "javascript"))]
         {
-            let _ = (arguments, self.id, &self.source, &self.scope);
+            let _ = (arguments, &self.0);
             Err(QueryError::unsupported("$function"))
         }
     }
@@ -105,7 +94,7 @@ impl Program {
 impl Drop for Program {
     fn drop(&mut self) {
         #[cfg(feature = "javascript")]
-        machine::forget(self.id);
+        machine::forget(self.0.id);
     }
 }
 

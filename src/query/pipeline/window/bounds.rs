@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use bson::Bson;
 
-use super::{Member, Window, number, wrong};
+use super::member::{Member, number, wrong};
+use super::order::Order;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Unit, date_step};
 use crate::query::number::Number;
@@ -29,7 +30,7 @@ impl Bounds {
     /// The whole partition.
     pub(super) const ALL: Self = Self::Documents(End::Unbounded, End::Unbounded);
 
-    pub(super) fn parse(value: &Bson, window: &Window) -> Result<Self> {
+    pub(super) fn parse(value: &Bson, order: &Order) -> Result<Self> {
         let Bson::Document(spec) = value else { return Err(wrong("the 'window' must be an object")) };
         if let Some(name) = spec.keys().find(|name| !matches!(name.as_str(), "documents" | "range" | "unit")) {
             return Err(wrong(format!("the 'window' has the unknown field: {name}")));
@@ -46,18 +47,18 @@ impl Bounds {
             (None, None) if unit.is_some() => Err(wrong("'unit' needs a range")),
             (None, None) => Ok(Self::ALL),
             (Some(_), None) if unit.is_some() => Err(wrong("'unit' is for windows of a range only")),
-            (Some(documents), None) => Self::documents(documents, window),
-            (None, Some(range)) => Self::range(range, unit, window),
+            (Some(documents), None) => Self::documents(documents, order),
+            (None, Some(range)) => Self::range(range, unit, order),
         }
     }
 
-    fn documents(value: &Bson, window: &Window) -> Result<Self> {
+    fn documents(value: &Bson, order: &Order) -> Result<Self> {
         let integer = |value: &Bson| {
             let number = Number::of(value).and_then(Number::integral);
             number.ok_or_else(|| wrong("bounds of documents must be integers"))
         };
         let (low, high) = pair(value, integer)?;
-        if (low, high) != (End::Unbounded, End::Unbounded) && !window.is_sorted() {
+        if (low, high) != (End::Unbounded, End::Unbounded) && !order.is_sorted() {
             return Err(QueryError::invalid(5_339_901, "bounds of documents need a sortBy"));
         }
         let position = |end: End<i64>, unbounded: i64| match end {
@@ -71,10 +72,10 @@ impl Bounds {
         Ok(Self::Documents(low, high))
     }
 
-    fn range(value: &Bson, unit: Option<Unit>, window: &Window) -> Result<Self> {
+    fn range(value: &Bson, unit: Option<Unit>, order: &Order) -> Result<Self> {
         let numeric = |value: &Bson| Number::of(value).ok_or_else(|| wrong("bounds of a range must be numbers"));
         let (low, high) = pair(value, numeric)?;
-        if window.by().is_none() {
+        if !order.is_by_one() {
             return Err(QueryError::invalid(5_339_902, "bounds of a range need a sortBy of one field"));
         }
         if let (End::At(low), End::At(high)) = (low, high)

@@ -5,8 +5,9 @@ use std::ops::Range;
 use bson::{Bson, Document};
 
 use super::bounds::Bounds;
+use super::member::{Member, wrong};
+use super::order::Order;
 use super::series::{Covariance, Fill, MovingAverage, Slope};
-use super::{Member, Window, wrong};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, Value, constant_of};
 use crate::query::number::Number;
@@ -66,7 +67,7 @@ impl Function {
     pub(super) fn parse(
         name: &str,
         argument: &Bson,
-        window: &Window,
+        order: &Order,
         bounds: Option<&Bounds>,
         scope: &Scope,
     ) -> Result<Self> {
@@ -77,7 +78,7 @@ impl Function {
             if bounds.is_some() {
                 return Err(QueryError::invalid(5_371_601, format!("{name} takes no window")));
             }
-            if window.by().is_none() {
+            if !order.is_by_one() {
                 return Err(QueryError::invalid(5_371_602, format!("{name} needs a sortBy of exactly one field")));
             }
             Ok(Self::Rank(rank))
@@ -86,25 +87,25 @@ impl Function {
             "$rank" => rank(Rank::Sparse),
             "$denseRank" => rank(Rank::Dense),
             "$documentNumber" => rank(Rank::Number),
-            "$shift" => shift(argument, window, bounds, scope),
+            "$shift" => shift(argument, order, bounds, scope),
             "$covariancePop" | "$covarianceSamp" => Ok(Self::Covariance(Covariance::parse(name, argument, scope)?)),
             "$derivative" | "$integral" => {
                 if name == "$derivative" && bounds.is_none() {
                     return Err(wrong("$derivative needs a window with explicit bounds"));
                 }
-                Ok(Self::Slope(Slope::parse(name, argument, window.by().is_some(), scope)?))
+                Ok(Self::Slope(Slope::parse(name, argument, order.is_by_one(), scope)?))
             }
             "$expMovingAvg" => {
                 if bounds.is_some() {
                     return Err(wrong("$expMovingAvg takes no window"));
                 }
-                Ok(Self::MovingAverage(MovingAverage::parse(argument, window.is_sorted(), scope)?))
+                Ok(Self::MovingAverage(MovingAverage::parse(argument, order.is_sorted(), scope)?))
             }
             "$linearFill" | "$locf" => {
                 if bounds.is_some() {
                     return Err(wrong(format!("{name} takes no window")));
                 }
-                Ok(Self::Fill(Fill::parse(name, argument, window.by().is_some(), scope)?))
+                Ok(Self::Fill(Fill::parse(name, argument, order.is_by_one(), scope)?))
             }
             "$first" | "$last" => {
                 Ok(Self::End { input: Expression::parse_in(argument, scope)?, last: name == "$last" })
@@ -203,7 +204,7 @@ fn ranks(rank: Rank, partition: &[Member]) -> Vec<Bson> {
     values
 }
 
-fn shift(argument: &Bson, window: &Window, bounds: Option<&Bounds>, scope: &Scope) -> Result<Function> {
+fn shift(argument: &Bson, order: &Order, bounds: Option<&Bounds>, scope: &Scope) -> Result<Function> {
     let Bson::Document(spec) = argument else { return Err(wrong("$shift needs an object")) };
     if bounds.is_some() {
         return Err(wrong("$shift takes no window"));
@@ -214,7 +215,7 @@ fn shift(argument: &Bson, window: &Window, bounds: Option<&Bounds>, scope: &Scop
     let output = spec.get("output").ok_or_else(|| wrong("$shift needs 'output'"))?;
     let by = spec.get("by").ok_or_else(|| wrong("$shift needs 'by'"))?;
     let by = Number::of(by).and_then(Number::integral).ok_or_else(|| wrong("the 'by' of $shift must be an integer"))?;
-    if !window.is_sorted() {
+    if !order.is_sorted() {
         return Err(wrong("$shift needs a sortBy"));
     }
     let default = spec.get("default").map(|value| constant_of(value, scope)).transpose()?.unwrap_or(Bson::Null);

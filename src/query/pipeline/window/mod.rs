@@ -2,6 +2,8 @@
 
 mod bounds;
 mod function;
+mod member;
+mod order;
 mod series;
 
 use bson::{Bson, Document, RawDocumentBuf};
@@ -11,35 +13,18 @@ use super::run::Run;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::key;
-use crate::query::number::Number;
-use crate::query::path::Path;
-use crate::query::sort::Sort;
 use crate::query::view::Fields;
 use bounds::Bounds;
 use function::Function;
+use member::{Member, wrong};
+use order::Order;
 
 /// A compiled `$setWindowFields`.
 #[derive(Debug)]
 pub(super) struct Window {
     partition: Option<Expression>,
-    sort: Option<Sort>,
-    /// The only path that is sorted by, with its direction (descending or not).
-    by: Option<(Path, bool)>,
+    order: Order,
     output: Vec<(Vec<String>, Function, Bounds)>,
-}
-
-/// A document of a partition.
-pub(super) struct Member {
-    pub(super) document: RawDocumentBuf,
-    partition: Vec<u8>,
-    /// Its place in the order of the partition.
-    pub(super) place: Vec<u8>,
-    /// The value of the only field that is sorted by.
-    pub(super) at: Option<Bson>,
-}
-
-fn wrong(message: impl Into<String>) -> QueryError {
-    QueryError::failed_to_parse(message)
 }
 
 impl Window {
@@ -48,9 +33,9 @@ impl Window {
             return Err(QueryError::invalid(40_415, format!("'$setWindowFields.{name}' is an unknown field")));
         }
         let partition = spec.get("partitionBy").map(|value| Expression::parse_in(value, scope)).transpose()?;
-        let (sort, by) = match spec.get("sortBy") {
-            None | Some(Bson::Null) => (None, None),
-            Some(Bson::Document(pattern)) => order(pattern)?,
+        let order = match spec.get("sortBy") {
+            None | Some(Bson::Null) => Order::default(),
+            Some(Bson::Document(pattern)) => Order::parse(pattern)?,
             Some(_) => return Err(QueryError::type_mismatch("the 'sortBy' of $setWindowFields must be an object")),
         };
         let Some(Bson::Document(fields)) = spec.get("output") else {
@@ -59,7 +44,7 @@ impl Window {
                 Some(_) => QueryError::type_mismatch("the 'output' of $setWindowFields must be an object"),
             });
         };
-        let mut window = Self { partition, sort, by, output: Vec::new() };
+        let mut window = Self { partition, order, output: Vec::new() };
         for (path, value) in fields {
             let Bson::Document(value) = value else {
                 return Err(wrong(format!("the field '{path}' of $setWindowFields must be an object")));
@@ -80,8 +65,8 @@ impl Window {
         sort: Option<&Document>,
         methods: &[(String, bool)],
     ) -> Result<Self> {
-        let (sort, by) = sort.map_or(Ok((None, None)), order)?;
-        let mut window = Self { partition, sort, by, output: Vec::new() };
+        let order = sort.map_or(Ok(Order::default()), Order::parse)?;
+        let mut window = Self { partition, order, output: Vec::new() };
         for (path, linear) in methods {
             let name = if *linear { "$linearFill" } else { "$locf" };
             let spec = Document::from_iter([(name.to_owned(), Bson::from(format!("${path}")))]);
@@ -105,17 +90,9 @@ impl Window {
             }
         }
         let Some((name, argument)) = function else { return Err(wrong("expected a window function")) };
-        let bounds = spec.get("window").map(|value| Bounds::parse(value, self)).transpose()?;
-        let function = Function::parse(name, argument, self, bounds.as_ref(), scope)?;
+        let bounds = spec.get("window").map(|value| Bounds::parse(value, &self.order)).transpose()?;
+        let function = Function::parse(name, argument, &self.order, bounds.as_ref(), scope)?;
         Ok((function, bounds.unwrap_or(Bounds::ALL)))
-    }
-
-    pub(super) fn is_sorted(&self) -> bool {
-        self.sort.is_some()
-    }
-
-    pub(super) fn by(&self) -> Option<&(Path, bool)> {
-        self.by.as_ref()
     }
 
     pub(super) fn run<E: From<QueryError>>(
@@ -147,18 +124,15 @@ impl Window {
                 value => key::encode_value(&value),
             },
         };
-        let place = self.sort.as_ref().map_or(Ok(Vec::new()), |sort| sort.key(&document))?;
-        let at = self.by.as_ref().and_then(|(path, _)| {
-            let parts: Vec<String> = path.text().split('.').map(str::to_owned).collect();
-            crate::query::expression::field_value(fields, &parts)
-        });
+        let place = self.order.place(&document)?;
+        let at = self.order.value(fields);
         Ok(Member { partition, place, at, document })
     }
 
     fn compute<E>(&self, partition: &[Member], run: &Run<'_, E>, results: &mut Vec<RawDocumentBuf>) -> Result<()> {
         let mut columns = Vec::with_capacity(self.output.len());
         for (_, function, bounds) in &self.output {
-            let windows = bounds.windows(partition, self.by.as_ref().is_some_and(|(_, descending)| *descending))?;
+            let windows = bounds.windows(partition, self.order.is_descending())?;
             columns.push(function.values(partition, &windows, run)?.into_iter());
         }
         for member in partition {
@@ -174,26 +148,9 @@ impl Window {
     }
 }
 
-type Order = (Option<Sort>, Option<(Path, bool)>);
-
-/// Reads what is sorted by, and the field, where there is only one.
-fn order(pattern: &Document) -> Result<Order> {
-    let sort = Sort::parse(pattern)?;
-    let by = match sort.fields().collect::<Vec<_>>().as_slice() {
-        [(path, descending)] => Some((Path::parse(path)?, *descending)),
-        _ => None,
-    };
-    Ok((Some(sort), by))
-}
-
 fn output_path(path: &str) -> Result<Vec<String>> {
     if path.is_empty() || path.split('.').any(|part| part.is_empty() || part.starts_with('$')) {
         return Err(QueryError::invalid(16_410, format!("the field path '{path}' is not valid")));
     }
     Ok(path.split('.').map(str::to_owned).collect())
-}
-
-/// Returns the number that a value is, if it is one.
-pub(super) fn number(value: Option<&Bson>) -> Option<Number> {
-    value.and_then(Number::of)
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use bson::{Bson, Document};
 
-use super::{Member, number, wrong};
+use super::member::{Member, number, wrong};
 use crate::query::arithmetic::{Overflow, multiply, subtract};
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};

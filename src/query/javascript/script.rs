@@ -1,0 +1,28 @@
+//! A function as a machine gets it.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use bson::Document;
+
+/// A function as text, with its global variables.
+#[derive(Debug)]
+#[cfg_attr(not(feature = "javascript"), expect(dead_code, reason = "without a machine nothing is run"))]
+pub(super) struct Script {
+    /// The number under which a machine knows it.
+    pub(super) id: u64,
+    /// An expression whose value is the function.
+    pub(super) source: String,
+    /// Global variables.
+    pub(super) scope: Document,
+    /// The fields of documents that the function uses; all where that is unknown.
+    pub(super) fields: Option<Vec<String>>,
+}
+
+static NEXT: AtomicU64 = AtomicU64::new(0);
+
+impl Script {
+    /// Returns a function that no machine knows yet and that may use all fields.
+    pub(super) fn new(source: String, scope: Document) -> Self {
+        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), source, scope, fields: None }
+    }
+}
