@@ -65,10 +65,10 @@ impl Planner for Configured {
             Dialect::Downward => downward::read(&output.plans, output.code, &output.stdout, &output.stderr),
             Dialect::Temporal => temporal::read(&output.plans, &output.stdout, &output.stderr),
             Dialect::Ff => {
-                let said = ff::read(&output.stdout, &output.stderr);
+                let printed = ff::read(&output.stdout, &output.stderr);
                 let mut filed = output.plans.iter().rev().map(|plan| ff::read(plan.text(), ""));
-                let filed = filed.find(|filed| said.verdict == Verdict::Unclear && filed.verdict == Verdict::Plan);
-                filed.unwrap_or(said)
+                let filed = filed.find(|filed| printed.verdict == Verdict::Unclear && filed.verdict == Verdict::Plan);
+                filed.unwrap_or(printed)
             }
         }
     }

@@ -37,7 +37,7 @@ const REQUIREMENTS: [&str; 13] = [
     ":action-costs",
 ];
 
-/// Fast Downward, with `lama-first` unless told otherwise.
+/// Fast Downward, with `lama-first` by default.
 #[derive(Debug, Clone)]
 pub struct FastDownward {
     /// The program, a name on the path or a path.

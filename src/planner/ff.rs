@@ -25,7 +25,7 @@ const LACKS: [Feature; 8] = [
     Feature::ObjectFluents,
 ];
 
-/// The sizes that FF 2.3 and Metric-FF 2.1 are built with where nobody enlarges them.
+/// The sizes that FF 2.3 and Metric-FF 2.1 are built with unless they are enlarged.
 const SIZES: Sizes = Sizes { arity: 5, predicates: 50, objects: 2000 };
 
 /// What stands in the executable of the present-day program, whose tables grow.
@@ -101,7 +101,7 @@ impl Planner for Ff {
         vec![self.program.clone(), "-o".into(), DOMAIN.into(), "-f".into(), PROBLEM.into()]
     }
 
-    /// Metric-FF 2.1 searches without a `:metric` only when told to; only it knows the option.
+    /// Metric-FF 2.1 searches without a `:metric` only with an option, which FF does not know.
     fn again(&self, answer: &Transcript, command: &[OsString]) -> Option<Vec<OsString>> {
         (answer.verdict == Verdict::NoCriterion).then(|| {
             let mut command = command.to_vec();

@@ -1,8 +1,8 @@
 //! Several planners at once on one task.
 //!
 //! The first whose plan is right wins, and the others are ended. A proof that there is no plan
-//! ends the race as well: nobody will find one. A planner that cannot handle the task, is not
-//! installed or fails does not take part any longer, and keeps nobody from winning.
+//! ends the race as well: there is none to be found. A planner that cannot handle the task, is not
+//! installed or fails does not take part any longer, and the others go on.
 //!
 //! The limits are one for all. Each may use what the others leave of the memory; where all of them together
 //! have more than the limit, the one that has most is ended, and the others go on.
@@ -25,7 +25,7 @@ const LOOK: Duration = Duration::from_millis(20);
 /// A race that is over.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Race {
-    /// What each planner did, in the order they were named. Who was ended because another had won
+    /// What each planner did, in the order they were named. Planners that were stopped because another had won
     /// has [`Outcome::Interrupted`].
     pub runs: Vec<Run>,
     /// Whose outcome counts, by its place among the runs.
@@ -65,7 +65,7 @@ impl<'a> Portfolio<'a> {
     }
 
     /// Lets the planners run against each other; each plan is simulated as soon as it is there. Without
-    /// planners there is no race. `meanwhile` is done once they run; it should be short, as nobody looks at
+    /// planners there is no race. `meanwhile` is done once they run; it should be short, as nothing looks at
     /// them then.
     #[must_use]
     pub fn race(self, task: &Task<'_>, host: &Host<'_>, meanwhile: impl FnOnce()) -> Option<Race> {
@@ -120,7 +120,7 @@ impl<'a> Portfolio<'a> {
                 }
             }
         });
-        // A racer that said nothing has panicked, which the scope has passed on.
+        // A thread without a result has panicked, which the scope has passed on.
         let runs: Vec<Run> = runs.into_iter().flatten().collect();
         let winner =
             first.filter(|place| *place < runs.len()).or_else(|| best(&runs, task)).or_else(|| most_telling(&runs))?;
@@ -128,7 +128,7 @@ impl<'a> Portfolio<'a> {
     }
 }
 
-/// Whether nobody has to go on.
+/// Whether no planner has to go on.
 fn is_decided(outcome: &Outcome) -> bool {
     matches!(outcome, Outcome::Plan(_) | Outcome::Unsolvable)
 }
@@ -152,7 +152,7 @@ fn badness(plan: &Plan, task: &Task<'_>) -> f64 {
     }
 }
 
-/// Whose outcome says most where nobody won: a limit that can be raised before a planner that gave up by
+/// The planner whose outcome is most informative where none won: a limit that can be raised before a planner that gave up by
 /// itself, and what a planner did before what kept it from doing anything. Of equals, the first named.
 fn most_telling(runs: &[Run]) -> Option<usize> {
     let rank = |outcome: &Outcome| match outcome {
@@ -168,7 +168,7 @@ fn most_telling(runs: &[Run]) -> Option<usize> {
     runs.iter().enumerate().min_by_key(|(_, run)| rank(&run.outcome)).map(|(place, _)| place)
 }
 
-/// A table: who, with which outcome, after which time, with how much of a processor, and how many steps.
+/// A table: planner, outcome, time, processor time, steps.
 impl fmt::Display for Race {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let width = self.runs.iter().map(|run| run.planner.chars().count()).max().unwrap_or_default().max(7);

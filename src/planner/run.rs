@@ -56,7 +56,7 @@ pub trait Planner: Send + Sync {
         None
     }
 
-    /// What it has said.
+    /// What it has printed.
     fn read(&self, output: &Output) -> Transcript;
 
     /// With what in a task its word that there is no plan is not a proof.
@@ -120,7 +120,7 @@ pub struct Run {
     pub is_spaced: bool,
     /// Why there is no plan, where that was asked for.
     pub why: Option<Why>,
-    /// What is to be said about the outcome: the planner's own words, or what it lacks
+    /// The message about the outcome: the planner's own words, or what it lacks
     /// and where, or how to install it. Empty for a plan.
     pub message: String,
     /// Standard output.
@@ -147,7 +147,7 @@ impl Run {
         };
         match verdict {
             Validation::Valid { value } => plan.cost = value.or(plan.cost),
-            Validation::Unjudged(reason) => self.unjudged = Some(reason),
+            Validation::Unchecked(reason) => self.unjudged = Some(reason),
             Validation::Invalid(_) => {
                 self.message = format!("it returned a plan that is not valid: {verdict}");
                 self.outcome = Outcome::Invalid;
@@ -292,7 +292,7 @@ fn ask(
     (ended, answer)
 }
 
-/// What a run amounts to, and what is to be said about it.
+/// What a run amounts to, and the message about it.
 fn conclude(
     planner: &dyn Planner,
     ended: &Ended,
@@ -393,7 +393,7 @@ fn restored(answer: Transcript, sent: &Sent) -> Plan {
 
 fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[OsString], ended: Ended) -> Run {
     let shown = |(index, word): (usize, &OsString)| match index {
-        // The program by its name: where it is installed is nobody's business in a stored plan.
+        // The program by its name: a stored plan does not record where it is installed.
         0 => Path::new(word).file_name().unwrap_or(word).to_string_lossy().into_owned(),
         _ => word.to_string_lossy().into_owned(),
     };

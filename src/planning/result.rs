@@ -23,7 +23,7 @@ pub struct PlanResult<'a> {
     document: Document,
 }
 
-/// What is worth telling the user about a search, beside its result.
+/// Messages about a search, beside its result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Note {
     /// How it went.
@@ -72,7 +72,7 @@ impl<'a> PlanResult<'a> {
         &self.document
     }
 
-    /// What is worth telling beside the result: what each of several planners did, whether the plan was not
+    /// The messages beside the result: what each of several planners did, whether the plan was not
     /// simulated, whether its actions were moved apart.
     #[must_use]
     pub fn notes(&self) -> Vec<Note> {

@@ -66,18 +66,18 @@ pub fn whole(source: &Source) -> Result<Steps, Diagnostic> {
 pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> Transcript {
     let (verdict, message) = outcome(code);
     let mut transcript = Transcript { verdict, message: message.to_owned(), ..Transcript::unclear() };
-    let said = last_words(stdout, stderr);
-    if !said.is_empty() && !matches!(verdict, Verdict::Plan) {
+    let printed = last_words(stdout, stderr);
+    if !printed.is_empty() && !matches!(verdict, Verdict::Plan) {
         transcript.message = match message {
-            "" => said.clone(),
-            _ => format!("{message}: {said}"),
+            "" => printed.clone(),
+            _ => format!("{message}: {printed}"),
         };
     }
-    if said.contains("Invalid requirement") || said.contains("does not support") {
+    if printed.contains("Invalid requirement") || printed.contains("does not support") {
         transcript.verdict = Verdict::Unsupported;
     }
     if verdict == Verdict::Rejected {
-        transcript.complaint = Some(Complaint { text: said, ..Complaint::default() });
+        transcript.complaint = Some(Complaint { text: printed, ..Complaint::default() });
     }
     if matches!(verdict, Verdict::Plan | Verdict::OutOfTime | Verdict::OutOfMemory | Verdict::Unclear) {
         take_plan(&mut transcript, plans, stdout);
@@ -172,9 +172,9 @@ fn last_words(stdout: &str, stderr: &str) -> String {
     ];
     let mut words: Vec<&str> = Vec::new();
     for text in [stderr, stdout] {
-        let said = text.lines().rev().filter(|line| !line.trim().is_empty() && line.len() <= SENTENCE);
-        let said = said.filter(|line| !OF_ITSELF.iter().any(|prefix| line.starts_with(prefix)));
-        words.extend(said.take(2 - words.len().min(2)));
+        let printed = text.lines().rev().filter(|line| !line.trim().is_empty() && line.len() <= SENTENCE);
+        let printed = printed.filter(|line| !OF_ITSELF.iter().any(|prefix| line.starts_with(prefix)));
+        words.extend(printed.take(2 - words.len().min(2)));
     }
     words.reverse();
     words.join(", ").trim_end_matches('.').to_owned()

@@ -57,13 +57,13 @@ impl Reader {
             self.place = Place::Before;
             return self.transcript.explain(line.text);
         }
-        let Some(said) = said(line.text) else { return };
-        match said.as_rule() {
-            Rule::step | Rule::timed => self.step(said, line),
+        let Some(sentence) = sentence(line.text) else { return };
+        match sentence.as_rule() {
+            Rule::step | Rule::timed => self.step(sentence, line),
             Rule::found => self.found(),
             Rule::timing => self.leave_plan(),
-            Rule::cost => self.cost(said),
-            _ => self.sentence(said, line),
+            Rule::cost => self.cost(sentence),
+            _ => self.sentence(sentence, line),
         }
     }
 
@@ -78,40 +78,40 @@ impl Reader {
         }
     }
 
-    fn cost(&mut self, said: Pair<'_, Rule>) {
+    fn cost(&mut self, sentence: Pair<'_, Rule>) {
         self.leave_plan();
-        self.transcript.cost = inner(said, Rule::number).and_then(|number| number.as_str().parse().ok());
+        self.transcript.cost = inner(sentence, Rule::number).and_then(|number| number.as_str().parse().ok());
     }
 
-    fn step(&mut self, said: Pair<'_, Rule>, line: Line<'_>) {
+    fn step(&mut self, sentence: Pair<'_, Rule>, line: Line<'_>) {
         if self.place != Place::Plan {
             return;
         }
-        match action(said, line.number) {
+        match action(sentence, line.number) {
             Some(action) if action.name.eq_ignore_ascii_case(PSEUDO_ACTION) => {}
             Some(action) => self.transcript.actions.push(action),
             None => {}
         }
     }
 
-    fn sentence(&mut self, said: Pair<'_, Rule>, line: Line<'_>) {
+    fn sentence(&mut self, sentence: Pair<'_, Rule>, line: Line<'_>) {
         let text = line.text;
         let transcript = &mut self.transcript;
-        match said.as_rule() {
+        match sentence.as_rule() {
             Rule::proven | Rule::goal_false | Rule::undefined_goal => transcript.decide(Verdict::Unsolvable, text),
             Rule::goal_true => transcript.decide(Verdict::Plan, ""),
             Rule::capped | Rule::bailed | Rule::no_temporal => transcript.decide(Verdict::GaveUp, text),
             Rule::no_criterion => transcript.decide(Verdict::NoCriterion, text),
             Rule::limit | Rule::unsupported => transcript.decide(Verdict::Unsupported, text),
             Rule::unknown_option => transcript.decide(Verdict::Rejected, text),
-            Rule::missing_file => transcript.reject(missing_file(said)),
-            Rule::parse_error => transcript.reject(parse_error(said)),
+            Rule::missing_file => transcript.reject(missing_file(sentence)),
+            Rule::parse_error => transcript.reject(parse_error(sentence)),
             Rule::complaint => transcript.reject(Complaint { text: text.trim().to_owned(), ..Complaint::default() }),
             Rule::syntax_error => {
                 if transcript.verdict == Verdict::Unclear {
                     self.place = Place::Complaint;
                 }
-                transcript.reject(syntax_error(&said));
+                transcript.reject(syntax_error(&sentence));
             }
             _ => {
                 if text.trim_start().starts_with("usage of ff") {
@@ -123,7 +123,7 @@ impl Reader {
 }
 
 /// The sentence a line is.
-fn said(text: &str) -> Option<Pair<'_, Rule>> {
+fn sentence(text: &str) -> Option<Pair<'_, Rule>> {
     Grammar::parse(Rule::line, text).ok()?.next()?.into_inner().next()
 }
 
@@ -149,14 +149,14 @@ pub(super) fn action(step: Pair<'_, Rule>, line: usize) -> Option<Action> {
     Some(Action { name, arguments: names.collect(), start, duration, line })
 }
 
-fn syntax_error(said: &Pair<'_, Rule>) -> Complaint {
-    let word = |rule| said.clone().into_inner().find(|part| part.as_rule() == rule).map(|part| part.as_str());
+fn syntax_error(sentence: &Pair<'_, Rule>) -> Complaint {
+    let word = |rule| sentence.clone().into_inner().find(|part| part.as_rule() == rule).map(|part| part.as_str());
     Complaint::syntax_error(word(Rule::file), word(Rule::integer), word(Rule::quoted))
 }
 
-fn parse_error(said: Pair<'_, Rule>) -> Complaint {
+fn parse_error(sentence: Pair<'_, Rule>) -> Complaint {
     let mut complaint = Complaint::default();
-    for part in said.into_inner() {
+    for part in sentence.into_inner() {
         match part.as_rule() {
             Rule::which => complaint.file = Some(part.as_str().to_owned()),
             Rule::integer => complaint.line = part.as_str().parse().ok(),
@@ -167,14 +167,14 @@ fn parse_error(said: Pair<'_, Rule>) -> Complaint {
     complaint
 }
 
-fn missing_file(said: Pair<'_, Rule>) -> Complaint {
-    let file = inner(said, Rule::file).map(|file| file.as_str().to_owned());
+fn missing_file(sentence: Pair<'_, Rule>) -> Complaint {
+    let file = inner(sentence, Rule::file).map(|file| file.as_str().to_owned());
     Complaint { file, text: "the planner cannot find its input file".to_owned(), ..Complaint::default() }
 }
 
 /// Whether a line of a plan file is FF's: `step    0: …` or `        1: …`.
 pub(super) fn is_step(text: &str) -> bool {
-    said(text).is_some_and(|said| said.as_rule() == Rule::step) || is_found(text)
+    sentence(text).is_some_and(|sentence| sentence.as_rule() == Rule::step) || is_found(text)
 }
 
 /// Whether a line is the heading of FF's plan.
@@ -185,9 +185,9 @@ pub(super) fn is_found(text: &str) -> bool {
 /// The action of one line of a file with FF's steps; the outer option is empty
 /// where the line is no step.
 pub(super) fn step_of(text: &str, line: usize) -> Option<Option<Action>> {
-    let said = said(text)?;
-    (said.as_rule() == Rule::step)
-        .then(|| action(said, line).filter(|action| !action.name.eq_ignore_ascii_case(PSEUDO_ACTION)))
+    let sentence = sentence(text)?;
+    (sentence.as_rule() == Rule::step)
+        .then(|| action(sentence, line).filter(|action| !action.name.eq_ignore_ascii_case(PSEUDO_ACTION)))
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@ pub struct PlanFile {
     pub cost: Option<f64>,
 }
 
-/// Reads a plan file; the first line that is not empty and not a comment tells how it
+/// Reads a plan file; the first line that is not empty and not a comment shows how it
 /// is spelled. An empty file is the empty plan. FF's plan may have all the rest of FF's
 /// output around it.
 ///
@@ -70,15 +70,15 @@ fn read_ff(source: &Source) -> Result<PlanFile, Diagnostic> {
     }
     let mut actions = Vec::new();
     for line in lines::lines(text) {
-        let said = line.text.trim();
-        if said.is_empty() || said.starts_with(';') {
+        let line_text = line.text.trim();
+        if line_text.is_empty() || line_text.starts_with(';') {
             continue;
         }
         match ff::step_of(line.text, line.number) {
             Some(action) => actions.extend(action),
             None => {
                 let start = line.offset + line.text.len() - line.text.trim_start().len();
-                let span = Span::new(start, start + said.len());
+                let span = Span::new(start, start + line_text.len());
                 return Err(Diagnostic::new(source, span, "expected a step as FF writes it: `1: ACTION ARGUMENT …`"));
             }
         }

@@ -47,7 +47,7 @@ fn endless(parsed: Pairs<'_, Rule>, line: Line<'_>) -> Option<Span> {
 /// standard output leaves out the gaps between actions.
 #[must_use]
 pub fn read(plans: &[Source], stdout: &str, stderr: &str) -> Transcript {
-    let mut transcript = said(stdout, stderr);
+    let mut transcript = remarks(stdout, stderr);
     let filed = plans.iter().rev().find_map(|plan| read_steps(plan).ok().filter(|actions| !actions.is_empty()));
     if let Some(actions) = filed {
         return Transcript { verdict: Verdict::Plan, actions, message: String::new(), complaint: None, ..transcript };
@@ -58,7 +58,7 @@ pub fn read(plans: &[Source], stdout: &str, stderr: &str) -> Transcript {
     transcript
 }
 
-fn said(stdout: &str, stderr: &str) -> Transcript {
+fn remarks(stdout: &str, stderr: &str) -> Transcript {
     let mut transcript = Transcript::unclear();
     let mut plans = Plans::default();
     let mut expected = false;
@@ -88,19 +88,19 @@ fn said(stdout: &str, stderr: &str) -> Transcript {
 
 /// Takes what a sentence says; true where the next line belongs to it.
 fn remark(transcript: &mut Transcript, text: &str) -> bool {
-    let Some(said) = Grammar::parse(Rule::remark, text).ok().and_then(|mut pairs| pairs.next()?.into_inner().next())
+    let Some(remark) = Grammar::parse(Rule::remark, text).ok().and_then(|mut pairs| pairs.next()?.into_inner().next())
     else {
         return false;
     };
-    match said.as_rule() {
+    match remark.as_rule() {
         Rule::empty => transcript.decide(Verdict::Plan, ""),
         Rule::unsolvable => transcript.decide(Verdict::Unsolvable, text),
         Rule::unreachable | Rule::none => transcript.decide(Verdict::GaveUp, text),
         Rule::complaint => transcript.reject(Complaint { text: text.trim().to_owned(), ..Complaint::default() }),
-        Rule::heading => transcript.cost = cost(said).or(transcript.cost),
+        Rule::heading => transcript.cost = cost(remark).or(transcript.cost),
         Rule::syntax_error => {
             let first = transcript.verdict == Verdict::Unclear;
-            transcript.reject(syntax_error(&said));
+            transcript.reject(syntax_error(&remark));
             return first;
         }
         _ => {}
@@ -124,7 +124,7 @@ impl Plans {
         let heading = Grammar::parse(Rule::remark, text)
             .ok()
             .and_then(|mut pairs| pairs.next()?.into_inner().next())
-            .is_some_and(|said| said.as_rule() == Rule::heading);
+            .is_some_and(|remark| remark.as_rule() == Rule::heading);
         self.gap = true;
         self.announced |= heading;
     }
@@ -175,8 +175,8 @@ fn cost(heading: Pair<'_, Rule>) -> Option<f64> {
     cost.into_inner().find(|part| part.as_rule() == Rule::number)?.as_str().parse().ok()
 }
 
-fn syntax_error(said: &Pair<'_, Rule>) -> Complaint {
-    let word = |rule| said.clone().into_inner().find(|part| part.as_rule() == rule).map(|part| part.as_str());
+fn syntax_error(remark: &Pair<'_, Rule>) -> Complaint {
+    let word = |rule| remark.clone().into_inner().find(|part| part.as_rule() == rule).map(|part| part.as_str());
     Complaint::syntax_error(word(Rule::file), word(Rule::integer), word(Rule::quoted))
 }
 

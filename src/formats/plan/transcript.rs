@@ -1,4 +1,4 @@
-//! What a planner said, whatever the dialect.
+//! What a planner printed, whatever the dialect.
 
 use std::fmt;
 
@@ -70,7 +70,7 @@ impl fmt::Display for Complaint {
     }
 }
 
-/// What a planner said.
+/// What a planner printed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transcript {
     /// What it amounts to.

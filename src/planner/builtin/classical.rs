@@ -14,8 +14,8 @@ use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, 
 /// The bytes for states where this process has no limit.
 const MEMORY: usize = 4 << 30;
 
-/// What is said while a task is worked on.
-pub(super) enum Said<'p> {
+/// What a search reports while it runs.
+pub(super) enum Message<'p> {
     /// A plan, better than those before.
     Plan(&'p Plan),
     /// How far it is.
@@ -29,7 +29,7 @@ pub(super) fn grounding(action: &str, instances: usize) -> String {
 
 /// What becomes of a task.
 pub(super) enum Answer {
-    /// Its plans were said.
+    /// Its plans were reported.
     Solved,
     /// It has none, or none was found.
     None(NoPlan),
@@ -46,10 +46,10 @@ pub(super) fn plan(
     domain: &Domain,
     problem: &Problem,
     options: Options,
-    said: &mut dyn FnMut(Said<'_>),
+    send: &mut dyn FnMut(Message<'_>),
 ) -> Result<Answer, SolveError> {
     match convert(domain, problem) {
-        Ok(lifted) => search(&lifted, memory(), options, said),
+        Ok(lifted) => search(&lifted, memory(), options, send),
         Err(_) => Ok(Answer::Declined),
     }
 }
@@ -58,10 +58,10 @@ fn search(
     lifted: &Lifted,
     memory: usize,
     options: Options,
-    said: &mut dyn FnMut(Said<'_>),
+    send: &mut dyn FnMut(Message<'_>),
 ) -> Result<Answer, SolveError> {
-    let told = &mut |action: &str, instances| said(Said::Progress(grounding(action, instances)));
-    let task = match ground(lifted, memory, told) {
+    let grounded = &mut |action: &str, instances| send(Message::Progress(grounding(action, instances)));
+    let task = match ground(lifted, memory, grounded) {
         Ok(Ground::Task(task)) => task,
         Ok(Ground::GoalFalse) => return Ok(Answer::None(NoPlan::GoalFalse)),
         Err(Refusal::Wide) => return Ok(Answer::Declined),
@@ -80,15 +80,15 @@ fn search(
     };
     let mut best = None;
     let end = solve(&task, Settings { improvement, memory, work: u64::MAX }, &mut |event| match event {
-        Event::Plan(plan) if improvement == Improvement::Unbounded => said(Said::Plan(&report(&task, plan))),
+        Event::Plan(plan) if improvement == Improvement::Unbounded => send(Message::Plan(&report(&task, plan))),
         Event::Plan(plan) => best = Some(report(&task, plan)),
         Event::States(count) => {
             states = count;
-            said(Said::Progress(format!("{states} states")));
+            send(Message::Progress(format!("{states} states")));
         }
     });
     if let Some(plan) = best {
-        said(Said::Plan(&plan));
+        send(Message::Plan(&plan));
     }
     Ok(match end {
         End::Solved => Answer::Solved,
@@ -150,8 +150,8 @@ mod tests {
             ("ffbug_dom", "ffbug_p1"),
         ] {
             let task = lifted(&read(&fixtures, domain), &read(&fixtures, problem)).unwrap();
-            search(&task, 1 << 26, Options::default(), &mut |said| {
-                let Said::Plan(plan) = said else { return };
+            search(&task, 1 << 26, Options::default(), &mut |message| {
+                let Message::Plan(plan) = message else { return };
                 let steps: Vec<_> = plan.steps.iter().map(|step| (step.action.clone(), step.args.clone())).collect();
                 assert_eq!(check(&task, &steps), Ok(()), "{domain} {problem}");
                 checked += 1;
@@ -230,8 +230,8 @@ mod tests {
             (:goal (forall (?l - lamp) (seen ?l))))";
         let task = lifted(&domain.replace(":derived-predicates", ""), problem).unwrap();
         let mut plans = Vec::new();
-        search(&task, 1 << 26, Options::default(), &mut |said| {
-            if let Said::Plan(plan) = said {
+        search(&task, 1 << 26, Options::default(), &mut |message| {
+            if let Message::Plan(plan) = message {
                 plans.push(plan.clone());
             }
         })

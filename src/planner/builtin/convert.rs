@@ -306,7 +306,7 @@ impl Scope<'_> {
                 self.leave(&new);
             }
             pddl::Effect::Num(operation, function, _, amount) => {
-                // Values that nobody reads do not matter.
+                // Values that no condition reads do not matter.
                 if self.names.metric.as_ref() == Some(function) {
                     if !conditions.is_empty() || !slots.is_empty() {
                         return Err("costs under a condition".to_owned());

@@ -66,7 +66,7 @@ pub(super) fn progress(words: &str) -> String {
     format!("{PROGRESS}{words}\n")
 }
 
-/// The last that was said about the progress, or nothing.
+/// The last report of progress, or nothing.
 pub(super) fn last_progress(text: &str) -> String {
     text.lines().rev().find_map(|line| line.strip_prefix(PROGRESS)).unwrap_or_default().to_owned()
 }

@@ -3,7 +3,7 @@
 //! The child is `rmem ff -o DOMAIN -f PROBLEM`, which prints what FF prints, so that
 //! it serves programs written for FF as well. Being a process, it is limited, and
 //! crashes, like every other planner. As the planner of `rmem plan` it gets a task that has
-//! been read and written already, and is told so with [`CHECKED`].
+//! been read and written already, which [`CHECKED`] states.
 //!
 //! A classical task is for the [`search`] of rmem's own. One with numbers is worked on by a [`portfolio`] of the
 //! engine's searches; times, preferences and constraints have one way each, the engine's own. What ends a
@@ -72,11 +72,11 @@ const REQUIREMENTS: [&str; 21] = [
     ":time",
 ];
 
-/// The option that tells the child that its task is known to be well-formed, in names that
+/// The option that states that the task is known to be well-formed, in names that
 /// the engine reads.
 pub const CHECKED: &str = "--checked";
 
-/// The option that tells the child to improve its plan for as long as it may run.
+/// The option to improve the plan for as long as the child may run.
 pub const ANYTIME: &str = "--anytime";
 
 /// The built-in planner.

@@ -2,7 +2,7 @@
 //!
 //! Where one search finds a plan in a blink, another may not find any: so each gets a
 //! slice, and where none has a plan, a slice four times as large. Slices are numbers of states,
-//! so that who wins depends on the task alone, and what was spent in vain is at
+//! so that the winner depends on the task alone, and what was spent in vain is at
 //! most a part of what the winner needs. One search works at a time, and what it remembers is
 //! forgotten with its slice: the memory of all is that of the largest.
 //!
@@ -166,7 +166,7 @@ impl Portfolio<'_> {
                     }
                     Slice::Plan(ops, spent) => return First::Plan { ops, spent, detours: None },
                     Slice::Exhausted => return First::Exhausted,
-                    // Who stops before its time has no room for more.
+                    // A search that stops before its time has explored all it can.
                     Slice::Spent(spent) => is_full |= spent < states,
                 }
             }

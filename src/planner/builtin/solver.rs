@@ -1,4 +1,4 @@
-//! A task solved in this process, told as FF tells it.
+//! A task solved in this process, printed as FF prints it.
 
 use std::sync::mpsc;
 use std::thread;
@@ -6,7 +6,7 @@ use std::thread;
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
-use super::classical::{self, Answer, Said};
+use super::classical::{self, Answer, Message};
 use super::ff_output::{self, NoPlan};
 use super::options::Options;
 use super::{Builtin, REQUIREMENTS, portfolio, proof, temporal};
@@ -40,22 +40,22 @@ fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say
     let (sender, texts) = mpsc::channel::<String>();
     thread::scope(|scope| {
         let work = move || {
-            // Nobody listens any more only when this process ends.
-            let tell = |text: String| drop(sender.send(text));
-            let said = &mut |said: Said<'_>| match said {
-                Said::Plan(plan) => tell(ff_output::plan(plan, sent)),
-                Said::Progress(words) => tell(ff_output::progress(&words)),
+            // The receiver is gone only when this process ends.
+            let send = |text: String| drop(sender.send(text));
+            let report = &mut |message: Message<'_>| match message {
+                Message::Plan(plan) => send(ff_output::plan(plan, sent)),
+                Message::Progress(words) => send(ff_output::progress(&words)),
             };
-            match answer(domain, problem, options, said) {
+            match answer(domain, problem, options, report) {
                 Ok(None) => 0,
                 Ok(Some(reason)) => {
                     let (text, code) = ff_output::no_plan(&reason);
-                    tell(text);
+                    send(text);
                     code
                 }
                 Err(error) => {
                     let (text, code) = ff_output::refusal(&error);
-                    tell(text);
+                    send(text);
                     code
                 }
             }
@@ -81,25 +81,25 @@ fn answer(
     domain: &str,
     problem: &str,
     options: Options,
-    said: &mut dyn FnMut(Said<'_>),
+    report: &mut dyn FnMut(Message<'_>),
 ) -> Result<Option<NoPlan>, SolveError> {
     let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
-    let posed = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
-    if is_classical(&task, &posed) {
-        return match classical::plan(&task, &posed, options, said)? {
+    let instance = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
+    if is_classical(&task, &instance) {
+        return match classical::plan(&task, &instance, options, report)? {
             Answer::Solved => Ok(None),
             Answer::None(reason) => Ok(Some(reason)),
-            Answer::Declined => portfolio::plan(&task, &posed, options, &mut |plan| said(Said::Plan(plan))),
+            Answer::Declined => portfolio::plan(&task, &instance, options, &mut |plan| report(Message::Plan(plan))),
         };
     }
-    let found = &mut |plan: &Plan| said(Said::Plan(plan));
-    if is_plain(&task, &posed) && temporal::plan(&task, &posed, options.anytime, classical::memory(), found) {
+    let found = &mut |plan: &Plan| report(Message::Plan(plan));
+    if is_plain(&task, &instance) && temporal::plan(&task, &instance, options.anytime, classical::memory(), found) {
         return Ok(None);
     }
     let mut reason = None;
     let mut known = false;
     // A plan for what must be is there sooner than one that pleases as well.
-    let quick = (options.anytime && pddl3::has_preferences(&posed)).then_some(false);
+    let quick = (options.anytime && pddl3::has_preferences(&instance)).then_some(false);
     for optimize in quick.into_iter().chain([options.optimize]) {
         let settings = Settings { optimize, ..Settings::default() };
         let solution = ferroplan::solve(domain, problem, &settings)?;
@@ -110,7 +110,7 @@ fn answer(
             }
             _ => {
                 let why = solution.notes.join("; ");
-                reason = Some(match proof::doubt(&task, &posed) {
+                reason = Some(match proof::doubt(&task, &instance) {
                     Some(doubt) => NoPlan::Doubted { doubt, why },
                     None => NoPlan::GaveUp(why),
                 });
@@ -141,7 +141,7 @@ mod tests {
             std::fs::read_to_string(format!("{folder}{name}.pddl")).unwrap()
         };
         let mut text = String::new();
-        let code = child(&read(domain), &read(problem), Options::default(), &mut |said| text.push_str(said));
+        let code = child(&read(domain), &read(problem), Options::default(), &mut |part| text.push_str(part));
         (ff::read(&text, ""), code)
     }
 
@@ -165,8 +165,8 @@ mod tests {
             ("ffbug_dom", "ffbug_p1", Verdict::Plan, 0, None),
             ("ffbug_dom", "ffbug_p2", Verdict::Plan, 0, None),
         ] {
-            let (transcript, said) = task(domain, problem);
-            assert_eq!((transcript.verdict, said), (verdict, code), "{domain} {problem}: {transcript:?}");
+            let (transcript, exit) = task(domain, problem);
+            assert_eq!((transcript.verdict, exit), (verdict, code), "{domain} {problem}: {transcript:?}");
             if let Some(length) = length {
                 assert_eq!(transcript.actions.len(), length, "{domain} {problem}");
             }

@@ -37,8 +37,8 @@ pub(super) fn plan(
     if domain.durative_actions.is_empty() || !problem.til.is_empty() || !domain.derived.is_empty() {
         return false;
     }
-    let (flat, posed) = compressed(domain, problem);
-    let Ok(lifted) = convert(&flat, &posed) else { return false };
+    let (flat, instance) = compressed(domain, problem);
+    let Ok(lifted) = convert(&flat, &instance) else { return false };
     let Ok(Ground::Task(mut task)) = ground(&lifted, memory, &mut |_, _| {}) else { return false };
     let Some(mut timing) = Clock::new(domain, problem).timing(&task) else { return false };
     let settings = Settings { improvement: Improvement::Brief, memory, work: WORK };

@@ -27,7 +27,7 @@ pub struct Fault {
 /// Where a fact of the problem comes from, or would come from.
 #[derive(Debug)]
 pub struct Origin {
-    /// What is to be said of it.
+    /// The message about it.
     pub what: String,
     /// The place in the template.
     pub template: String,

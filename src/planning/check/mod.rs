@@ -53,7 +53,7 @@ pub fn check(record: &Record, now: Option<Source>, memory: &Memory) -> Result<Ch
     let (fault, unjudged) = match verdict {
         Verdict::Holds => (None, None),
         Verdict::Broken(fault) => (Some(fault), None),
-        Verdict::Unjudged(reason) => (None, Some(reason)),
+        Verdict::Unchecked(reason) => (None, Some(reason)),
     };
     Ok(Check { id: record.id(), left: left.len(), steps: progress.len(), fault, unjudged, is_from_file })
 }
@@ -62,7 +62,7 @@ pub fn check(record: &Record, now: Option<Source>, memory: &Memory) -> Result<Ch
 enum Verdict {
     Holds,
     Broken(Fault),
-    Unjudged(String),
+    Unchecked(String),
 }
 
 fn simulate(record: &Record, source: &TaskSource, left: &[usize], memory: &Memory) -> Result<Verdict, PlanningError> {
@@ -87,7 +87,7 @@ fn simulate(record: &Record, source: &TaskSource, left: &[usize], memory: &Memor
     let steps = rest(&plan.steps, left);
     Ok(match validate(domain, &task.problem, &steps) {
         Validation::Valid { .. } => Verdict::Holds,
-        Validation::Unjudged(reason) => Verdict::Unjudged(reason),
+        Validation::Unchecked(reason) => Verdict::Unchecked(reason),
         Validation::Invalid(failure) => {
             let mut repairs = repair(domain, &task.problem, &steps);
             repairs.iter_mut().for_each(|repair| recount(repair, left));

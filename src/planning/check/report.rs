@@ -19,7 +19,7 @@ impl Check {
     pub fn lines(&self) -> Vec<String> {
         let Self { id, left, steps, .. } = self;
         if let Some(reason) = &self.unjudged {
-            return vec![format!("{id} cannot be judged: {reason}")];
+            return vec![format!("{id} cannot be checked: {reason}")];
         }
         let Some(fault) = &self.fault else {
             return vec![format!("{id} holds: {left} of {steps} steps are left")];

@@ -44,7 +44,7 @@ impl OpenList {
                 self.len -= 1;
                 return Some(entry);
             }
-            // Room for thousands of entries is given back.
+            // Memory of thousands of entries is freed.
             *bucket = VecDeque::new();
             self.first += 1;
         }

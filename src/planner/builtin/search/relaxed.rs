@@ -258,7 +258,7 @@ impl Relaxed {
         }
         self.costs[fact as usize] = cost;
         self.supporters[fact as usize] = supporter;
-        // What nobody needs is not looked at again.
+        // Facts that nothing needs are not looked at again.
         if self.range(fact as usize) == self.uses.ends[fact as usize] as usize && !self.is_goal[fact as usize] {
             return;
         }

@@ -54,7 +54,7 @@ pub enum Event<'p> {
 /// How a search ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
-    /// With the plans that were said.
+    /// With the plans that were reported.
     Solved,
     /// All states were looked at, or shown to lead nowhere: there is no plan.
     Unsolvable,
@@ -65,11 +65,11 @@ pub enum End {
 }
 
 /// Searches for plans, and says them as they are found.
-pub fn solve(task: &Task, settings: Settings, tell: &mut dyn FnMut(Event<'_>)) -> End {
+pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>)) -> End {
     let mut init = task.init.clone();
     Axioms::new(task).derive(task, &mut init);
     if holds(task, &init, &task.goal) {
-        tell(Event::Plan(&[]));
+        report(Event::Plan(&[]));
         return End::Solved;
     }
     let generator = Generator::new(task);
@@ -82,19 +82,19 @@ pub fn solve(task: &Task, settings: Settings, tell: &mut dyn FnMut(Event<'_>)) -
     let counter = Counter::new(task, &graph);
     drop(graph);
     let costs = scaled(task);
-    let (plan, spent) = match first(task, &generator, &counter, &costs, relaxed, &init, settings, tell) {
+    let (plan, spent) = match first(task, &generator, &counter, &costs, relaxed, &init, settings, report) {
         Ok(plan) => plan,
         Err(end) => return end,
     };
     let plan = eliminate(task, &init, &plan);
-    tell(Event::Plan(&plan));
+    report(Event::Plan(&plan));
     let work = match settings.improvement {
         Improvement::Brief => 0,
         Improvement::Bounded => (spent / 4).clamp(BOUNDED.start, BOUNDED.end),
         Improvement::Unbounded => u64::MAX,
     };
     if work > 0 {
-        let found = &mut |plan: &[OperatorId]| tell(Event::Plan(plan));
+        let found = &mut |plan: &[OperatorId]| report(Event::Plan(plan));
         let memory = settings.memory;
         let (counter, costs) = (&counter, costs.as_slice());
         let mut improver = Improver { task, generator: &generator, counter, costs, init, memory, plan, found };
@@ -112,7 +112,7 @@ fn first(
     relaxed: Relaxed,
     init: &[Fact],
     settings: Settings,
-    tell: &mut dyn FnMut(Event<'_>),
+    report: &mut dyn FnMut(Event<'_>),
 ) -> Result<(Vec<OperatorId>, u64), End> {
     let aim = Aim { init: init.to_vec(), goal: task.goal.clone(), weight: None, bound: u64::MAX };
     let mut lazy = Lazy::new(task, generator, counter, costs, relaxed.clone(), aim);
@@ -137,7 +137,7 @@ fn first(
                 Step::Full => is_full[1] = true,
             }
         }
-        tell(Event::States(lazy.states() + search.states()));
+        report(Event::States(lazy.states() + search.states()));
         if work > settings.work {
             return Err(End::Spent);
         }

@@ -28,7 +28,7 @@ impl Packer {
         let mut free: Vec<u32> = Vec::new();
         for variable in order {
             let bits = bits(variable);
-            // Full words are not looked at again: later variables need less room, not more.
+            // Full words are not looked at again: later variables need fewer bits, not more.
             let start = free.len().saturating_sub(2);
             let word = (start..free.len()).find(|word| free[*word] >= bits).unwrap_or_else(|| {
                 free.push(64);

@@ -81,7 +81,7 @@ pub(super) fn instantiate(reached: &mut Reached<'_>, atoms: &mut Atoms, memory: 
     Ok(Instances { operators, axioms: std::mem::take(&mut atoms.axioms), goal, is_hopeless, init })
 }
 
-/// About how much room an operator takes, in words of four bytes.
+/// About how much memory an operator takes, in words of four bytes.
 fn weight(operator: &Operator) -> usize {
     30 + operator.condition.len() + operator.changes.iter().map(|change| 10 + change.condition.len()).sum::<usize>()
 }
@@ -159,7 +159,7 @@ fn cost(amount: &Amount, bound: &[Object], values: &NumberMap<(usize, Vec<Object
 }
 
 /// The changes without what the operator's condition makes certain or impossible: an atom that is added
-/// is not deleted, whatever else is said (PDDL adds after it deletes).
+/// is not deleted, whatever else the effect has (PDDL adds after it deletes).
 fn effective(known: &[Literal], mut changes: Vec<Change>) -> Vec<Change> {
     for change in &mut changes {
         change.condition.retain(|literal| known.binary_search(literal).is_err());

@@ -144,7 +144,7 @@ impl<'a> Finder<'a> {
                     && !deleted(operator, &knows).any(|atom| group_of[atom as usize] == group)
                 {
                     is_dead[group as usize] = true;
-                    // One operator of a schema tells what would balance it.
+                    // One operator of a schema shows what would balance it.
                     if !blamed.contains(&operator.schema) {
                         blamed.push(operator.schema);
                         let part = candidate.iter().find(|part| {

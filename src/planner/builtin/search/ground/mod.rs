@@ -27,13 +27,13 @@ pub enum Ground {
     GoalFalse,
 }
 
-/// Grounds a task in about so many bytes. Where that takes long, `tell` is told which action has how many instances so far.
+/// Grounds a task in about so many bytes. Where that takes long, `report` is called with the action that has how many instances so far.
 ///
 /// # Errors
 ///
 /// Where there are too many instances, too many parameters, or axioms without an order.
-pub fn ground(lifted: &Lifted, memory: usize, tell: &mut dyn FnMut(&str, usize)) -> Result<Ground, Refusal> {
-    let mut reached = reach::Reached::new(lifted, memory, tell)?;
+pub fn ground(lifted: &Lifted, memory: usize, report: &mut dyn FnMut(&str, usize)) -> Result<Ground, Refusal> {
+    let mut reached = reach::Reached::new(lifted, memory, report)?;
     let mut atoms = formula::Atoms::new(&reached);
     let mut instances = instance::instantiate(&mut reached, &mut atoms, memory)?;
     if instances.is_hopeless {

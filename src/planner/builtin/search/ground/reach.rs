@@ -24,14 +24,14 @@ pub(super) struct Reached<'l> {
 const CASES: usize = 8;
 
 /// So many more instances are worth a word.
-const TELL: usize = 1 << 20;
+const REPORT_INTERVAL: usize = 1 << 20;
 
 /// Bytes that an instance and what it leads to take at least.
 const INSTANCE: usize = 100;
 
 impl<'l> Reached<'l> {
-    /// Computes the fixpoint within so many bytes, and tells from time to time which action has how many instances.
-    pub(super) fn new(lifted: &'l Lifted, memory: usize, tell: &mut dyn FnMut(&str, usize)) -> Result<Self, Refusal> {
+    /// Computes the fixpoint within so many bytes, and reports from time to time how many instances an action has.
+    pub(super) fn new(lifted: &'l Lifted, memory: usize, report: &mut dyn FnMut(&str, usize)) -> Result<Self, Refusal> {
         let columns: Vec<Vec<usize>> = lifted
             .schemas
             .iter()
@@ -58,7 +58,7 @@ impl<'l> Reached<'l> {
         if rules.iter().any(|rule| rule.slots.len() > 64) {
             return Err(Refusal::Wide);
         }
-        reached.run(&rules, memory, tell)?;
+        reached.run(&rules, memory, report)?;
         Ok(reached)
     }
 
@@ -113,7 +113,7 @@ impl<'l> Reached<'l> {
         Rule { slots: slots.to_vec(), wanted: wanted.collect(), body, filters, head: head.clone() }
     }
 
-    fn run(&mut self, rules: &[Rule], memory: usize, tell: &mut dyn FnMut(&str, usize)) -> Result<(), Refusal> {
+    fn run(&mut self, rules: &[Rule], memory: usize, report: &mut dyn FnMut(&str, usize)) -> Result<(), Refusal> {
         let mut queue: Vec<usize> = Vec::new();
         for (predicate, tuple) in &self.lifted.init {
             if self.relations.insert(*predicate, tuple).is_some() {
@@ -140,7 +140,7 @@ impl<'l> Reached<'l> {
             join.extend(0, &mut |binding| head(rule, binding, &mut found));
             self.add(rule, &mut found, &mut queue);
         }
-        let (mut next, mut instances, mut told) = (0, 0, 0);
+        let (mut next, mut instances, mut reported) = (0, 0, 0);
         let mut shown = vec![0_u32; triggers.len()];
         while next < queue.len() {
             let predicate = queue[next];
@@ -157,10 +157,10 @@ impl<'l> Reached<'l> {
                 let (action, instances) = self.most();
                 return Err(Refusal::Explosion { action: action.to_owned(), instances });
             }
-            if instances >= told + TELL {
+            if instances >= reported + REPORT_INTERVAL {
                 let (action, instances) = self.most();
-                tell(action, instances);
-                told = instances.max(told + TELL);
+                report(action, instances);
+                reported = instances.max(reported + REPORT_INTERVAL);
             }
         }
         Ok(())

@@ -12,7 +12,7 @@ pub(super) type Key = u128;
 #[derive(Debug, Default)]
 pub(super) struct Relation {
     arity: usize,
-    /// Whether nothing is added twice, so that nobody has to look.
+    /// Whether nothing is added twice, so that no check is needed.
     is_distinct: bool,
     count: u32,
     tuples: Vec<Object>,

@@ -122,7 +122,7 @@ mod tests {
         for task in (0..200).map(super::super::example::random) {
             let graph = graph(&task);
             let mut left: Vec<usize> = (0..graph.landmarks.len()).collect();
-            // Whoever has nothing before it goes, until nobody is left.
+            // Landmarks without predecessors are removed until none is left.
             while !left.is_empty() {
                 let before = left.len();
                 let waits = |number: &usize| {
