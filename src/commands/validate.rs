@@ -50,15 +50,15 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
     }
     let mut exits = Vec::new();
     for path in &args.plans {
-        let mut judged = JudgedPlan::new(&context.read(path)?, &domain, &problem)?;
+        let mut checked = CheckedPlan::new(&context.read(path)?, &domain, &problem)?;
         if context.output.is_verbose() {
-            judged.trace = Some(trace(&domain, &problem, &judged.plan.steps));
+            checked.trace = Some(trace(&domain, &problem, &checked.plan.steps));
         }
         match format {
-            Format::Json => context.output.line(&shell::relaxed(&judged.to_document()))?,
-            _ => judged.lines(args.plans.len() > 1).iter().try_for_each(|line| context.output.line(line))?,
+            Format::Json => context.output.line(&shell::relaxed(&checked.to_document()))?,
+            _ => checked.lines(args.plans.len() > 1).iter().try_for_each(|line| context.output.line(line))?,
         }
-        exits.push(judged.exit());
+        exits.push(checked.exit());
     }
     // Of several plans, the worst counts.
     let worst = [Exit::No, Exit::Unsupported].into_iter().find(|exit| exits.contains(exit));
@@ -66,7 +66,7 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
 }
 
 /// A plan, and what its simulation shows.
-struct JudgedPlan {
+struct CheckedPlan {
     name: String,
     plan: Plan,
     verdict: Validation,
@@ -75,7 +75,7 @@ struct JudgedPlan {
     trace: Option<Vec<Happening>>,
 }
 
-impl JudgedPlan {
+impl CheckedPlan {
     fn new(file: &Source, domain: &Domain, problem: &Problem) -> Result<Self, Diagnostic> {
         let text = Source::new(file.name(), names::spell_plan(file.text()));
         let plan = Plan::from(read_plan(&text)?);
@@ -91,7 +91,7 @@ impl JudgedPlan {
         match self.verdict {
             Validation::Valid { .. } => Exit::Done,
             Validation::Invalid(_) => Exit::No,
-            Validation::Unjudged(_) => Exit::Unsupported,
+            Validation::Unchecked(_) => Exit::Unsupported,
         }
     }
 
@@ -146,12 +146,12 @@ impl JudgedPlan {
         let (step, message) = match &self.verdict {
             Validation::Valid { .. } => (None, None),
             Validation::Invalid(failure) => (failure.step(), Some(failure.to_string())),
-            Validation::Unjudged(reason) => (None, Some(reason.clone())),
+            Validation::Unchecked(reason) => (None, Some(reason.clone())),
         };
         let mut document = doc! {
             "plan": &self.name,
             "valid": match self.verdict {
-                Validation::Unjudged(_) => Bson::Null,
+                Validation::Unchecked(_) => Bson::Null,
                 ref verdict => Bson::Boolean(matches!(verdict, Validation::Valid { .. })),
             },
             "value": value,

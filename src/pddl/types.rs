@@ -64,7 +64,7 @@ impl Types {
         let Some(number) = self.table.find(parent.as_str()) else { return };
         if child == OBJECT {
             if number != OBJECT {
-                report.warning(parent.span(), "`object` is above all types; what it is said to belong to is ignored");
+                report.warning(parent.span(), "`object` is above all types; its supertype is ignored");
             }
             return;
         }

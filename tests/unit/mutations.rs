@@ -79,7 +79,7 @@ fn compare(name: &str, domain_text: &str, problem_text: &str, count: usize) -> O
             .collect();
         let replayed = other.replay(&told);
         let agreed = replayed.as_ref().is_ok_and(|verified| verified.hard_goal_met);
-        assert!(!matches!(verdict, Validation::Unjudged(_)), "{name}: {verdict}");
+        assert!(!matches!(verdict, Validation::Unchecked(_)), "{name}: {verdict}");
         if round == 0 && verdict.is_valid() && !agreed {
             // A goal that is no conjunction is reached by an action that the engine adds.
             return None;

@@ -207,7 +207,7 @@ fn derived_predicates_follow_the_facts() {
     );
     let paradox = "(define (domain d) (:predicates (p)) (:derived (p) (not (p))))";
     let verdict = verdict(paradox, "(define (problem t) (:domain d) (:goal (p)))", "");
-    assert!(matches!(verdict, Validation::Unjudged(_)), "{verdict}");
+    assert!(matches!(verdict, Validation::Unchecked(_)), "{verdict}");
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn quantifiers_range_over_the_objects_of_their_type() {
 fn what_is_not_simulated_is_neither_valid_nor_invalid() {
     let unjudged = |domain: &str, problem: &str, plan: &str| {
         let verdict = verdict(domain, problem, plan);
-        assert!(matches!(verdict, Validation::Unjudged(_)), "{verdict}");
+        assert!(matches!(verdict, Validation::Unchecked(_)), "{verdict}");
     };
     let plain = "(define (domain d) (:predicates (p)) (:action a :effect (p)))";
     unjudged(plain, "(define (problem t) (:domain d) (:goal (p)) (:constraints (always (p))))", "(a)");

@@ -204,7 +204,7 @@ impl Search<'_, '_> {
         let mut slots = Vec::new();
         free_slots(formula, u32::try_from(objects.len()).unwrap_or(u32::MAX), &mut slots);
         let is_open = slots.iter().any(|slot| objects.get(*slot as usize).is_none_or(|object| *object == UNBOUND));
-        // With open variables it may hold for some; only what is certain is said.
+        // With open variables it may hold for some; only what is certain is reported.
         Ok(is_open || self.relaxed.can_hold(formula, &mut objects.clone())?)
     }
 

@@ -1,4 +1,4 @@
-//! What keeps a goal from being reached, and how that is told.
+//! Why a goal cannot be reached, and the text of the explanation.
 
 use std::fmt;
 

@@ -50,7 +50,7 @@ impl<'a> Relaxed<'a> {
             limit,
         };
         if domain.actions().iter().any(|action| action.has_locals) {
-            return Err(EvaluationError::Unjudged("`:vars` are not simulated".to_owned()));
+            return Err(EvaluationError::Unchecked("`:vars` are not simulated".to_owned()));
         }
         for fact in &problem.start.facts {
             relaxed.add(fact.clone());
@@ -371,7 +371,7 @@ impl<'a> Relaxed<'a> {
         match self.state.is_true(formula, objects) {
             Ok(holds) => Ok(holds == result),
             Err(EvaluationError::Wrong(_)) => Ok(!result),
-            Err(trouble) => Err(trouble),
+            Err(error) => Err(error),
         }
     }
 }

@@ -83,7 +83,7 @@ impl State<'_> {
             Change::When(condition, inner) => {
                 if moment.is_some_and(|moment| looks_elsewhere(condition, moment)) {
                     let reason = "conditional effects that look at another moment are not simulated";
-                    return Err(EvaluationError::Unjudged(reason.to_owned()));
+                    return Err(EvaluationError::Unchecked(reason.to_owned()));
                 }
                 if self.is_true(condition, bindings)? {
                     self.collect(inner, moment, now, bindings, changes)?;
@@ -104,7 +104,7 @@ impl State<'_> {
                 let value = self.number(value, bindings)?;
                 changes.update(fluent, update(*assigner, value)?, self)
             }
-            Change::AssignObject => Err(EvaluationError::Unjudged("object fluents are not simulated".to_owned())),
+            Change::AssignObject => Err(EvaluationError::Unchecked("object fluents are not simulated".to_owned())),
         }
     }
 

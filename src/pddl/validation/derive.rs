@@ -149,7 +149,7 @@ impl<'j> Join<'j> {
         let ended = self.solve(formula, &mut kinds, &mut bindings, &mut |bindings| {
             self.enumerate(slots, &all, bindings, &mut |bindings| {
                 found = Some(bindings.clone());
-                Err(EvaluationError::Unjudged("one is enough".to_owned()))
+                Err(EvaluationError::Unchecked("one is enough".to_owned()))
             })
         });
         match found {
@@ -165,7 +165,7 @@ impl<'j> Join<'j> {
                 budget.set(rest);
                 Ok(())
             }
-            None => Err(EvaluationError::Unjudged("too much was tried".to_owned())),
+            None => Err(EvaluationError::Unchecked("too much was tried".to_owned())),
         }
     }
 

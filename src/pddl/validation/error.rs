@@ -6,5 +6,5 @@ pub(in crate::pddl) enum EvaluationError {
     /// The plan is wrong: a number is asked for that is not there.
     Wrong(String),
     /// The simulation does not know this part of PDDL.
-    Unjudged(String),
+    Unchecked(String),
 }

@@ -32,7 +32,7 @@ pub(super) struct Instance<'a> {
 /// Why a simulation ended early.
 pub(super) enum Stop {
     Failure(Box<Failure>),
-    Unjudged(String),
+    Unchecked(String),
 }
 
 impl Stop {
@@ -116,10 +116,10 @@ fn happen(
             history.extend(changes.deletes.iter().map(|fact| (fact.clone(), (step, false))));
             history.extend(changes.adds.iter().map(|fact| (fact.clone(), (step, true))));
         }
-        all.join(changes, state).map_err(|trouble| stop(trouble, step, instances))?;
+        all.join(changes, state).map_err(|error| stop(error, step, instances))?;
     }
     let mut noted = state.trace.is_some().then(|| state.noted(&all, instances, now));
-    state.apply(all).map_err(|trouble| stop(trouble, last, instances))?;
+    state.apply(all).map_err(|error| stop(error, last, instances))?;
     if let (Some(noted), Some(mut trace)) = (noted.take(), state.trace.take()) {
         trace.push(state.with_values(noted));
         state.trace = Some(trace);
@@ -190,7 +190,7 @@ impl State<'_> {
             Point::End(step) => (step, Some(Moment::End)),
         };
         let Some(instance) = instances.get(step) else {
-            return Err(Stop::Unjudged("a step is missing".to_owned()));
+            return Err(Stop::Unchecked("a step is missing".to_owned()));
         };
         self.duration = instance.duration;
         let mut bindings: Bindings = instance.objects.clone();
@@ -207,14 +207,13 @@ impl State<'_> {
             }
         };
         self.demand(condition, &mut bindings, step, instances)?;
-        let changes = self
-            .changes(&body.effect, moment, &mut bindings)
-            .map_err(|trouble| stop(trouble, Some(step), instances))?;
+        let changes =
+            self.changes(&body.effect, moment, &mut bindings).map_err(|error| stop(error, Some(step), instances))?;
         let mut reads = HashSet::new();
         if !alone {
             let noted = self.reads(condition, &mut bindings, &mut reads);
             let noted = noted.and_then(|()| self.effect_reads(&body.effect, moment, &mut bindings, &mut reads));
-            noted.map_err(|trouble| stop(trouble, Some(step), instances))?;
+            noted.map_err(|error| stop(error, Some(step), instances))?;
         }
         Ok(Effects { step: Some(step), reads, changes })
     }
@@ -238,20 +237,20 @@ impl State<'_> {
         let fault = match self.is_true(condition, bindings) {
             Ok(true) => return Ok(()),
             Ok(false) => self.faulty(condition, bindings),
-            Err(trouble) => Err(trouble),
+            Err(error) => Err(error),
         };
         match fault {
             Ok(part) => {
                 let condition = self.blame(&[part]).concat();
                 Err(Stop::failure(Failure::Precondition { step, action: text(instances, step), condition }))
             }
-            Err(trouble) => Err(stop(trouble, Some(step), instances)),
+            Err(error) => Err(stop(error, Some(step), instances)),
         }
     }
 
     fn check_duration(&mut self, step: usize, instance: &Instance<'_>, all: &[Instance<'_>]) -> Result<(), Stop> {
         if is_continuous(&instance.action.body.effect) {
-            return Err(Stop::Unjudged(format!("the effects of `{}` are continuous", instance.action.name())));
+            return Err(Stop::Unchecked(format!("the effects of `{}` are continuous", instance.action.name())));
         }
         let Some(duration) = &instance.action.body.duration else { return Ok(()) };
         self.tolerance = DURATION_TOLERANCE;
@@ -360,7 +359,7 @@ fn function_key(ground: &Ground) -> Ground {
     key
 }
 
-/// Who reads, adds and deletes each fact, and who reads and changes each number, at one time.
+/// The steps that read, add and delete each fact, and that read and change each number, at one time.
 #[derive(Default)]
 struct Uses<'e> {
     reads: HashMap<&'e Ground, Vec<usize>>,
@@ -372,7 +371,7 @@ struct Uses<'e> {
 enum Touch {
     Added,
     Deleted,
-    /// A number got another value; who changes the same one is looked at when the changes are joined.
+    /// A number got another value; conflicting changes are found when the changes are joined.
     Computed,
 }
 
@@ -390,7 +389,7 @@ fn check_interference(effects: &[Effects], instances: &[Instance<'_>]) -> Result
             uses.changes.entry(fact).or_default().push((place, touch));
         }
     }
-    // Of several, the one that comes first in the plan is said.
+    // Of several, the first in the plan is reported.
     let mut worst: Option<(usize, usize)> = None;
     let mut note = |one: usize, other: usize| {
         let pair = (one.min(other), one.max(other));
@@ -428,10 +427,10 @@ fn text(instances: &[Instance<'_>], step: usize) -> String {
     instances.get(step).map_or_else(String::new, |instance| instance.text.clone())
 }
 
-/// A trouble at a step as an end of the simulation.
-fn stop(trouble: EvaluationError, step: Option<usize>, instances: &[Instance<'_>]) -> Stop {
-    match trouble {
-        EvaluationError::Unjudged(reason) => Stop::Unjudged(reason),
+/// An error at a step as an end of the simulation.
+fn stop(error: EvaluationError, step: Option<usize>, instances: &[Instance<'_>]) -> Stop {
+    match error {
+        EvaluationError::Unchecked(reason) => Stop::Unchecked(reason),
         EvaluationError::Wrong(reason) => {
             let action = step.map_or_else(String::new, |step| text(instances, step));
             Stop::failure(Failure::Number { step, action, reason })

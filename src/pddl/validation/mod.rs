@@ -1,4 +1,4 @@
-//! Plans, simulated: rmem's own judge, so that no planner vouches for itself.
+//! Simulation of plans: every planner's plan is checked independently of the planner.
 //!
 //! Only the plan's actions are instantiated, never the task. Conditions are looked up
 //! in a set of facts, quantifiers range over the objects of their types, and derived
@@ -12,8 +12,8 @@ mod change;
 mod derive;
 mod error;
 mod happening;
-mod judge;
 mod repair;
+mod simulation;
 mod state;
 mod stratum;
 mod text;
@@ -25,7 +25,7 @@ pub(super) use error::EvaluationError;
 pub(super) use state::{Bindings, Ground, State, UNBOUND};
 pub(super) use stratum::{free_slots, predicates};
 
-pub use judge::{trace, validate};
+pub use simulation::{trace, validate};
 pub use repair::{Cause, Remedy, Repair, repair};
 pub use trace::{Event, Happening};
 pub use verdict::{Failure, Validation};

@@ -8,7 +8,7 @@ use std::fmt;
 
 use super::derive::Join;
 use super::error::EvaluationError;
-use super::judge::judge;
+use super::simulation::verify;
 use super::state::{Bindings, Ground, History, State, UNBOUND};
 use super::truth::at_moment;
 use crate::formats::pddl::ast::{Assigner, Comparator, Moment};
@@ -78,7 +78,7 @@ pub struct Remedy {
 pub fn repair(domain: &Domain, problem: &Problem, steps: &[Step]) -> Vec<Repair> {
     let mut state = State::new(domain, problem);
     state.history = Some(History::new());
-    if judge(&mut state, steps).is_ok() {
+    if verify(&mut state, steps).is_ok() {
         return Vec::new();
     }
     state.duration = None;
@@ -237,9 +237,9 @@ impl<'s> Scene<'s> {
         }
         let parameters = objects.get(..action.variables.len()).unwrap_or_default();
         let mut missing = Vec::new();
-        let Formula::And(parts) = &condition else { return Err(EvaluationError::Unjudged(String::new())) };
+        let Formula::And(parts) = &condition else { return Err(EvaluationError::Unchecked(String::new())) };
         for part in parts {
-            // With open variables it may hold for some; only what is certain is said.
+            // With open variables it may hold for some; only what is certain is reported.
             if missing.len() < MISSING
                 && self.is_closed(part, &objects)
                 && !self.state.is_true(part, &mut objects.clone())?

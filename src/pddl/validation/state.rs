@@ -57,7 +57,7 @@ pub(in crate::pddl) struct State<'a> {
 pub(super) type History = HashMap<Ground, (Option<usize>, bool)>;
 
 impl<'a> State<'a> {
-    /// The initial state. Costs begin at zero where nothing else is said, as for every planner that counts them.
+    /// The initial state. Costs begin at zero unless the problem sets them, as in every planner that counts them.
     pub(in crate::pddl) fn new(domain: &'a Domain, problem: &'a Problem) -> Self {
         let functions = &domain.vocabulary.functions;
         let mut values: HashMap<Ground, f64> = HashMap::new();
@@ -149,6 +149,6 @@ pub(super) fn value(argument: Arg, bindings: &Bindings) -> Result<u32, Evaluatio
     match argument {
         Arg::Object(number) => Ok(number),
         Arg::Slot(slot) => Ok(bindings.get(slot as usize).copied().unwrap_or(UNBOUND)),
-        Arg::Fluent => Err(EvaluationError::Unjudged("object fluents are not simulated".to_owned())),
+        Arg::Fluent => Err(EvaluationError::Unchecked("object fluents are not simulated".to_owned())),
     }
 }

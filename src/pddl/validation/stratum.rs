@@ -111,7 +111,7 @@ pub(super) fn strata<'r>(rules: &'r [Rule], derived: &[u32]) -> Result<Vec<Vec<&
             });
             if level > bound {
                 let reason = "a derived predicate depends on its own absence";
-                return Err(EvaluationError::Unjudged(reason.to_owned()));
+                return Err(EvaluationError::Unchecked(reason.to_owned()));
             }
             changed |= level != before;
             levels.insert(rule.predicate, level);

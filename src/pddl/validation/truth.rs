@@ -41,7 +41,7 @@ impl State<'_> {
             }
             Formula::Timed(_, inner) => self.is_true(inner, bindings),
             Formula::Preference(_) => Ok(true),
-            Formula::Modal => Err(EvaluationError::Unjudged("constraints are not simulated".to_owned())),
+            Formula::Modal => Err(EvaluationError::Unchecked("constraints are not simulated".to_owned())),
         }
     }
 
@@ -96,11 +96,11 @@ impl State<'_> {
             }
             Number::Operation(operator, operands) => self.operation(*operator, operands, bindings),
             Number::Duration => self.duration.ok_or_else(|| {
-                EvaluationError::Unjudged("`?duration` means nothing outside a durative action".to_owned())
+                EvaluationError::Unchecked("`?duration` means nothing outside a durative action".to_owned())
             }),
             Number::TotalTime => Ok(self.time),
-            Number::Elapsed => Err(EvaluationError::Unjudged("continuous effects are not simulated".to_owned())),
-            Number::Violations(_) => Err(EvaluationError::Unjudged("preferences are not counted".to_owned())),
+            Number::Elapsed => Err(EvaluationError::Unchecked("continuous effects are not simulated".to_owned())),
+            Number::Violations(_) => Err(EvaluationError::Unchecked("preferences are not counted".to_owned())),
         }
     }
 
@@ -116,7 +116,7 @@ impl State<'_> {
             (Operator::Subtract, [left, right]) => left - right,
             (Operator::Divide, [_, 0.0]) => return Err(EvaluationError::Wrong("a division by zero".to_owned())),
             (Operator::Divide, [left, right]) => left / right,
-            _ => return Err(EvaluationError::Unjudged(format!("`{operator}` with {} operands", values.len()))),
+            _ => return Err(EvaluationError::Unchecked(format!("`{operator}` with {} operands", values.len()))),
         })
     }
 

@@ -1,4 +1,4 @@
-//! The verdict on a plan, and how it is said.
+//! The verdict on a plan, and its text.
 
 use std::fmt;
 
@@ -16,7 +16,7 @@ pub enum Validation {
     /// The plan is wrong, and where.
     Invalid(Failure),
     /// The plan needs a part of PDDL that is not simulated: neither valid nor invalid is claimed.
-    Unjudged(String),
+    Unchecked(String),
 }
 
 /// What is wrong with a plan. Steps count from 0; names are spelled as the domain and the problem spell them.
@@ -181,7 +181,7 @@ impl fmt::Display for Validation {
             Self::Valid { value: Some(value) } => write!(f, "the plan is valid, value {value}"),
             Self::Valid { value: None } => f.write_str("the plan is valid"),
             Self::Invalid(failure) => write!(f, "the plan is invalid: {failure}"),
-            Self::Unjudged(reason) => write!(f, "the plan cannot be judged: {reason}"),
+            Self::Unchecked(reason) => write!(f, "the plan cannot be checked: {reason}"),
         }
     }
 }

@@ -18,10 +18,10 @@ const GOAL_LIMIT: usize = 20;
 /// Names compare without regard to case. Preferences never make a plan invalid.
 #[must_use]
 pub fn validate(domain: &Domain, problem: &Problem, steps: &[Step]) -> Validation {
-    match judge(&mut State::new(domain, problem), steps) {
+    match verify(&mut State::new(domain, problem), steps) {
         Ok(value) => Validation::Valid { value },
         Err(Stop::Failure(failure)) => Validation::Invalid(*failure),
-        Err(Stop::Unjudged(reason)) => Validation::Unjudged(reason),
+        Err(Stop::Unchecked(reason)) => Validation::Unchecked(reason),
     }
 }
 
@@ -30,21 +30,21 @@ pub fn validate(domain: &Domain, problem: &Problem, steps: &[Step]) -> Validatio
 pub fn trace(domain: &Domain, problem: &Problem, steps: &[Step]) -> Vec<Happening> {
     let mut state = State::new(domain, problem);
     state.trace = Some(Vec::new());
-    // What is wrong is said by `validate`.
-    let _ = judge(&mut state, steps);
+    // `validate` reports what is wrong.
+    let _ = verify(&mut state, steps);
     state.trace.unwrap_or_default()
 }
 
 /// Lets a plan happen in a state, which is left as it was when the plan broke.
-pub(super) fn judge(state: &mut State<'_>, steps: &[Step]) -> Result<Option<f64>, Stop> {
+pub(super) fn verify(state: &mut State<'_>, steps: &[Step]) -> Result<Option<f64>, Stop> {
     let (domain, problem) = (state.domain, state.problem);
     let instances = instances(domain, problem, steps)?;
     if domain.is_constrained || problem.is_constrained {
-        return Err(Stop::Unjudged("constraints are not simulated".to_owned()));
+        return Err(Stop::Unchecked("constraints are not simulated".to_owned()));
     }
     let fluents = domain.features().iter().chain(problem.features());
     if fluents.into_iter().any(|used| used.feature == Feature::ObjectFluents) {
-        return Err(Stop::Unjudged("object fluents are not simulated".to_owned()));
+        return Err(Stop::Unchecked("object fluents are not simulated".to_owned()));
     }
     simulate(state, &instances)?;
     check_goal(state)?;
@@ -52,14 +52,14 @@ pub(super) fn judge(state: &mut State<'_>, steps: &[Step]) -> Result<Option<f64>
 }
 
 fn check_goal(state: &State<'_>) -> Result<(), Stop> {
-    let trouble = |trouble| match trouble {
-        EvaluationError::Unjudged(reason) => Stop::Unjudged(reason),
+    let error = |error| match error {
+        EvaluationError::Unchecked(reason) => Stop::Unchecked(reason),
         EvaluationError::Wrong(reason) => Stop::failure(Failure::Number { step: None, action: String::new(), reason }),
     };
-    if state.is_true(&state.problem.goal, &mut Bindings::new()).map_err(trouble)? {
+    if state.is_true(&state.problem.goal, &mut Bindings::new()).map_err(error)? {
         return Ok(());
     }
-    let parts = state.all_faulty(&state.problem.goal, GOAL_LIMIT).map_err(trouble)?;
+    let parts = state.all_faulty(&state.problem.goal, GOAL_LIMIT).map_err(error)?;
     Err(Stop::failure(Failure::Goal { conditions: state.blame(&parts) }))
 }
 
@@ -79,7 +79,7 @@ fn instances<'a>(domain: &'a Domain, problem: &Problem, steps: &[Step]) -> Resul
         time += 1.0;
         let (action, objects) = look_up(domain, problem, index, step)?;
         if action.has_locals {
-            return Err(Stop::Unjudged(format!("the `:vars` of action `{}` are not simulated", action.name())));
+            return Err(Stop::Unchecked(format!("the `:vars` of action `{}` are not simulated", action.name())));
         }
         let start = if is_timed { step.start } else { Some(time) };
         let (start, duration) = times(action, start, step.duration, is_timed)
