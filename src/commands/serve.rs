@@ -30,7 +30,7 @@ run for whoever asks, documents are shown without their metadata, and change str
 hour. Other rmem processes use the file beside it; one process at a time serves a file (exit code 5).\n\
 An address that other machines reach needs --users and TLS. A file of users has a line for each,\n\
 NAME:PASSWORD, or NAME: and what --hash-password prints; only its owner may read it. Ends with 0 on\n\
-SIGTERM, once what was begun is answered. Takes sockets from systemd and tells it when it is ready."
+SIGTERM, once what was begun is answered. Takes sockets from systemd and notifies it when it is ready."
 )]
 pub struct ServeArgs {
     /// Listen on ADDRESS: HOST, HOST:PORT or :PORT; port 0 is any free one (can be repeated)
@@ -42,10 +42,10 @@ pub struct ServeArgs {
     /// Refuse what changes the memory
     #[arg(long)]
     pub read_only: bool,
-    /// Only let users of FILE in, who log in by SCRAM-SHA-256
+    /// Require a login (SCRAM-SHA-256) by the users of FILE
     #[arg(long, value_name = "FILE")]
     pub users: Option<PathBuf>,
-    /// Encrypt with this certificate (PEM, with those that vouch for it)
+    /// Encrypt with this certificate chain (PEM)
     #[arg(long, value_name = "FILE", requires = "tls_key")]
     pub tls_cert: Option<PathBuf>,
     /// The certificate's private key (PEM)
@@ -57,7 +57,7 @@ pub struct ServeArgs {
     /// At most N connections at once
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub max_connections: u32,
-    /// Close cursors that nobody has read for so long
+    /// Close cursors that were not read for this long
     #[arg(long, value_name = "DURATION", default_value = "10m", value_parser = quantity::duration)]
     pub cursor_timeout: Duration,
     /// Print the URIs to connect to on stdout, once clients may
@@ -80,7 +80,7 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     fill(args, context)?;
     let guard = InterruptGuard::new();
     let running = Running::start(opener(context.opening()), options).context("cannot start")?;
-    files.iter().try_for_each(|file| running.server().hear(file)).context("cannot start")?;
+    files.iter().try_for_each(|file| running.server().listen_at(file)).context("cannot start")?;
     let uris: Vec<String> = listeners.iter().map(uri).collect();
     let threads = start(listeners, running.server())?;
     announce(args, &uris, &mut locks, context)?;
@@ -152,13 +152,13 @@ fn listeners(args: &ServeArgs, tls: Option<&Tls>, has_users: bool, context: &Con
     Ok(listeners)
 }
 
-/// What other machines reach needs passwords that nobody between can read.
+/// An address that other machines reach needs passwords and encryption.
 fn check_reach(address: &Address, has_tls: bool, has_users: bool) -> Result<(), UsageError> {
     if address.is_local() || (has_tls && has_users) {
         return Ok(());
     }
     Err(UsageError::new(format!(
-        "{address} can be reached from other machines, and everybody there could read and change the memory; \
+        "{address} can be reached from other machines, which could all read and change the memory; \
          give --users, --tls-cert and --tls-key, or listen on 127.0.0.1 or a --socket"
     )))
 }
@@ -185,7 +185,7 @@ fn files(settings: &Settings) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Who serves the local memory, where somebody does.
+/// The server of the local memory, if one runs.
 pub(super) fn server(settings: &Settings) -> Option<lock::Holder> {
     files(settings).ok()?.first().and_then(|file| lock::holder(file))
 }
@@ -194,7 +194,7 @@ fn take_locks(files: &[PathBuf]) -> Result<Vec<Lock>> {
     files.iter().map(|file| Ok(Lock::take(file)?)).collect()
 }
 
-/// Opens the memory once: what is wrong is said now, and a file that is not there is made.
+/// Opens the memory once: errors are reported now, and a missing file is created.
 fn fill(args: &ServeArgs, context: &mut Context<'_>) -> Result<()> {
     let memory = if args.read_only { context.memory()? } else { context.memory_to_fill()? };
     let is_file = context.settings.memory.value.as_deref().is_some_and(|uri| uri.starts_with("file:"));
@@ -229,7 +229,7 @@ fn start(listeners: Vec<Listener>, server: &Arc<Server>) -> Result<Vec<std::thre
 /// Says that clients may connect, and where.
 fn announce(args: &ServeArgs, uris: &[String], locks: &mut [Lock], context: &mut Context<'_>) -> Result<()> {
     for lock in locks {
-        lock.tell(&uris.join("\n"))?;
+        lock.write_uris(&uris.join("\n"))?;
     }
     if args.print_uri {
         for uri in uris {

@@ -1,4 +1,4 @@
-//! A command that is being run: what is asked, and by whom.
+//! A command that is being run, and its client.
 
 use super::access::{Access, Metadata};
 use super::request::Request;

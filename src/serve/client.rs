@@ -1,4 +1,4 @@
-//! Who is at the other end of a connection.
+//! The client of a connection.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use super::access::Metadata;
 use super::auth::Conversation;
 use super::session::SessionId;
 
-/// A client, as far as it has said who it is.
+/// A client, as far as it has introduced itself.
 pub(super) struct Client {
     pub(super) id: i64,
     /// Its address.
@@ -16,9 +16,9 @@ pub(super) struct Client {
     /// This server, as the client reaches it.
     pub(super) host: String,
     pub(super) metadata: Metadata,
-    /// Whether it has to say who it is before anything else.
+    /// Whether it has to log in before anything else.
     pub(super) needs_login: bool,
-    /// Who it has proven to be.
+    /// The user as whom it has logged in.
     pub(super) user: Option<User>,
     /// A login that has begun.
     pub(super) login: Option<Conversation>,

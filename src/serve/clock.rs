@@ -1,4 +1,4 @@
-//! Times of operations as MongoDB tells them: seconds, and a count within the second.
+//! Times of operations as MongoDB writes them: seconds, and a count within the second.
 //!
 //! The count is the milliseconds times a thousand, and a number that keeps two from being the same.
 

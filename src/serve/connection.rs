@@ -24,7 +24,7 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     let memory = Lazy::of_connection(server);
     let Ok(host) = Host::new(server, &memory, false) else { return };
     let mut connection = Connection { reader: BufReader::with_capacity(64 << 10, stream), host, client };
-    // A connection that broke is over; there is nobody to be told.
+    // A connection that broke is over; no client reads the error.
     let _ = connection.speak();
     let Connection { client, host, reader } = connection;
     drop(reader);
@@ -102,7 +102,7 @@ impl Connection<'_> {
     fn listen(&mut self) -> Result<(), WireError> {
         let limit = Timespec::try_from(TICK).ok();
         loop {
-            let (mut said, mut rung) = (false, false);
+            let (mut received, mut rung) = (false, false);
             {
                 let stream = PollFd::from_borrowed_fd(self.reader.get_ref().descriptor(), PollFlags::IN);
                 let bell = PollFd::new(self.host.inbox.bell(), PollFlags::IN);
@@ -110,7 +110,7 @@ impl Connection<'_> {
                 match poll(&mut both, limit.as_ref()) {
                     Ok(_) => {
                         let mut has_come = both.iter().map(|one| !one.revents().is_empty());
-                        said = has_come.next().unwrap_or(true);
+                        received = has_come.next().unwrap_or(true);
                         rung = has_come.next().unwrap_or(false);
                     }
                     Err(rustix::io::Errno::INTR) => {}
@@ -121,13 +121,13 @@ impl Connection<'_> {
                 self.host.handle_letters();
             }
             self.host.expire();
-            if said || !self.host.has_cursors() {
+            if received || !self.host.has_cursors() {
                 return Ok(());
             }
         }
     }
 
-    /// Runs a command; gives what is said to it.
+    /// Runs a command; returns the answer.
     fn answer(&mut self, message: Message, form: Form) -> (RawDocumentBuf, GoesOn) {
         Counters::add(&self.host.server.counters.commands, 1);
         if let Some(name) = self.reader.get_ref().name()

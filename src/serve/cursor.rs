@@ -14,7 +14,7 @@ use super::mailbox::{Letter, Mailbox};
 use super::session::SessionId;
 use crate::store::{Documents, MAX_SIZE, Namespace};
 
-/// How many documents the first batch has where nothing is said.
+/// How many documents the first batch has by default.
 const FIRST_BATCH: u64 = 101;
 /// At most so many cursors are open at once.
 const MOST: usize = 10_000;
@@ -78,7 +78,7 @@ pub(super) struct Open {
     pub(super) owner: Owner,
 }
 
-/// Who reads a cursor.
+/// The reader of a cursor.
 #[derive(Clone)]
 pub(super) enum Owner {
     /// The thread that opened it.
@@ -120,7 +120,7 @@ impl Cursors {
         self.lock().len()
     }
 
-    /// Removes a cursor; its thread is told to let go of it.
+    /// Removes a cursor; its thread frees it.
     pub(super) fn kill(&self, id: i64) -> bool {
         let removed = self.lock().remove(&id);
         if let Some(Open { owner: Owner::Thread(mailbox), .. }) = &removed {
@@ -142,7 +142,7 @@ impl Cursors {
         }
     }
 
-    /// The change streams that nobody has read since a time are closed.
+    /// Closes the change streams that were not read since a time.
     pub(super) fn expire_streams(&self, is_old: impl Fn(Instant) -> bool) {
         self.lock().retain(|_, open| match &open.owner {
             // One that is being read is in use.
@@ -160,7 +160,7 @@ fn is_locked(stream: &Mutex<Stream>) -> bool {
     matches!(stream.try_lock(), Err(std::sync::TryLockError::WouldBlock))
 }
 
-/// Nobody guesses the number of another's cursor.
+/// A client cannot guess the number of another's cursor.
 fn random() -> i64 {
     getrandom::u64().map_or_else(|_| i64::from(std::process::id()), u64::cast_signed)
 }

@@ -1,4 +1,4 @@
-//! Why a command failed, as clients are told.
+//! Errors of commands, as clients get them.
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
@@ -64,7 +64,7 @@ pub(super) struct Failure {
     pub(super) message: String,
     /// What drivers decide by whether to try again.
     pub(super) labels: Vec<&'static str>,
-    /// What else is said of it.
+    /// Further fields of the answer.
     pub(super) details: Box<Document>,
 }
 
@@ -145,7 +145,7 @@ fn computed(source: &(dyn std::error::Error + 'static)) -> Option<i32> {
     query.or_else(|| source.source().and_then(computed))
 }
 
-/// A taken key in MongoDB's words; drivers and programs look for them. The key is as stores tell it:
+/// A taken key in MongoDB's words; drivers and programs look for them. The key is as stores write it:
 /// `_id: 7`, or `name: "x" (unique index name_1)`.
 fn duplicate(ns: &str, key: &str) -> Failure {
     let (key, index) = match key.rsplit_once(" (unique index ") {

@@ -31,7 +31,7 @@ pub(super) struct Lazy {
 }
 
 impl Lazy {
-    /// The memory of the one who writes.
+    /// The memory of the writing thread.
     pub(super) fn new(server: &Arc<Server>) -> Self {
         Self { server: Arc::clone(server), memory: OnceCell::new(), cache: None }
     }
@@ -118,7 +118,7 @@ impl<'m> Host<'m> {
 
     pub(super) fn handle(&mut self, letter: Letter) {
         match letter {
-            // What nobody waits for any more.
+            // Answers that are not awaited any more.
             Letter::Answer(_) => {}
             Letter::Kill(cursor) => drop(self.cursors.remove(&cursor)),
             Letter::More(more) => {
@@ -178,7 +178,7 @@ impl<'m> Host<'m> {
         self.server.cursors.forget(cursor);
     }
 
-    /// Closes cursors that nobody has read for long.
+    /// Closes cursors that were not read for long.
     pub(super) fn expire(&mut self) {
         let limit = self.server.options.cursor_timeout;
         let old = |results: &Results<'_>| !results.never_expires && results.used.elapsed() >= limit;

@@ -1,9 +1,9 @@
-//! Telling those who wait for changes that there may be some.
+//! Notifies threads that wait for changes.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A count that grows with each call, and those who wait for it to grow.
+/// A count that grows with each call, and the threads that wait for it to grow.
 #[derive(Debug, Default)]
 pub(super) struct Hub {
     calls: Mutex<u64>,
@@ -16,7 +16,7 @@ impl Hub {
         *self.lock()
     }
 
-    /// Calls all who wait.
+    /// Notifies all waiting threads.
     pub(super) fn call(&self) {
         *self.lock() += 1;
         self.called.notify_all();

@@ -21,7 +21,7 @@ use super::tls::Tls;
 /// How often it is looked whether the server is to end.
 const SLICE: Duration = Duration::from_millis(100);
 
-/// Why nobody can be listened to.
+/// Why the server cannot listen.
 #[derive(Debug, thiserror::Error)]
 pub enum ListenError {
     /// The port is taken, or the address is not this machine's.
@@ -55,7 +55,7 @@ pub struct Listener {
     kind: Kind,
     address: Address,
     tls: Option<Tls>,
-    /// Whether a socket stays in the file system when the server ends: it is somebody else's.
+    /// Whether a socket stays in the file system when the server ends: it belongs to another process.
     is_kept: bool,
 }
 
@@ -156,7 +156,7 @@ impl Listener {
         }
     }
 
-    /// Gives a client a thread of its own, where there is room.
+    /// Gives a client a thread of its own, below the limit of connections.
     fn admit(&self, server: &Arc<Server>, incoming: Incoming, peer: String) -> io::Result<()> {
         let (host, id) = (incoming.host(&self.address), server.next_id());
         let stream = incoming.stream(self.tls.as_ref())?;

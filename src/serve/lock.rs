@@ -17,7 +17,7 @@ pub struct Lock {
     path: PathBuf,
 }
 
-/// Who serves a file.
+/// The server of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder {
     /// Its process id.
@@ -34,7 +34,7 @@ pub enum LockError {
     Held {
         /// Which file.
         path: PathBuf,
-        /// Who.
+        /// Its process.
         holder: Holder,
     },
     /// The lock cannot be written.
@@ -77,7 +77,7 @@ impl Lock {
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn tell(&mut self, uris: &str) -> Result<(), LockError> {
+    pub fn write_uris(&mut self, uris: &str) -> Result<(), LockError> {
         let failed = |source| LockError::File { path: self.path.clone(), source };
         self.file.set_len(0).map_err(failed)?;
         write!(self.file, "{}\n{uris}\n", std::process::id()).map_err(failed)
@@ -91,7 +91,7 @@ impl Drop for Lock {
     }
 }
 
-/// Who serves a memory's file, where somebody does.
+/// The server of a memory's file, if one runs.
 #[must_use]
 pub fn holder(memory: &Path) -> Option<Holder> {
     let path = beside(memory);
@@ -122,7 +122,7 @@ mod tests {
         let memory = folder.path().join("robot.rmem");
         assert_eq!(holder(&memory), None);
         let mut lock = Lock::take(&memory).unwrap();
-        lock.tell("mongodb://127.0.0.1:1/\nmongodb://%2Ftmp%2Fx/").unwrap();
+        lock.write_uris("mongodb://127.0.0.1:1/\nmongodb://%2Ftmp%2Fx/").unwrap();
         let found = holder(&memory).unwrap();
         assert_eq!(found.process, std::process::id());
         assert_eq!(found.uris, "mongodb://127.0.0.1:1/, mongodb://%2Ftmp%2Fx/");

@@ -37,9 +37,9 @@ pub(super) struct Mailbox {
 }
 
 impl Mailbox {
-    /// Sends an answer to who waits for one.
+    /// Sends an answer to the waiting thread.
     pub(super) fn answer(&self, answer: Answer) {
-        // Nobody waits any more where the thread has ended.
+        // The thread that waited may have ended.
         let _ = self.letters.send(Letter::Answer(answer));
     }
 

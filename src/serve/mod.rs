@@ -1,12 +1,12 @@
 //! The memory for every MongoDB client: MongoDB's wire protocol over operations of a memory.
 //!
 //! A connection is a thread with a memory of its own ([`host`]), which reads without waiting for
-//! anybody. What is written goes through one thread ([`writer`]), which makes what many clients
+//! others. What is written goes through one thread ([`writer`]), which makes what many clients
 //! write at once durable by one sync, and to which a transaction belongs while it lasts. Change
 //! streams read what the store keeps of changes ([`changes`]), so that they hold nothing, and go on after
 //! either side was killed. A command is a function and a line in a table ([`command`]).
 //!
-//! It is the memory that is served: computables run for whoever asks, shared databases are routed, `_robmem_info`
+//! It is the memory that is served: computables run for every client, shared databases are routed, `_robmem_info`
 //! is hidden ([`access`]), what decayed is not there.
 
 mod access;

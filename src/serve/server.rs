@@ -32,11 +32,11 @@ pub struct Options {
     pub metadata: bool,
     /// Nothing may be changed.
     pub read_only: bool,
-    /// Who may connect; everybody where there are none.
+    /// The users who may connect; none means that no login is needed.
     pub users: Option<Arc<Users>>,
     /// At most so many connections at once.
     pub connections: usize,
-    /// How long a cursor lives that nobody reads.
+    /// How long a cursor lives without being read.
     pub cursor_timeout: Duration,
 }
 
@@ -120,7 +120,7 @@ impl Server {
     ///
     /// # Errors
     /// Where the system has no more threads to give.
-    pub fn hear(self: &Arc<Self>, file: &Path) -> std::io::Result<()> {
+    pub fn listen_at(self: &Arc<Self>, file: &Path) -> std::io::Result<()> {
         let (server, notifier) = (Arc::clone(self), Notifier::new(file));
         let listen = move || {
             while !server.is_stopping() {
@@ -178,7 +178,7 @@ impl Server {
     }
 }
 
-/// A thread with as much room as the first of a process.
+/// A thread whose stack is as large as that of a process's first thread.
 pub(super) fn thread(name: &str) -> std::thread::Builder {
     std::thread::Builder::new().name(name.to_owned()).stack_size(8 << 20)
 }

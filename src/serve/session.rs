@@ -9,7 +9,7 @@ use bson::{Binary, Bson, Document, doc};
 use super::failure::{Failure, codes};
 use super::fields::Fields;
 
-/// How many minutes a session lives without being used, as drivers are told.
+/// How many minutes a session lives without being used, which drivers get.
 pub(super) const TIMEOUT_MINUTES: i32 = 30;
 
 /// How long a transaction may take.

@@ -71,7 +71,7 @@ impl Stream {
         Ok(Handle { socket, is_busy: Arc::default() })
     }
 
-    /// Whether bytes have been received that nobody has read yet.
+    /// Whether bytes have been received that were not read yet.
     pub(super) fn has_received(&mut self) -> bool {
         match self {
             Self::Tcp(_) | Self::Unix(_) => false,
@@ -81,7 +81,7 @@ impl Stream {
         }
     }
 
-    /// The name by which the client called this machine, where it said so.
+    /// The name by which the client called this machine, if it sent one.
     pub(super) fn name(&self) -> Option<&str> {
         match self {
             Self::Tls(stream) => stream.conn.server_name(),

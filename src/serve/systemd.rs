@@ -26,10 +26,10 @@ pub fn listeners(tls: Option<&Tls>) -> Result<Vec<Listener>, ListenError> {
     Ok(listeners)
 }
 
-/// Tells a service manager, at its socket `NOTIFY_SOCKET`, something like `READY=1`.
+/// Sends a service manager, at its socket `NOTIFY_SOCKET`, a message like `READY=1`.
 pub fn notify(socket: Option<&str>, state: &str) {
     let Some(name) = socket.filter(|name| !name.is_empty()) else { return };
-    // Whoever is not there is not told.
+    // Without a service manager there is nothing to do.
     let _ = send(name, state);
 }
 
@@ -55,8 +55,8 @@ mod tests {
         let manager = UnixDatagram::bind(&path).unwrap();
         notify(None, "READY=1");
         notify(path.to_str(), "READY=1");
-        let mut said = [0; 64];
-        let count = manager.recv(&mut said).unwrap();
-        assert_eq!(&said[..count], b"READY=1");
+        let mut message = [0; 64];
+        let count = manager.recv(&mut message).unwrap();
+        assert_eq!(&message[..count], b"READY=1");
     }
 }

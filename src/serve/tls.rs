@@ -41,7 +41,7 @@ impl AtFault for TlsError {
 }
 
 impl Tls {
-    /// Reads a certificate, with those that vouch for it behind it, and its key.
+    /// Reads a certificate chain and its key.
     ///
     /// # Errors
     /// Where a file cannot be read, or the two do not belong together.

@@ -64,9 +64,9 @@ fn superseded(once: &Once, last: i64) -> Failure {
     Failure::new(codes::TRANSACTION_TOO_OLD, message)
 }
 
-/// Tells those that have waited long enough to begin that another transaction is open: whoever began both, one
+/// Refuses transactions that have waited too long for another one that is open: whoever began both, one
 /// after the other, would wait for himself.
-fn refuse_patient(desk: &mut Desk<'_>) {
+fn refuse_overdue(desk: &mut Desk<'_>) {
     let has_waited = |job: &mut Job| matches!(job, Job::Step(step) if step.since.elapsed() >= BEGIN_TIMEOUT);
     while let Some(index) = desk.waiting.iter_mut().position(has_waited) {
         if let Some(Job::Step(step)) = desk.waiting.remove(index) {
@@ -93,7 +93,7 @@ struct Open {
 /// How a transaction came to its end.
 enum End {
     Commit(Mailbox),
-    /// Nothing of it is kept; who asked for that is told.
+    /// Nothing of it is kept; the client gets an error.
     Abort(Option<Mailbox>),
     /// Nothing of it is kept, and another job of the session comes next.
     Superseded(Job),
@@ -143,7 +143,7 @@ impl Open {
             if failed {
                 break End::Abort(None);
             }
-            refuse_patient(desk);
+            refuse_overdue(desk);
             let left = self.until.saturating_duration_since(Instant::now());
             match desk.arriving(left.min(SLICE)) {
                 None if left.is_zero() => break End::Abort(None),
@@ -183,7 +183,7 @@ impl Open {
         end
     }
 
-    /// Whether a step can be of no transaction that is to come: what it is told does not have to wait.
+    /// Whether a step can be of no transaction that is to come: its answer does not have to wait.
     fn is_late(&self, step: &Step) -> bool {
         match step.once.session == self.once.session {
             true => step.once.number < self.once.number,

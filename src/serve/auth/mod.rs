@@ -1,4 +1,4 @@
-//! Who may connect: users with passwords, by SCRAM-SHA-256.
+//! Users with passwords who may connect, by SCRAM-SHA-256.
 
 mod scram;
 mod users;

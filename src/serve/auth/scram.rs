@@ -19,19 +19,19 @@ pub(in crate::serve) struct Conversation {
     pub(in crate::serve) id: i32,
     pub(in crate::serve) user: String,
     pub(in crate::serve) database: String,
-    /// Whether the client wants to hear the end of it with the proof.
+    /// Whether the client wants the final answer with the proof.
     pub(in crate::serve) skips_empty: bool,
     verifier: Verifier,
-    /// What the client said of channel binding.
+    /// The client's flag of channel binding.
     header: String,
     nonce: String,
     /// The client's first message without its header, and the server's.
-    said: String,
-    /// Whether the client has proven who it is.
+    signed: String,
+    /// Whether the client has proven its identity.
     pub(in crate::serve) is_proven: bool,
 }
 
-/// A login is refused; why, is nobody's business.
+/// A login is refused; the reason is not revealed.
 #[derive(Debug, PartialEq, Eq)]
 pub(in crate::serve) struct Refused;
 
@@ -63,7 +63,7 @@ impl Conversation {
             verifier,
             header: header.to_owned(),
             nonce,
-            said: format!("{bare},{first}"),
+            signed: format!("{bare},{first}"),
             is_proven: false,
         };
         Ok((conversation, first))
@@ -79,7 +79,7 @@ impl Conversation {
         if STANDARD.decode(binding).map_err(|_| Refused)? != self.header.as_bytes() || nonce != self.nonce {
             return Err(Refused);
         }
-        let message = format!("{},{without_proof}", self.said);
+        let message = format!("{},{without_proof}", self.signed);
         let signature = hmac(&self.verifier.stored, message.as_bytes());
         let proof: Key = STANDARD.decode(proof).ok().and_then(|proof| proof.try_into().ok()).ok_or(Refused)?;
         let client: Vec<u8> = proof.iter().zip(signature).map(|(proof, signature)| proof ^ signature).collect();
@@ -117,7 +117,7 @@ fn unescaped(name: &str) -> Option<String> {
 
 /// Whether two keys are the same, found out in a time that says nothing of where they differ.
 fn is_same(one: &[u8], other: &[u8]) -> bool {
-    // What differs once is different everywhere behind a hash with a key nobody knows.
+    // What differs once is different everywhere behind a hash with a secret key.
     let key = random(32);
     let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(&key) else { return false };
     mac.update(one);
@@ -137,12 +137,12 @@ mod tests {
     }
 
     /// What a client proves with, by the RFC.
-    fn proof(password: &str, said: &str, without_proof: &str, verifier: &Verifier) -> String {
+    fn proof(password: &str, message: &str, without_proof: &str, verifier: &Verifier) -> String {
         let mut salted = Key::default();
         pbkdf2::pbkdf2_hmac::<Sha256>(password.as_bytes(), &verifier.salt, verifier.iterations, &mut salted);
         let client = hmac(&salted, b"Client Key");
         let stored: Key = Sha256::digest(client).into();
-        let signature = hmac(&stored, format!("{said},{without_proof}").as_bytes());
+        let signature = hmac(&stored, format!("{message},{without_proof}").as_bytes());
         STANDARD.encode(client.iter().zip(signature).map(|(a, b)| a ^ b).collect::<Vec<u8>>())
     }
 
@@ -153,11 +153,11 @@ mod tests {
         let without_proof = format!("c=biws,{nonce}");
         let verifier = conversation.verifier.clone();
         let proof = proof(password, &format!("{bare},{first}"), &without_proof, &verifier);
-        let said = format!("{without_proof},p={proof}");
-        let answer = conversation.prove(said.as_bytes());
+        let message = format!("{without_proof},p={proof}");
+        let answer = conversation.prove(message.as_bytes());
         // The same words prove nothing to another conversation.
         let (mut other, _) = Conversation::begin(&users(), 2, "admin", format!("n,,{bare}").as_bytes())?;
-        assert_eq!(other.prove(said.as_bytes()), Err(Refused));
+        assert_eq!(other.prove(message.as_bytes()), Err(Refused));
         answer
     }
 
@@ -170,13 +170,13 @@ mod tests {
 
     #[test]
     fn a_changed_header_or_nonce_is_refused() {
-        for said in ["p=tls-unique,,n=a,r=b", "n,,n=a", "n,,n=a=2,r=b", "", "n,,n=a,r=", "n=a,r=b"] {
-            assert!(Conversation::begin(&users(), 1, "admin", said.as_bytes()).is_err(), "{said}");
+        for message in ["p=tls-unique,,n=a,r=b", "n,,n=a", "n,,n=a=2,r=b", "", "n,,n=a,r=", "n=a,r=b"] {
+            assert!(Conversation::begin(&users(), 1, "admin", message.as_bytes()).is_err(), "{message}");
         }
         let (mut conversation, first) = Conversation::begin(&users(), 1, "admin", b"y,,n=a,r=b").unwrap();
         let nonce = first.split(',').next().unwrap();
-        for said in [format!("c=biws,{nonce},p=AAAA"), format!("c=eSws,{nonce}x,p=AAAA"), "p=".to_owned()] {
-            assert_eq!(conversation.prove(said.as_bytes()), Err(Refused), "{said}");
+        for message in [format!("c=biws,{nonce},p=AAAA"), format!("c=eSws,{nonce}x,p=AAAA"), "p=".to_owned()] {
+            assert_eq!(conversation.prove(message.as_bytes()), Err(Refused), "{message}");
         }
     }
 }

@@ -13,7 +13,7 @@ const SALT: usize = 28;
 /// Users by their names.
 pub struct Users {
     users: HashMap<String, Verifier>,
-    /// From it come the salts of users that there are not, so that nobody learns who there is.
+    /// Salts of unknown users are derived from it, so that a client cannot find out which users exist.
     secret: Vec<u8>,
 }
 
@@ -44,7 +44,7 @@ pub enum UsersError {
         /// What is wrong.
         reason: &'static str,
     },
-    /// Nobody is in it.
+    /// It has no users.
     #[error("{}: there is no user in it; expected lines of NAME:PASSWORD", path.display())]
     Empty {
         /// Which.

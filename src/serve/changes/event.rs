@@ -1,4 +1,4 @@
-//! A change as MongoDB tells it.
+//! A change as MongoDB reports it.
 
 use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
@@ -11,7 +11,7 @@ use crate::serve::clock;
 use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
 use crate::store::{Change, ChangeKind, Namespace, metadata};
 
-/// How changes are told.
+/// How changes are reported.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
     pub(super) after: After,
@@ -20,7 +20,7 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    /// The event of a change; none where it is none for whoever is told.
+    /// The event of a change; none where the stream does not report it.
     pub(super) fn event(&self, ns: &Namespace, change: Change, position: i64) -> Result<Option<Document>, Failure> {
         let (Some(before), Some(after)) = (self.shown(change.before)?, self.shown(change.after)?) else {
             return Ok(None);
@@ -52,8 +52,8 @@ impl Shape {
         Ok(Some(event))
     }
 
-    /// The document as whoever is told sees it. None where nobody does; none inside where there is no document.
-    #[expect(clippy::option_option, reason = "that there is none is another answer than that nobody sees it")]
+    /// The document as the stream shows it: the outer `None` where it is not shown, the inner where there is none.
+    #[expect(clippy::option_option, reason = "a missing document differs from one that is not shown")]
     fn shown(&self, document: Option<RawDocumentBuf>) -> Result<Option<Option<Document>>, Failure> {
         let Some(document) = document else { return Ok(Some(None)) };
         let shown = match self.metadata {

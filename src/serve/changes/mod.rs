@@ -1,4 +1,4 @@
-//! Change streams: the memory's triggers as MongoDB tells them.
+//! Change streams: the memory's triggers as MongoDB reports them.
 
 mod difference;
 mod event;

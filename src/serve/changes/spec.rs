@@ -1,4 +1,4 @@
-//! `$changeStream`: what is to be followed, from where, and how it is told.
+//! `$changeStream`: what is to be followed, from where, and how it is reported.
 
 use bson::{Bson, Document};
 
@@ -42,7 +42,7 @@ pub(super) enum Start {
     At(bson::Timestamp),
 }
 
-/// Whether updates are told with the document after them.
+/// Whether updates are reported with the document after them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum After {
     No,
@@ -50,7 +50,7 @@ pub(super) enum After {
     Required,
 }
 
-/// Whether changes are told with the document before them.
+/// Whether changes are reported with the document before them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Before {
     No,

@@ -1,4 +1,4 @@
-//! An open change stream: a position, and how changes behind it are told. It holds nothing of a thread or a store.
+//! An open change stream: a position, and how changes behind it are reported. It holds nothing of a thread or a store.
 
 use std::collections::VecDeque;
 use std::time::Instant;

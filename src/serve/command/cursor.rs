@@ -16,7 +16,7 @@ use crate::serve::host::Host;
 pub(super) const COMMANDS: &[Command] =
     &[Command::read("getMore", more).transactional(), Command::read("killCursors", kill).transactional()];
 
-/// How long a change stream waits where nothing is said.
+/// How long a change stream waits by default.
 const AWAIT: Duration = Duration::from_secs(1);
 
 fn more(host: &mut Host<'_>, call: &Call) -> Answer {

@@ -14,7 +14,7 @@ use crate::serve::server::Server;
 pub(super) struct Command {
     pub(super) name: &'static str,
     pub(super) run: Run,
-    /// Before somebody has logged in, too.
+    /// Allowed before a login, too.
     pub(super) is_open: bool,
     /// Whether it may be a part of a transaction.
     pub(super) in_transaction: bool,
@@ -46,7 +46,7 @@ impl Command {
         Self { name, run: Run::Write(run), is_open: false, in_transaction: false }
     }
 
-    /// The same, for everybody.
+    /// Allowed for every client.
     pub(super) const fn open(self) -> Self {
         Self { is_open: true, ..self }
     }

@@ -27,9 +27,9 @@ pub(super) fn explained(
     find: &Find,
     is_run: bool,
 ) -> Result<Document, Failure> {
-    let account = call.access(host.memory()?).explain(ns, find)?;
-    let number = |name: &str| account.get(name).cloned().unwrap_or(Bson::Int64(0));
-    let plan = plan(&account, find);
+    let explained = call.access(host.memory()?).explain(ns, find)?;
+    let number = |name: &str| explained.get(name).cloned().unwrap_or(Bson::Int64(0));
+    let plan = plan(&explained, find);
     let mut reply = doc! {
         "explainVersion": "1",
         "queryPlanner": {
@@ -55,7 +55,7 @@ pub(super) fn explained(
             },
         );
     }
-    if let Some(computables) = account.get("computables") {
+    if let Some(computables) = explained.get("computables") {
         reply.insert("computables", computables.clone());
     }
     reply.insert("serverInfo", server_info());
@@ -63,15 +63,15 @@ pub(super) fn explained(
 }
 
 /// The stages by which documents are found.
-fn plan(account: &Document, find: &Find) -> Document {
+fn plan(explained: &Document, find: &Find) -> Document {
     let alternatives: Vec<Document> =
-        account.get_array("any").into_iter().flatten().filter_map(Bson::as_document).map(scan).collect();
-    let source = match (alternatives.is_empty(), account.get_str("index")) {
+        explained.get_array("any").into_iter().flatten().filter_map(Bson::as_document).map(scan).collect();
+    let source = match (alternatives.is_empty(), explained.get_str("index")) {
         (false, _) => doc! { "stage": "FETCH", "inputStage": { "stage": "OR", "inputStages": alternatives } },
-        (true, Ok(_)) => doc! { "stage": "FETCH", "filter": find.filter.clone(), "inputStage": scan(account) },
+        (true, Ok(_)) => doc! { "stage": "FETCH", "filter": find.filter.clone(), "inputStage": scan(explained) },
         (true, Err(_)) => doc! { "stage": "COLLSCAN", "filter": find.filter.clone(), "direction": "forward" },
     };
-    let sorted = match account.get_str("sort") {
+    let sorted = match explained.get_str("sort") {
         Ok("memory") => doc! { "stage": "SORT", "sortPattern": find.sort.clone(), "inputStage": source },
         _ => source,
     };
@@ -81,8 +81,8 @@ fn plan(account: &Document, find: &Find) -> Document {
     }
 }
 
-fn scan(account: &Document) -> Document {
-    let of = |name: &str| account.get(name).cloned().unwrap_or_else(|| Document::new().into());
+fn scan(explained: &Document) -> Document {
+    let of = |name: &str| explained.get(name).cloned().unwrap_or_else(|| Document::new().into());
     doc! {
         "stage": "IXSCAN",
         "keyPattern": of("keys"),

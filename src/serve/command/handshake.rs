@@ -1,4 +1,4 @@
-//! What a client asks first: who is there, and what can be spoken of.
+//! The first commands of a client: the server's identity and abilities.
 
 use bson::{Bson, DateTime, Document, doc, oid::ObjectId};
 
@@ -69,7 +69,7 @@ fn hello(client: &mut Client, server: &Server, request: &Request) -> Answer {
 }
 
 /// What drivers take the server for: the one member of a replica set, found at `host`. A socket's path cannot be
-/// told as one, for drivers write hosts in small letters; there it is a router (mongos), which is
+/// the name of a member, since drivers write hosts in small letters; there it is a router (mongos), which is
 /// found where it was found.
 fn role(client: &Client) -> Document {
     if client.host.starts_with('/') {
@@ -86,9 +86,9 @@ fn role(client: &Client) -> Document {
     }
 }
 
-/// Notes who the client says it is. rmem itself keeps its metadata as it does on MongoDB.
-fn greet(client: &mut Client, server: &Server, said: Option<&Document>) {
-    let application = said.and_then(|said| said.get_document("application").ok());
+/// Notes the client's description of itself. rmem itself keeps its metadata as it does on MongoDB.
+fn greet(client: &mut Client, server: &Server, metadata: Option<&Document>) {
+    let application = metadata.and_then(|metadata| metadata.get_document("application").ok());
     let name = application.and_then(|application| application.get_str("name").ok());
     if let Some(name) = name {
         client.metadata = if name == "rmem" { Metadata::Own } else { server.metadata() };

@@ -28,7 +28,7 @@ fn insert(memory: &Memory, call: &Call) -> Answer {
                 outcome.n += stored as u64;
                 let index = start + stored;
                 let id = documents.get(index).and_then(|document| document.get("_id"));
-                let failure = told(Failure::from(error), id);
+                let failure = described(Failure::from(error), id);
                 if !outcome.fail(index, &failure, ordered) {
                     break;
                 }
@@ -39,8 +39,8 @@ fn insert(memory: &Memory, call: &Call) -> Answer {
     outcome.reply(doc! {})
 }
 
-/// A taken `_id` is told as the value it is, whatever it looks like in words.
-fn told(mut failure: Failure, id: Option<&Bson>) -> Failure {
+/// A taken `_id` is reported as the value it is, whatever it looks like as text.
+fn described(mut failure: Failure, id: Option<&Bson>) -> Failure {
     let is_of_id = failure.details.get_document("keyPattern").is_ok_and(|pattern| pattern.contains_key("_id"));
     if let (true, Some(id)) = (is_of_id, id) {
         failure.details.insert("keyValue", doc! { "_id": id });

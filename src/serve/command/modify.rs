@@ -106,7 +106,7 @@ impl Modification {
         if id.is_none() && !self.upsert {
             return raw(&doc! { "lastErrorObject": { "n": 0, "updatedExisting": false }, "value": Bson::Null });
         }
-        // What the query matched tells which element `$` is.
+        // What the query matched determines which element `$` is.
         let filter = match &id {
             Some(id) => doc! { "$and": [self.query.clone(), same(id)] },
             None => self.query.clone(),

@@ -86,7 +86,7 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
         sum = Size { count: sum.count + one.count, bytes: sum.bytes + one.bytes };
         indexes += memory.indexes(ns)?.len();
     }
-    #[expect(clippy::cast_precision_loss, reason = "MongoDB tells these as doubles, too")]
+    #[expect(clippy::cast_precision_loss, reason = "MongoDB has doubles here, too")]
     let double = |number: i64| number as f64;
     raw(&doc! {
         "db": &call.request.database,

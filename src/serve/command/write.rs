@@ -20,7 +20,7 @@ impl Outcome {
         !is_ordered
     }
 
-    /// The answer, with what else is to be said.
+    /// The answer, with what belongs to it.
     pub(super) fn reply(self, more: Document) -> Answer {
         let mut reply = doc! { "n": i32::try_from(self.n).unwrap_or(i32::MAX) };
         reply.extend(more);

@@ -16,7 +16,7 @@ pub use reply::Reply;
 pub(super) use compression::ZLIB;
 pub(super) use message::read;
 
-/// The largest message, in bytes, as drivers are told.
+/// The largest message, in bytes, which drivers get.
 pub const MAX_MESSAGE: usize = 48_000_000;
 /// The bytes of a header.
 const HEADER: usize = 16;
