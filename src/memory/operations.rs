@@ -133,15 +133,15 @@ impl Memory {
     /// Says how a query is answered; see [`Store::explain`]. Where there are computables, those
     /// that the query needs run, and `computables` says what they did.
     pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        let mut account = self.answer(&[(ns, &find.filter)], true, |view| {
+        let mut explanation = self.answer(&[(ns, &find.filter)], true, |view| {
             let find = Find { filter: view.filter(&find.filter), ..find.clone() };
             self.journal.note("explain", Some(ns), |_| 1, || self.routes.reading(ns)?.explain(ns, &find))
         })?;
         if self.computables().next().is_some() {
             let computed: Vec<Document> = self.computed().iter().map(Computed::to_document).collect();
-            account.insert("computables", computed);
+            explanation.insert("computables", computed);
         }
-        Ok(account)
+        Ok(explanation)
     }
 
     /// Counts matches; see [`Store::count`].

@@ -8,7 +8,7 @@ use super::Memory;
 use crate::store::{ChangePage, Kept, Namespace, Scope, Store, StoreError};
 
 impl Memory {
-    /// The store that a collection is in, as it is: for those who keep metadata themselves.
+    /// The store that a collection is in, as it is: for callers that keep metadata themselves.
     ///
     /// # Errors
     /// Where the store cannot be opened.

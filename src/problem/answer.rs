@@ -56,7 +56,7 @@ impl Asker {
         let _ = channel.0.send(Question::End);
     }
 
-    /// Asks, and waits for the answer; `None` if nobody answers any more.
+    /// Asks, and waits for the answer; `None` if the other thread has ended.
     pub(super) fn ask(&self, question: Question) -> Option<Answer> {
         let channel = self.channel.lock().unwrap_or_else(PoisonError::into_inner);
         channel.0.send(question).ok()?;
@@ -78,7 +78,7 @@ pub(super) fn pair() -> (Asker, Answerer) {
 }
 
 impl Answerer {
-    /// Answers until it is told that there is no more to ask. While a full part of an answer is used, the next one
+    /// Answers until there are no more queries. While a full part of an answer is used, the next one
     /// is fetched.
     pub(super) fn serve(self, memory: &Memory) {
         let mut cursors: HashMap<u64, Open<'_>> = HashMap::new();

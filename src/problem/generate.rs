@@ -1,4 +1,4 @@
-//! The way from a request to a problem: which spelling the template has, and who renders it.
+//! The way from a request to a problem: which syntax the template has, and the module that renders it.
 
 use super::request::{ProblemError, Request, Syntax};
 use super::{Generated, goal, marker, minijinja};

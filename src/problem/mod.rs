@@ -3,7 +3,7 @@
 //! [`generate`] takes a template in one of two spellings and a memory, and
 //! gives a PDDL problem together with where each part of it came from.
 //!
-//! No value can smuggle syntax in. Whatever comes out of a document, a
+//! No value can inject syntax. Whatever comes out of a document, a
 //! parameter or an expression becomes (part of) one PDDL name or number; see
 //! [`names`]. Only the goal is PDDL text, and it must be balanced.
 

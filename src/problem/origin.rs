@@ -160,7 +160,7 @@ impl Generated {
 
     /// Turns complaints about the problem into complaints about the template.
     /// Each shows the generated line and names the document as hints; what a
-    /// section got wrong for many documents is said once.
+    /// section got wrong for many documents is reported once.
     #[must_use]
     pub fn explain(&self, complaints: Vec<Diagnostic>) -> Vec<Diagnostic> {
         let mut explained: Vec<(Diagnostic, usize)> = Vec::new();

@@ -9,7 +9,7 @@ use crate::store::{Namespace, StoreError};
 /// The spelling of a template.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Syntax {
-    /// Told by the content.
+    /// Recognised by the content.
     #[default]
     Auto,
     /// `{{ … }}` and `{% … %}`.
@@ -74,7 +74,7 @@ pub enum ProblemError {
     Store {
         /// The place in the template, like `t.j2:3:5`.
         place: String,
-        /// What the store said.
+        /// The store's error.
         #[source]
         error: StoreError,
     },

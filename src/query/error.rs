@@ -72,7 +72,7 @@ impl QueryError {
         Self::invalid(TYPE_MISMATCH, message)
     }
 
-    /// Returns the error, said to be about an operator or field where it is not yet about one.
+    /// Returns the error with the operator or field that it is about, unless it has one already.
     pub(super) fn about(mut self, name: &str) -> Self {
         self.operator.get_or_insert_with(|| name.to_owned());
         self

@@ -43,7 +43,7 @@ pub enum StoreError {
     /// Another process, or another purpose, holds what was asked for.
     #[error("{what}")]
     Held {
-        /// What, who has it, and what to do.
+        /// What is held, by which process, and what to do.
         what: String,
     },
     /// A store of this kind cannot do what was asked.

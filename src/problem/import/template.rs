@@ -1,6 +1,6 @@
 //! The template that makes a problem of its documents again.
 //!
-//! Only what the problem has is in it, so that it is a beginning for people who want a template of their own.
+//! Only what the problem has is in it, so that it is a beginning for templates of one's own.
 
 use crate::formats::pddl::ast::{Condition, ConditionKind, Expression, Init, Problem, Term};
 use crate::problem::names;

@@ -1,6 +1,6 @@
 //! Makes a minijinja template say where it is.
 //!
-//! The engine tells neither a function nor the formatter which place of the
+//! Minijinja passes neither to a function nor to the formatter which place of the
 //! template called it. So each `{{ x }}` becomes `{{( x )|_at(n)}}`, and each
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
@@ -10,10 +10,10 @@
 
 use crate::formats::Span;
 
-/// The functions that are told their place.
+/// The functions that get their place.
 pub(in crate::problem) const PLACED: [&str; 5] = ["query", "find_one", "count", "distinct", "aggregate"];
 
-/// The filter that is told its place.
+/// The filter that gets its place.
 pub(super) const AT: &str = "_at";
 
 /// A template with its places numbered.
@@ -147,7 +147,7 @@ fn expression(template: &str, tag: Span, result: &mut Instrumented) {
     result.text.push_str(&text[close..]);
 }
 
-/// Copies a stretch of code, telling each call of a placed function its number.
+/// Copies a stretch of code, giving each call of such a function its number.
 fn calls(template: &str, code: Span, result: &mut Instrumented) {
     let text = &template[code.start..code.end];
     let mut open: Vec<Option<usize>> = Vec::new();

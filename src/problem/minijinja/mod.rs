@@ -54,7 +54,7 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
         let text = instrumented.text.as_str();
         let name = template.name();
         let work = move || {
-            // Said on the way out, whichever that is.
+            // Sent on every way out.
             let _end = End(&shared);
             run(name, text, variables, &shared)
         };
@@ -66,7 +66,7 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     });
     let place = |message: &str| ProblemError::Template(Diagnostic::new(template, Span::default(), message));
     let rendered = rendered.map_err(|error| place(&format!("no thread to render it: {error}")))?;
-    let rendered = rendered.map_err(|_| place("the template engine failed"))?;
+    let rendered = rendered.map_err(|_| place("the template environment failed"))?;
     match rendered {
         Ok(text) => assemble(request, &context, &text),
         Err(error) => Err(explain(template, &instrumented, &context, &error)),
@@ -100,7 +100,7 @@ fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Co
     environment.set_recursion_limit(RECURSION);
     let mut syntax = minijinja::syntax::SyntaxConfig::builder();
     environment.set_syntax(syntax.keep_trailing_newline(true).build()?);
-    // Rendered parts (macros, blocks) are told from values by being "safe"; no filter makes a value that.
+    // Rendered parts (macros, blocks) are "safe", and values are not; no filter makes a value safe.
     environment.set_auto_escape_callback(|_| AutoEscape::Custom("pddl".into()));
     environment.remove_filter("safe");
     // It shows the engine's inside, as one name.

@@ -1,4 +1,4 @@
-//! Documents as values of the template engine, read where they lie.
+//! Documents as values of the template environment, read where they lie.
 
 use std::cmp::Ordering;
 use std::collections::HashSet;
@@ -24,7 +24,7 @@ pub(super) const CLOSE: char = '\u{FDD1}';
 const MAX_DEPTH: usize = 100;
 
 /// What the template looked at: the last document, and which numbers were of 64 bits, which the engine
-/// does not tell from those of 32.
+/// does not distinguish from those of 32.
 #[derive(Debug, Default)]
 pub(super) struct Looked {
     last: Mutex<Option<Arc<Root>>>,

@@ -254,7 +254,7 @@ fn find_bytes(text: &[u8], wanted: &[u8], start: usize, end: usize) -> Option<us
     part.windows(wanted.len()).position(|window| window == wanted).map(|at| start + at)
 }
 
-/// What `$trim` removes where it is not told: white space and NUL.
+/// What `$trim` removes by default: white space and NUL.
 const BLANKS: [char; 20] = [
     '\0', ' ', '\t', '\n', '\u{b}', '\u{c}', '\r', '\u{a0}', '\u{1680}', '\u{2000}', '\u{2001}', '\u{2002}',
     '\u{2003}', '\u{2004}', '\u{2005}', '\u{2006}', '\u{2007}', '\u{2008}', '\u{2009}', '\u{200a}',

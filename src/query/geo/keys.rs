@@ -94,7 +94,7 @@ impl Places {
     }
 }
 
-/// Checks the options and gives the bounds of the plane: those of longitudes, where nothing else is said.
+/// Checks the options and gives the bounds of the plane: by default those of longitudes.
 fn read_options(options: &Document) -> Result<Surface> {
     let bound = |name: &str, default: f64| match options.get(name) {
         None => Ok(default),

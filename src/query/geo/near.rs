@@ -45,7 +45,7 @@ pub(in crate::query) struct Plane(plane::Point);
 #[derive(Debug, Clone, Copy)]
 pub(in crate::query) struct Place(Spot);
 
-/// A point with the distances, not yet said where documents have theirs.
+/// A point with the distances, without the path of the documents' points.
 struct Asked {
     centre: Centre,
     least: f64,
@@ -152,7 +152,7 @@ impl Near {
 }
 
 impl Centre {
-    /// Reads a point: GeoJSON, or a pair of coordinates, which is on the sphere where that is said.
+    /// Reads a point: GeoJSON, or a pair of coordinates, which is on the sphere where the operator asks for that.
     ///
     /// # Errors
     /// If it is neither, or not on the sphere.

@@ -54,7 +54,7 @@ struct Rank {
 }
 
 /// Returns the plans that find the matches through indexes, the most promising first. Several
-/// are given only where they are equally good in what can be told from here.
+/// are given only where they are equally good as far as can be seen from here.
 /// Each gives all matches and, perhaps, more.
 #[must_use]
 pub fn ways<'f>(filter: &'f Filter, sort: &Sort, candidates: &[Candidate<'_>]) -> Vec<Access<'f>> {

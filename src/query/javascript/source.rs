@@ -1,4 +1,4 @@
-//! What can be told of a function from its text.
+//! What the text of a function shows.
 
 /// Returns an expression whose value is the function that a predicate is.
 ///

@@ -111,7 +111,7 @@ fn move_on(connection: &Connection, last: i64) -> rusqlite::Result<()> {
     connection.execute(sql, params![PREFIX, last]).map(|_| ())
 }
 
-/// Removes the changes of a pattern that nobody waits for.
+/// Removes the changes of a pattern that no watch waits for.
 fn trim_pattern(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()> {
     let sql = "DELETE FROM changes WHERE ?1 IN ('', database) AND ?2 IN ('', collection) AND sequence <= coalesce((
                    SELECT min(position) FROM watchers WHERE missed = 0

@@ -6,7 +6,7 @@ use super::busy::LOCK_TIMEOUT;
 use super::place::Place;
 use crate::store::StoreError;
 
-/// What is said, and to be done, when the disk is full.
+/// The message about a full disk.
 const DISK_FULL: &str = "the disk is full; make room and repeat, nothing of this write was kept";
 
 /// Returns the error of a store for one of SQLite.

@@ -56,7 +56,7 @@ impl Embedded {
         Ok(watched.as_ref().is_some_and(|watched| watched.iter().any(|kept| watcher::covers(kept, ns))))
     }
 
-    /// To be called when who watches has changed within a write transaction.
+    /// To be called when the set of watches has changed within a write transaction.
     pub(super) fn look_again(&self) {
         self.log.watched.replace(None);
     }

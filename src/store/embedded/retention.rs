@@ -1,6 +1,6 @@
-//! Changes that are kept for a while, for those who come back for them: what change streams read.
+//! Changes that are kept for a while, for change streams that resume.
 //!
-//! A row of `watchers` says so, as for those who watch by a name ([`super::watcher`]); an empty name of
+//! A row of `watchers` says so, as for named watches ([`super::watcher`]); an empty name of
 //! a collection, or of a database too, stands for all. The row's position lags behind the last
 //! change, so that whoever was disconnected, or finds the server started again, misses nothing.
 
@@ -25,7 +25,7 @@ impl Embedded {
     /// Keeps the changes of a scope, and lets go of those that are older than `age`.
     pub(super) fn retain(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
         if self.place == Place::Memory {
-            let reason = "nobody else can change a memory in this process, so no changes are kept".to_owned();
+            let reason = "no other process can change a memory in this process, so no changes are kept".to_owned();
             return Err(StoreError::Unfit { address: self.place.to_string(), reason });
         }
         self.write(|| {
@@ -94,7 +94,7 @@ impl Embedded {
             page.until = sequence;
             page.changes.push((named().map_err(|e| self.explain(&e))?, change));
         }
-        // What rmem keeps for itself is nobody else's.
+        // Collections that rmem keeps for itself are not reported.
         page.changes.retain(|(ns, _)| watcher::covers(&pattern, ns));
         Ok(page)
     }

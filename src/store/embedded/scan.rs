@@ -79,7 +79,7 @@ enum Rest {
 }
 
 /// Whether a page has room for more.
-type Room = bool;
+type More = bool;
 
 impl<'a> Scan<'a> {
     /// The matches in order of insertion.
@@ -205,7 +205,7 @@ impl<'a> Scan<'a> {
         Ok(count)
     }
 
-    /// Reads the next page: small at first, for those who want the first match
+    /// Reads the next page: small at first, for callers that want the first match
     /// only, then larger.
     fn turn(&mut self) -> Result<(), StoreError> {
         let (most, mut page, mut bytes) = (self.page_documents, VecDeque::new(), 0);
@@ -220,7 +220,7 @@ impl<'a> Scan<'a> {
     }
 
     /// Shows matching documents to `take` until it has no room, or enough have been looked at.
-    fn read(&mut self, take: &mut dyn FnMut(i64, &RawDocument) -> Room) -> Result<(), StoreError> {
+    fn read(&mut self, take: &mut dyn FnMut(i64, &RawDocument) -> More) -> Result<(), StoreError> {
         let was_listed = matches!(self.rest, Rest::Listed(..));
         let read = match std::mem::replace(&mut self.rest, Rest::Nothing) {
             Rest::Between(position, last) => self.read_between(position, last, take),
@@ -255,7 +255,7 @@ impl<'a> Scan<'a> {
         &self,
         mut position: i64,
         last: i64,
-        take: &mut dyn FnMut(i64, &RawDocument) -> Room,
+        take: &mut dyn FnMut(i64, &RawDocument) -> More,
     ) -> Result<Rest, PageError> {
         let table = self.collection.table();
         let sql = format!("SELECT body, position FROM {table} WHERE position > ? ORDER BY position");
@@ -284,7 +284,7 @@ impl<'a> Scan<'a> {
     fn read_at(
         &self,
         mut positions: VecDeque<i64>,
-        take: &mut dyn FnMut(i64, &RawDocument) -> Room,
+        take: &mut dyn FnMut(i64, &RawDocument) -> More,
     ) -> Result<Rest, PageError> {
         // A transaction for each document would take longer than reading it.
         let _snapshot = (positions.len() > 1).then(|| Snapshot::begin(&self.store.connection)).transpose()?;
@@ -308,7 +308,7 @@ impl<'a> Scan<'a> {
         &self,
         mut listing: Listing,
         last: i64,
-        take: &mut dyn FnMut(i64, &RawDocument) -> Room,
+        take: &mut dyn FnMut(i64, &RawDocument) -> More,
     ) -> Result<Rest, PageError> {
         let _snapshot = Snapshot::begin(&self.store.connection)?;
         let sql = listing.documents_sql(&self.collection.table());

@@ -1,4 +1,4 @@
-//! The server's account of a query, condensed.
+//! The server's explanation of a query, shortened.
 
 use bson::{Bson, Document, doc};
 
@@ -6,7 +6,7 @@ use super::MongoDb;
 use crate::store::{Find, Namespace, StoreError};
 
 impl MongoDb {
-    pub(super) fn account(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+    pub(super) fn explanation(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
         let mut query = doc! { "find": &ns.collection, "filter": find.filter.clone() };
         for (key, document) in [("sort", &find.sort), ("projection", &find.projection)] {
             if !document.is_empty() {
@@ -33,21 +33,21 @@ fn condensed(answer: &Document, is_sorting: bool) -> Document {
     let plan = plan.get_document("queryPlan").unwrap_or(plan);
     let mut scans = Vec::new();
     let sorts = stages(plan, &mut scans);
-    let mut account = match scans.len() {
+    let mut explanation = match scans.len() {
         0 => doc! { "index": Bson::Null },
         1 => scans.swap_remove(0),
         _ => doc! { "any": scans },
     };
     if is_sorting {
-        account.insert("sort", if sorts { "memory" } else { "index" });
+        explanation.insert("sort", if sorts { "memory" } else { "index" });
     }
     let statistics = part("executionStats");
     for (name, theirs) in
         [("keys_examined", "totalKeysExamined"), ("documents_examined", "totalDocsExamined"), ("returned", "nReturned")]
     {
-        account.insert(name, statistics.get(theirs).cloned().unwrap_or(Bson::Int64(0)));
+        explanation.insert(name, statistics.get(theirs).cloned().unwrap_or(Bson::Int64(0)));
     }
-    account
+    explanation
 }
 
 /// Collects the scans of indexes; returns whether documents are sorted in memory.

@@ -180,7 +180,7 @@ fn key(message: &str) -> String {
     }
 }
 
-/// What is worth knowing of the driver's account of the servers it tried.
+/// The useful part of the driver's report on the servers it tried.
 fn selection(message: &str) -> String {
     let cause = message
         .split_once("I/O error: ")

@@ -67,7 +67,7 @@ impl MongoDb {
     }
 }
 
-/// Whether a document, or an update, speaks of a date of decay.
+/// Whether a document, or an update, has a date of decay.
 fn mentions_decay(document: &Document) -> bool {
     document.iter().any(|(key, value)| match value {
         _ if key == metadata::DECAY_PATH => true,

@@ -168,7 +168,7 @@ fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result
 }
 
 /// Which of the documents an update changes; nothing where only the
-/// server can tell, or refuses the update.
+/// server can decide, or refuses the update.
 fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<bool>> {
     let update = match plain {
         UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),

@@ -93,7 +93,7 @@ impl Store for MongoDb {
     }
 
     fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        self.account(ns, find)
+        self.explanation(ns, find)
     }
 
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {

@@ -1,7 +1,7 @@
 //! The changes of a collection: a change stream, which goes on after whatever ends it.
 //!
 //! Documents before and after a change are the server's images of them. Where it has
-//! none (versions before 6, a user who may not switch them on, the moment after a
+//! none (versions before 6, a user without the right to switch them on, the moment after a
 //! collection was made anew), the document after an update is looked up, and may be
 //! newer than the change; that before is left out.
 //!
