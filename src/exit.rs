@@ -34,7 +34,7 @@ pub enum Exit {
     PlannerNotFound,
     /// The user interrupted the command.
     Interrupted,
-    /// The code of a program that was run on somebody's behalf, passed on.
+    /// The exit code of a program that rmem ran for the user, passed on.
     Passed(u8),
 }
 

@@ -152,7 +152,7 @@ pub struct Process<'a> {
     pub stdin: &'a mut dyn BufRead,
     /// Standard output: the product.
     pub stdout: &'a mut dyn Write,
-    /// Standard error: what is said about it.
+    /// Standard error: messages.
     pub stderr: &'a mut dyn Write,
     /// Whether stdout is a terminal: tables instead of JSON lines.
     pub stdout_is_terminal: bool,

@@ -123,7 +123,7 @@ impl Server {
             return Err(UsageError::new("--against takes a MongoDB server, like mongodb://127.0.0.1:27017").into());
         }
         let memory = memory_at(uri)?;
-        // Fails within seconds where nobody answers.
+        // Fails within seconds where no server answers.
         memory.collections()?;
         let database = format!("rmem_bench_{}", object_id::new().to_hex());
         let memory = memory.with_computables(registry(&namespace(&database, "objects")?, context)?);

@@ -57,7 +57,7 @@ fn side(text: &str, context: &mut Context<'_>) -> Result<Side> {
     Ok(match text {
         uri if is_uri => {
             if let Some(path) = uri.strip_prefix("file:").filter(|path| !path.is_empty() && !Path::new(path).exists()) {
-                // Opening it would make an empty one, which is not what anybody wants to compare.
+                // Opening it would create an empty memory.
                 return Err(WrongInput::new(format!("there is no memory at {path}")).into());
             }
             Side::Memory(memory_at(uri)?)

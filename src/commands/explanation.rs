@@ -11,8 +11,8 @@ use crate::memory::Memory;
 use crate::problem::{Explanation, Generated, Part, SectionReport, names};
 use crate::store::{Find, Namespace};
 
-/// Tells where an atom comes from: the template's line, the query, and the document.
-pub(super) fn tell(
+/// Prints where an atom comes from: the template's line, the query, and the document.
+pub(super) fn print(
     atom: &str,
     generated: &Generated,
     dialect: Dialect,

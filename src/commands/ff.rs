@@ -76,7 +76,7 @@ pub(super) fn run(args: &FfArgs, context: &mut Context<'_>) -> Result<Exit> {
     let problem = context.read(&prefixed(args, &args.problem))?;
     let options = builtin::Options { anytime: args.anytime, ..builtin::Options::default() };
     let mut written = Ok(());
-    // Each piece is passed on at once: who stops this process has the plans found until then.
+    // Each piece is passed on at once: a caller that stops this process has the plans found until then.
     let mut say = |text: &str| {
         if written.is_ok() {
             written = context.output.stdout().write_all(text.as_bytes()).and_then(|()| context.output.flush());

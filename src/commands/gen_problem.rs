@@ -47,7 +47,7 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
         generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
     }
     if let Some(atom) = &args.explain {
-        return explanation::tell(atom, &generated, Dialect { lenient: args.options.lenient }, &memory, context);
+        return explanation::print(atom, &generated, Dialect { lenient: args.options.lenient }, &memory, context);
     }
     context.output.write_file(&args.output, generated.text.as_bytes())?;
     Ok(Exit::Done)

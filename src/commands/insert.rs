@@ -149,7 +149,7 @@ impl<'a> Batch<'a> {
         Ok(())
     }
 
-    /// Stores the batch and tells the ids, also of those before one that is refused.
+    /// Stores the batch and prints the ids, also of those before a document that is refused.
     fn store(&mut self, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
         if self.documents.is_empty() {
             return Ok(());

@@ -75,14 +75,14 @@ pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
 }
 
-/// The mutex that is meant, and by whom.
+/// The mutex and its owner.
 pub(super) fn mutex(name: &str, options: &HolderOptions, context: &Context<'_>) -> Result<Mutex> {
     let set = |name: &str| context.environment.get(name).filter(|value| !value.is_empty());
     let owner = match (&options.owner, set("USER"), set("HOSTNAME")) {
         (Some(owner), _, _) => owner.clone(),
         (None, Some(user), Some(host)) => format!("{user}@{host}"),
         _ => {
-            let text = "it is not known who locks: USER and HOSTNAME are not both set; expected --owner OWNER";
+            let text = "the owner is not known: USER and HOSTNAME are not both set; expected --owner OWNER";
             return Err(UsageError::new(text).into());
         }
     };

@@ -79,8 +79,8 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         return why(&diagnosis, &memory, context);
     }
     if args.explain {
-        let account = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &given))?;
-        context.print_documents([Ok(account)].into_iter())?;
+        let explanation = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &given))?;
+        context.print_documents([Ok(explanation)].into_iter())?;
         return Ok(Exit::Done);
     }
     let documents = match args.meta {

@@ -186,7 +186,7 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Delivers changes until there were enough, the time is over, or somebody interrupts.
+    /// Delivers changes until there were enough, the time is over, or an interrupt.
     fn follow(mut self, context: &mut Context<'_>) -> Result<Exit> {
         let mut lost = false;
         loop {

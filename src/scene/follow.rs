@@ -147,12 +147,12 @@ impl<'a> Follower<'a> {
         Ok(new)
     }
 
-    /// What happens next, or nothing within `patience`. What is known of objects comes before what moves
+    /// What happens next, or nothing within `timeout`. Properties of objects come before what moves
     /// them, so that nothing is moved that was not added.
     ///
     /// # Errors
     /// Where nothing more will come.
-    pub fn next(&mut self, patience: Duration) -> Result<Event, StoreError> {
+    pub fn next(&mut self, timeout: Duration) -> Result<Event, StoreError> {
         let start = Instant::now();
         loop {
             for index in 0..self.watches.len() {
@@ -160,7 +160,7 @@ impl<'a> Follower<'a> {
                     return Ok(event);
                 }
             }
-            let left = patience.saturating_sub(start.elapsed());
+            let left = timeout.saturating_sub(start.elapsed());
             if left.is_zero() {
                 return Ok(Event::Nothing);
             }
@@ -172,10 +172,10 @@ impl<'a> Follower<'a> {
     }
 
     /// Looks at one collection for a change that is one of the scene.
-    fn look(&mut self, index: usize, patience: Duration) -> Result<Option<Event>, StoreError> {
+    fn look(&mut self, index: usize, timeout: Duration) -> Result<Option<Event>, StoreError> {
         let (namespace, watch) = &mut self.watches[index];
         let namespace = namespace.clone();
-        Ok(match watch.next(patience)? {
+        Ok(match watch.next(timeout)? {
             Next::Change(change) => Some(self.changed(&namespace, &change)?),
             Next::Interrupted(error) => Some(Event::Interrupted(error)),
             Next::Nothing => None,

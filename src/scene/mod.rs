@@ -2,7 +2,7 @@
 //!
 //! [`extract`] reads documents into a [`crate::formats::scene::Scene`], every pose resolved into one frame;
 //! [`diff`] compares two scenes as operations, [`apply`] brings a scene or operations back into documents,
-//! [`follow`] tells operations as they happen, [`check`] finds objects that overlap, and [`outline`] gives
+//! [`follow`] gives operations as they happen, [`check`] finds objects that overlap, and [`outline`] gives
 //! what is seen from above. How scenes are spelled is the business of [`crate::formats::scene`].
 
 pub mod apply;

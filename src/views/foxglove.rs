@@ -33,7 +33,7 @@ pub const FRAME_TRANSFORMS_SCHEMA: &str = r#"{"title":"foxglove.FrameTransforms"
 "parent_frame_id":{"type":"string"},"child_frame_id":{"type":"string"},
 "translation":{"type":"object"},"rotation":{"type":"object"}}}}}}"#;
 
-/// What is drawn where nothing is said of colour.
+/// The default colour.
 const GREY: [f64; 4] = [0.6, 0.6, 0.6, 1.0];
 
 /// A scene update with one object in its frame, at a time in nanoseconds since 1970.

@@ -22,7 +22,7 @@ pub(super) fn up(args: &UpArgs, context: &mut Context<'_>) -> Result<Exit> {
     for backend in meant(&args.backends, context)? {
         let running = backend::up(&backend)?;
         if running.started && backend.is_open() {
-            let text = format!("{} listens at {} and asks nobody for a password", backend.name, backend.bind);
+            let text = format!("{} listens at {} and requires no password", backend.name, backend.bind);
             context.output.warn(&text);
         }
         let mut settled = backend::settle(&backend)?;

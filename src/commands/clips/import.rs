@@ -43,7 +43,7 @@ pub struct ImportArgs {
     pub strict: bool,
 }
 
-/// How many names of a kind are told.
+/// How many names of a kind are printed.
 const NAMES: usize = 10;
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -60,7 +60,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let result =
         doc! { "inserted": count(put.inserted), "replaced": count(put.replaced), "unchanged": count(put.same) };
     context.print_result(result)?;
-    tell(&skipped, context);
+    report(&skipped, context);
     Ok(Exit::Done)
 }
 
@@ -87,7 +87,7 @@ fn documents(source: &Source, mut schema: Schema, args: &ImportArgs) -> Result<(
 }
 
 /// Says what was passed over.
-fn tell(skipped: &Skipped, context: &mut Context<'_>) {
+fn report(skipped: &Skipped, context: &mut Context<'_>) {
     for (kind, names) in skipped {
         let named: Vec<&str> = names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
         let more = named.len().saturating_sub(NAMES);

@@ -23,7 +23,7 @@ pub struct SearchArgs {
     pub task: TaskArgs,
     /// How to plan.
     #[command(flatten)]
-    pub effort: EffortArgs,
+    pub limits: LimitArgs,
     /// Plan again whenever the memory changes so that the plan does not hold any more
     #[arg(long, requires = "template", conflicts_with = "no_store")]
     pub watch: bool,
@@ -31,7 +31,7 @@ pub struct SearchArgs {
 
 /// How to plan, and where the plan goes.
 #[derive(Debug, Clone, Args)]
-pub struct EffortArgs {
+pub struct LimitArgs {
     /// Planner: builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml; several race each other
     #[arg(long, value_name = "NAME", default_value = "builtin")]
     pub planner: Vec<String>,
@@ -57,9 +57,9 @@ pub struct EffortArgs {
 
 pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> {
     context.format(&show::FORMATS)?;
-    let planners = choose(&args.effort.planner, args.effort.anytime, context)?;
+    let planners = choose(&args.limits.planner, args.limits.anytime, context)?;
     let source = source::read(&args.task, context)?;
-    let request = PlanRequest::new(source, planners, options(&args.effort))?;
+    let request = PlanRequest::new(source, planners, options(&args.limits))?;
     let memory = context.memory()?;
     let sections = SectionCounts::from(&args.task.options);
     match args.watch {
@@ -68,12 +68,12 @@ pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
 }
 
-fn options(effort: &EffortArgs) -> SearchOptions {
+fn options(limits: &LimitArgs) -> SearchOptions {
     SearchOptions {
-        anytime: effort.anytime,
-        timeout: effort.timeout,
-        memory_limit: effort.memory_limit,
-        into: (!effort.no_store).then(|| effort.into.clone()),
-        layout: effort.layout.into(),
+        anytime: limits.anytime,
+        timeout: limits.timeout,
+        memory_limit: limits.memory_limit,
+        into: (!limits.no_store).then(|| limits.into.clone()),
+        layout: limits.layout.into(),
     }
 }

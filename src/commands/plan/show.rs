@@ -25,7 +25,7 @@ pub(super) use formats::PLAN as FORMATS;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg --lanes robot > plan.svg\n\n\
-Formats: text (as in planning competitions), json (outcome, cost and steps for an executive), document (as it is stored), dot (the partial order, for Graphviz), svg (who does what when, with the links between lanes), timeline (what was planned above what was done, as SVG), clips, ff."
+Formats: text (as in planning competitions), json (outcome, cost and steps for an executive), document (as it is stored), dot (the partial order, for Graphviz), svg (lanes of actions over time, with causal links), timeline (planned times above real ones, as SVG), clips, ff."
 )]
 #[command(arg = formats::argument(&formats::STORED_PLAN))]
 pub struct ShowArgs {

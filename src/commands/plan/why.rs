@@ -15,7 +15,7 @@ use crate::store::Namespace;
 
 /// How wide the names are.
 const WIDTH: usize = 12;
-/// How many digits of a hash tell enough.
+/// How many digits of a hash are printed.
 const DIGITS: usize = 12;
 
 /// Explain where a stored plan comes from
@@ -32,7 +32,7 @@ pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let lineage = record.lineage().ok_or_else(|| {
-        WrongInput::new(format!("{} says nothing about where it comes from; rmem did not store it", record.id()))
+        WrongInput::new(format!("{} has no lineage: rmem did not store it", record.id()))
     })?;
     if context.format(&formats::TEXT)? == Format::Json {
         context.output.line(&shell::relaxed(&to_document(&record, lineage, &args.plan.namespace)))?;
@@ -44,7 +44,7 @@ pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// The story for programs: the lineage as it is stored, but for the texts of the files.
+/// The lineage for programs: as it is stored, but for the texts of the files.
 fn to_document(record: &Record, lineage: &Document, namespace: &Namespace) -> Document {
     let count = |status| record.progress().iter().filter(|step| step.status == status).count() as i64;
     let mut document = doc! {
@@ -78,7 +78,7 @@ fn is_changed(name: &str, known: &str) -> Option<bool> {
     std::fs::read_to_string(name).ok().map(|text| hash(&text) != known)
 }
 
-/// The lines of the story: a name, and what is said of it.
+/// The lines that are printed: a name and its text.
 fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
     let mut story = vec![("plan", record.id())];
     let mut say = |name: &'static str, text: Option<String>| story.extend(text.map(|text| (name, text)));

@@ -117,11 +117,11 @@ impl More {
     /// Refuses what is no valid object, or warns and leaves it out.
     pub(super) fn accept(&self, mut found: Extraction, context: &mut Context<'_>) -> Result<Extraction> {
         let invalid = std::mem::take(&mut found.invalid);
-        self.judge(&invalid, context)?;
+        self.report(&invalid, context)?;
         Ok(found)
     }
 
-    fn judge(&self, invalid: &[Invalid], context: &mut Context<'_>) -> Result<()> {
+    fn report(&self, invalid: &[Invalid], context: &mut Context<'_>) -> Result<()> {
         let Some(first) = invalid.first() else { return Ok(()) };
         if !self.skip_invalid {
             let more = match invalid.len() {
@@ -169,7 +169,7 @@ impl More {
                 Err(reason) => invalid.push(Invalid { namespace: located.namespace, id: located.id, reason }),
             }
         }
-        self.judge(&invalid, context)?;
+        self.report(&invalid, context)?;
         for (what, names) in lost {
             let name = spelling.name;
             context.output.warn(&format!("{name} has no {what}, which are left out: {}", shortened(&names)));

@@ -27,7 +27,7 @@ PlanningScene with is_diff. A frame that moves moves every object in it. Poses a
 they are when the line is printed. Begins with what happens from now on: export the scene once the line on
 stderr says that it follows. What is no valid object any more is removed, with a warning.
 
---resume NAME keeps in the memory how far it is, in each collection: who uses the name later goes on there,
+--resume NAME keeps in the memory how far it is, in each collection: a later watch with that name continues there,
 and misses nothing; after a crash, operations may be delivered again. The position in the first collection has
 the name NAME, in others NAME:NS; rmem watch --names lists them, rmem watch NS --resume NAME --forget forgets one.";
 

@@ -39,12 +39,12 @@ pub(super) enum Delivered {
     Well,
     /// The command failed, with this code.
     Badly(u8),
-    /// Somebody interrupted, or the time is over, and the command was ended.
+    /// An interrupt or the timeout stopped the command.
     Interrupted,
 }
 
 impl<'a> Delivery<'a> {
-    /// Delivers one change, and tells how long that took.
+    /// Delivers one change, and reports how long that took.
     pub(super) fn deliver(
         &self,
         change: &Change,
@@ -127,7 +127,7 @@ impl<'a> Delivery<'a> {
     }
 }
 
-/// Runs a program to its end, or until somebody interrupts, and shows meanwhile that the watch lives.
+/// Runs a program to its end or to an interrupt, with a heartbeat of the watch meanwhile.
 fn attend(
     job: &Job<'_>,
     text: &str,

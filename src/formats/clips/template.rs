@@ -36,7 +36,7 @@ pub struct Slot {
 /// What a slot holds where a fact does not say.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Default {
-    /// What follows from its constraints: `?DERIVE`, or nothing said.
+    /// What follows from its constraints: `?DERIVE`, which is the default.
     Derive,
     /// A fact has to say: `?NONE`.
     None,

@@ -44,7 +44,7 @@ pub struct Filled {
     pub name: String,
     /// One, or for a multislot any number.
     pub values: Vec<Value>,
-    /// Whether it is said to be a multislot, by a remark behind the fact.
+    /// Whether a remark behind the fact declares it a multislot.
     pub multiple: bool,
     /// From its `(` to its `)`.
     pub span: Span,

@@ -40,7 +40,7 @@ pub fn write_remark(fact: &Fact, out: &mut String) {
     }
 }
 
-/// Appends a value as a facts file has it. Floats have as many digits as tell them
+/// Appends a value as a facts file has it. Floats have as many digits as distinguish them
 /// apart, and a point or an exponent.
 pub fn write_value(value: &Value, out: &mut String) {
     match value {

@@ -116,7 +116,7 @@ fn shape(document: &Document) -> Result<Shape, String> {
     Ok(Shape { color, ..Shape::new(solid, own_pose(document).map_err(inside)?) })
 }
 
-/// What is said of a key of an object, said of a key of a shape.
+/// A message about a key of an object, as one about a key of a shape.
 fn inside(wrong: String) -> String {
     wrong.strip_prefix("its ").map_or_else(|| wrong.clone(), |rest| format!("is wrong: {rest}"))
 }
@@ -153,7 +153,7 @@ fn rows<T>(document: &Document, key: &str, read: impl Fn(&Bson) -> Option<T>) ->
     rows.iter().map(|value| row(value).ok_or_else(wrong)).collect()
 }
 
-/// The pose of a shape or subframe: where nothing is said, that of what has it.
+/// The pose of a shape or subframe: the default is that of its object.
 fn own_pose(document: &Document) -> Result<Pose, String> {
     let mut whole = Document::new();
     whole.insert("translation", document.get("translation").cloned().unwrap_or_else(|| vec![0.0; 3].into()));

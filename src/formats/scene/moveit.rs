@@ -9,7 +9,7 @@
 //! shape  := kind newline dimensions newline pose "r g b a" newline
 //! ```
 //!
-//! The parts in brackets are missing in the older version, which is told by a line after `* ID` without a
+//! The parts in brackets are missing in the older version, which shows in a line after `* ID` without a
 //! blank in it. Quaternions are x, y, z, w; a box has full sizes, a cylinder or cone radius and then length; a
 //! plane is `a b c d` with `ax + by + cz + d = 0`; a mesh is `V T` and their lines; `0 0 0 0` is no colour.
 //! Frames, attachments and masses are not in it.

@@ -232,7 +232,7 @@ fn read_link(link: Element<'_>, object: &mut Object) -> Result<(), Diagnostic> {
     }
     let all = |name: &'static str| link.children().filter(move |child| child.name() == name);
     let collisions = all("collision").count();
-    // What is seen stands for what is hit only where nothing is said of that.
+    // Visuals are used as collisions only where there are no collisions.
     let (bodies, colors): (Vec<_>, Vec<_>) = if collisions > 0 {
         (all("collision").collect(), all("visual").collect())
     } else {

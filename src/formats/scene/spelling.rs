@@ -10,7 +10,7 @@ use crate::formats::{Diagnostic, Source};
 pub enum Content {
     /// A scene.
     Scene(Scene),
-    /// Operations, in order, and the frame of their poses where that is said.
+    /// Operations, in order, and the frame of their poses, if the text names one.
     Operations(Vec<Operation>, Option<String>),
 }
 

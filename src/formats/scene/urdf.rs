@@ -181,7 +181,7 @@ fn read_link(link: Element<'_>, materials: &HashMap<&str, [f64; 4]>) -> Result<O
     let all = |name: &'static str| link.children().filter(move |child| child.name() == name);
     let visuals: Vec<_> = all("visual").collect();
     let collisions: Vec<_> = all("collision").collect();
-    // What is seen stands for what is hit only where nothing is said of that.
+    // Visuals are used as collisions only where there are no collisions.
     let bodies = if collisions.is_empty() { &visuals } else { &collisions };
     for (index, body) in bodies.iter().enumerate() {
         let mut shape = read_shape(*body)?;

@@ -251,7 +251,7 @@ mod tests {
 
     fn items(text: &str) -> Vec<String> {
         let reader = WorldReader::new("in", text.as_bytes(), |name| name != "no.no");
-        let told = |item: Result<WorldItem, ReadError>| match item {
+        let outcome = |item: Result<WorldItem, ReadError>| match item {
             Ok(WorldItem::Namespace(name, ..)) => name,
             Ok(WorldItem::Document(document, source, span)) => {
                 let (line, column) = source.position(span.start);
@@ -259,7 +259,7 @@ mod tests {
             }
             Err(error) => error.to_string().lines().next().unwrap_or_default().to_owned(),
         };
-        reader.map(told).collect()
+        reader.map(outcome).collect()
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Plans as drawings: who does what when.
+//! Plans as drawings: lanes of actions over time.
 //!
 //! A lane for each robot (or whatever one parameter of the actions names), boxes from left to right: by their
 //! times, or as early as what they need is there. Arrows are causal links between lanes, from the step that
@@ -20,11 +20,11 @@ const BOX: f64 = 44.0;
 const GAP: f64 = 26.0;
 /// Between what is drawn and the edge.
 const MARGIN: f64 = 16.0;
-/// Room above the lanes, for the title.
+/// Space above the lanes, for the title.
 const HEAD: f64 = 44.0;
 /// Of a character of the largest text, about.
 const CHARACTER: f64 = 7.6;
-/// The room for the time of temporal plans.
+/// The width for the time of temporal plans.
 const SPAN: f64 = 900.0;
 /// As wide a plan without times may be before it goes on below.
 const WIDEST: f64 = 1300.0;
@@ -446,13 +446,13 @@ fn short(time: f64) -> String {
 
 /// As much of a text as fits.
 fn clipped(text: &str, width: f64) -> String {
-    let room = (width / CHARACTER).floor().max(0.0) as usize;
-    if text.chars().count() <= room {
+    let width = (width / CHARACTER).floor().max(0.0) as usize;
+    if text.chars().count() <= width {
         return text.to_owned();
     }
-    match room {
+    match width {
         0..=2 => String::new(),
-        room => text.chars().take(room - 1).chain(['…']).collect(),
+        width => text.chars().take(width - 1).chain(['…']).collect(),
     }
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Context {
     failure: Mutex<Option<StoreError>>,
     emitted: Mutex<Vec<Emitted>>,
     asked: Mutex<Vec<Asked>>,
-    /// Whom the template asked, for whatever.
+    /// The memory that the template queries.
     namespaces: Mutex<Vec<Namespace>>,
     /// Values that the filter `name` made texts of, by those texts.
     named: Mutex<HashMap<String, Bson>>,

@@ -93,7 +93,7 @@ impl<'a> Browser<'a> {
         self.is_over
     }
 
-    /// Does what a key means. What goes wrong is said in the last line.
+    /// Handles a key. Errors are shown in the last line.
     pub fn press(&mut self, key: Key, height: usize) {
         self.message.clear();
         let done = if self.prompt.is_some() { self.type_in(key) } else { self.command(key, height) };

@@ -64,7 +64,7 @@ impl Environment {
         }
     }
 
-    /// The value in CLIPS; it lives until the next garbage collection that nobody keeps it from.
+    /// The value in CLIPS; it lives until the next garbage collection, unless it is retained.
     pub(super) fn to_native(&self, value: &Value) -> sys::CLIPSValue {
         let raw = self.raw();
         // SAFETY: the environment is alive, and the functions copy the texts. A fact is one of

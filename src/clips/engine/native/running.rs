@@ -76,7 +76,7 @@ impl<'h> Running<'h> {
         let context = std::ptr::from_ref::<Function<'h>>(&function).cast_mut().cast();
         let word = function.name.as_ptr();
         // SAFETY: name and function live in a box that is kept until the environment is gone, and
-        // nobody has it mutably.
+        // there is no mutable reference to it.
         let error = unsafe {
             sys::AddUDF(self.raw(), word, std::ptr::null(), least, most, std::ptr::null(), Some(called), word, context)
         };

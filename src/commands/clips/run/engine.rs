@@ -39,7 +39,7 @@ pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>)
         }
         Ok(memory)
     };
-    let ended = engine::run(job, open, &mut |said| listen(said, context))?;
+    let ended = engine::run(job, open, &mut |message| handle(message, context))?;
     Ok(match ended {
         Ended::Well => Exit::Done,
         Ended::Exited(code) => Exit::Passed(u8::try_from(code & 0xff).unwrap_or(u8::MAX)),
@@ -58,8 +58,8 @@ fn worlds(context: &mut Context<'_>) -> Result<Vec<Source>> {
 }
 
 /// Prints what the program says, and reads what it wants to know.
-fn listen(said: Message, context: &mut Context<'_>) -> Result<()> {
-    match said {
+fn handle(message: Message, context: &mut Context<'_>) -> Result<()> {
+    match message {
         Message::Out(text) => context.output.stdout().write_all(&text)?,
         Message::Err(text) => {
             context.output.flush()?;
@@ -78,7 +78,7 @@ fn listen(said: Message, context: &mut Context<'_>) -> Result<()> {
         }
         Message::Read(answer) => {
             context.output.flush()?;
-            // Who asked may be gone; then nobody wants the line.
+            // The receiver may have ended; then the line is not needed.
             drop(answer.send(context.read_line()?));
         }
     }
