@@ -15,6 +15,7 @@ use crate::memory::computables::Registry;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::memory::{Memory, Observer, Operation};
 use crate::output::Output;
+use crate::output::amount;
 use crate::planner;
 use crate::process::{Host, search};
 use crate::settings::{Environment, Origin, Settings};
@@ -118,7 +119,7 @@ impl<'a> Context<'a> {
     pub fn report_operations(&mut self) {
         for operation in self.operations.take() {
             let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
-            let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| format!("{count} documents"));
+            let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| amount(count, "document"));
             self.output.operation(&operation.name, &subject, &detail, operation.took);
         }
     }

@@ -53,7 +53,7 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
     let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&deleted.to_string())?;
     match matching {
-        Some(count) => context.output.note(&format!("{deleted} of {count} that match; --many for all")),
+        Some(count) => context.output.note(&format!("{deleted} of {count} matching documents; use --many for all")),
         None if deleted == 0 => drop(missing::warn(&args.namespace, &memory, context)),
         None => {}
     }

@@ -5,6 +5,7 @@ use clap::Args;
 use super::Context;
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::output::amount;
 use crate::store::Checked;
 
 /// What stands below the help of `doctor`.
@@ -82,7 +83,12 @@ fn deep(context: &mut Context<'_>) -> Result<bool> {
             0 => String::new(),
             count => format!(", {count} of them without a checksum (stored by an earlier rmem)"),
         };
-        let counts = format!("{collections} collections, {documents} documents{old}, {indexes} indexes");
+        let counts = format!(
+            "{}, {}{old}, {}",
+            amount(collections, "collection"),
+            amount(documents, "document"),
+            amount(indexes, "index")
+        );
         context.output.line(&format!("checked    {address}: {counts}"))?;
     }
     Ok(damages.is_empty())

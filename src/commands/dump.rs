@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::dump::world_file::WorldDumpError;
 use crate::memory::dump::{world_file, write};
+use crate::output::amount;
 use crate::store::Namespace;
 
 /// What stands below the help of `dump`.
@@ -66,7 +67,7 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     let dump = if args.archive { write::write_archive } else { write::write_folder };
     for (namespace, count) in dump(&memory, &namespaces, &args.output, args.gzip)? {
-        context.output.note(&format!("{namespace}: {count} documents"));
+        context.output.note(&format!("{namespace}: {}", amount(count, "document")));
     }
     Ok(Exit::Done)
 }

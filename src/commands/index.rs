@@ -102,7 +102,10 @@ fn remove(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mu
         (Some(name), _) => name.clone(),
         (None, Some(wanted)) => named(memory, &args.namespace, wanted)?,
         (None, None) => {
-            return Err(UsageError::new("which index is to be dropped? expected KEYS, like '{name: 1}', or --name NAME, as `rmem index NS` lists them").into());
+            return Err(UsageError::new(
+                "expected the index to drop: KEYS, like '{name: 1}', or --name NAME (`rmem index NS` lists both)",
+            )
+            .into());
         }
     };
     if !memory.drop_index(&args.namespace, &name)? {

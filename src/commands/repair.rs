@@ -7,6 +7,7 @@ use clap::Args;
 use super::{Context, UsageError};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::output::amount;
 use crate::store::embedded::Repaired;
 use crate::store::{Embedded, StoreUri};
 
@@ -39,7 +40,8 @@ pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> 
         Some(output) => Embedded::salvage(path, output)?,
     };
     let Repaired { collections, documents, indexes, lost } = &repaired;
-    context.output.line(&format!("{collections} collections, {documents} documents, {indexes} indexes"))?;
+    let counts = [(*collections, "collection"), (*documents, "document"), (*indexes, "index")];
+    context.output.line(&counts.map(|(number, what)| amount(number, what)).join(", "))?;
     for lost in lost {
         context.output.line(&format!("lost: {lost}"))?;
     }

@@ -6,6 +6,7 @@ use super::query::{argument, blame, owned};
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::output::amount;
 use crate::store::{Find, Namespace};
 use crate::views::schema::Schema;
 
@@ -34,7 +35,7 @@ pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> Result<Exit> 
     for document in memory.find(&args.namespace, &find).map_err(|error| blame(error, &given))? {
         schema.add(&document.and_then(owned).map_err(|error| blame(error, &given))?);
     }
-    context.output.note(&format!("{} documents of {}", schema.documents(), args.namespace));
+    context.output.note(&format!("{} of {}", amount(schema.documents(), "document"), args.namespace));
     context.print_rows(schema.describe().into_iter().map(Ok))?;
     Ok(Exit::Done)
 }

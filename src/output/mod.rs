@@ -14,6 +14,16 @@ use crate::formats::visible;
 use file::write_atomically;
 pub use format::Format;
 
+/// Returns a number with its noun: `1 document`, `2 documents`, `3 indexes`.
+pub(crate) fn amount(number: impl TryInto<u64>, noun: &str) -> String {
+    let number = number.try_into().unwrap_or(u64::MAX);
+    match number {
+        1 => format!("1 {noun}"),
+        _ if noun.ends_with('x') => format!("{number} {noun}es"),
+        _ => format!("{number} {noun}s"),
+    }
+}
+
 /// How much is printed on stderr.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Verbosity {
@@ -209,7 +219,7 @@ impl<'a> Output<'a> {
         let named = |error: io::Error| {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists());
             let text = match folder {
-                Some(folder) => format!("there is no folder {}; make it first", folder.display()),
+                Some(folder) => format!("the folder {} does not exist; create it first", folder.display()),
                 None => error.to_string(),
             };
             WriteError(format!("cannot write {}: {text}", path.display())).into()

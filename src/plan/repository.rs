@@ -29,7 +29,7 @@ pub struct Repository<'a> {
 #[derive(Debug, thiserror::Error)]
 pub enum RepositoryError {
     /// No plan has the id.
-    #[error("no plan in {namespace} has the id `{id}`; see rmem plan list, or say `last`")]
+    #[error("no plan in {namespace} has the id `{id}`; list the ids with `rmem plan list`, or use `last`")]
     Unknown {
         /// What was asked for.
         id: String,
@@ -50,7 +50,7 @@ pub enum RepositoryError {
         known: Vec<String>,
     },
     /// The plan has no such step.
-    #[error("the plan has {count} steps, and none with the number {number}")]
+    #[error("the plan has {count} steps; expected a number from 1 to {count}, found {number}")]
     NoStep {
         /// What was asked for.
         number: usize,

@@ -15,7 +15,7 @@ pub enum Outcome {
     OutOfMemory,
     /// It ran into the limit of time.
     OutOfTime,
-    /// It returned a plan that is not valid.
+    /// It returned an invalid plan.
     Invalid,
     /// It crashed, or returned what is not a plan.
     Failed,
@@ -54,7 +54,7 @@ impl Outcome {
             Self::GaveUp => "the planner gave up without proof",
             Self::OutOfMemory => "the planner ran out of memory",
             Self::OutOfTime => "the planner ran out of time",
-            Self::Invalid => "the planner returned a plan that is not valid",
+            Self::Invalid => "the planner returned an invalid plan",
             Self::Failed => "the planner crashed, or returned what is not a plan",
             Self::Unsupported => "the planner cannot handle the task",
             Self::NotFound => "the planner's program was not found",

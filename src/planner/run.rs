@@ -149,7 +149,7 @@ impl Run {
             Validation::Valid { value } => plan.cost = value.or(plan.cost),
             Validation::Unchecked(reason) => self.unjudged = Some(reason),
             Validation::Invalid(_) => {
-                self.message = format!("it returned a plan that is not valid: {verdict}");
+                self.message = verdict.to_string();
                 self.outcome = Outcome::Invalid;
             }
         }
@@ -310,7 +310,7 @@ fn conclude(
         }
         End::Interrupted => return (Outcome::Interrupted, String::new()),
         End::TooMuchOutput => {
-            return (Outcome::Failed, format!("it printed more than {} MiB", limits.output >> 20));
+            return (Outcome::Failed, format!("its program printed more than {} MiB", limits.output >> 20));
         }
         End::OutOfTime if !keeps => {
             let time = limits.time.unwrap_or_default();
@@ -324,7 +324,7 @@ fn conclude(
         }
         End::Starved if !keeps => return (Outcome::OutOfMemory, memory(limits)),
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
-        End::Failed(words) => return (Outcome::Failed, format!("it could not be run: {words}")),
+        End::Failed(words) => return (Outcome::Failed, format!("its program could not be run: {words}")),
         _ => {}
     }
     let crash = crash(&ended.end);
@@ -379,8 +379,8 @@ fn absent(stderr: &str) -> (Outcome, String) {
 /// A crash: a signal, also as a shell reports one.
 fn crash(end: &End) -> Option<String> {
     match end {
-        End::Signalled(signal) => Some(format!("it was ended by signal {signal}")),
-        End::Exited(code @ 129..=165) => Some(format!("it was ended by signal {}", code - 128)),
+        End::Signalled(signal) => Some(format!("its program was ended by signal {signal}")),
+        End::Exited(code @ 129..=165) => Some(format!("its program was ended by signal {}", code - 128)),
         _ => None,
     }
 }

@@ -202,7 +202,8 @@ pub(crate) const NO_FILES: &str = "no files can be made for a run";
 fn unmade(host: &Host<'_>, error: &io::Error) -> io::Error {
     // The name of the file is rmem's own.
     let reason = io::Error::from(error.kind());
-    let words = format!("{NO_FILES} in {}: {reason}; make room there, or set TMPDIR", host.temporary.display());
+    let advice = if error.kind() == io::ErrorKind::NotFound { "create the folder" } else { "free space there" };
+    let words = format!("{NO_FILES} in {}: {reason}; {advice}, or set TMPDIR", host.temporary.display());
     io::Error::new(error.kind(), words)
 }
 

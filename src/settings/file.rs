@@ -119,10 +119,12 @@ impl File {
                 ));
             }
             if let Some(unknown) = table.lacks.iter().find(|lack| Feature::named(lack.get_ref()).next().is_none()) {
-                let known: Vec<&str> = Feature::ALL.iter().map(|feature| feature.requirement()).collect();
+                let mut known: Vec<&str> = Feature::ALL.iter().map(|feature| feature.requirement()).collect();
+                // Two features may have one requirement.
+                known.dedup();
                 return Err((
                     unknown.span(),
-                    format!("`{}` is no part of PDDL; expected one of {}", unknown.get_ref(), known.join(", ")),
+                    format!("`{}` is no feature of PDDL; expected one of {}", unknown.get_ref(), known.join(", ")),
                 ));
             }
         }

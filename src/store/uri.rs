@@ -62,7 +62,7 @@ pub enum UriError {
     MemoryPath,
     /// `mongodb://` with nothing behind.
     #[error(
-        "the URI names no server, or a port that is no number; write {scheme}://HOST:PORT, or {scheme}://USER:PASSWORD@HOST:PORT"
+        "the address has no host, or its port is not a number; expected {scheme}://HOST:PORT, or {scheme}://USER:PASSWORD@HOST:PORT"
     )]
     NoHost {
         /// `mongodb` or `mongodb+srv`.

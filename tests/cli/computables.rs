@@ -49,8 +49,8 @@ fn the_cache_holds_from_one_run_to_the_next() {
     assert_run!(first, @r#"
     {"_id":{"$oid":"[ID]"},"compute":"sum","x":15,"y":4,"sum":19}
     ------- stderr -------
-    compute sum robmem.calc: 1 documents in [DURATION]
-    find robmem.calc: 1 documents in [DURATION]
+    compute sum robmem.calc: 1 document in [DURATION]
+    find robmem.calc: 1 document in [DURATION]
     [exit code: 0]
     "#);
     lab.write("robot/sum.sh", "exit 1");
@@ -58,8 +58,8 @@ fn the_cache_holds_from_one_run_to_the_next() {
     assert_run!(second, @r#"
     {"_id":{"$oid":"[ID]"},"compute":"sum","x":15,"y":4,"sum":19}
     ------- stderr -------
-    cached sum robmem.calc: 1 documents in [DURATION]
-    find robmem.calc: 1 documents in [DURATION]
+    cached sum robmem.calc: 1 document in [DURATION]
+    find robmem.calc: 1 document in [DURATION]
     [exit code: 0]
     "#);
     assert_eq!(first.stdout, second.stdout);

@@ -53,15 +53,15 @@ fn a_dump_into_a_folder_that_is_not_there_is_refused() {
     assert_run!(lab.transcript(&commands), @r"
     $ rmem dump --all -o missing/dump
     ------- stderr -------
-    error: cannot write missing/dump: there is no folder missing; make it first
+    error: cannot write missing/dump: the folder missing does not exist; create it first
     [exit code: 4]
     $ rmem dump --all -o missing/world.json
     ------- stderr -------
-    error: cannot write missing/world.json: there is no folder missing; make it first
+    error: cannot write missing/world.json: the folder missing does not exist; create it first
     [exit code: 4]
     $ rmem dump --all --archive -o missing/archive
     ------- stderr -------
-    error: cannot write missing/archive: there is no folder missing; make it first
+    error: cannot write missing/archive: the folder missing does not exist; create it first
     [exit code: 4]
     ");
 }

@@ -147,7 +147,7 @@ fn an_unreachable_store_is_4() {
     let lab = Lab::new();
     assert_run!(lab.rmem(&["--memory", "file:/proc/none/x.rmem", "query", "robmem.x"]), @r"
     ------- stderr -------
-    error: cannot reach file:/proc/none/x.rmem: its folder /proc/none does not exist; create it first
+    error: cannot open file:/proc/none/x.rmem: its folder /proc/none does not exist; create it first
     [exit code: 4]
     ");
     lab.write(
@@ -156,7 +156,7 @@ fn an_unreachable_store_is_4() {
     );
     assert_run!(lab.rmem(&["--memory", "file:not-a-memory", "query", "robmem.x"]), @r"
     ------- stderr -------
-    error: file:not-a-memory: is not an rmem memory; name another file
+    error: file:not-a-memory: it is not an rmem memory; name another file
     [exit code: 4]
     ");
 }
@@ -219,12 +219,12 @@ fn an_input_that_cannot_be_read_is_3_and_an_output_that_cannot_be_written_4() {
     lab.rmem(&["insert", "robmem.x", "{a: 1}", "-q"]).success();
     assert_run!(lab.rmem(&["dump", "robmem.x", "-o", "folder"]), @r"
     ------- stderr -------
-    robmem.x: 1 documents
+    robmem.x: 1 document
     [exit code: 0]
     ");
     assert_run!(lab.rmem(&["dump", "robmem.x", "-o", "missing/out.json"]), @r"
     ------- stderr -------
-    error: cannot write missing/out.json: there is no folder missing; make it first
+    error: cannot write missing/out.json: the folder missing does not exist; create it first
     [exit code: 4]
     ");
 }

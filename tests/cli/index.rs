@@ -48,7 +48,7 @@ fn what_is_no_index_is_refused() {
     [exit code: 2]
     $ rmem index robmem.objects --drop
     ------- stderr -------
-    error: which index is to be dropped? expected KEYS, like '{name: 1}', or --name NAME, as `rmem index NS` lists them
+    error: expected the index to drop: KEYS, like '{name: 1}', or --name NAME (`rmem index NS` lists both)
     [exit code: 2]
     $ rmem index robmem.objects '{a: 1}' --ttl 500ms
     ------- stderr -------
@@ -97,7 +97,7 @@ fn a_drop_without_a_name_says_how_an_index_is_named() {
     lab.rmem(&["index", "robmem.objects", "{name: 1}"]).success();
     assert_run!(lab.rmem(&["index", "robmem.objects", "--drop"]), @r"
     ------- stderr -------
-    error: which index is to be dropped? expected KEYS, like '{name: 1}', or --name NAME, as `rmem index NS` lists them
+    error: expected the index to drop: KEYS, like '{name: 1}', or --name NAME (`rmem index NS` lists both)
     [exit code: 2]
     ");
 }

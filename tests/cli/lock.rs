@@ -99,7 +99,7 @@ fn the_owner_is_an_option_or_in_the_environment_never_guessed() {
     let lab = Lab::new();
     assert_run!(lab.rmem(&["lock", "table"]), @r"
     ------- stderr -------
-    error: it is not known who locks: USER and HOSTNAME are not both set; expected --owner OWNER
+    error: the owner is not known: USER and HOSTNAME are not both set; expected --owner OWNER
     [exit code: 2]
     ");
     let lab = lab.env("USER", "robotino").env("HOSTNAME", "r2");

@@ -23,39 +23,39 @@ fn a_file_that_is_not_there_is_no_empty_memory_to_commands_that_read() {
     assert_run!(lab.transcript(&commands), @r"
     $ rmem query robmem.blocks
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem count robmem.blocks
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem collections
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem update robmem.blocks '{}' '{$set: {a: 1}}'
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem delete robmem.blocks '{a: 1}'
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem drop robmem.blocks
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem index robmem.blocks
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem dump --all -o -
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     $ rmem gen-problem --template templates/blocksworld/problem.pddl.j2 --goal '(on A B)'
     ------- stderr -------
-    error: cannot reach file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    error: cannot open file:tpyo.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
     [exit code: 4]
     ");
     lab.rmem(&["--memory", "file:tpyo.rmem", "query", "robmem.blocks"]).exits(4);
@@ -102,15 +102,15 @@ fn what_is_no_file_is_named_for_what_it_is() {
     assert_run!(lab.transcript(&commands.each_ref().map(|command| &command[..])), @r"
     $ rmem --memory file:loop insert a.b '{}'
     ------- stderr -------
-    error: cannot reach file:loop: is a symbolic link that leads back to itself; name a file
+    error: cannot open file:loop: it is a symbolic link that leads back to itself; name a file
     [exit code: 4]
     $ rmem --memory file:pipe insert a.b '{}'
     ------- stderr -------
-    error: cannot reach file:pipe: is a pipe; name a file
+    error: cannot open file:pipe: it is a pipe; name a file
     [exit code: 4]
     $ rmem --memory file:/dev/null insert a.b '{}'
     ------- stderr -------
-    error: cannot reach file:/dev/null: is a device; name a file, or mem: for a memory without one
+    error: cannot open file:/dev/null: it is a device; name a file, or mem: for a memory without one
     [exit code: 4]
     $ rmem --memory file:other insert a.b '{}'
     ------- stderr -------
@@ -132,12 +132,12 @@ fn a_password_without_a_host_is_not_repeated() {
     }
     assert_run!(lab.rmem(&["--memory", "mongodb://user:secret", "collections"]), @r"
     ------- stderr -------
-    error: the URI names no server, or a port that is no number; write mongodb://HOST:PORT, or mongodb://USER:PASSWORD@HOST:PORT (set by --memory)
+    error: the address has no host, or its port is not a number; expected mongodb://HOST:PORT, or mongodb://USER:PASSWORD@HOST:PORT (set by --memory)
     [exit code: 2]
     ");
     assert_run!(lab.rmem(&["--memory", "mongodb+srv://u:secret", "collections"]), @r"
     ------- stderr -------
-    error: the URI names no server, or a port that is no number; write mongodb+srv://HOST:PORT, or mongodb+srv://USER:PASSWORD@HOST:PORT (set by --memory)
+    error: the address has no host, or its port is not a number; expected mongodb+srv://HOST:PORT, or mongodb+srv://USER:PASSWORD@HOST:PORT (set by --memory)
     [exit code: 2]
     ");
 }
@@ -230,29 +230,29 @@ fn a_store_that_cannot_be_read_is_4_wherever_it_is_read() {
     assert_run!(lab.transcript(&commands), @r"
     $ rmem dump --all
     ------- stderr -------
-    error: file:text.rmem: is not an rmem memory; name another file
+    error: file:text.rmem: it is not an rmem memory; name another file
     [exit code: 4]
     $ rmem dump a.b -o other.json
     ------- stderr -------
-    error: file:text.rmem: is not an rmem memory; name another file
+    error: file:text.rmem: it is not an rmem memory; name another file
     [exit code: 4]
     $ rmem dump a.b -o folder
     ------- stderr -------
     error: cannot read a.b
-      caused by: file:text.rmem: is not an rmem memory; name another file
+      caused by: file:text.rmem: it is not an rmem memory; name another file
     [exit code: 4]
     $ rmem diff file:text.rmem mem:
     ------- stderr -------
-    error: file:text.rmem: is not an rmem memory; name another file
+    error: file:text.rmem: it is not an rmem memory; name another file
     [exit code: 4]
     $ rmem restore world.json
     ------- stderr -------
     error: cannot restore the dump; nothing was changed
-      caused by: file:text.rmem: is not an rmem memory; name another file
+      caused by: file:text.rmem: it is not an rmem memory; name another file
     [exit code: 4]
     $ rmem plan list
     ------- stderr -------
-    error: file:text.rmem: is not an rmem memory; name another file
+    error: file:text.rmem: it is not an rmem memory; name another file
     [exit code: 4]
     ");
 }

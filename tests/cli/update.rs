@@ -25,7 +25,7 @@ fn update_and_delete_change_one_document_and_say_how_many_more_match() {
     assert_run!(lab.rmem(&update), @r#"
     {"matched":1,"modified":1}
     ------- stderr -------
-    1 of 2 that match; --many for all
+    1 of 2 matching documents; use --many for all
     [exit code: 0]
     "#);
     assert_run!(lab.rmem(&[&update[..], &["--many"]].concat()), @r#"
@@ -34,12 +34,12 @@ fn update_and_delete_change_one_document_and_say_how_many_more_match() {
     [exit code: 0]
     "#);
     let delete = ["delete", "robmem.worldmodel", "{relation: 'on-table'}"];
-    assert_run!(lab.rmem(&delete), @r#"
+    assert_run!(lab.rmem(&delete), @r"
     1
     ------- stderr -------
-    1 of 2 that match; --many for all
+    1 of 2 matching documents; use --many for all
     [exit code: 0]
-    "#);
+    ");
     assert_run!(lab.rmem(&delete), @r#"
     1
     ------- stderr -------

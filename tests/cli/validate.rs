@@ -31,10 +31,10 @@ fn validate_accepts_a_plan_or_names_the_step_that_cannot_be_applied() {
     lines.remove(0);
     lab.write("bad.plan", &lines.join("\n"));
     assert_run!(lab.rmem(&["validate", domain, "p.pddl", "bad.plan"]), @r"
-    the plan is invalid: step 1: (unstack D A) cannot be taken: (hand-empty) is false
-      (hand-empty): not so from the beginning
-        (putdown B) would make it so, and can be taken there
-        (stack B C) would make it so, and can be taken there
+    the plan is invalid: step 1: (unstack D A) is not applicable: (hand-empty) is false
+      (hand-empty): false in the initial state
+        (putdown B) would make it true, and is applicable there
+        (stack B C) would make it true, and is applicable there
     ------- stderr -------
     [exit code: 1]
     ");

@@ -53,7 +53,10 @@ fn the_goal_is_followed_to_what_the_problem_never_said() {
     assert_eq!(missing(&why, 2), [("(pick a)".to_owned(), "(empty)".to_owned())]);
     assert_eq!(why.unfilled, ["empty", "held"]);
     let text = why.to_string();
-    assert!(text.contains("(stack a b) would, but needs (held a)") && text.contains("never filled"), "{text}");
+    assert!(
+        text.contains("(stack a b) would make it true, but needs (held a)") && text.contains("never filled"),
+        "{text}"
+    );
 }
 
 #[test]

@@ -31,8 +31,8 @@ fn what_undid_a_condition_and_what_would_bring_it_back_are_named() {
     assert_eq!(
         said,
         "(at a): undone by step 2, (go a b)\n  \
-           (go b a) would make it so, and can be taken there\n  \
-           (jump a) would make it so, but needs (key)"
+           (go b a) would make it true, and is applicable there\n  \
+           (jump a) would make it true, but needs (key)"
     );
 }
 
@@ -41,16 +41,19 @@ fn what_no_action_makes_so_has_to_be_in_the_initial_state() {
     let said = advice(ROBOT, ROOMS, "(pick cup a)\n(go a c)\n");
     assert_eq!(
         said,
-        "(road a c): not so from the beginning\n  no action makes it so: the initial state would have to say it"
+        "(road a c): false in the initial state\n  no action makes it true; it has to hold in the initial state"
     );
 }
 
 #[test]
 fn a_goal_that_is_missed_is_looked_into_as_well() {
     let said = advice(ROBOT, ROOMS, "(pick cup a)\n(go a b)\n(go b c)\n");
-    assert_eq!(said, "(in cup c): not so from the beginning\n  (drop cup c) would make it so, and can be taken there");
+    assert_eq!(
+        said,
+        "(in cup c): false in the initial state\n  (drop cup c) would make it true, and is applicable there"
+    );
     let said = advice(ROBOT, ROOMS, "(pick cup a)\n");
-    assert_eq!(said, "(in cup c): not so from the beginning\n  (drop cup c) would make it so, but needs (at c)");
+    assert_eq!(said, "(in cup c): false in the initial state\n  (drop cup c) would make it true, but needs (at c)");
 }
 
 #[test]
@@ -62,7 +65,7 @@ fn what_has_to_become_false_is_told_with_what_made_it_true() {
     let problem = "(define (problem p) (:domain d) (:objects a b) (:init) (:goal (done a)))";
     assert_eq!(
         advice(domain, problem, "(rain)\n(dry b)\n(paint a)\n"),
-        "(not (wet a)): undone by step 1, (rain)\n  (dry a) would make it so, and can be taken there"
+        "(not (wet a)): undone by step 1, (rain)\n  (dry a) would make it true, and is applicable there"
     );
 }
 
@@ -76,7 +79,7 @@ fn numbers_are_told_with_what_changes_them() {
     assert_eq!(
         advice(domain, problem, "(fly b)\n(fly a)\n"),
         "(>= (fuel) (need a)): (fuel) is 2, (need a) is 4\n  \
-           (fill b) would change that, and can be taken there"
+           (fill b) would change that, and is applicable there"
     );
 }
 
@@ -91,11 +94,11 @@ fn invariants_and_timed_literals_are_told() {
     let problem = |init: &str| format!("(define (problem p) (:domain d) (:init {init}) (:goal (done)))");
     assert_eq!(
         advice(domain, &problem(""), "0: (light) [3]\n2: (work) [2]\n"),
-        "(lit): undone by step 1, (light)\n  (light) would make it so, and can be taken there"
+        "(lit): undone by step 1, (light)\n  (light) would make it true, and is applicable there"
     );
     assert_eq!(
         advice(domain, &problem("(lit) (at 1 (not (lit)))"), "0: (work) [2]\n"),
-        "(lit): undone by a timed initial literal\n  (light) would make it so, and can be taken there"
+        "(lit): undone by a timed initial literal\n  (light) would make it true, and is applicable there"
     );
 }
 
@@ -107,8 +110,8 @@ fn each_part_of_a_disjunction_is_a_way_out() {
     let problem = "(define (problem p) (:domain d) (:objects a) (:init) (:goal (done)))";
     assert_eq!(
         advice(domain, problem, "(go)\n"),
-        "(p): not so from the beginning\n  no action makes it so: the initial state would have to say it\n\
-         (q ?): depends on the object\n  (make a) would make it so, and can be taken there"
+        "(p): false in the initial state\n  no action makes it true; it has to hold in the initial state\n\
+         (q ?): depends on the object\n  (make a) would make it true, and is applicable there"
     );
 }
 

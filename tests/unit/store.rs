@@ -56,7 +56,7 @@ fn a_file_that_is_no_memory_is_refused_and_left_alone() {
     let path = folder.path().join("notes.txt");
     let text = "(define (domain blocks)) ".repeat(100);
     std::fs::write(&path, &text).unwrap();
-    assert_eq!(refusal(&path), "file:…/notes.txt: is not an rmem memory; name another file");
+    assert_eq!(refusal(&path), "file:…/notes.txt: it is not an rmem memory; name another file");
     assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
 }
 
@@ -86,11 +86,11 @@ fn a_directory_and_a_missing_folder_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let inner = folder.path().join("inner");
     std::fs::create_dir(&inner).unwrap();
-    assert_eq!(refusal(&inner), "cannot reach file:…/inner: is a directory; name a file in it");
-    let text = "cannot reach file:…/robot.rmem: its folder … does not exist; create it first";
+    assert_eq!(refusal(&inner), "cannot open file:…/inner: it is a directory; name a file in it");
+    let text = "cannot open file:…/robot.rmem: its folder … does not exist; create it first";
     assert_eq!(refusal(&folder.path().join("missing/robot.rmem")), text);
     std::fs::write(folder.path().join("file"), "x").unwrap();
-    assert!(refusal(&folder.path().join("file/robot.rmem")).starts_with("cannot reach file:…/robot.rmem: "));
+    assert!(refusal(&folder.path().join("file/robot.rmem")).starts_with("cannot open file:…/robot.rmem: "));
 }
 
 #[test]

@@ -83,7 +83,7 @@ fn the_verdicts_are_those_of_val() {
     ok: the plan is valid, value 10
     upper: the plan is valid, value 10
     timed: the plan is valid, value 10
-    bad: the plan is invalid: step 6: (pick r2 cup k) cannot be taken: (at r2 k) is false
+    bad: the plan is invalid: step 6: (pick r2 cup k) is not applicable: (at r2 k) is false
     empty: the plan is invalid: the goal is not reached: (in cup b), (in ball b) are false
     goalnot: the plan is invalid: the goal is not reached: (in cup b) is false
     noaction: the plan is invalid: step 1: the domain has no action `fly`
@@ -107,15 +107,15 @@ fn a_temporal_plan_is_judged_as_val_does() {
     assert_eq!(judge("0: (go a b) [5]\n5.001: (go b c) [5]"), "the plan is valid, value 2");
     assert_eq!(
         judge("0: (go a b) [5]\n4.9: (go b c) [5]"),
-        "the plan is invalid: step 2: (go b c) cannot be taken: (at b) is false"
+        "the plan is invalid: step 2: (go b c) is not applicable: (at b) is false"
     );
     assert_eq!(
         judge("0: (go a b) [4]\n5.001: (go b c) [5]"),
-        "the plan is invalid: step 1: (go a b) cannot be taken: (= ?duration 5) is false"
+        "the plan is invalid: step 1: (go a b) is not applicable: (= ?duration 5) is false"
     );
     assert_eq!(
         judge("0: (go a b) [5]\n5: (go b c) [5]"),
-        "the plan is invalid: step 2: (go b c) cannot be taken: (at b) is false"
+        "the plan is invalid: step 2: (go b c) is not applicable: (at b) is false"
     );
     assert_eq!(judge("0: (go a b) [5]"), "the plan is invalid: the goal is not reached: (at c) is false");
     assert_eq!(
@@ -133,7 +133,10 @@ fn costs_and_numbers_are_added_up() {
     let good = "(drive t1 a b)\n(refuel t1)\n(drive t1 b c)";
     assert_eq!(validate(&domain, &problem, &plan(good)), Validation::Valid { value: Some(7.0) });
     let dry = validate(&domain, &problem, &plan("(drive t1 a b)\n(drive t1 b c)")).to_string();
-    assert_eq!(dry, "the plan is invalid: step 2: (drive t1 b c) cannot be taken: (>= (fuel t1) (dist b c)) is false");
+    assert_eq!(
+        dry,
+        "the plan is invalid: step 2: (drive t1 b c) is not applicable: (>= (fuel t1) (dist b c)) is false"
+    );
     let nowhere = validate(&domain, &problem, &plan("(drive t1 c a)")).to_string();
     assert!(nowhere.ends_with("(at t1 c) is false"), "{nowhere}");
 }
@@ -144,11 +147,11 @@ fn conditional_and_universal_effects_look_at_the_state_before() {
     let good = "(load b1 r1)\n(go r1 r2)\n(load b2 r2)\n(go r2 r3)\n(unload b1)\n(unload b2)\n(go r3 r2)\n(clean r2)";
     assert_eq!(validate(&domain, &problem, &plan(good)), Validation::Valid { value: Some(8.0) });
     let early = validate(&domain, &problem, &plan("(go r1 r2)\n(clean r2)")).to_string();
-    assert_eq!(early, "the plan is invalid: step 2: (clean r2) cannot be taken: (not (in b2 r2)) is false");
+    assert_eq!(early, "the plan is invalid: step 2: (clean r2) is not applicable: (not (in b2 r2)) is false");
     let dirty = validate(&domain, &problem, &plan("(go r1 r2)\n(load b2 r2)")).to_string();
     assert_eq!(
         dirty,
-        "the plan is invalid: step 2: (load b2 r2) cannot be taken: \
+        "the plan is invalid: step 2: (load b2 r2) is not applicable: \
          (imply (dirty r2) (exists (?y - box) (loaded ?y))) is false"
     );
     let (domain, problem) = task("tasks/ffbug_dom2.pddl", "tasks/ffbug_p1.pddl");
@@ -175,10 +178,10 @@ fn effects_happen_at_once() {
     assert_eq!(judge("(and (= (x) 4) (= (y) 6))", "(twice)"), "the plan is valid, value 1");
     assert_eq!(
         judge("(and)", "(clash)"),
-        "the plan is invalid: step 1: (clash) cannot be taken: (x) is changed in two ways at once"
+        "the plan is invalid: step 1: (clash) is not applicable: (x) is changed in two ways at once"
     );
-    assert_eq!(judge("(and)", "(halve)"), "the plan is invalid: step 1: (halve) cannot be taken: a division by zero");
-    assert_eq!(judge("(and)", "(unset)"), "the plan is invalid: step 1: (unset) cannot be taken: (z) has no value");
+    assert_eq!(judge("(and)", "(halve)"), "the plan is invalid: step 1: (halve) is not applicable: a division by zero");
+    assert_eq!(judge("(and)", "(unset)"), "the plan is invalid: step 1: (unset) is not applicable: (z) has no value");
     assert_eq!(judge("(> (z) 0)", ""), "the plan is invalid: the goal cannot be computed: (z) has no value");
     assert_eq!(
         judge("(and (p) (q) (or (q) (> (x) 1)))", ""),
@@ -203,7 +206,7 @@ fn derived_predicates_follow_the_facts() {
     );
     assert_eq!(
         judge("(lonely b)", "(lift b c)"),
-        "the plan is invalid: step 1: (lift b c) cannot be taken: (clear b) is false"
+        "the plan is invalid: step 1: (lift b c) is not applicable: (clear b) is false"
     );
     let paradox = "(define (domain d) (:predicates (p)) (:derived (p) (not (p))))";
     let verdict = verdict(paradox, "(define (problem t) (:domain d) (:goal (p)))", "");
@@ -278,19 +281,19 @@ fn durative_actions_keep_their_conditions_and_literals_come_in_time() {
     assert_eq!(judge("0: (light) [3]\n0.001: (work) [2.5]"), "the plan is valid, value 11.5");
     assert_eq!(
         judge("0: (light) [3]\n0.001: (work) [3.5]"),
-        "the plan is invalid: step 2: (work) cannot be taken: (lit) is false"
+        "the plan is invalid: step 2: (work) is not applicable: (lit) is false"
     );
     assert_eq!(
         judge("0: (light) [3]\n0.001: (work) [2.5]\n1.5: (switch)"),
-        "the plan is invalid: step 2: (work) cannot be taken: (lit) is false"
+        "the plan is invalid: step 2: (work) is not applicable: (lit) is false"
     );
     assert_eq!(
         judge("0: (light) [3]\n0.001: (work) [2.5]\n1: (work) [2]"),
-        "the plan is invalid: step 3: (work) cannot be taken: (not (busy)) is false"
+        "the plan is invalid: step 3: (work) is not applicable: (not (busy)) is false"
     );
     assert_eq!(
         judge("8: (light) [3]\n8.001: (work) [2]"),
-        "the plan is invalid: step 2: (work) cannot be taken: (open) is false"
+        "the plan is invalid: step 2: (work) is not applicable: (open) is false"
     );
     assert_eq!(
         judge("0: (light) [3]\n3: (switch)\n3.001: (light) [3]\n3.002: (work) [2]"),
@@ -302,7 +305,7 @@ fn durative_actions_keep_their_conditions_and_literals_come_in_time() {
     );
     assert_eq!(
         judge("0: (light) [3]\n0.001: (work) [5]"),
-        "the plan is invalid: step 2: (work) cannot be taken: (<= ?duration 4) is false"
+        "the plan is invalid: step 2: (work) is not applicable: (<= ?duration 4) is false"
     );
 }
 

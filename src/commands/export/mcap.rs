@@ -14,6 +14,7 @@ use crate::formats::mcap::{Channel, Log};
 use crate::formats::scene::{Object, document};
 use crate::formats::shell;
 use crate::memory::frames::Frames;
+use crate::output::amount;
 use crate::scene::kind::{Kinds, NAME};
 use crate::store::{Find, Namespace};
 use crate::views::field::{lookup, number};
@@ -114,7 +115,7 @@ struct Written {
 
 impl std::fmt::Display for Written {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} documents, {} of them objects of a scene", self.documents, self.objects)?;
+        write!(f, "{}, {} of them objects of a scene", amount(self.documents, "document"), self.objects)?;
         if self.skipped > 0 {
             write!(f, "; {} without a time are left out", self.skipped)?;
         }

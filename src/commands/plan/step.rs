@@ -98,12 +98,14 @@ fn spelled(step: &Document) -> String {
 fn check_order(number: usize, args: &StepArgs, plan: &Record) -> Result<(), UsageError> {
     let progress = plan.progress();
     let is_waiting = |status: Status| matches!(status, Status::Open | Status::Failed);
-    let earlier = progress.iter().take(number.saturating_sub(1)).position(|step| is_waiting(step.status));
+    // A step that there is not is refused by its number.
+    let before = if number <= progress.len() { number.saturating_sub(1) } else { 0 };
+    let earlier = progress.iter().take(before).position(|step| is_waiting(step.status));
     match earlier {
         Some(index) if args.state.done && !args.out_of_order => {
             let (step, status) = (index + 1, progress.get(index).map(|step| step.status).unwrap_or_default());
             Err(UsageError::new(format!(
-                "step {number} cannot be done while step {step} is {status}; mark step {step} first, or give --out-of-order"
+                "step {number} cannot be done while step {step} is {status}; mark step {step} first, or use --out-of-order"
             )))
         }
         _ => Ok(()),

@@ -157,7 +157,7 @@ fn unreachable(obstacle: &Document) -> String {
     });
     let needs: Vec<String> = needs.collect();
     if needs.is_empty() {
-        format!("{condition}: nothing makes it so")
+        format!("{condition}: no action makes it true")
     } else {
         format!("{condition}: {}", needs.join("; "))
     }

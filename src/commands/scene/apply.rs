@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::scene::json::line;
 use crate::formats::scene::{Content, Operation, Scene};
+use crate::output::amount;
 use crate::scene::apply::{Change, Effect, Target, commit};
 use crate::scene::extract::{Reading, extract};
 use crate::scene::mesh::Meshes;
@@ -146,7 +147,9 @@ fn report(changes: &[Change], context: &mut Context<'_>) -> Result<()> {
         context.output.line(&line(&written))?;
     }
     if kept > 0 {
-        context.output.note(&format!("{kept} objects are not in the scene and stay; remove them with --remove"));
+        context
+            .output
+            .note(&format!("kept {} that the scene does not have; use --remove to delete", amount(kept, "object")));
     }
     Ok(())
 }

@@ -29,7 +29,7 @@ pub enum DumpError {
         path: PathBuf,
     },
     /// The folder it is to be in is not there.
-    #[error("cannot write {}: there is no folder {}; make it first", path.display(), beside(path).display())]
+    #[error("cannot write {}: the folder {} does not exist; create it first", path.display(), beside(path).display())]
     Nowhere {
         /// What was to be written.
         path: PathBuf,

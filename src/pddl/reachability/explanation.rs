@@ -51,17 +51,23 @@ impl fmt::Display for Why {
             let what = if place < self.goals { "why: the goal asks for " } else { "     and " };
             write!(f, "{what}{}, which can never hold", obstacle.condition)?;
             if obstacle.achievers.is_empty() {
-                f.write_str(": nothing makes it so")?;
+                f.write_str(": no action makes it true")?;
             }
             for achiever in &obstacle.achievers {
                 match achiever.missing.as_slice() {
-                    [] => write!(f, "\n       {} would, but never finds all it needs together", achiever.action)?,
-                    missing => write!(f, "\n       {} would, but needs {}", achiever.action, missing.join(", "))?,
+                    [] => write!(
+                        f,
+                        "\n       {} would make it true, but its preconditions never hold together",
+                        achiever.action
+                    )?,
+                    missing => {
+                        write!(f, "\n       {} would make it true, but needs {}", achiever.action, missing.join(", "))?
+                    }
                 }
             }
         }
         if !self.unfilled.is_empty() {
-            write!(f, "\nnever filled, and never made true: {}", self.unfilled.join(", "))?;
+            write!(f, "\nnever true, in the initial state or by an action: {}", self.unfilled.join(", "))?;
         }
         Ok(())
     }

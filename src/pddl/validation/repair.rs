@@ -435,21 +435,21 @@ impl fmt::Display for Repair {
         match &self.cause {
             Cause::Step { step, action } => write!(f, "undone by step {}, {action}", step + 1)?,
             Cause::Literal => f.write_str("undone by a timed initial literal")?,
-            Cause::Never => f.write_str("not so from the beginning")?,
+            Cause::Never => f.write_str("false in the initial state")?,
             Cause::Derived => f.write_str("follows from other facts by the rules of the domain")?,
             Cause::Unknown if self.values.is_empty() => f.write_str("depends on the object")?,
             Cause::Unknown => f.write_str(&self.values.join(", "))?,
         }
         for Remedy { action, is_possible, missing } in &self.remedies {
-            let would = if self.values.is_empty() { "would make it so" } else { "would change that" };
+            let would = if self.values.is_empty() { "would make it true" } else { "would change that" };
             match (is_possible, missing.as_slice()) {
-                (true, _) => write!(f, "\n  {action} {would}, and can be taken there")?,
-                (false, []) => write!(f, "\n  {action} {would}, but cannot be taken there")?,
+                (true, _) => write!(f, "\n  {action} {would}, and is applicable there")?,
+                (false, []) => write!(f, "\n  {action} {would}, but is not applicable there")?,
                 (false, missing) => write!(f, "\n  {action} {would}, but needs {}", missing.join(", "))?,
             }
         }
         match self.remedies.is_empty() && !matches!(self.cause, Cause::Unknown | Cause::Derived) {
-            true => f.write_str("\n  no action makes it so: the initial state would have to say it"),
+            true => f.write_str("\n  no action makes it true; it has to hold in the initial state"),
             false => Ok(()),
         }
     }

@@ -160,9 +160,9 @@ impl fmt::Display for Failure {
             }
             Self::Time { action, reason, .. } => write!(f, "action `{action}`: {reason}"),
             Self::Precondition { action, condition, .. } => {
-                write!(f, "{action} cannot be taken: {condition} is false")
+                write!(f, "{action} is not applicable: {condition} is false")
             }
-            Self::Number { step: Some(_), action, reason } => write!(f, "{action} cannot be taken: {reason}"),
+            Self::Number { step: Some(_), action, reason } => write!(f, "{action} is not applicable: {reason}"),
             Self::Number { reason, .. } => write!(f, "the goal cannot be computed: {reason}"),
             Self::Interference { action, with, .. } => {
                 write!(f, "{action} cannot happen at the same time as {with}")

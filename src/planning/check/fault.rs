@@ -63,7 +63,7 @@ impl Fault {
 impl Fault {
     /// Of a step that failed; steps count from 1.
     pub(super) fn failed(step: usize) -> Self {
-        let message = "it failed, and was not begun again".to_owned();
+        let message = "it failed and was not started again".to_owned();
         Self { step: Some(step), message, ..Self::default() }
     }
 }

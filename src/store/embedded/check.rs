@@ -73,7 +73,7 @@ impl Embedded {
                         *expected += keys - missing;
                         let index = &index.definition.name;
                         report(&format!(
-                            "{ns}: the index {index} has {missing} of {keys} keys too few for the document {name}"
+                            "{ns}: the index {index} lacks {missing} of {keys} keys of the document {name}"
                         ));
                     }
                     Err(error) => report(&format!("{ns}: the index {} cannot be read: {error}", index.definition.name)),

@@ -12,15 +12,15 @@ const DISK_FULL: &str = "the disk is full; make room and repeat, nothing of this
 /// Returns the error of a store for one of SQLite.
 pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
     let reason = match error.sqlite_error_code() {
-        Some(ErrorCode::NotADatabase) => "is not an rmem memory; name another file".to_owned(),
+        Some(ErrorCode::NotADatabase) => "it is not an rmem memory; name another file".to_owned(),
         Some(ErrorCode::DatabaseCorrupt) => {
             format!(
-                "is damaged ({error}); list the damage with `rmem doctor --deep`, and copy what can be read into a new file with `rmem repair -o FILE`"
+                "it is damaged ({error}); list the damage with `rmem doctor --deep`, and copy what can be read into a new file with `rmem repair -o FILE`"
             )
         }
         Some(ErrorCode::DiskFull) => DISK_FULL.to_owned(),
         Some(ErrorCode::ReadOnly) => {
-            "cannot be written; check the permissions of the file and of its folder".to_owned()
+            "it cannot be written; check the permissions of the file and of its folder".to_owned()
         }
         Some(ErrorCode::PermissionDenied) => "permission denied; check the file's owner and mode".to_owned(),
         Some(ErrorCode::CannotOpen | ErrorCode::SystemIoFailure) if is_full(place) => DISK_FULL.to_owned(),
@@ -64,7 +64,7 @@ pub(super) fn io(error: &std::io::Error) -> String {
 fn cannot_open(place: &Place) -> String {
     let Place::File(path) = place else { return "out of memory".to_owned() };
     if path.is_dir() {
-        return "is a directory; name a file in it".to_owned();
+        return "it is a directory; name a file in it".to_owned();
     }
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,

@@ -183,16 +183,16 @@ fn special(path: &Path) -> Option<&'static str> {
     let kind = match std::fs::metadata(path) {
         Ok(found) => found.file_type(),
         Err(error) if rustix::io::Errno::from_io_error(&error) == Some(rustix::io::Errno::LOOP) => {
-            return Some("is a symbolic link that leads back to itself; name a file");
+            return Some("it is a symbolic link that leads back to itself; name a file");
         }
         Err(_) => return None,
     };
     match kind {
-        kind if kind.is_dir() => Some("is a directory; name a file in it"),
-        kind if kind.is_fifo() => Some("is a pipe; name a file"),
-        kind if kind.is_socket() => Some("is a socket; name a file"),
+        kind if kind.is_dir() => Some("it is a directory; name a file in it"),
+        kind if kind.is_fifo() => Some("it is a pipe; name a file"),
+        kind if kind.is_socket() => Some("it is a socket; name a file"),
         kind if kind.is_char_device() || kind.is_block_device() => {
-            Some("is a device; name a file, or mem: for a memory without one")
+            Some("it is a device; name a file, or mem: for a memory without one")
         }
         _ => None,
     }

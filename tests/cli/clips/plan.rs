@@ -100,9 +100,9 @@ fn a_failure_is_reported_in_the_memorys_names_in_clips_too() {
     FALSE------- stderr -------
     [RMEM5] Function 'rm-plan': builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
     why: the goal asks for (lit lamp #18), which can never hold
-           (light lamp #18) would, but needs (wick lamp #18)
-         and (wick lamp #18), which can never hold: nothing makes it so
-    never filled, and never made true: wick
+           (light lamp #18) would make it true, but needs (wick lamp #18)
+         and (wick lamp #18), which can never hold: no action makes it true
+    never true, in the initial state or by an action: wick
     [exit code: 0]
     ");
 }

@@ -15,11 +15,11 @@ fn a_plan_holds_until_the_world_changes_under_it() {
     // Its first step is (stack B C): done in the world and noted, the rest still holds.
     STACKED.iter().for_each(|line| drop(lab.shell(line).success()));
     assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
-    [ID] does not hold: step 1: (stack B C) cannot be taken: (holding B) is false
+    [ID] does not hold: step 1: (stack B C) is not applicable: (holding B) is false
       templates/blocksworld/problem.pddl.j2:24: nothing in the memory says so; it would be written by (holding {{ fact.object }})
-      (holding B): not so from the beginning
-        (unstack B C) would make it so, and can be taken there
-        (pickup B) would make it so, but needs (on-table B)
+      (holding B): false in the initial state
+        (unstack B C) would make it true, and is applicable there
+        (pickup B) would make it true, but needs (on-table B)
     ------- stderr -------
     [exit code: 1]
     ");
@@ -32,12 +32,12 @@ fn a_plan_holds_until_the_world_changes_under_it() {
     // Somebody puts a block where the next step needs a clear one.
     lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
     assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
-    [ID] does not hold: step 2: (unstack D A) cannot be taken: (clear D) is false
+    [ID] does not hold: step 2: (unstack D A) is not applicable: (clear D) is false
       templates/blocksworld/problem.pddl.j2:18: nothing in the memory says so; it would be written by (clear {{ fact.object }})
-      (clear D): not so from the beginning
-        (unstack ?x D) would make it so, but cannot be taken there
-        (putdown D) would make it so, but needs (holding D)
-        (stack D ?y) would make it so, but needs (holding D)
+      (clear D): false in the initial state
+        (unstack ?x D) would make it true, but is not applicable there
+        (putdown D) would make it true, but needs (holding D)
+        (stack D ?y) would make it true, but needs (holding D)
     ------- stderr -------
     [exit code: 1]
     ");
@@ -66,11 +66,11 @@ fn what_should_not_be_true_is_named_with_its_document() {
     lab.rmem(&["plan", "-d", "d.pddl", "-t", "p.j2"]).success();
     lab.rmem(&["insert", "lab.wet", "{_id: 7, place: 'a'}"]).success();
     assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
-    [ID] does not hold: step 1: (go a) cannot be taken: (not (wet a)) is false
+    [ID] does not hold: step 1: (go a) is not applicable: (not (wet a)) is false
       p.j2:4:1: (wet a) is in the memory
       document _id 7 of lab.wet
-      (not (wet a)): not so from the beginning
-        no action makes it so: the initial state would have to say it
+      (not (wet a)): false in the initial state
+        no action makes it true; it has to hold in the initial state
     ------- stderr -------
     [exit code: 1]
     ");
@@ -122,7 +122,7 @@ fn a_plan_with_a_failed_step_does_not_hold_until_the_step_is_begun_again() {
     plan(&lab, &["-q"]).success();
     lab.rmem(&["plan", "step", "last", "1", "--failed"]).success();
     assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
-    [ID] does not hold: step 1: it failed, and was not begun again
+    [ID] does not hold: step 1: it failed and was not started again
     ------- stderr -------
     [exit code: 1]
     ");

@@ -15,7 +15,7 @@ fn a_plan_is_found_by_its_id_or_the_beginning_of_it() {
     }
     assert_run!(lab.rmem(&["plan", "show", id]), @r"
     ------- stderr -------
-    error: no plan in robmem.plans has the id `[ID]`; see rmem plan list, or say `last`
+    error: no plan in robmem.plans has the id `[ID]`; list the ids with `rmem plan list`, or use `last`
     [exit code: 2]
     ");
     plan(&lab, &["-q"]).success();
@@ -24,7 +24,7 @@ fn a_plan_is_found_by_its_id_or_the_beginning_of_it() {
     assert!(run.stderr.contains("several plans"), "{run}");
     assert_run!(lab.rmem(&["plan", "show", "nosuch"]), @r"
     ------- stderr -------
-    error: no plan in robmem.plans has the id `nosuch`; see rmem plan list, or say `last`
+    error: no plan in robmem.plans has the id `nosuch`; list the ids with `rmem plan list`, or use `last`
     [exit code: 2]
     ");
     assert_run!(lab.rmem(&["plan", "show", "last", "--in", "lab.none"]), @r"

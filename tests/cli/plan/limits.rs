@@ -21,7 +21,7 @@ fn configured_planners_run_under_limits() {
     assert_run!(plan(&lab, &["--planner", "crasher"]), @r"
     ------- stderr -------
     stored in robmem.plans as [ID]
-    error: crasher: it was ended by signal 11
+    error: crasher: its program was ended by signal 11
       the last lines it printed:
         broken
     [exit code: 32]
@@ -29,13 +29,13 @@ fn configured_planners_run_under_limits() {
     assert_run!(plan(&lab, &["--planner", "liar"]), @r"
     ------- stderr -------
     stored in robmem.plans as [ID]
-    error: liar: it returned a plan that is not valid: the plan is invalid: step 1: (pickup A) cannot be taken: (clear A) is false
+    error: liar: the plan is invalid: step 1: (pickup A) is not applicable: (clear A) is false
     [exit code: 32]
     ");
     assert_run!(plan(&lab, &["--planner", "spammer"]), @r"
     ------- stderr -------
     stored in robmem.plans as [ID]
-    error: spammer: it printed more than 16 MiB
+    error: spammer: its program printed more than 16 MiB
       the last lines it printed:
         step
         step

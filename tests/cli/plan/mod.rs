@@ -177,8 +177,8 @@ fn no_plan_is_11_where_it_is_proven_and_stored_as_a_failure() {
     stored in robmem.plans as [ID]
     error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
     why: the goal asks for (q), which can never hold
-           (a) would, but needs (q)
-    never filled, and never made true: q
+           (a) would make it true, but needs (q)
+    never true, in the initial state or by an action: q
     [exit code: 11]
     ");
     let stored = lab.rmem(&["query", "robmem.plans", "--fields", "{_id: 0}"]).success();
@@ -194,12 +194,12 @@ fn why_there_is_no_plan_is_printed_and_stored() {
     stored in robmem.plans as [ID]
     error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
     why: the goal asks for (lit), which can never hold
-           (switch-on ?s) would, but needs (on-stool)
+           (switch-on ?s) would make it true, but needs (on-stool)
          and (on-stool), which can never hold
-           (climb ?s) would, but needs (stool-at ?s)
+           (climb ?s) would make it true, but needs (stool-at ?s)
          and (stool-at ?s), which can never hold
-           (push ?from ?to) would, but needs (stool-at ?from)
-    never filled, and never made true: stool-at, on-stool
+           (push ?from ?to) would make it true, but needs (stool-at ?from)
+    never true, in the initial state or by an action: stool-at, on-stool
     [exit code: 11]
     ");
     let stored = lab.rmem(&["query", "robmem.plans", "--meta"]).success();

@@ -31,11 +31,11 @@ fn steps_are_noted_with_their_times() {
     assert_run!(lab.transcript(&wrong.each_ref().map(|args| &args[..])), @r"
     $ rmem plan step last --done -- 0
     ------- stderr -------
-    error: the plan has 5 steps, and none with the number 0
+    error: the plan has 5 steps; expected a number from 1 to 5, found 0
     [exit code: 2]
     $ rmem plan step last --done -- 6
     ------- stderr -------
-    error: step 6 cannot be done while step 3 is open; mark step 3 first, or give --out-of-order
+    error: the plan has 5 steps; expected a number from 1 to 5, found 6
     [exit code: 2]
     $ rmem plan step last --done -- x
     ------- stderr -------
@@ -87,7 +87,7 @@ fn a_step_before_an_earlier_one_needs_an_option() {
     plan(&lab, &["-q"]).success();
     assert_run!(lab.rmem(&["plan", "step", "last", "3", "--done"]), @r"
     ------- stderr -------
-    error: step 3 cannot be done while step 1 is open; mark step 1 first, or give --out-of-order
+    error: step 3 cannot be done while step 1 is open; mark step 1 first, or use --out-of-order
     [exit code: 2]
     ");
     lab.rmem(&["plan", "step", "last", "3", "--done", "--out-of-order"]).success();
