@@ -36,7 +36,7 @@ pub struct Cli {
 /// Returns the description of the command line.
 #[must_use]
 pub fn command() -> clap::Command {
-    help::grouped(with_formats(Cli::command()))
+    help::grouped(help::flowing(with_formats(Cli::command())))
 }
 
 /// Parses a command line.

@@ -58,6 +58,42 @@ pub(super) fn grouped(command: Command) -> Command {
     command.help_template(template)
 }
 
+/// Returns the command line with the paragraphs below each help in one line each, so that they wrap at any width.
+pub(super) fn flowing(mut command: Command) -> Command {
+    let names: Vec<String> = command.get_subcommands().map(|command| command.get_name().to_owned()).collect();
+    for name in names {
+        command = command.mut_subcommand(name, flowing);
+    }
+    match command.get_after_help().map(|text| joined(&text.to_string())) {
+        Some(text) => command.after_help(text),
+        None => command,
+    }
+}
+
+/// Joins the lines of each paragraph. Indented lines, and texts in another language (`(deftemplate …`, `[[table]]`),
+/// stay as they are.
+fn joined(text: &str) -> String {
+    let paragraphs = text.split("\n\n").map(|paragraph| match paragraph.starts_with(['(', '[']) {
+        true => paragraph.to_owned(),
+        false => flow(paragraph),
+    });
+    paragraphs.collect::<Vec<_>>().join("\n\n")
+}
+
+fn flow(paragraph: &str) -> String {
+    let mut flowing = String::new();
+    let mut before = " ";
+    for line in paragraph.lines() {
+        let goes_on = !line.starts_with(' ') && !before.starts_with(' ');
+        if !flowing.is_empty() {
+            flowing.push(if goes_on { ' ' } else { '\n' });
+        }
+        flowing.push_str(line);
+        before = line;
+    }
+    flowing
+}
+
 fn group(title: &str, names: &[&str], command: &Command, width: usize) -> String {
     // A build without a feature lacks its command.
     let present = |name: &&&str| **name == "help" || command.find_subcommand(name).is_some();
@@ -81,6 +117,30 @@ mod tests {
         grouped.sort_unstable();
         commands.sort_unstable();
         assert_eq!(grouped, commands);
+    }
+
+    /// All commands and subcommands.
+    fn all(command: &Command) -> Vec<Command> {
+        let below = command.get_subcommands().flat_map(all);
+        std::iter::once(command.clone()).chain(below).collect()
+    }
+
+    #[test]
+    fn no_line_of_a_paragraph_is_broken_before_the_width_is_used() {
+        for width in [80, 100] {
+            for mut command in all(&crate::cli::command()) {
+                let help = command.clone().term_width(width).render_help().to_string();
+                let lines: Vec<&str> = help.lines().collect();
+                for pair in lines.windows(2) {
+                    let is_prose = |line: &str| line.starts_with(char::is_alphabetic) && !line.ends_with(':');
+                    let next = pair[1].split(' ').next().unwrap_or_default();
+                    let fits = pair[0].chars().count() + 1 + next.chars().count() <= width;
+                    let is_broken = is_prose(pair[0]) && is_prose(pair[1]) && fits && !pair[1].contains(" = ");
+                    assert!(!is_broken, "{} at {width}:\n{}\n{}", command.get_name(), pair[0], pair[1]);
+                }
+                command.build();
+            }
+        }
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub struct GenProblemArgs {
     /// The template's arguments.
     #[command(flatten)]
     pub options: TemplateArgs,
-    /// Write the problem to FILE (default: stdout)
+    /// File to write the problem to; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
     /// Print where an atom like '(on A B)', a number, or an object comes from, instead of the problem

@@ -39,13 +39,13 @@ pub struct ImportProblemArgs {
     /// The problem; - is stdin
     #[arg(value_name = "PROBLEM")]
     pub problem: PathBuf,
-    /// Where the documents go
+    /// Collection to store into
     #[arg(long, value_name = "NS")]
     pub into: Namespace,
     /// Check the problem against this domain first
     #[arg(short, long, value_name = "FILE")]
     pub domain: Option<PathBuf>,
-    /// Write a template that makes an equal problem of the documents
+    /// Write a template that generates an equal problem from the documents
     #[arg(short, long, value_name = "FILE")]
     pub template: Option<PathBuf>,
     /// Remove what an earlier import stored there

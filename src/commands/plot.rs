@@ -23,10 +23,10 @@ rmem plot robmem.objects \"[{\\$group: {_id: '\\$type', count: {\\$sum: 1}}}]\" 
 rmem plot robmem.jobs --kind timeline --from begun --to ended --label name --by robot -o jobs.svg\n\n\
 FIELD is a dotted path; a number in it is an index, as in translation.0. Dates are an axis of time. A map\n\
 draws positions to scale, by default the x and y of translation, with names and with headings (by default how\n\
-rotation turns about z). Bars without --y count documents. Documents without the fields are left out; how many\n\
-is said on stderr. A file that ends in .png is a PNG, any other is SVG.")]
+rotation turns about z). Bars without --y count documents. Documents without the fields are left out; their number\n\
+is reported on stderr. A file that ends in .png is a PNG, any other is SVG.")]
 pub struct PlotArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
     /// Which documents: a query or a pipeline (default: all documents)
@@ -41,7 +41,7 @@ pub struct PlotArgs {
     /// A series for each value of FIELD
     #[arg(long, value_name = "FIELD")]
     pub by: Option<String>,
-    /// How it is drawn
+    /// Kind of drawing
     #[arg(long, value_name = "KIND", value_enum, default_value_t = PlotKind::Line)]
     pub kind: PlotKind,
     /// Names of points and intervals (default: name)
@@ -50,10 +50,10 @@ pub struct PlotArgs {
     /// Headings on a map, in radians
     #[arg(long, value_name = "FIELD")]
     pub heading: Option<String>,
-    /// When intervals begin (default: from)
+    /// Field with the start of intervals (default: from)
     #[arg(long, value_name = "FIELD")]
     pub from: Option<String>,
-    /// When intervals end (default: to)
+    /// Field with the end of intervals (default: to)
     #[arg(long, value_name = "FIELD")]
     pub to: Option<String>,
     /// Make the x axis logarithmic

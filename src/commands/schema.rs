@@ -15,14 +15,14 @@ use crate::views::schema::Schema;
 #[command(after_help = "Example:\n  rmem schema robmem.worldmodel --format table\n\n\
 Prints a document for each field, those of documents in documents with dots between: {field, documents, share,\n\
 types, distinct, least, greatest, frequent}. Types are those of MongoDB's $type; share is the part of\n\
-the documents that have the field; frequent are the three values that come most often, if any comes twice.\n\
-Values are told apart up to 10000 different ones.")]
+the documents that have the field; frequent are the three most frequent values, if any occurs twice.\n\
+At most 10000 different values are counted.")]
 #[command(arg = formats::argument(&formats::DOCUMENTS))]
 pub struct SchemaArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Which documents (default: all documents)
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
 }

@@ -26,14 +26,14 @@ const SLICE: Duration = Duration::from_millis(20);
 #[command(
     after_help = "Examples:\n  rmem serve --memory file:robot.rmem\n  rmem serve --memory file:robot.rmem --socket /run/robot/rmem.sock\n  rmem serve --listen 0.0.0.0:27017 --users users --tls-cert robot.pem --tls-key robot.key\n  mongosh mongodb://127.0.0.1:27017/robmem\n\n\
 Speaks MongoDB's wire protocol on 127.0.0.1:27017, or where --listen and --socket say. Computables\n\
-run for whoever asks, documents are shown without their metadata, and change streams are kept for an\n\
+run for every client, documents are shown without their metadata, and change streams are kept for an\n\
 hour. Other rmem processes use the file beside it; one process at a time serves a file (exit code 5).\n\
 An address that other machines reach needs --users and TLS. A file of users has a line for each,\n\
 NAME:PASSWORD, or NAME: and what --hash-password prints; only its owner may read it. Ends with 0 on\n\
 SIGTERM, once what was begun is answered. Takes sockets from systemd and notifies it when it is ready."
 )]
 pub struct ServeArgs {
-    /// Listen on ADDRESS: HOST, HOST:PORT or :PORT; port 0 is any free one (can be repeated)
+    /// Listen on ADDRESS: HOST, HOST:PORT or :PORT; port 0 picks a free one (can be repeated)
     #[arg(long, value_name = "ADDRESS")]
     pub listen: Vec<String>,
     /// Listen on a Unix socket, which only its owner may use (can be repeated)
@@ -60,10 +60,10 @@ pub struct ServeArgs {
     /// Close cursors that were not read for this long
     #[arg(long, value_name = "DURATION", default_value = "10m", value_parser = quantity::duration)]
     pub cursor_timeout: Duration,
-    /// Print the URIs to connect to on stdout, once clients may
+    /// Print the URIs on stdout once clients can connect
     #[arg(long)]
     pub print_uri: bool,
-    /// Only read a password from stdin and print what may stand for it in a file of users
+    /// Read a password from stdin, print its hash for a file of users, and exit
     #[arg(long, conflicts_with_all = ["listen", "socket", "read_only", "users", "meta", "print_uri"])]
     pub hash_password: bool,
 }

@@ -18,7 +18,7 @@ use crate::problem::names;
 /// Check a domain and a problem, and simulate a plan
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plan.txt -v\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nWith -v, what happens at each moment is printed first: what becomes true (+) and false (-), and the numbers that change.\n\nOf several plans, the worst decides the exit code: 1 where one is invalid."
+    after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plan.txt -v\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nWith -v, what happens at each moment is printed first: what becomes true (+) and false (-), and the numbers that change.\n\nExits with 1 if any plan is invalid."
 )]
 #[command(arg = crate::commands::formats::argument(&crate::commands::formats::TEXT))]
 pub struct ValidateArgs {

@@ -10,7 +10,7 @@ use crate::query::QueryError;
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// No connection to a server, or no access to a file.
-    #[error("cannot open {address}: {reason}")]
+    #[error("cannot {} {address}: {reason}", if address.starts_with("file:") { "open" } else { "reach" })]
     Unreachable {
         /// The address, without credentials.
         address: String,

@@ -7,7 +7,7 @@ use crate::repair::{DAMAGE, lab, sql};
 fn doctor_finds_damaged_documents_and_indexes() {
     let lab = lab();
     let sound = lab.rmem(&["doctor", "--deep"]).success();
-    assert!(sound.contains("checked    file:robot.rmem: 1 collections, 3 documents, 1 indexes\n"), "{sound}");
+    assert!(sound.contains("checked    file:robot.rmem: 1 collection, 3 documents, 1 index\n"), "{sound}");
     sql(&lab, "robot.rmem", DAMAGE);
     sql(&lab, "robot.rmem", "DELETE FROM entries_1 WHERE position = 3; INSERT INTO entries_1 VALUES (x'00', 77)");
     let found = lab.rmem(&["doctor", "--deep"]).exits(4).stdout;

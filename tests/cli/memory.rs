@@ -114,7 +114,7 @@ fn what_is_no_file_is_named_for_what_it_is() {
     [exit code: 4]
     $ rmem --memory file:other insert a.b '{}'
     ------- stderr -------
-    error: file:other: is an SQLite database of another program, not an rmem memory; name another file
+    error: file:other: it is an SQLite database of another program, not an rmem memory; name another file
     [exit code: 4]
     ");
 }

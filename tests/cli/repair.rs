@@ -25,7 +25,7 @@ fn repair_makes_indexes_anew() {
     let lab = lab();
     sql(&lab, "robot.rmem", "DELETE FROM entries_1");
     assert_eq!(lab.rmem(&["count", "a.b", "{n: 2}"]).success(), "0\n");
-    assert_eq!(lab.rmem(&["repair"]).success(), "1 collections, 3 documents, 1 indexes\n");
+    assert_eq!(lab.rmem(&["repair"]).success(), "1 collection, 3 documents, 1 index\n");
     assert_eq!(lab.rmem(&["count", "a.b", "{n: 2}"]).success(), "1\n");
     lab.rmem(&["doctor", "--deep"]).success();
 }
@@ -35,7 +35,7 @@ fn repair_copies_what_can_be_read() {
     let lab = lab();
     sql(&lab, "robot.rmem", DAMAGE);
     let repaired = lab.rmem(&["repair", "-o", "saved.rmem"]).exits(1).stdout;
-    let expected = "1 collections, 2 documents, 1 indexes\nlost: a.b: the document with _id 2: its checksum is wrong\n";
+    let expected = "1 collection, 2 documents, 1 index\nlost: a.b: the document with _id 2: its checksum is wrong\n";
     assert_eq!(repaired, expected);
     let saved = lab.rmem(&["--memory", "file:saved.rmem", "query", "a.b", "{n: {$gt: 0}}"]).success();
     assert_eq!(saved, "{\"_id\":1,\"n\":1}\n{\"_id\":3,\"n\":3}\n");
@@ -74,7 +74,7 @@ fn a_file_of_version_1_gets_checksums_as_it_is_changed() {
     lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 5}}"]).success();
     let found = lab.rmem(&["doctor", "--deep"]).success();
     // The other lines differ with the machine.
-    let expected = "3 documents, 2 of them without a checksum (stored by an earlier rmem), 1 indexes";
+    let expected = "3 documents, 2 of them without a checksum (stored by an earlier rmem), 1 index";
     assert!(found.contains(expected), "{found}");
     let version = Connection::open(lab.path().join("robot.rmem")).unwrap();
     let version: i32 = version.query_row("PRAGMA user_version", [], |row| row.get(0)).unwrap();

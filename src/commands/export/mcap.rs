@@ -28,12 +28,12 @@ use crate::views::foxglove::{
 Each document is a message of the topic /DATABASE/COLLECTION at the time of --time: a date, or seconds since 1970.\n\
 Documents that are objects of a scene (rmem scene export) are messages foxglove.SceneUpdate of the topic\n\
 /DATABASE/COLLECTION/scene, too, and the frames of DATABASE.frames are foxglove.FrameTransforms of /tf.\n\
-Documents without the time are left out; how many is said on stderr.")]
+Documents without the time are left out; their number is reported on stderr.")]
 pub struct McapArgs {
-    /// Where: DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Which documents (default: all documents)
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
     /// The field with the time of a document

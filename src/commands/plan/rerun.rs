@@ -22,7 +22,7 @@ pub struct RerunArgs {
     /// The plan.
     #[command(flatten)]
     pub plan: StoredArgs,
-    /// Planner to use instead of the plan's; several race each other
+    /// Planner to use instead of the plan's (can be repeated; the first valid plan wins)
     #[arg(long, value_name = "NAME")]
     pub planner: Vec<String>,
     /// Time limit instead of the plan's

@@ -32,7 +32,7 @@ pub struct SearchArgs {
 /// How to plan, and where the plan goes.
 #[derive(Debug, Clone, Args)]
 pub struct LimitArgs {
-    /// Planner: builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml; several race each other
+    /// Planner: builtin, ff, fast-downward, or a [planner.NAME] of rmem.toml (can be repeated; the first valid plan wins)
     #[arg(long, value_name = "NAME", default_value = "builtin")]
     pub planner: Vec<String>,
     /// Time limit

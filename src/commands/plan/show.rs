@@ -32,7 +32,7 @@ pub struct ShowArgs {
     /// The plan.
     #[command(flatten)]
     pub plan: StoredArgs,
-    /// The parameter that has a lane for each value in an svg (default: the one that the most steps have)
+    /// Parameter with one lane per value in an SVG (default: the most frequent parameter)
     #[arg(long, value_name = "PARAMETER")]
     pub lanes: Option<String>,
 }

@@ -43,7 +43,7 @@ pub struct StepArgs {
 #[derive(Debug, Clone, Copy, Args)]
 #[group(required = true, multiple = false)]
 pub struct StateArgs {
-    /// Mark it as begun
+    /// Mark it as running
     #[arg(long)]
     pub started: bool,
     /// Mark it as done
@@ -52,7 +52,7 @@ pub struct StateArgs {
     /// Mark it as failed
     #[arg(long)]
     pub failed: bool,
-    /// Mark it as not begun
+    /// Mark it as not started
     #[arg(long)]
     pub open: bool,
 }

@@ -41,18 +41,18 @@ pub struct ApplyArgs {
     /// Where the documents are, and where new ones go (default: the collections of [[scene.object]], or --collection)
     #[arg(long, value_name = "NS")]
     into: Option<Namespace>,
-    /// The frame of the file's poses, where it does not say
+    /// Frame of the file's poses, if the file does not name it
     #[arg(long, value_name = "FRAME", value_parser = NonEmptyStringValueParser::new())]
     frame: Option<String>,
     #[command(flatten)]
     more: More,
-    /// The format of FILE (default: what it looks like)
+    /// Format of FILE (default: recognised by the content)
     #[arg(long, value_name = "FORMAT", value_parser = names())]
     from: Option<String>,
     /// Remove documents whose objects are gone
     #[arg(long)]
     remove: bool,
-    /// Only print what would change
+    /// Print what would be changed, and change nothing
     #[arg(long)]
     dry_run: bool,
     /// Numbers that differ by at most this are equal, in metres and radians

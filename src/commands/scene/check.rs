@@ -30,7 +30,7 @@ object that is attached may touch what its `touch` names.";
 pub struct CheckArgs {
     #[command(flatten)]
     selection: Selection,
-    /// Metres that there have to be between objects
+    /// Least distance between objects, in metres (default: 0)
     #[arg(long, value_name = "METRES", default_value_t = 0.0, hide_default_value = true)]
     distance: f64,
 }

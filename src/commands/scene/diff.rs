@@ -43,7 +43,7 @@ pub struct DiffArgs {
     frame: Option<String>,
     #[command(flatten)]
     more: More,
-    /// The format of files (default: what they look like)
+    /// Format of the files (default: recognised by the content)
     #[arg(long, value_name = "FORMAT", value_parser = names())]
     from: Option<String>,
     /// Numbers that differ by at most this are equal, in metres and radians

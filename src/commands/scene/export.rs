@@ -26,7 +26,7 @@ An object is a document with `name`, `frame`, `translation: [x, y, z]`, `rotatio
 rmem.toml says what documents leave out: the key of the name, a geometry, a model. Poses are resolved
 through the frames {frame, parent, translation, rotation}.
 
-A document that is no valid object, or that the format cannot express, is an error; see --skip-invalid.
+An invalid object, or one that the format cannot express, is an error; see --skip-invalid.
 What else a format has no words for (attachments in mjcf, say) is left out with a warning.";
 
 /// Write the scene, every pose resolved into one frame
@@ -36,7 +36,7 @@ What else a format has no words for (attachments in mjcf, say) is left out with 
 pub struct ExportArgs {
     #[command(flatten)]
     selection: Selection,
-    /// Write to FILE (default: stdout)
+    /// File to write (default: stdout)
     #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true)]
     output: PathBuf,
     /// The scene's name

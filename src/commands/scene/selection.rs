@@ -26,10 +26,10 @@ pub(super) use crate::commands::formats::SCENE as FORMATS;
 /// Which documents.
 #[derive(Debug, Args)]
 pub(super) struct Selection {
-    /// Where: DATABASE.COLLECTION (default: the collections of [[scene.object]], or --collection)
+    /// Collection, as DATABASE.COLLECTION (default: those of [[scene.object]], or --collection)
     #[arg(value_name = "NS")]
     pub(super) namespace: Option<Namespace>,
-    /// Which documents (default: all)
+    /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub(super) query: String,
     /// The frame of all poses
@@ -45,7 +45,7 @@ pub(super) struct More {
     /// The tree of frames (default: that of the computable `transform`, or frames in the same database)
     #[arg(long, value_name = "NS")]
     pub(super) frames: Option<Namespace>,
-    /// Leave out what is no valid object, with a warning
+    /// Skip invalid objects, with a warning
     #[arg(long)]
     pub(super) skip_invalid: bool,
 }
@@ -114,7 +114,7 @@ impl More {
         Frames::read(&frames, |find| memory.find(&frames, find))
     }
 
-    /// Refuses what is no valid object, or warns and leaves it out.
+    /// Refuses invalid objects, or skips them with a warning.
     pub(super) fn accept(&self, mut found: Extraction, context: &mut Context<'_>) -> Result<Extraction> {
         let invalid = std::mem::take(&mut found.invalid);
         self.report(&invalid, context)?;

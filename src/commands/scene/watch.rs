@@ -25,7 +25,7 @@ Examples:
 Prints a line for each operation: add, remove, move, attach, detach, reshape; with --format moveit-msg a
 PlanningScene with is_diff. A frame that moves moves every object in it. Poses are those of the frames as
 they are when the line is printed. Begins with what happens from now on: export the scene once the line on
-stderr says that it follows. What is no valid object any more is removed, with a warning.
+stderr says that it follows. An object that becomes invalid is removed, with a warning.
 
 --resume NAME keeps in the memory how far it is, in each collection: a later watch with that name continues there,
 and misses nothing; after a crash, operations may be delivered again. The position in the first collection has
@@ -38,13 +38,13 @@ the name NAME, in others NAME:NS; rmem watch --names lists them, rmem watch NS -
 pub struct WatchArgs {
     #[command(flatten)]
     selection: Selection,
-    /// Go on where the last one of this name was done; a new name starts now
+    /// Continue where the last watch with this name ended; a new name starts now
     #[arg(long, value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     resume: Option<String>,
-    /// End after N operations
+    /// Exit after N operations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
-    /// End after so long
+    /// Exit after this time
     #[arg(long, value_name = "DURATION", value_parser = crate::formats::quantity::duration)]
     timeout: Option<Duration>,
 }

@@ -169,7 +169,7 @@ fn a_race_is_stored_with_its_plan() {
     let race = &stored["_robmem_info"]["lineage"]["race"];
     assert_eq!((&race[0]["planner"], &race[0]["outcome"]), (&"late".into(), &"success".into()), "{stored}");
     assert_eq!((&race[1]["planner"], &race[1]["outcome"]), (&"liar".into(), &"invalid".into()), "{stored}");
-    assert!(race[1]["message"].as_str().is_some_and(|message| message.contains("not valid")), "{stored}");
+    assert!(race[1]["message"].as_str().is_some_and(|message| message.contains("is invalid")), "{stored}");
     let why = lab.rmem(&["plan", "why", "last"]).success();
     assert!(why.contains("race        liar: invalid after"), "{why}");
 }
