@@ -72,7 +72,9 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     context.print_result(result)?;
     match matching {
-        Some(count) => context.output.note(&format!("{} of {count} matching documents; use --many for all", updated.matched)),
+        Some(count) => {
+            context.output.note(&format!("{} of {count} matching documents; use --many for all", updated.matched))
+        }
         None if is_missing => drop(missing::warn(&args.namespace, &memory, context)),
         None => {}
     }

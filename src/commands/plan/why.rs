@@ -31,9 +31,9 @@ pub struct WhyArgs {
 pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
-    let lineage = record.lineage().ok_or_else(|| {
-        WrongInput::new(format!("{} has no lineage: rmem did not store it", record.id()))
-    })?;
+    let lineage = record
+        .lineage()
+        .ok_or_else(|| WrongInput::new(format!("{} has no lineage: rmem did not store it", record.id())))?;
     if context.format(&formats::TEXT)? == Format::Json {
         context.output.line(&shell::relaxed(&to_document(&record, lineage, &args.plan.namespace)))?;
         return Ok(Exit::Done);

@@ -25,7 +25,7 @@ pub(super) use error::EvaluationError;
 pub(super) use state::{Bindings, Ground, State, UNBOUND};
 pub(super) use stratum::{free_slots, predicates};
 
-pub use simulation::{trace, validate};
 pub use repair::{Cause, Remedy, Repair, repair};
+pub use simulation::{trace, validate};
 pub use trace::{Event, Happening};
 pub use verdict::{Failure, Validation};
