@@ -152,7 +152,7 @@ fn rmem(task: &Task, planner: &str, settings: &Settings) -> Command {
     command
 }
 
-/// The planner without rmem around it; none where that cannot be said.
+/// The planner without rmem around it; none where that is not possible.
 fn alone(task: &Task, planner: &str, folder: &Path) -> Option<Command> {
     let (domain, problem) = (&task.domain, &task.problem);
     let mut command = match planner {

@@ -83,7 +83,7 @@ def loader(uri, seconds, barrier, results, seed):
                 len(list(things.find({"name": "load"}, limit=300, batch_size=50)))
                 things.delete_one({"_id": f"{seed}-{n}"})
                 inserted -= 1
-        except Exception as error:  # Whatever goes wrong is told.
+        except Exception as error:  # Every error is reported.
             errors.append(repr(error))
     results.put((seed, inserted, updated, errors))
 
@@ -94,15 +94,15 @@ def load(uri, connections, seconds):
         multiprocessing.Process(target=loader, args=(uri, seconds, barrier, results, seed)) for seed in range(connections)
     ]
     [one.start() for one in workers]
-    told = [results.get() for _ in workers]
+    reports = [results.get() for _ in workers]
     [one.join() for one in workers]
     things = collection(uri)
-    errors = [error for *_, found in told for error in found]
-    missing = sum(inserted for _, inserted, *_ in told) - things.count_documents({"name": "load"})
+    errors = [error for *_, found in reports for error in found]
+    missing = sum(inserted for _, inserted, *_ in reports) - things.count_documents({"name": "load"})
     wrong = [
-        seed for seed, _, updated, _ in told if (things.find_one({"_id": f"counter {seed}"}) or {}).get("n", 0) != updated
+        seed for seed, _, updated, _ in reports if (things.find_one({"_id": f"counter {seed}"}) or {}).get("n", 0) != updated
     ]
-    writes = sum(inserted + updated for _, inserted, updated, _ in told)
+    writes = sum(inserted + updated for _, inserted, updated, _ in reports)
     print(f"{connections} clients, {seconds} s: {writes} writes, {len(errors)} errors, {missing} missing, {len(wrong)} wrong counters")
     print("\n".join(errors[:3]))
 

@@ -1,4 +1,4 @@
-//! How long it takes to judge a long plan in a large state.
+//! How long it takes to validate a long plan in a large state.
 //!
 //! `cargo bench --bench validator [-- --steps 10000 --atoms 100000]`
 //!
@@ -112,8 +112,8 @@ fn main() {
     // The same from a memory: the problem as documents, and the plan stored.
     let import = ["import-problem", "problem.pddl", "--into", "world.facts", "--template", "problem.pddl.j2"];
     rmem("rmem import-problem", &import);
-    let posed = ["-t", "problem.pddl.j2", "-d", "domain.pddl"];
-    rmem("rmem gen-problem --domain", &["gen-problem", posed[0], posed[1], posed[2], posed[3], "-o", "again.pddl"]);
-    rmem("rmem plan import", &[&["plan", "import", "plan"], &posed[..]].concat());
+    let task = ["-t", "problem.pddl.j2", "-d", "domain.pddl"];
+    rmem("rmem gen-problem --domain", &["gen-problem", task[0], task[1], task[2], task[3], "-o", "again.pddl"]);
+    rmem("rmem plan import", &[&["plan", "import", "plan"], &task[..]].concat());
     println!("{}", rmem("rmem plan check", &["plan", "check", "last"]));
 }

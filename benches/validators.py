@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Plans changed at random, judged by rmem and by somebody else.
+"""Plans changed at random, validated by rmem and by unified-planning.
 
     PYTHON benches/validators.py RMEM COUNT FOLDER...
 
 PYTHON has unified-planning 1.3; each FOLDER has `domain.pddl` and `problem.pddl`. A plan is found with
 RMEM, changed COUNT times (steps left out, doubled, moved, shifted in time, made longer, with other
-objects), and judged twice. Prints how many verdicts agree and how many of the plans are valid, and for the first
+objects), and validated twice. Prints how many verdicts agree and how many of the plans are valid, and for the first
 plans on which they differ, what rmem says.
 
-The other judge is unified-planning. It takes an action for possible though a condition over all of it is broken, where
+The other validator is unified-planning. It takes an action for possible though a condition over all of it is broken, where
 the action has conditional effects beside it, or though another action undoes at the same moment what it needs; it takes
 neither two actions that make the same fact true at one moment nor a duration that was rounded. It knows no derived
-predicates: on tasks with these the judge is
+predicates: on tasks with these the validator is
 `fast-downward`, which is asked for a plan of a task that has none but the one in question.
 """
 
@@ -95,7 +95,7 @@ class UnifiedPlanning:
             action.add_effect(StartTiming(), mark(*action.parameters), True)
         self.objects = {thing.name.lower(): thing for thing in self.task.all_objects}
 
-    def judge(self, steps):
+    def validate(self, steps):
         """Whether a plan is valid; nothing where it cannot say."""
         instances = []
         for start, words, duration in steps:
@@ -127,7 +127,7 @@ class FastDownward:
         typed = [("", *words)[at:at + 2] for words in self.lists for at in range(len(words))]
         self.objects = [word for before, word in typed if isinstance(word, str) and "-" not in (before, word)]
 
-    def judge(self, steps):
+    def validate(self, steps):
         """Whether a plan is valid; nothing where the planner does not say."""
         with tempfile.TemporaryDirectory() as place:
             for name, tree in zip(("domain.pddl", "problem.pddl"), self.staged(steps)):
@@ -180,7 +180,7 @@ def written(tree):
 
 
 def compare(rmem, count, folder):
-    """Judges a plan and changed ones, and prints how often the verdicts agree."""
+    """Validates a plan and changed ones, and prints how often the verdicts agree."""
     name = os.path.basename(folder.rstrip("/"))
     domain, problem = (os.path.join(folder, part + ".pddl") for part in ("domain", "problem"))
     with open(domain) as file:
@@ -200,7 +200,7 @@ def compare(rmem, count, folder):
             with open(os.path.join(place, "plan"), "w") as file:
                 file.write(spelled(plan))
             ours = subprocess.run([rmem, "validate", domain, problem, file.name], capture_output=True, text=True)
-            theirs = other.judge(plan)
+            theirs = other.validate(plan)
             if theirs is None:
                 given_up += 1
                 continue

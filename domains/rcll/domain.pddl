@@ -99,7 +99,7 @@
                  (ready-at ?workpiece ?station) (output-blocked ?station)
                  (not (unused ?workpiece))))
 
-  ; A base that only pays for a ring; its color and name matter to nobody.
+  ; A base that only pays for a ring; its color and name do not matter.
   (:action fetch-base
     :parameters (?robot - robot ?station - base-station)
     :precondition (and (at ?robot ?station OUTPUT)

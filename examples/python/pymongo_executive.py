@@ -23,7 +23,7 @@ def steps(plan):
 
 
 def note(plans, plan, number, status, moment):
-    """Notes in the plan how a step stands, where everybody sees it."""
+    """Records the state of a step in the plan."""
     now = datetime.datetime.now(datetime.timezone.utc)
     fields = {f"{number}._status": status, f"{number}.{moment}": now}
     plans.update_one({"_id": plan["_id"]}, {"$set": fields})

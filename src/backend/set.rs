@@ -21,7 +21,7 @@ const ALREADY_INITIALIZED: i32 = 23;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Settled {
     /// It has a primary, and this robot's member is the primary or has a copy.
-    Ready {
+    Up {
         /// `PRIMARY` or `SECONDARY`.
         state: &'static str,
         /// The members that do not answer.
@@ -110,8 +110,8 @@ fn step(backend: &Backend) -> Result<Step, BackendError> {
         return Ok(Step::Settled(Settled::Copying));
     }
     Ok(match (own.is_primary, own.is_secondary) {
-        (true, _) => Step::Settled(Settled::Ready { state: "PRIMARY", silent }),
-        (_, true) => Step::Settled(Settled::Ready { state: "SECONDARY", silent }),
+        (true, _) => Step::Settled(Settled::Up { state: "PRIMARY", silent }),
+        (_, true) => Step::Settled(Settled::Up { state: "SECONDARY", silent }),
         _ => Step::Settled(Settled::Copying),
     })
 }

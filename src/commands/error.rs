@@ -1,6 +1,6 @@
 //! How errors are printed, and the exit codes of errors and outcomes.
 //!
-//! What is at fault is said by each error type itself ([`crate::fault`]): a new one needs no line here.
+//! Each error type states what is at fault ([`crate::fault`]): a new one needs no line here.
 
 use crate::error::Error;
 use crate::exit::Exit;

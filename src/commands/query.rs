@@ -95,7 +95,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Tells a person whose query matches nothing where to look.
+/// Prints where to look when a query matches nothing.
 fn hint(find: &Find, context: &mut Context<'_>) {
     if context.is_terminal() && !find.filter.is_empty() {
         context.output.note("no document matches; --why shows which condition none meets");

@@ -103,7 +103,7 @@ fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
 /// the reason, or an error if `strict`; so is a collection that does not exist.
 pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
     let mut empty = Vec::new();
-    let mut told: Vec<&Namespace> = Vec::new();
+    let mut warned: Vec<&Namespace> = Vec::new();
     for section in &generated.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };
         let line =
@@ -114,16 +114,16 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
         }
         context.output.warn(&line);
         empty.push(format!("line {}: {}", section.line, section.name));
-        let is_told = told.contains(&&section.namespace);
-        if !is_told && context.output.shows_notes() {
+        let is_warned = warned.contains(&&section.namespace);
+        if !is_warned && context.output.shows_notes() {
             why(section, memory, context);
         }
         if missing::message(&section.namespace, memory).is_some() {
-            told.push(&section.namespace);
+            warned.push(&section.namespace);
         }
     }
     for namespace in &generated.namespaces {
-        if !told.contains(&namespace) && !generated.sections.iter().any(|section| section.namespace == *namespace) {
+        if !warned.contains(&namespace) && !generated.sections.iter().any(|section| section.namespace == *namespace) {
             missing::warn(namespace, memory, context);
         }
     }
@@ -136,7 +136,7 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
 /// In larger collections, why a section matched nothing is looked into under `-v` only: a plan is not to wait for it.
 const DIAGNOSED: u64 = 10_000;
 
-/// Tells why a section matched nothing: the collection does not exist, or which condition no document meets.
+/// Explains why a section matched nothing: the collection does not exist, or which condition no document meets.
 fn why(section: &SectionReport, memory: &Memory, context: &mut Context<'_>) {
     if let Some(message) = missing::message(&section.namespace, memory) {
         context.output.note(&format!("  {message}"));

@@ -165,10 +165,10 @@ impl Run {
     /// The last lines of what the planner printed, for messages.
     #[must_use]
     pub fn tail(&self) -> String {
-        let said =
+        let printed =
             |text: &str| text.lines().filter(|line| !line.trim().is_empty()).map(str::to_owned).collect::<Vec<_>>();
-        let mut lines = said(&self.stdout);
-        lines.extend(said(&self.stderr));
+        let mut lines = printed(&self.stdout);
+        lines.extend(printed(&self.stderr));
         let start = lines.len().saturating_sub(TAIL);
         let tail = lines.split_off(start);
         tail.iter().map(|line| line.chars().take(200).collect::<String>()).collect::<Vec<_>>().join("\n")

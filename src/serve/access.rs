@@ -12,10 +12,10 @@ use crate::store::{Documents, Find, Inserted, Namespace, Store, StoreError, Upda
 /// The collection, in each database, of what writes were answered; no client lists it.
 pub(super) const RECORDS: &str = "rmem.retries";
 
-/// Who keeps `_robmem_info`, and who sees it.
+/// Where `_robmem_info` is kept, and whether clients see it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Metadata {
-    /// The memory keeps it, and nobody sees it.
+    /// The memory keeps it, and clients do not see it.
     #[default]
     Hidden,
     /// The memory keeps it, and the client sees it.

@@ -20,7 +20,7 @@ impl Chart {
         }
         let (mut names, mut left_out) = place(self, &ComputedLayout::from_layout(&layout));
         if left_out > 0 {
-            // The line that says so takes room, too.
+            // The line about them takes space, too.
             layout = layout.with_subtitle("-");
             (names, left_out) = place(self, &ComputedLayout::from_layout(&layout));
             layout = layout.with_subtitle(format!("{left_out} names are left out: there is no room for them"));

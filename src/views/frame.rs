@@ -29,10 +29,10 @@ pub(super) fn layout(chart: &Chart, plots: &[Plot]) -> Layout {
         .with_width(width)
         .with_height(height)
         .with_title(chart.title.as_str())
-        .with_title_wrap(words::room(width * 0.9, TITLE))
+        .with_title_wrap(words::fitting(width * 0.9, TITLE))
         .with_x_label_overlap(AxisLabelOverlap::Thin)
-        .with_x_label_wrap(words::room(width * INSIDE, LABEL))
-        .with_y_label_wrap(words::room(height * INSIDE, LABEL))
+        .with_x_label_wrap(words::fitting(width * INSIDE, LABEL))
+        .with_y_label_wrap(words::fitting(height * INSIDE, LABEL))
         .with_legend_wrap(LEGEND)
         .with_legend_position(LegendPosition::OutsideRightTop);
     layout = x_axis(chart, layout);
@@ -111,7 +111,7 @@ fn is_crowded(chart: &Chart) -> bool {
     (widest + TICK) * names.len() as f64 > chart.size.0 * INSIDE
 }
 
-/// A layout with room around all that a map shows.
+/// A layout with a margin around all that a map shows.
 fn framed(chart: &Chart, layout: Layout) -> Layout {
     let arrow = chart.arrow();
     let points = chart.points().flat_map(|point| [Some([point.x, point.y]), point.tip(arrow)]).flatten();
@@ -123,10 +123,10 @@ fn framed(chart: &Chart, layout: Layout) -> Layout {
         return layout;
     };
     let longest = (right - left).max(high - low);
-    let room = if longest > 0.0 { longest * 0.1 } else { 0.5 };
+    let margin = if longest > 0.0 { longest * 0.1 } else { 0.5 };
     layout
-        .with_x_axis_min(left - room)
-        .with_x_axis_max(right + room)
-        .with_y_axis_min(low - room)
-        .with_y_axis_max(high + room)
+        .with_x_axis_min(left - margin)
+        .with_x_axis_max(right + margin)
+        .with_y_axis_min(low - margin)
+        .with_y_axis_max(high + margin)
 }

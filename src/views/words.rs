@@ -9,7 +9,7 @@ pub(super) fn width(text: &str, size: f64) -> f64 {
 }
 
 /// How many characters fit into a width in pixels.
-pub(super) fn room(width: f64, size: f64) -> usize {
+pub(super) fn fitting(width: f64, size: f64) -> usize {
     (width / (size * CHARACTER)).max(1.0) as usize
 }
 
@@ -19,9 +19,9 @@ pub(super) fn clipped(text: &str, characters: usize) -> String {
     if count <= characters {
         return text.to_owned();
     }
-    let room = characters.saturating_sub(1);
-    let end = room / 3;
-    text.chars().take(room - end).chain(['…']).chain(text.chars().skip(count - end)).collect()
+    let left = characters.saturating_sub(1);
+    let end = left / 3;
+    text.chars().take(left - end).chain(['…']).chain(text.chars().skip(count - end)).collect()
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ fn doctor_finds_damaged_documents_and_indexes() {
     let damage: Vec<&str> = found.lines().filter(|line| line.starts_with("damage ")).collect();
     assert_run!(damage.join("\n"), @r"
     damage     a.b: the document with _id 2 is damaged: its checksum is wrong
-    damage     a.b: the index n_1 has 1 of 1 keys too few for the document with _id 3
+    damage     a.b: the index n_1 lacks 1 of 1 keys of the document with _id 3
     damage     a.b: the index n_1 has 2 keys of no document
     ");
 }

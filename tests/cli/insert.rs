@@ -11,7 +11,7 @@ fn insert_prints_ids_and_query_documents() {
     {"$oid":"[ID]"}
     {"$oid":"[ID]"}
     ------- stderr -------
-    2 documents stored in robmem.other
+    2 stored in robmem.other
     [exit code: 0]
     "#);
 }

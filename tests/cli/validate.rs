@@ -80,9 +80,9 @@ fn a_trace_says_what_each_step_makes_true_and_false() {
       - (at a)
       + (at b)
       = (walked) from 5.3 to 8.6
-    bad.txt: the plan is invalid: step 2: (go a c) cannot be taken: (at a) is false
+    bad.txt: the plan is invalid: step 2: (go a c) is not applicable: (at a) is false
       (at a): undone by step 1, (go a b)
-        (go b a) would make it so, and can be taken there
+        (go b a) would make it true, and is applicable there
     ------- stderr -------
     [exit code: 1]
     ");

@@ -66,7 +66,7 @@ fn a_database_of_another_program_is_refused_and_left_alone() {
     let path = folder.path().join("other.db");
     rusqlite::Connection::open(&path).unwrap().execute_batch("CREATE TABLE t (x)").unwrap();
     let bytes = std::fs::read(&path).unwrap();
-    let text = "file:…/other.db: is an SQLite database of another program, not an rmem memory; name another file";
+    let text = "file:…/other.db: it is an SQLite database of another program, not an rmem memory; name another file";
     assert_eq!(refusal(&path), text);
     assert_eq!(std::fs::read(&path).unwrap(), bytes);
 }

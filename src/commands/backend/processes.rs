@@ -43,7 +43,7 @@ pub(super) fn up(args: &UpArgs, context: &mut Context<'_>) -> Result<Exit> {
 /// What keeps the set from taking writes.
 fn missing(backend: &Backend, settled: &Settled) -> Option<String> {
     match settled {
-        Settled::Ready { .. } => None,
+        Settled::Up { .. } => None,
         Settled::Copying => {
             Some(format!("a new member of the replica set `{}` is still copying what it has", backend.replica_set))
         }
@@ -59,7 +59,7 @@ fn missing(backend: &Backend, settled: &Settled) -> Option<String> {
 
 fn started(backend: &Backend, running: Running, settled: &Settled) -> Document {
     let state = match settled {
-        Settled::Ready { state, .. } => state,
+        Settled::Up { state, .. } => state,
         Settled::Copying => "COPYING",
         Settled::Waiting { .. } => "WAITING",
     };

@@ -1,6 +1,6 @@
 //! Why a query matches what it matches: its conditions alone and together, and what is odd about them.
 //!
-//! A misspelt key, or "1" for 1, is no error in MongoDB's language: it matches nothing. What is said of a
+//! A misspelt key, or "1" for 1, is no error in MongoDB's language: it matches nothing. The message about a
 //! condition comes from counts of the store; keys and texts that are like those of the query come from the
 //! first documents of the collection.
 

@@ -1,4 +1,4 @@
-//! What the functions of one rendering share: who asks the memory, and what was asked and written.
+//! What the functions of one rendering share: the memory, its answers, and what was written.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};

@@ -1,4 +1,4 @@
-//! The documents of a query, as a value of the template engine.
+//! The documents of a query, as a value of the template environment.
 
 use std::collections::VecDeque;
 use std::fmt;

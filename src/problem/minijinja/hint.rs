@@ -85,7 +85,7 @@ const TESTS: [&str; 20] = [
     "undefined",
 ];
 
-/// Words of Python, mongosh and other template engines, and what is written here.
+/// Words of Python, mongosh and other dialects of Jinja, and what is written here.
 const SYNONYMS: [(&str, &str); 22] = [
     ("find", "query"),
     ("select", "query"),

@@ -24,7 +24,7 @@ use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError};
 
 /// How long the server waits for changes before it returns none, at most …
 const AWAIT: Duration = Duration::from_millis(200);
-/// … and where who asks does not wait: several streams are asked in turn, or keys are waited for.
+/// … and where the caller does not wait: several streams are asked in turn, or keys are waited for.
 const SHORTEST_AWAIT: Duration = Duration::from_millis(10);
 
 type Event = ChangeStreamEvent<RawDocumentBuf>;
@@ -110,7 +110,7 @@ impl Stream<'_> {
         Ok(())
     }
 
-    /// Opens the stream anew where the server would wait for longer than who asks.
+    /// Opens the stream anew where the server would wait for longer than the caller.
     fn wait_at_most(&mut self, timeout: Duration) {
         let await_time = timeout.clamp(SHORTEST_AWAIT, AWAIT);
         if await_time < self.await_time {

@@ -23,10 +23,10 @@ fn a_plan_from_a_file_is_stored_if_it_is_valid() {
     lab.write("bad.plan", &text.lines().skip(1).collect::<Vec<_>>().join("\n"));
     assert_run!(lab.rmem(&[&["plan", "import", "bad.plan"], &TASK[2..]].concat()), @r"
     ------- stderr -------
-    error: bad.plan is not stored: the plan is invalid: step 1: (unstack D A) cannot be taken: (hand-empty) is false
-    (hand-empty): not so from the beginning
-      (putdown B) would make it so, and can be taken there
-      (stack B C) would make it so, and can be taken there
+    error: bad.plan is not stored: the plan is invalid: step 1: (unstack D A) is not applicable: (hand-empty) is false
+    (hand-empty): false in the initial state
+      (putdown B) would make it true, and is applicable there
+      (stack B C) would make it true, and is applicable there
     [exit code: 1]
     ");
     lab.write("no.plan", "(stack B");

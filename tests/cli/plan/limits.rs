@@ -145,7 +145,7 @@ fn a_run_without_room_for_its_files_is_4_and_no_failed_plan() {
     let refused = crate::lab::plan(&lab, &["--planner", "ff"]).exits(4);
     assert_run!(refused, @r"
     ------- stderr -------
-    error: /nonexistent: it could not be run: no files can be made for a run in /nonexistent: entity not found; make room there, or set TMPDIR
+    error: /nonexistent: its program could not be run: no files can be made for a run in /nonexistent: entity not found; create the folder, or set TMPDIR
     [exit code: 4]
     ");
     assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "0\n");

@@ -156,7 +156,7 @@ fn removed_objects_stay_unless_removing_is_asked_for() {
     kitchen.lab.write("less.scene", &format!("{}{}", &text[..start], &text[end..]));
     assert_run!(kitchen.apply("less.scene", &[]), @r"
     ------- stderr -------
-    1 objects are not in the scene and stay; remove them with --remove
+    kept 1 object that the scene does not have; use --remove to delete
     [exit code: 0]
     ");
     let tried = kitchen.apply("less.scene", &["--remove", "--dry-run"]).success();
