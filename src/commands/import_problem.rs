@@ -29,8 +29,8 @@ Examples:
 Objects, initial state, goal and metric become documents: {relation: 'domain-object', name, type},
 {relation: 'domain-fact', name, param_values}, 'domain-function' with a value, 'domain-timed-fact'
 with a time, 'domain-goal' with a condition, and 'domain-metric' with an expression. The template
-makes an equal problem of them, with the goal of --goal where one is given. Nothing is stored
-where the collection has such documents already, unless they are to be replaced.";
+generates an equal problem from them, or one with the goal of --goal. A collection that has such
+documents already is refused; --replace replaces them.";
 
 /// Turn a PDDL problem into documents and a template
 #[derive(Debug, Args)]

@@ -29,8 +29,8 @@ Speaks MongoDB's wire protocol on 127.0.0.1:27017, or where --listen and --socke
 run for every client, documents are shown without their metadata, and change streams are kept for an\n\
 hour. Other rmem processes use the file beside it; one process at a time serves a file (exit code 5).\n\
 An address that other machines reach needs --users and TLS. A file of users has a line for each,\n\
-NAME:PASSWORD, or NAME: and what --hash-password prints; only its owner may read it. Ends with 0 on\n\
-SIGTERM, once what was begun is answered. Takes sockets from systemd and notifies it when it is ready."
+NAME:PASSWORD, or NAME: and what --hash-password prints; only its owner may read it. Exits with 0 on\n\
+SIGTERM, after the running commands are answered. Takes sockets from systemd and notifies it when it is ready."
 )]
 pub struct ServeArgs {
     /// Listen on ADDRESS: HOST, HOST:PORT or :PORT; port 0 picks a free one (can be repeated)

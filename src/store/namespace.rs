@@ -82,13 +82,13 @@ impl Namespace {
 impl FromStr for Namespace {
     type Err = NamespaceError;
 
-    /// Reads a namespace that a person wrote: of letters, digits, `_`, `-` and `.`, although MongoDB allows more. So a
+    /// Reads a namespace that a person wrote: of letters, digits, `_`, `-`, `/` and `.`, although MongoDB allows more. So a
     /// line of another tool, like `db.orders.find({})`, names no collection.
     ///
     /// # Errors
     /// Where it has another character, or a rule of MongoDB's names is broken.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let is_allowed = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.');
+        let is_allowed = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '/' | '.');
         let reason = match text.chars().find(|c| !is_allowed(*c)) {
             None => return Self::parse(text),
             Some(c) if c.is_whitespace() => "it has a blank".to_owned(),

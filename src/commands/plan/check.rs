@@ -16,10 +16,10 @@ use crate::planning::{self, Check};
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  rmem plan check last\n  rmem plan check 65f0 --format json\n  rmem gen-problem -t now.j2 | rmem plan check last --problem -\n\n\
-Exits with 0 where it does, else with 1 and the first broken step and what is false there. The\n\
+Exits with 0 if the plan holds, else with 1, and prints the first step that fails and its false conditions. The\n\
 problem is generated again from the domain, the template, the goal and the parameters that are\n\
 kept with the plan; steps that are done are not simulated. The plan of a problem that was a\n\
-file says nothing about the memory: give the present problem with --problem."
+file does not follow the memory: give the present problem with --problem."
 )]
 #[command(arg = formats::argument(&formats::TEXT))]
 pub struct CheckArgs {

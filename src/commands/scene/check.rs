@@ -19,9 +19,9 @@ Examples:
   rmem scene check robmem.objects --frame map --distance 0.02
 
 Prints a document for each pair of objects that overlap, or are closer than --distance: {first, second,
-distance, depth}, nearest first. Exits with 1 where there are any. What overlaps by less than a micrometre
-touches: a cup on a table. Of a mesh it is the convex hull that counts; a plane is solid below. An
-object that is attached may touch what its `touch` names.";
+distance, depth}, nearest first. Exits with 1 if there are any. An overlap below
+a micrometre is contact, as of a cup on a table. Meshes are checked by their convex hulls; a plane is
+solid below. An attached object may touch the links of its key `touch`.";
 
 /// Find objects that overlap or are too close
 #[derive(Debug, Args)]

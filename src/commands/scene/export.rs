@@ -27,7 +27,7 @@ rmem.toml says what documents leave out: the key of the name, a geometry, a mode
 through the frames {frame, parent, translation, rotation}.
 
 An invalid object, or one that the format cannot express, is an error; see --skip-invalid.
-What else a format has no words for (attachments in mjcf, say) is left out with a warning.";
+Other properties that a format lacks (such as attachments in mjcf) are left out with a warning.";
 
 /// Write the scene, every pose resolved into one frame
 #[derive(Debug, Args)]

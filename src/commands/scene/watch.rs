@@ -24,8 +24,8 @@ Examples:
 
 Prints a line for each operation: add, remove, move, attach, detach, reshape; with --format moveit-msg a
 PlanningScene with is_diff. A frame that moves moves every object in it. Poses are those of the frames as
-they are when the line is printed. Begins with what happens from now on: export the scene once the line on
-stderr says that it follows. An object that becomes invalid is removed, with a warning.
+they are when the line is printed. Starts with the next change: export the scene after the message on
+stderr that it is following. An object that becomes invalid is removed, with a warning.
 
 --resume NAME keeps in the memory how far it is, in each collection: a later watch with that name continues there,
 and misses nothing; after a crash, operations may be delivered again. The position in the first collection has
