@@ -7,7 +7,7 @@
 //! that workflow. [`clips`] turns documents into CLIPS facts and back, [`scene`] into what a motion planner has to know and
 //! back. [`formats`] read and write all external texts. What
 //! rmem is given comes through [`input`], what the user sees goes through [`output`], and a command ends with a
-//! code of [`exit`].
+//! code of [`exit`]: each error type says whose [`fault`] it is, and commands fail with an [`error`] that knows it.
 //!
 //! The library is silent: it prints, reads the environment and exits only through what [`run`] is given.
 //!

@@ -7,12 +7,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// Groups of files that import each other, and why they may.
-const RECURSIVE: [(&str, &str); 4] = [
-    ("query::expression::constants", "expressions contain expressions"),
-    ("query::filter::operators", "filters contain filters"),
-    ("query::filter::test", "filters contain filters"),
-    ("query::pipeline", "stages such as $facet and $lookup contain pipelines"),
+/// Groups of files that import each other, by the first one, how many they are, and why they may.
+const RECURSIVE: [(&str, usize, &str); 4] = [
+    ("query::expression::constants", 4, "expressions contain expressions"),
+    ("query::filter::operators", 2, "filters contain filters"),
+    ("query::filter::test", 2, "filters contain filters"),
+    ("query::pipeline", 7, "stages such as $facet and $lookup contain pipelines"),
 ];
 
 type Name = Vec<String>;
@@ -289,10 +289,14 @@ fn no_two_files_of_a_module_import_each_other() {
     let within = modules.dependencies().into_iter();
     let within = within.map(|(from, all)| (from.clone(), all.into_iter().filter(|to| same(from, to)).collect()));
     let mut wrong = circles(&within.collect());
+    let mut unused = RECURSIVE.to_vec();
     wrong.retain(|circle| {
-        !RECURSIVE.iter().any(|(name, _)| circle.first().is_some_and(|first| first.join("::") == *name))
+        let is_listed =
+            |(name, count, _): &(&str, usize, &str)| circle.len() == *count && circle[0].join("::") == *name;
+        let found = unused.iter().position(is_listed);
+        found.map(|index| unused.remove(index)).is_none()
     });
-    assert_eq!(wrong, Vec::<Vec<Name>>::new());
+    assert_eq!((wrong, unused), (Vec::<Vec<Name>>::new(), Vec::new()));
 }
 
 #[test]
