@@ -454,7 +454,7 @@ fn who_did_not_ask_a_computable_counts_stored_documents_only() {
     };
     assert_eq!(count(&[]), "1\n");
     assert_eq!(count(&["{compute: 'sum', x: 15, y: 4}"]), "1\n");
-    assert_eq!(count(&[]), "1\n", "nobody has to know what others asked");
+    assert_eq!(count(&[]), "1\n", "a query finds what other queries computed");
     assert_eq!(count(&["--computed"]), "2\n");
     let of = |words: &[&str]| lab.rmem(&args(words)).success();
     assert_eq!(of(&["distinct", "robmem.calc", "compute"]), "\"nothing\"\n");

@@ -50,7 +50,7 @@ fn an_executive_takes_the_steps_of_its_plan_one_by_one() {
 fn an_executive_notices_that_the_world_changed_and_plans_again() {
     for executive in executives() {
         let lab = Lab::new();
-        // While D is taken from A, somebody takes B from C and puts it on the table.
+        // While D is taken from A, B is taken from C and put on the table.
         let disturbance = "rmem delete robmem.worldmodel \"{object_top: 'B'}\" >/dev/null\n\
                        rmem insert -q robmem.worldmodel \"{relation: 'on-table', object: 'B'}\" \
                        \"{relation: 'clear', object: 'C'}\" >/dev/null";

@@ -138,7 +138,7 @@ fn the_collection_is_what_marker_sections_query() {
 }
 
 #[test]
-fn a_value_cannot_smuggle_in_syntax() {
+fn a_value_cannot_inject_syntax() {
     let lab = lab();
     lab.write("evil.json", r#"{"robmem.worldmodel": [{"relation": "on-table", "object": "A) (on B"}]}"#);
     let text = lab

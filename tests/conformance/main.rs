@@ -1,6 +1,6 @@
 //! Whether the embedded store answers as mongod does: recorded answers of a
 //! real mongod replayed, and a mongod that is there asked the same.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a test program speaks to people")]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a test program prints its report")]
 
 mod command;
 mod compare;

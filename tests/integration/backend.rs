@@ -156,7 +156,7 @@ impl Drop for Robots {
     }
 }
 
-/// Whether a process is gone, or waits to be buried.
+/// Whether a process is gone, or waits to be reaped.
 fn ended(pid: &str) -> bool {
     std::fs::read(format!("/proc/{pid}/cmdline")).map_or(true, |line| line.is_empty())
 }
@@ -175,7 +175,7 @@ fn healthy(rows: &[Value]) -> bool {
     caught_up && states(rows) == ["PRIMARY", "SECONDARY", "SECONDARY"]
 }
 
-/// What the writers have been told is stored.
+/// What the writers have been reported is stored.
 #[derive(Default)]
 struct Acknowledged {
     ids: Mutex<BTreeSet<String>>,
@@ -197,7 +197,7 @@ impl Acknowledged {
             loop {
                 let output = robots.run(robot, &["-q", "insert", "syncedrobmem.x", &document])?;
                 match output.status.code() {
-                    // 5: an attempt that nobody acknowledged had been stored after all.
+                    // 5: an attempt without an acknowledgement had been stored after all.
                     Some(0 | 5) => break,
                     Some(4) => {}
                     _ => return Err(format!("writing {id}: {output:?}").into()),
@@ -230,31 +230,32 @@ impl Acknowledged {
 }
 
 /// A `rmem watch` of the shared documents, by one of the robots, into a file.
-struct Ear {
+struct Follower {
     child: Child,
-    heard: PathBuf,
+    received: PathBuf,
 }
 
-impl Ear {
+impl Follower {
     fn open(robots: &Robots, robot: usize) -> Result<Self, Failed> {
-        let heard = robots.path(robot).join("heard");
-        let mut command = robots.command(robot, &["watch", "syncedrobmem.x", "--resume", "ear"]);
-        let mut child = command.stdout(File::create(&heard)?).stderr(Stdio::piped()).spawn()?;
-        let mut said = String::new();
+        let received = robots.path(robot).join("received");
+        let mut command = robots.command(robot, &["watch", "syncedrobmem.x", "--resume", "follower"]);
+        let mut child = command.stdout(File::create(&received)?).stderr(Stdio::piped()).spawn()?;
+        let mut printed = String::new();
         let mut stderr = BufReader::new(child.stderr.take().ok_or("no stderr")?);
-        stderr.read_line(&mut said)?;
-        // What it says of the election is nobody's business.
+        stderr.read_line(&mut printed)?;
+        // Its messages about the election are not compared.
         std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
-        assert!(said.starts_with("watching "), "{said}");
-        Ok(Self { child, heard })
+        assert!(printed.starts_with("watching "), "{printed}");
+        Ok(Self { child, received })
     }
 
-    /// The `_id`s of the changes, each where it is heard first, once all of `written` are among them.
-    fn hear(&self, written: &BTreeSet<String>) -> Result<Vec<String>, Failed> {
+    /// The `_id`s of the changes, each where it is received first, once all of `written` are among them.
+    fn receive(&self, written: &BTreeSet<String>) -> Result<Vec<String>, Failed> {
         let since = Instant::now();
         loop {
             let mut ids: Vec<String> = Vec::new();
-            for line in std::fs::read_to_string(&self.heard)?.split_inclusive('\n').filter(|line| line.ends_with('\n'))
+            for line in
+                std::fs::read_to_string(&self.received)?.split_inclusive('\n').filter(|line| line.ends_with('\n'))
             {
                 let id = serde_json::from_str::<Value>(line)?["_id"].as_str().unwrap_or_default().to_owned();
                 if !ids.contains(&id) {
@@ -265,14 +266,14 @@ impl Ear {
                 return Ok(ids);
             }
             if since.elapsed() > Duration::from_secs(90) {
-                return Err(format!("{} of {} changes were heard", ids.len(), written.len()).into());
+                return Err(format!("{} of {} changes were received", ids.len(), written.len()).into());
             }
             std::thread::sleep(Duration::from_millis(100));
         }
     }
 }
 
-impl Drop for Ear {
+impl Drop for Follower {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -281,7 +282,7 @@ impl Drop for Ear {
 
 fn survive(mongod: &Path) -> Result<(), Failed> {
     let robots = Robots::new(mongod, 3)?;
-    // One robot alone does its part, and says who is missing.
+    // One robot alone does its part, and says which ones are missing.
     for robot in 0..3 {
         robots.settle(robot, 2)?;
     }
@@ -299,7 +300,7 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
     assert!(rows.iter().all(|row| row["version"].as_str().is_some_and(|version| version.contains('.'))), "{rows:?}");
 
     robots.ends(0, &["insert", "syncedrobmem.x", "{_id: 'first'}"], 0)?;
-    let ear = Ear::open(&robots, 0)?;
+    let follower = Follower::open(&robots, 0)?;
     let acknowledged = Acknowledged::default();
     let killed = std::thread::scope(|scope| -> Result<usize, Failed> {
         let writers: Vec<_> = (0..3)
@@ -315,7 +316,8 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
             let rows = robots.ends(0, &["backend", "status"], 0)?;
             let primary = rows.iter().find(|row| row["backend"] == "shared" && row["state"] == "PRIMARY");
             let primary = primary.and_then(|row| row["member"].as_str()).ok_or("there is no primary")?;
-            let killed = robots.members(3).iter().position(|member| member == primary).ok_or("who is it?")?;
+            let killed =
+                robots.members(3).iter().position(|member| member == primary).ok_or("no member has that address")?;
             let status = Command::new("kill").args(["-9", &robots.pid(killed, "shared")?]).status()?;
             assert!(status.success());
             acknowledged.more(60)?;
@@ -332,13 +334,13 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
     let gap = *acknowledged.longest.lock().map_err(|_| "poisoned")?;
     eprintln!("{} writes acknowledged; the longest took {:.1} s, the election", written.len(), gap.as_secs_f64());
 
-    let heard = ear.hear(&written)?;
+    let received = follower.receive(&written)?;
     for robot in 0..3 {
         let prefix = format!("{robot}-");
-        let numbers: Vec<u32> = heard.iter().filter_map(|id| id.strip_prefix(&prefix)?.parse().ok()).collect();
+        let numbers: Vec<u32> = received.iter().filter_map(|id| id.strip_prefix(&prefix)?.parse().ok()).collect();
         assert!(numbers.is_sorted(), "the changes of robot {robot} are out of order: {numbers:?}");
     }
-    drop(ear);
+    drop(follower);
 
     let written = written.into_iter().chain(["first".to_owned()]).collect();
     let other = (killed + 1) % 3;
@@ -362,10 +364,10 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
     }
     robots.until(0, |rows| states(rows) == ["DOWN", "DOWN", "SECONDARY"])?;
     let refused = robots.run(0, &["insert", "syncedrobmem.x", "{}"])?;
-    let said = String::from_utf8(refused.stderr)?;
+    let printed = String::from_utf8(refused.stderr)?;
     assert!(
-        refused.status.code() == Some(4) && said.contains("`rmem backend up` starts those of this robot"),
-        "{said}"
+        refused.status.code() == Some(4) && printed.contains("`rmem backend up` starts those of this robot"),
+        "{printed}"
     );
     robots.together(&[1, 2], &["backend", "up", "--wait", "1m"])?;
     for robot in 0..3 {
@@ -392,8 +394,8 @@ fn misbehave(mongod: &Path) -> Result<(), Failed> {
         script_at(&program, script)?;
         std::fs::write(&settings, text.replace(&format!("{mongod:?}"), "'./program'"))?;
         let output = robots.run(0, &["backend", "up", "local"])?;
-        let said = String::from_utf8(output.stderr)?;
-        assert!(output.status.code() == Some(4) && said.contains(words), "{said}");
+        let printed = String::from_utf8(output.stderr)?;
+        assert!(output.status.code() == Some(4) && printed.contains(words), "{printed}");
     }
     assert!(ended(std::fs::read_to_string(robots.path(0).join("pid"))?.trim()), "it was left running");
     // Its first word, --fork, does not reach it.
@@ -435,7 +437,7 @@ fn stay(mongod: &Path) -> Result<(), Failed> {
     assert_eq!((&again[0]["started"], &again[0]["state"]), (&false.into(), &"PRIMARY".into()));
     robots.ends(0, &["insert", "robmem.x", "{_id: 1}"], 0)?;
 
-    // A mongod of somebody else, and something that is no mongod, on the port.
+    // A mongod of another user, and something that is no mongod, on the port.
     let stranger = Mongod::start(mongod)?;
     let settings = robots.path(1).join("rmem.toml");
     let port = stranger.uri.trim_start_matches("mongodb://127.0.0.1:").split('/').next().unwrap_or_default().to_owned();
@@ -443,23 +445,23 @@ fn stay(mongod: &Path) -> Result<(), Failed> {
     std::fs::write(&settings, &text)?;
     for command in ["up", "down"] {
         let output = robots.run(1, &["backend", command, "local"])?;
-        let said = String::from_utf8(output.stderr)?;
-        assert!(output.status.code() == Some(4) && said.contains("taken by another mongod"), "{said}");
+        let printed = String::from_utf8(output.stderr)?;
+        assert!(output.status.code() == Some(4) && printed.contains("taken by another mongod"), "{printed}");
     }
     robots.ends(1, &["count", "robmem.x"], 0)?;
     drop(stranger);
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     std::fs::write(&settings, text.replace(&port, &listener.local_addr()?.port().to_string()))?;
     let output = robots.run(1, &["backend", "up", "local"])?;
-    let said = String::from_utf8(output.stderr)?;
-    assert!(output.status.code() == Some(4) && said.contains("does not answer as mongod does"), "{said}");
+    let printed = String::from_utf8(output.stderr)?;
+    assert!(output.status.code() == Some(4) && printed.contains("does not answer as mongod does"), "{printed}");
 
     // The data of a process that runs.
     let text = text.replace("'db/local'", "'../r0/db/local'").replace(&port, &robots.ports[1].0.to_string());
     std::fs::write(&settings, text)?;
     let output = robots.run(1, &["backend", "up", "local"])?;
-    let said = String::from_utf8(output.stderr)?;
-    assert!(output.status.code() == Some(4) && said.contains("DBPathInUse"), "{said}");
+    let printed = String::from_utf8(output.stderr)?;
+    assert!(output.status.code() == Some(4) && printed.contains("DBPathInUse"), "{printed}");
 
     // The port was changed: the set of one finds itself again, with its data.
     robots.ends(0, &["backend", "down", "local"], 0)?;

@@ -53,9 +53,9 @@ fn rmem(folder: &Path, args: &[&str]) -> Result<String, Failed> {
 fn clips(folder: &Path, commands: &str) -> Result<(), Failed> {
     fs::write(folder.join("run.bat"), format!("{commands}\n(exit)\n"))?;
     let output = Command::new("clips").args(["-f2", "run.bat"]).current_dir(folder).stdin(Stdio::null()).output()?;
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    let wrong = ["rror", "[", "WARNING"].into_iter().any(|word| said.contains(word));
-    if wrong { Err(said.into()) } else { Ok(()) }
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let wrong = ["rror", "[", "WARNING"].into_iter().any(|word| printed.contains(word));
+    if wrong { Err(printed.into()) } else { Ok(()) }
 }
 
 fn equal(left: &str, right: &str) -> Result<(), Failed> {

@@ -199,7 +199,7 @@ fn texts(memory: &Memory, ns: &Namespace, filter: Document, key: &str) -> Vec<St
 }
 
 /// What was computed for the last operation: names, and whether the cache had it.
-fn told(memory: &Memory) -> Vec<(String, bool)> {
+fn reported(memory: &Memory) -> Vec<(String, bool)> {
     memory.computed().into_iter().map(|computed| (computed.name, computed.cached)).collect()
 }
 
@@ -266,12 +266,12 @@ fn the_cache_answers_equal_queries_in_any_order_of_keys(lab: &Lab) {
     lab.blocks(&memory);
     let count = |query| memory.count(&lab.ns("x"), &query).unwrap();
     assert_eq!(count(doc! { "relation": "on-table", "a": { "$exists": false, "$ne": 1 } }), 2);
-    assert_eq!(told(&memory), [("low".into(), false)]);
+    assert_eq!(reported(&memory), [("low".into(), false)]);
     memory.delete(&lab.ns("blocks"), &doc! { "block": "A" }, false).unwrap();
     assert_eq!(count(doc! { "a": { "$ne": 1.0, "$exists": false }, "relation": "on-table" }), 2);
-    assert_eq!(told(&memory), [("low".into(), true)]);
+    assert_eq!(reported(&memory), [("low".into(), true)]);
     assert_eq!(count(doc! { "relation": "on-table" }), 1);
-    assert_eq!(told(&memory), [("low".into(), false)]);
+    assert_eq!(reported(&memory), [("low".into(), false)]);
 }
 
 fn what_is_no_longer_good_is_computed_again_in_place(lab: &Lab) {
@@ -279,7 +279,7 @@ fn what_is_no_longer_good_is_computed_again_in_place(lab: &Lab) {
     lab.blocks(&memory);
     for expected in [vec!["A", "C"], vec!["C"], vec![]] {
         assert_eq!(texts(&memory, &lab.ns("x"), doc! { "relation": "on-table" }, "object"), expected);
-        assert_eq!(told(&memory).last(), Some(&("low".into(), false)));
+        assert_eq!(reported(&memory).last(), Some(&("low".into(), false)));
         std::thread::sleep(Duration::from_millis(20));
         assert_eq!(stored(lab, &memory, "x"), 0, "what is no longer good is not seen");
         memory.delete(&lab.ns("blocks"), &doc! { "z": 0 }, true).unwrap();
@@ -292,7 +292,7 @@ fn what_was_changed_or_removed_is_computed_again(lab: &Lab) {
     lab.blocks(&memory);
     let holds = |cached: bool| {
         assert_eq!(texts(&memory, &x, doc! { "relation": "on-table" }, "object"), ["A", "C"]);
-        assert_eq!(told(&memory), [("low".into(), cached)]);
+        assert_eq!(reported(&memory), [("low".into(), cached)]);
     };
     let change = |update: Document| {
         let request = UpdateRequest {
@@ -375,7 +375,7 @@ fn without_a_cache_nothing_is_left(lab: &Lab) {
     lab.blocks(&memory);
     for _ in 0..2 {
         assert_eq!(memory.count(&lab.ns("x"), &doc! { "relation": "on-table" }).unwrap(), 2);
-        assert_eq!(told(&memory), [("low".into(), false)]);
+        assert_eq!(reported(&memory), [("low".into(), false)]);
         assert_eq!(stored(lab, &memory, "x"), 0);
     }
 }
@@ -410,7 +410,7 @@ fn the_computable_of_higher_priority_comes_first(lab: &Lab) {
     let memory = lab.memory(vec![last, high("first", 3), high("equal", 3), high("top", 10)]);
     lab.blocks(&memory);
     let found = all(&memory, &lab.ns("x"), doc! { "all": true });
-    let order: Vec<String> = told(&memory).into_iter().map(|(name, _)| name).collect();
+    let order: Vec<String> = reported(&memory).into_iter().map(|(name, _)| name).collect();
     assert_eq!(order, ["top", "equal", "first", "last"]);
     assert_eq!(found.iter().find_map(|found| found.get_i32("n").ok()), Some(3));
 }
@@ -427,7 +427,7 @@ fn a_body_sees_what_others_compute_elsewhere(lab: &Lab) {
     lab.blocks(&memory);
     let found = all(&memory, &lab.ns("y"), doc! { "count": "on-table" });
     assert_eq!(found.first().and_then(|found| found.get_i32("n").ok()), Some(2));
-    assert_eq!(told(&memory), [("low".into(), false), ("count".into(), false)]);
+    assert_eq!(reported(&memory), [("low".into(), false), ("count".into(), false)]);
 }
 
 fn every_kind_of_question_computes(lab: &Lab) {
@@ -443,7 +443,7 @@ fn every_kind_of_question_computes(lab: &Lab) {
     let later = [doc! { "$sort": { "a": 1 } }, doc! { "$match": { "relation": "on-table" } }];
     assert_eq!(memory.aggregate(&x, &later).unwrap().count(), 0, "the asked query is what a pipeline begins with");
     assert_eq!(memory.count(&x, &doc! { "relation": "on" }).unwrap(), 0);
-    assert_eq!(told(&memory), []);
+    assert_eq!(reported(&memory), []);
 }
 
 fn what_a_pipeline_looks_up_is_computed(lab: &Lab) {
@@ -475,7 +475,7 @@ fn changes_do_not_compute(lab: &Lab) {
     };
     assert_eq!(memory.update(&x, &update).unwrap().matched, 0);
     assert_eq!(memory.delete(&x, &doc! { "relation": "on-table" }, false).unwrap(), 0);
-    assert_eq!(told(&memory), []);
+    assert_eq!(reported(&memory), []);
 }
 
 fn a_cycle_is_named(lab: &Lab) {
@@ -689,7 +689,7 @@ fn the_cache_is_shared(lab: &Lab) {
     let query = doc! { "relation": "on-table" };
     assert_eq!(one.count(&lab.ns("x"), &query).unwrap(), 2);
     assert_eq!(other.count(&lab.ns("x"), &query).unwrap(), 2);
-    assert_eq!(told(&other), [("low".into(), true)]);
+    assert_eq!(reported(&other), [("low".into(), true)]);
 }
 
 /// A computable that takes its time, and leaves a line in `log` when it runs.

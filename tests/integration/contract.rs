@@ -563,31 +563,31 @@ fn an_upsert_that_matches_updates(store: &dyn Store, ns: &Namespace) {
     assert_eq!(store.count(ns, &doc! {}).unwrap(), 1);
 }
 
-fn stamp(millis: i64) -> bson::DateTime {
+fn instant(millis: i64) -> bson::DateTime {
     bson::DateTime::from_millis(millis)
 }
 
 fn a_stamped_update_says_when(store: &dyn Store, ns: &Namespace) {
-    insert(store, ns, [doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": stamp(1), "persistent": false } }]);
-    store.update(ns, &update(doc! { "_id": 1 }, doc! { "$inc": { "a": 1 } }), Some(stamp(5))).unwrap();
-    let info = doc! { "inserted": stamp(1), "persistent": false, "updated": stamp(5) };
+    insert(store, ns, [doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": instant(1), "persistent": false } }]);
+    store.update(ns, &update(doc! { "_id": 1 }, doc! { "$inc": { "a": 1 } }), Some(instant(5))).unwrap();
+    let info = doc! { "inserted": instant(1), "persistent": false, "updated": instant(5) };
     assert_eq!(all(store, ns)[0], doc! { "_id": 1, "a": 2, "_robmem_info": info });
     let request = UpdateRequest { upsert: true, ..update(doc! { "_id": 2 }, doc! { "$set": { "a": 1 } }) };
-    store.update(ns, &request, Some(stamp(6))).unwrap();
-    let filter = doc! { "_robmem_info.inserted": stamp(6), "_robmem_info.updated": stamp(6) };
+    store.update(ns, &request, Some(instant(6))).unwrap();
+    let filter = doc! { "_robmem_info.inserted": instant(6), "_robmem_info.updated": instant(6) };
     assert_eq!(ids(store, ns, filter), [2]);
 }
 
 fn a_stamped_replacement_keeps_when_it_was_inserted(store: &dyn Store, ns: &Namespace) {
-    insert(store, ns, [doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": stamp(1) } }]);
+    insert(store, ns, [doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": instant(1) } }]);
     let request = update(doc! { "a": 1 }, doc! { "b": { "$x": "$y" } });
-    assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 1));
-    let info = doc! { "inserted": stamp(1), "updated": stamp(5) };
+    assert_eq!(store.update(ns, &request, Some(instant(5))).unwrap(), changed(1, 1));
+    let info = doc! { "inserted": instant(1), "updated": instant(5) };
     assert_eq!(all(store, ns)[0], doc! { "_id": 1, "b": { "$x": "$y" }, "_robmem_info": info });
 }
 
 fn a_stamped_update_that_changes_nothing_is_no_modification(store: &dyn Store, ns: &Namespace) {
-    let info = doc! { "inserted": stamp(1) };
+    let info = doc! { "inserted": instant(1) };
     insert(store, ns, (1..=3).map(|n| doc! { "_id": n, "a": [n], "b": 1, "_robmem_info": info.clone() }));
     let updates = [
         doc! { "$set": { "b": 1 } },
@@ -600,22 +600,22 @@ fn a_stamped_update_that_changes_nothing_is_no_modification(store: &dyn Store, n
     ];
     for change in updates {
         let request = update(doc! { "_id": 2 }, change.clone());
-        assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 0), "{change}");
+        assert_eq!(store.update(ns, &request, Some(instant(5))).unwrap(), changed(1, 0), "{change}");
     }
     let request = UpdateRequest {
         update: UpdateSpec::Pipeline(vec![doc! { "$set": { "b": 1 } }]),
         ..update(doc! { "_id": 2 }, doc! {})
     };
-    assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 0));
+    assert_eq!(store.update(ns, &request, Some(instant(5))).unwrap(), changed(1, 0));
     assert_eq!(store.count(ns, &doc! { "_robmem_info.updated": { "$exists": true } }).unwrap(), 0);
 
     let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$addToSet": { "a": 2 } }) };
-    assert_eq!(store.update(ns, &request, Some(stamp(6))).unwrap(), changed(3, 2));
-    assert_eq!(ids(store, ns, doc! { "_robmem_info.updated": stamp(6) }), [1, 3]);
+    assert_eq!(store.update(ns, &request, Some(instant(6))).unwrap(), changed(3, 2));
+    assert_eq!(ids(store, ns, doc! { "_robmem_info.updated": instant(6) }), [1, 3]);
 }
 
 fn what_the_memory_notes_cannot_be_changed(store: &dyn Store, ns: &Namespace) {
-    let stored = doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": stamp(1) } };
+    let stored = doc! { "_id": 1, "a": 1, "_robmem_info": { "inserted": instant(1) } };
     insert(store, ns, [stored.clone()]);
     for change in [
         doc! { "$set": { "_robmem_info.inserted": 5 } },
@@ -627,29 +627,29 @@ fn what_the_memory_notes_cannot_be_changed(store: &dyn Store, ns: &Namespace) {
         doc! { "$currentDate": { "_robmem_info.updated": true } },
         doc! { "_robmem_info": { "persistent": 3 } },
     ] {
-        assert!(store.update(ns, &update(doc! {}, change.clone()), Some(stamp(5))).is_err(), "{change}");
+        assert!(store.update(ns, &update(doc! {}, change.clone()), Some(instant(5))).is_err(), "{change}");
     }
     for stage in [doc! { "$set": { "_robmem_info": 1 } }, doc! { "$unset": "_robmem_info.inserted" }] {
         let request = UpdateRequest { update: UpdateSpec::Pipeline(vec![stage.clone()]), ..update(doc! {}, doc! {}) };
-        assert!(store.update(ns, &request, Some(stamp(5))).is_err(), "{stage}");
+        assert!(store.update(ns, &request, Some(instant(5))).is_err(), "{stage}");
     }
     assert_eq!(all(store, ns), [stored]);
-    let request = update(doc! {}, doc! { "$set": { "_robmem_info.decay_time": stamp(9) } });
-    assert_eq!(store.update(ns, &request, Some(stamp(5))).unwrap(), changed(1, 1));
+    let request = update(doc! {}, doc! { "$set": { "_robmem_info.decay_time": instant(9) } });
+    assert_eq!(store.update(ns, &request, Some(instant(5))).unwrap(), changed(1, 1));
 }
 
 fn a_pipeline_cannot_lose_when_a_document_was_inserted(store: &dyn Store, ns: &Namespace) {
-    insert(store, ns, (1..=2).map(|n| doc! { "_id": n, "_robmem_info": { "inserted": stamp(i64::from(n)) } }));
+    insert(store, ns, (1..=2).map(|n| doc! { "_id": n, "_robmem_info": { "inserted": instant(i64::from(n)) } }));
     for (many, stage) in [
         (true, doc! { "$replaceWith": { "_id": "$_id", "z": 1 } }),
         (false, doc! { "$project": { "z": 2 } }),
-        (true, doc! { "$replaceRoot": { "newRoot": { "_id": "$_id", "_robmem_info": { "inserted": stamp(7) } } } }),
+        (true, doc! { "$replaceRoot": { "newRoot": { "_id": "$_id", "_robmem_info": { "inserted": instant(7) } } } }),
     ] {
         let update = UpdateSpec::Pipeline(vec![stage.clone()]);
         let request = UpdateRequest { update, many, ..self::update(doc! {}, doc! {}) };
-        store.update(ns, &request, Some(stamp(5))).unwrap();
+        store.update(ns, &request, Some(instant(5))).unwrap();
         for n in 1..=2 {
-            assert_eq!(ids(store, ns, doc! { "_robmem_info.inserted": stamp(n) }), [n as i32], "{stage}");
+            assert_eq!(ids(store, ns, doc! { "_robmem_info.inserted": instant(n) }), [n as i32], "{stage}");
         }
     }
 }
@@ -741,7 +741,7 @@ fn values_of_every_type_come_back(store: &dyn Store, ns: &Namespace) {
         "string": "ü \u{0} x",
         "true": true,
         "null": Bson::Null,
-        "date": stamp(-5),
+        "date": instant(-5),
         "id": bson::oid::ObjectId::from_bytes([7; 12]),
         "binary": bson::Binary { subtype: bson::spec::BinarySubtype::Generic, bytes: vec![0, 1] },
         "regex": bson::Regex { pattern: "a.b".try_into().unwrap(), options: "i".try_into().unwrap() },
@@ -848,12 +848,12 @@ fn an_explanation_names_the_index_and_counts_what_was_looked_at(store: &dyn Stor
     insert(store, ns, (0..50).map(|n| doc! { "_id": n, "n": n, "tags": [n % 5, n % 7] }));
     store.create_index(ns, &Index::on(doc! { "n": 1 })).unwrap();
     store.create_index(ns, &Index::on(doc! { "tags": 1 })).unwrap();
-    let number = |account: &Document, name: &str| match account.get(name) {
+    let number = |explanation: &Document, name: &str| match explanation.get(name) {
         Some(Bson::Int32(number)) => i64::from(*number),
         Some(Bson::Int64(number)) => *number,
-        other => panic!("{other:?} in {account}"),
+        other => panic!("{other:?} in {explanation}"),
     };
-    let account = |filter, sort| store.explain(ns, &Find { filter, sort, ..Find::default() }).unwrap();
+    let explanation = |filter, sort| store.explain(ns, &Find { filter, sort, ..Find::default() }).unwrap();
     for (filter, sort, index, documents, returned) in [
         (doc! { "n": { "$gte": 10, "$lt": 20 } }, doc! {}, Some("n_1"), 10, 10),
         (doc! { "n": { "$gte": 10, "$lt": 20 }, "tags": 9 }, doc! {}, None, 0, 0),
@@ -862,17 +862,17 @@ fn an_explanation_names_the_index_and_counts_what_was_looked_at(store: &dyn Stor
         (doc! { "other": 3 }, doc! {}, None, 50, 0),
         (doc! {}, doc! { "n": -1 }, Some("n_1"), 50, 50),
     ] {
-        let account = account(filter, sort.clone());
+        let explanation = explanation(filter, sort.clone());
         if index.is_some() {
-            assert_eq!(account.get_str("index").ok(), index, "{account}");
+            assert_eq!(explanation.get_str("index").ok(), index, "{explanation}");
         }
-        assert_eq!(number(&account, "documents_examined"), documents, "{account}");
-        assert_eq!(number(&account, "returned"), returned, "{account}");
-        assert_eq!(account.get_str("sort").ok(), (!sort.is_empty()).then_some("index"), "{account}");
+        assert_eq!(number(&explanation, "documents_examined"), documents, "{explanation}");
+        assert_eq!(number(&explanation, "returned"), returned, "{explanation}");
+        assert_eq!(explanation.get_str("sort").ok(), (!sort.is_empty()).then_some("index"), "{explanation}");
     }
-    let sorted = account(doc! {}, doc! { "other": 1 });
+    let sorted = explanation(doc! {}, doc! { "other": 1 });
     assert_eq!(sorted.get_str("sort").unwrap(), "memory", "{sorted}");
-    let either = account(doc! { "$or": [{ "n": 3 }, { "tags": 6 }] }, doc! {});
+    let either = explanation(doc! { "$or": [{ "n": 3 }, { "tags": 6 }] }, doc! {});
     assert_eq!(either.get_array("any").map(Vec::len).unwrap_or_default(), 2, "{either}");
 }
 

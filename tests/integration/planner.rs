@@ -59,16 +59,16 @@ fn command_line(planner: &str) -> Result<(), Failed> {
         .arg("plan")
         .args(words.iter().flatten())
         .output()?;
-    let (plan, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let (plan, printed) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     // The blocks are called as in the memory, and the last step reaches the goal.
     let last = plan.lines().rfind(|line| line.starts_with('('));
     match (output.status.code(), last) {
         (Some(0), Some(last)) if last.to_lowercase().contains("stack") && last.ends_with(" A B)") => Ok(()),
-        (code, _) => Err(format!("{code:?}:\n{plan}{said}").into()),
+        (code, _) => Err(format!("{code:?}:\n{plan}{printed}").into()),
     }
 }
 
-/// The example of an executive; in the middle of its plan, somebody takes a block off the tower.
+/// The example of an executive; in the middle of its plan, a block is taken off the tower.
 fn executive(planner: &str) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let memory = format!("file:{}", folder.path().join("robot.rmem").display());
@@ -98,11 +98,11 @@ fn executive(planner: &str) -> Result<(), Failed> {
         .env("PATH", path)
         .env("TMPDIR", folder.path())
         .output()?;
-    let (told, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    let lines: Vec<&str> = told.lines().collect();
+    let (reported, printed) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let lines: Vec<&str> = reported.lines().collect();
     match output.status.code() {
         Some(0) if lines.contains(&"plan 2") && lines.ends_with(&["did stack A B", "1"]) => Ok(()),
-        code => Err(format!("{code:?}:\n{told}{said}").into()),
+        code => Err(format!("{code:?}:\n{reported}{printed}").into()),
     }
 }
 

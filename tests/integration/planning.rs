@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use libtest_mimic::Failed;
 
-use crate::watching::PATIENCE;
+use crate::watching::TIMEOUT;
 
 type Case = fn(&str) -> Result<(), Failed>;
 
@@ -76,7 +76,7 @@ impl Watched {
     fn until(&self, text: &str) -> Result<(), Failed> {
         let mut seen = Vec::new();
         loop {
-            let line = self.lines.recv_timeout(PATIENCE).map_err(|_| format!("no `{text}` in {seen:#?}"))?;
+            let line = self.lines.recv_timeout(TIMEOUT).map_err(|_| format!("no `{text}` in {seen:#?}"))?;
             if line.contains(text) {
                 return Ok(());
             }

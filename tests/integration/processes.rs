@@ -1,6 +1,6 @@
 //! Several processes on one memory, and processes that are killed in the middle.
 //!
-//! The other processes are this program again, told by [`ROLE`] what to do.
+//! The other processes are this program again, with their task in [`ROLE`].
 
 use std::ffi::OsString;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -81,11 +81,11 @@ fn read(store: &Embedded, count: i32) {
 fn fill(store: &Embedded, count: i32) {
     let mut out = std::io::stdout().lock();
     for n in 0..count {
-        let said = match store.insert(&ns(), vec![doc! { "_id": n, "pad": "x".repeat(20_000) }]) {
+        let printed = match store.insert(&ns(), vec![doc! { "_id": n, "pad": "x".repeat(20_000) }]) {
             Ok(_) => writeln!(out, "{n}"),
             Err(error) => writeln!(out, "{error}"),
         };
-        said.unwrap();
+        printed.unwrap();
     }
 }
 
@@ -101,8 +101,8 @@ fn increment(store: &Embedded) {
 }
 
 pub(crate) fn spawn(role: &str, path: &Path, name: &str, count: i32) -> std::io::Result<Child> {
-    let told: OsString = format!("{role}\n{}\n{name}\n{count}", path.display()).into();
-    Command::new(std::env::current_exe()?).env(ROLE, told).stdin(Stdio::null()).stdout(Stdio::piped()).spawn()
+    let reported: OsString = format!("{role}\n{}\n{name}\n{count}", path.display()).into();
+    Command::new(std::env::current_exe()?).env(ROLE, reported).stdin(Stdio::null()).stdout(Stdio::piped()).spawn()
 }
 
 fn succeeds(child: Child) -> Result<(), Failed> {
@@ -175,9 +175,9 @@ fn a_full_disk_is_an_error_and_loses_nothing() -> Result<(), Failed> {
         .stdin(Stdio::null())
         .output()?;
     assert!(output.status.success(), "{output:?}");
-    let said = String::from_utf8(output.stdout)?;
-    let (stored, failed): (Vec<_>, Vec<_>) = said.lines().partition(|line| line.parse::<i32>().is_ok());
-    assert!(!stored.is_empty() && !failed.is_empty(), "{said}");
+    let printed = String::from_utf8(output.stdout)?;
+    let (stored, failed): (Vec<_>, Vec<_>) = printed.lines().partition(|line| line.parse::<i32>().is_ok());
+    assert!(!stored.is_empty() && !failed.is_empty(), "{printed}");
     let wanted = format!("file:{}: ", path.display());
     assert!(failed.iter().all(|line| line.starts_with(&wanted) && line.contains("disk")), "{failed:?}");
 
@@ -222,7 +222,7 @@ pub(crate) fn kill_one(mut child: Child, from: i32, most: u64, random: u64) -> R
     std::thread::sleep(Duration::from_micros(random / most % 3_000));
     child.kill()?;
     child.wait()?;
-    // What it said before it died, it had done.
+    // What it printed before it died, it had done.
     for line in lines {
         next = line?.parse::<i32>()? + 1;
     }

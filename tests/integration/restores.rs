@@ -38,7 +38,7 @@ fn rmem(folder: &Path, memory: &str, arguments: &[&str]) -> Command {
     command
 }
 
-fn said(folder: &Path, memory: &str, arguments: &[&str]) -> Result<String, Failed> {
+fn printed(folder: &Path, memory: &str, arguments: &[&str]) -> Result<String, Failed> {
     let output = rmem(folder, memory, arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).output()?;
     if !output.status.success() {
         return Err(format!("{arguments:?}: {output:?}").into());
@@ -60,15 +60,15 @@ fn killed(folder: &Path, memory: &str, arguments: &[&str]) -> Result<(), Failed>
     std::fs::write(folder.join("new.json"), world(2, NEW))?;
     let whole = [&["restore", "new.json"], arguments].concat();
     let since = Instant::now();
-    said(folder, memory, &whole)?;
+    printed(folder, memory, &whole)?;
     let longest = since.elapsed();
     let kills = std::env::var(KILLS).ok().and_then(|text| text.parse().ok()).unwrap_or(8_u32).min(200);
     let (mut before, mut after) = (0, 0);
     for round in 0..kills {
         for collection in ["a", "b"] {
-            said(folder, memory, &["drop", &format!("restores.{collection}")])?;
+            printed(folder, memory, &["drop", &format!("restores.{collection}")])?;
         }
-        said(folder, memory, &["restore", "old.json"])?;
+        printed(folder, memory, &["restore", "old.json"])?;
         let mut child = rmem(folder, memory, &whole).spawn()?;
         std::thread::sleep(
             longest.mul_f64(1.5 * f64::from(round + 1) / f64::from(kills)).max(Duration::from_millis(1)),
@@ -77,7 +77,7 @@ fn killed(folder: &Path, memory: &str, arguments: &[&str]) -> Result<(), Failed>
         child.wait()?;
         let mut states = Vec::new();
         for collection in ["restores.a", "restores.b"] {
-            let of = |version| said(folder, memory, &["count", collection, &format!("{{version: {version}}}")]);
+            let of = |version| printed(folder, memory, &["count", collection, &format!("{{version: {version}}}")]);
             states.push(match (of(1)?.trim().parse::<usize>()?, of(2)?.trim().parse::<usize>()?) {
                 (old, 0) if old == OLD / 2 => 1,
                 // What was there before and is not in the dump stays, where collections are not dropped.
@@ -93,8 +93,8 @@ fn killed(folder: &Path, memory: &str, arguments: &[&str]) -> Result<(), Failed>
         }
     }
     eprintln!("{kills} restores killed {arguments:?}: {before} had done nothing, {after} everything");
-    said(folder, memory, &["restore", "old.json"])?;
-    let left = said(folder, memory, &["collections"])?;
+    printed(folder, memory, &["restore", "old.json"])?;
+    let left = printed(folder, memory, &["collections"])?;
     assert!(!left.contains("restoring_"), "{left}");
     Ok(())
 }

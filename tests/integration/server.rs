@@ -174,7 +174,7 @@ fn silent() -> Result<(), Failed> {
 }
 
 /// Every operation fails, in much less time than the driver's own 30 s, and
-/// says where the server was looked for but not who asked.
+/// says where the server was looked for but not which process asked.
 fn fails_soon(port: u16) -> Result<(), Failed> {
     let uri = StoreUri::parse(&format!("mongodb://robot:secret@127.0.0.1:{port}/?replicaSet=shared"))?;
     let store = open(&uri, Role::Shared)?;

@@ -12,7 +12,7 @@ use rmem::memory::watch::{Trigger, Watch, event};
 use rmem::store::{Name, Namespace, Next, StoreUri, UpdateSpec};
 
 use crate::mongod::Mongod;
-use crate::watching::{Heard, PATIENCE, Pause, Watching, Writers, drain, killed_watch, kills, namespace, update};
+use crate::watching::{Pause, Received, TIMEOUT, Watching, Writers, drain, killed_watch, kills, namespace, update};
 
 type Case = fn(&str) -> Result<(), Failed>;
 
@@ -49,7 +49,7 @@ fn trigger(ns: &Namespace, name: Option<&str>) -> Trigger {
 /// Collects changes, without what differs from store to store, up to the one of `_id: "end"`.
 fn collect(watch: &mut Watch<'_>, ns: &Namespace, changes: &mut Vec<Document>) -> Result<(), Failed> {
     let since = Instant::now();
-    while since.elapsed() < PATIENCE {
+    while since.elapsed() < TIMEOUT {
         if let Next::Change(change) = watch.next(Duration::from_millis(100))? {
             let mut event = event(ns, &change)?;
             let end = event.get_str("_id").is_ok_and(|id| id == "end");
@@ -66,7 +66,7 @@ fn collect(watch: &mut Watch<'_>, ns: &Namespace, changes: &mut Vec<Document>) -
     Err(format!("the end did not come, after {changes:?}").into())
 }
 
-/// Changes everything there is to change; what a watch is told of it.
+/// Changes everything there is to change; what a watch reports of it.
 fn scripted(memory: &Memory, watched: &Memory, ns: &Namespace) -> Result<Vec<Document>, Failed> {
     let source = namespace("source");
     let mut watch = watched.watch(Trigger { filter: doc! { "hidden": { "$ne": true } }, ..trigger(ns, None) })?;
@@ -174,7 +174,7 @@ fn kill_watch_of_mongod(uri: &str) -> Result<(), Failed> {
 fn kill_mongod(program: &Path) -> Result<(), Failed> {
     let mut server = Mongod::start(program)?;
     let (uri, ns, home) = (server.uri.clone(), namespace("server"), tempfile::tempdir()?);
-    let (mut heard, mut pause) = (Heard::default(), Pause::new());
+    let (mut received, mut pause) = (Received::default(), Pause::new());
     let mut watching = Some(Watching::start(&uri, &ns, home.path())?);
     let writers = Writers::start(&uri, &ns, true)?;
     for round in 0..kills().div_ceil(4) {
@@ -183,7 +183,7 @@ fn kill_mongod(program: &Path) -> Result<(), Failed> {
         if round % 2 == 1
             && let Some(watching) = watching.take()
         {
-            heard.hear_all(&watching.kill()?)?;
+            received.receive_all(&watching.kill()?)?;
         }
         server.revive()?;
         if watching.is_none() {
@@ -192,8 +192,8 @@ fn kill_mongod(program: &Path) -> Result<(), Failed> {
     }
     pause.sleep(1_500_000);
     let written = writers.stop()?;
-    drain(watching.ok_or("nobody watches")?, &mut heard, &written)?;
-    eprintln!("{ns}: {} changes, {} of them again", written.iter().sum::<i32>(), heard.again);
+    drain(watching.ok_or("there is no watch")?, &mut received, &written)?;
+    eprintln!("{ns}: {} changes, {} of them again", written.iter().sum::<i32>(), received.again);
     Ok(())
 }
 

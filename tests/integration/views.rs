@@ -53,8 +53,8 @@ fn browse(end: &str, code: i32) -> Result<(), Failed> {
 fn drive(arguments: &[&str], code: i32) -> Result<(), Failed> {
     let python = Python::find().ok_or("there is no python3")?;
     let script = script("views.py");
-    let said = run(python.path(), &[&[script.as_str(), env!("CARGO_BIN_EXE_rmem")], arguments].concat())?;
-    if said.trim() == code.to_string() { Ok(()) } else { Err(format!("it ended with {said}").into()) }
+    let printed = run(python.path(), &[&[script.as_str(), env!("CARGO_BIN_EXE_rmem")], arguments].concat())?;
+    if printed.trim() == code.to_string() { Ok(()) } else { Err(format!("it ended with {printed}").into()) }
 }
 
 type Case = fn(&str) -> Result<(), Failed>;

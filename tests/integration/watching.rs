@@ -16,7 +16,7 @@ use rmem::store::{Embedded, Namespace, Role, StoreUri, UpdateRequest, UpdateSpec
 /// How often a watch is killed.
 const KILLS: &str = "RMEM_TEST_WATCH_KILLS";
 /// How long what has to come may take.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// What needs no server.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -33,7 +33,7 @@ pub(crate) fn update(filter: Document, update: UpdateSpec, many: bool) -> Update
     UpdateRequest { filter, update, array_filters: Vec::new(), many, upsert: true }
 }
 
-/// A `rmem watch` that prints what it is told.
+/// A `rmem watch` that prints the changes.
 pub(crate) struct Watching {
     child: Child,
     lines: Receiver<String>,
@@ -54,18 +54,18 @@ impl Watching {
         let stdout = BufReader::new(child.stdout.take().ok_or("no stdout")?);
         std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
         let mut stderr = BufReader::new(child.stderr.take().ok_or("no stderr")?);
-        let mut said = String::new();
-        stderr.read_line(&mut said)?;
-        if !said.starts_with("watching ") {
+        let mut printed = String::new();
+        stderr.read_line(&mut printed)?;
+        if !printed.starts_with("watching ") {
             child.kill()?;
-            return Err(format!("it says {said}").into());
+            return Err(format!("it says {printed}").into());
         }
         // What it says later must not fill the pipe.
         std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
         Ok(Self { child, lines })
     }
 
-    /// Kills it at once; gives what it had said.
+    /// Kills it at once; gives what it had printed.
     pub(crate) fn kill(mut self) -> Result<Vec<String>, Failed> {
         self.child.kill()?;
         self.child.wait()?;
@@ -85,13 +85,13 @@ impl Drop for Watching {
 /// Writer `w` changes its document to `n: 0, 1, 2, …`. Of each writer, every number
 /// has to come, and none before the one below it came; a number may come again.
 #[derive(Default)]
-pub(crate) struct Heard {
+pub(crate) struct Received {
     last: HashMap<i32, i32>,
     pub(crate) again: usize,
 }
 
-impl Heard {
-    pub(crate) fn hear(&mut self, line: &str) -> Result<(), Failed> {
+impl Received {
+    pub(crate) fn receive(&mut self, line: &str) -> Result<(), Failed> {
         // A line that was cut by the kill was not delivered.
         let Ok(event) = serde_json::from_str::<serde_json::Value>(line) else { return Ok(()) };
         let number = |value: &serde_json::Value| value.as_i64().and_then(|n| i32::try_from(n).ok());
@@ -114,8 +114,8 @@ impl Heard {
         Ok(())
     }
 
-    pub(crate) fn hear_all(&mut self, lines: &[String]) -> Result<(), Failed> {
-        lines.iter().try_for_each(|line| self.hear(line))
+    pub(crate) fn receive_all(&mut self, lines: &[String]) -> Result<(), Failed> {
+        lines.iter().try_for_each(|line| self.receive(line))
     }
 }
 
@@ -129,8 +129,8 @@ pub(crate) struct Writers {
 }
 
 impl Writers {
-    /// Where `patient`, a writer whose server is away tries again.
-    pub(crate) fn start(uri: &str, ns: &Namespace, patient: bool) -> Result<Self, Failed> {
+    /// Where `retries`, a writer whose server is away tries again.
+    pub(crate) fn start(uri: &str, ns: &Namespace, retries: bool) -> Result<Self, Failed> {
         let stop = Arc::new(AtomicBool::new(false));
         let mut writers = Self { stop: Arc::clone(&stop), threads: Vec::new(), written: Vec::new() };
         for writer in 0..WRITERS {
@@ -145,7 +145,7 @@ impl Writers {
                     let spec = UpdateSpec::Document(doc! { "$set": { "n": n } });
                     match store.update(&ns, &update(doc! { "_id": writer }, spec, false), None) {
                         Ok(_) => written.store(n + 1, Ordering::Relaxed),
-                        Err(_) if patient => std::thread::sleep(Duration::from_millis(20)),
+                        Err(_) if retries => std::thread::sleep(Duration::from_millis(20)),
                         Err(error) => return Err(error.to_string()),
                     }
                 }
@@ -184,34 +184,34 @@ pub(crate) fn kills() -> usize {
 }
 
 /// Takes what is still to come, until all of it is there.
-pub(crate) fn drain(watching: Watching, heard: &mut Heard, written: &[i32]) -> Result<(), Failed> {
+pub(crate) fn drain(watching: Watching, received: &mut Received, written: &[i32]) -> Result<(), Failed> {
     let since = Instant::now();
     let all: HashMap<i32, i32> = (0..WRITERS).zip(written.iter().map(|count| count - 1)).collect();
-    while heard.last != all {
-        if since.elapsed() > PATIENCE {
-            return Err(format!("{:?} of {all:?} came", heard.last).into());
+    while received.last != all {
+        if since.elapsed() > TIMEOUT {
+            return Err(format!("{:?} of {all:?} came", received.last).into());
         }
         if let Ok(line) = watching.lines.recv_timeout(Duration::from_millis(100)) {
-            heard.hear(&line)?;
+            received.receive(&line)?;
         }
     }
-    heard.hear_all(&watching.kill()?)
+    received.receive_all(&watching.kill()?)
 }
 
 pub(crate) fn killed_watch(uri: &str, ns: &Namespace) -> Result<(), Failed> {
     let home = tempfile::tempdir()?;
-    let (mut heard, mut pause) = (Heard::default(), Pause::new());
+    let (mut received, mut pause) = (Received::default(), Pause::new());
     // The name has to be there before the first change.
     Watching::start(uri, ns, home.path())?.kill()?;
     let writers = Writers::start(uri, ns, false)?;
     for _ in 0..kills() {
         let watching = Watching::start(uri, ns, home.path())?;
         pause.sleep(300_000);
-        heard.hear_all(&watching.kill()?)?;
+        received.receive_all(&watching.kill()?)?;
     }
     let written = writers.stop()?;
-    drain(Watching::start(uri, ns, home.path())?, &mut heard, &written)?;
-    eprintln!("{ns}: {} changes, {} of them again", written.iter().sum::<i32>(), heard.again);
+    drain(Watching::start(uri, ns, home.path())?, &mut received, &written)?;
+    eprintln!("{ns}: {} changes, {} of them again", written.iter().sum::<i32>(), received.again);
     Ok(())
 }
 
@@ -237,7 +237,7 @@ fn latency() -> Result<(), Failed> {
     let idle = processor_time(watching.child.id())? - before;
     let mut pause = Pause::new();
     let mut written = Vec::new();
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     for n in 0..CHANGES {
         // Long enough that the watch sleeps again.
         std::thread::sleep(Duration::from_millis(5));
@@ -245,17 +245,17 @@ fn latency() -> Result<(), Failed> {
         let start = Instant::now();
         store.insert(&ns, vec![doc! { "_id": i64::try_from(n)? }])?;
         written.push(start.elapsed());
-        watching.lines.recv_timeout(PATIENCE)?;
-        heard.push(start.elapsed());
+        watching.lines.recv_timeout(TIMEOUT)?;
+        received.push(start.elapsed());
     }
     written.sort();
-    heard.sort();
+    received.sort();
     eprintln!(
         "{CHANGES} inserts: stored in {:?} (median), printed by a watch in {:?} (median), {:?} (99 %), {:?} (all)",
         written[CHANGES / 2],
-        heard[CHANGES / 2],
-        heard[CHANGES * 99 / 100],
-        heard[CHANGES - 1]
+        received[CHANGES / 2],
+        received[CHANGES * 99 / 100],
+        received[CHANGES - 1]
     );
     eprintln!("a watch of nothing used {} ms of a processor in {IDLE:?}", idle * 10);
     Ok(())

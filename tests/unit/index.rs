@@ -68,7 +68,7 @@ fn path() -> impl Strategy<Value = &'static str> {
 
 fn operator() -> impl Strategy<Value = Bson> {
     let storable = value()
-        .prop_filter("nobody asks for undefined", |value| {
+        .prop_filter("queries for undefined are not compared", |value| {
             !value.to_string().contains("undefined") && !matches!(value, Bson::Undefined)
         })
         .boxed();
@@ -188,17 +188,17 @@ fn explained(store: &Embedded, filter: Document, sort: Document, limit: u64) -> 
     store.explain(&ns(), &Find { filter, sort, limit, ..Find::default() }).unwrap()
 }
 
-fn numbers(account: &Document) -> [i64; 3] {
-    ["keys_examined", "documents_examined", "returned"].map(|name| account.get_i64(name).unwrap())
+fn numbers(explanation: &Document) -> [i64; 3] {
+    ["keys_examined", "documents_examined", "returned"].map(|name| explanation.get_i64(name).unwrap())
 }
 
 #[test]
 fn an_explanation_tells_the_index_its_bounds_and_what_was_looked_at() {
     let store = store(100);
     store.create_index(&ns(), &Index::on(doc! { "place": 1, "name": -1 })).unwrap();
-    let account = explained(&store, doc! { "place": 3, "name": { "$gt": "object5" } }, doc! {}, 0);
+    let explanation = explained(&store, doc! { "place": 3, "name": { "$gt": "object5" } }, doc! {}, 0);
     assert_eq!(
-        account,
+        explanation,
         doc! {
             "index": "place_1_name_-1",
             "keys": { "place": 1, "name": -1 },
@@ -225,9 +225,9 @@ fn a_sort_that_an_index_has_looks_at_no_more_than_is_wanted() {
         (doc! { "place": { "$gte": 4 } }, doc! { "place": 1, "name": -1 }, 3),
         (doc! { "_id": { "$lt": 50 } }, doc! { "_id": -1 }, 3),
     ] {
-        let account = explained(&store, filter.clone(), sort, limit);
-        assert_eq!(account.get_str("sort").unwrap(), "index", "{account}");
-        assert!(numbers(&account)[0] < 8, "{account}");
+        let explanation = explained(&store, filter.clone(), sort, limit);
+        assert_eq!(explanation.get_str("sort").unwrap(), "index", "{explanation}");
+        assert!(numbers(&explanation)[0] < 8, "{explanation}");
     }
     let memory = explained(&store, doc! { "place": 4 }, doc! { "_id": -1, "name": 1 }, 3);
     assert_eq!(memory.get_str("sort").unwrap(), "memory", "{memory}");
@@ -237,9 +237,9 @@ fn a_sort_that_an_index_has_looks_at_no_more_than_is_wanted() {
 fn alternatives_use_an_index_each() {
     let store = store(100);
     store.create_index(&ns(), &Index::on(doc! { "tags": 1 })).unwrap();
-    let account = explained(&store, doc! { "$or": [{ "tags": 4 }, { "_id": 0 }] }, doc! {}, 0);
-    assert_eq!(account.get_array("any").unwrap().len(), 2);
-    assert_eq!(numbers(&account), [21, 21, 21]);
+    let explanation = explained(&store, doc! { "$or": [{ "tags": 4 }, { "_id": 0 }] }, doc! {}, 0);
+    assert_eq!(explanation.get_array("any").unwrap().len(), 2);
+    assert_eq!(numbers(&explanation), [21, 21, 21]);
 }
 
 #[test]
@@ -247,8 +247,8 @@ fn the_index_with_fewer_keys_is_taken() {
     let store = store(100);
     store.create_index(&ns(), &Index::on(doc! { "place": 1 })).unwrap();
     store.create_index(&ns(), &Index::on(doc! { "name": 1 })).unwrap();
-    let account = explained(&store, doc! { "place": 3, "name": "object13" }, doc! {}, 0);
-    assert_eq!((account.get_str("index").unwrap(), numbers(&account)), ("name_1", [1, 1, 1]));
+    let explanation = explained(&store, doc! { "place": 3, "name": "object13" }, doc! {}, 0);
+    assert_eq!((explanation.get_str("index").unwrap(), numbers(&explanation)), ("name_1", [1, 1, 1]));
 }
 
 #[test]
@@ -264,8 +264,8 @@ fn a_failed_write_leaves_its_index_as_it_was() {
     };
     assert!(store.update(&ns(), &update, None).is_err());
     for n in 0..10 {
-        let account = explained(&store, doc! { "name": format!("object{n}") }, doc! {}, 0);
-        assert_eq!(numbers(&account), [1, 1, 1]);
+        let explanation = explained(&store, doc! { "name": format!("object{n}") }, doc! {}, 0);
+        assert_eq!(numbers(&explanation), [1, 1, 1]);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Plans that were changed at random, judged by rmem and by another simulator: the one of the engine, which
+//! Plans that were changed at random, validated by rmem and by another simulator: the one of the engine, which
 //! grounds the task and knows nothing of how rmem looks at it.
 //!
 //! Where conditional effects add and delete a fact at once, the engine's deletes win; here adds do, as in VAL. Such
@@ -50,18 +50,18 @@ fn mutate(plan: &mut Vec<Step>, domain: &Domain, objects: &[String], dice: &mut 
     }
 }
 
-/// Judges a plan and so many changed ones twice; gives how many of them are valid.
+/// Validates a plan and so many changed ones twice; gives how many of them are valid.
 fn compare(name: &str, domain_text: &str, problem_text: &str, count: usize) -> Option<usize> {
     let domain = Domain::read(&Source::new("d.pddl", domain_text), Dialect::default()).ok()?;
     let problem = Problem::read(&Source::new("p.pddl", problem_text), &domain, Dialect::default()).ok()?;
     let other =
         VerifyCtx::prepare(&parser::parse_domain(domain_text).ok()?, &parser::parse_problem(problem_text).ok()?);
     let other = other.ok()?;
-    let mut said = String::new();
-    if builtin::child(domain_text, problem_text, builtin::Options::default(), &mut |text| said.push_str(text)) != 0 {
+    let mut printed = String::new();
+    if builtin::child(domain_text, problem_text, builtin::Options::default(), &mut |text| printed.push_str(text)) != 0 {
         return None;
     }
-    let found: Vec<Step> = ff::read(&said, "").actions.into_iter().map(Step::from).collect();
+    let found: Vec<Step> = ff::read(&printed, "").actions.into_iter().map(Step::from).collect();
     let mut objects: Vec<String> = domain.constants().map(|(name, _)| name.to_owned()).collect();
     objects.extend(problem.objects().map(|object| object.name.to_owned()));
     let mut dice = Dice(7);
@@ -73,18 +73,18 @@ fn compare(name: &str, domain_text: &str, problem_text: &str, count: usize) -> O
         }
         let verdict = validate(&domain, &problem, &plan);
         let upper = |text: &String| text.to_uppercase();
-        let told: Vec<_> = plan
+        let reported: Vec<_> = plan
             .iter()
             .map(|step| (upper(&step.action), step.arguments.iter().map(upper).collect::<Vec<_>>()))
             .collect();
-        let replayed = other.replay(&told);
+        let replayed = other.replay(&reported);
         let agreed = replayed.as_ref().is_ok_and(|verified| verified.hard_goal_met);
         assert!(!matches!(verdict, Validation::Unchecked(_)), "{name}: {verdict}");
         if round == 0 && verdict.is_valid() && !agreed {
             // A goal that is no conjunction is reached by an action that the engine adds.
             return None;
         }
-        assert_eq!(verdict.is_valid(), agreed, "{name}: {verdict}; the other says {replayed:?} of {told:?}");
+        assert_eq!(verdict.is_valid(), agreed, "{name}: {verdict}; the other says {replayed:?} of {reported:?}");
         let repairs = repair(&domain, &problem, &plan);
         assert!(repairs.is_empty() || !verdict.is_valid(), "{name}: a valid plan needs no repair");
         for remedy in repairs.iter().flat_map(|repair| &repair.remedies).filter(|remedy| remedy.is_possible) {
@@ -95,7 +95,7 @@ fn compare(name: &str, domain_text: &str, problem_text: &str, count: usize) -> O
     Some(valid)
 }
 
-/// An action that is said to be possible where the plan breaks can be taken there.
+/// An action that is printed to be possible where the plan breaks can be taken there.
 fn taken(name: &str, domain: &Domain, problem: &Problem, plan: &[Step], verdict: &Validation, action: &str) {
     let Validation::Invalid(failure) = verdict else { panic!("{name}: a remedy for a valid plan") };
     let broken = failure.step().unwrap_or(plan.len());
@@ -105,7 +105,7 @@ fn taken(name: &str, domain: &Domain, problem: &Problem, plan: &[Step], verdict:
     let mut mended = plan[..broken].to_vec();
     mended.push(step);
     if let Validation::Invalid(failure) = validate(domain, problem, &mended) {
-        assert_ne!(failure.step(), Some(broken), "{name}: {action} was said to be possible, but {failure}");
+        assert_ne!(failure.step(), Some(broken), "{name}: {action} was printed to be possible, but {failure}");
     }
 }
 
@@ -141,15 +141,15 @@ fn tasks() -> Vec<(String, PathBuf, PathBuf)> {
 #[test]
 fn mutations_get_the_verdict_of_another_simulator() {
     let count = std::env::var("RMEM_TEST_MUTATIONS").ok().and_then(|count| count.parse().ok()).unwrap_or(150);
-    let (mut judged, mut valid) = (0, 0);
+    let (mut validated, mut valid) = (0, 0);
     for (name, domain, problem) in tasks() {
         let texts = (fs::read_to_string(domain), fs::read_to_string(problem));
         if let (Ok(domain), Ok(problem)) = texts
             && let Some(agreed) = compare(&name, &domain, &problem, count)
         {
-            judged += 1;
+            validated += 1;
             valid += agreed;
         }
     }
-    assert!(judged >= 6 && valid >= judged, "only {judged} tasks were judged, with {valid} valid plans");
+    assert!(validated >= 6 && valid >= validated, "only {validated} tasks were validated, with {valid} valid plans");
 }

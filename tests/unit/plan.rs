@@ -140,8 +140,8 @@ fn what_is_not_a_stored_plan_is_refused_with_its_key() {
         (doc! { "plan": "success", "1": { "action": "a", "x": 3 } }, "`1.x` is no value"),
         (doc! { "plan": 1, "actions": [{ "name": "a", "args": [null] }] }, "`actions.0.args.0` is no value"),
     ] {
-        let said = from_document(&document, &name).unwrap_err().to_string();
-        assert!(said.starts_with(error), "{document}: {said}");
+        let printed = from_document(&document, &name).unwrap_err().to_string();
+        assert!(printed.starts_with(error), "{document}: {printed}");
     }
 }
 

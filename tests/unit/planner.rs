@@ -365,10 +365,10 @@ fn a_program_whose_task_never_comes_does_not_run() {
     for goodbye in ["", "done\n", "stop\n"] {
         fs::create_dir(&directory).unwrap();
         let (mut lifeline, mut supervisor) = supervisor(&directory, &program);
-        let mut said = [0; 64];
-        let length = lifeline.read(&mut said).unwrap();
-        let said = String::from_utf8_lossy(&said[..length]).into_owned();
-        let pid = said.strip_prefix("started ").unwrap_or_else(|| panic!("{said}")).trim();
+        let mut printed = [0; 64];
+        let length = lifeline.read(&mut printed).unwrap();
+        let printed = String::from_utf8_lossy(&printed[..length]).into_owned();
+        let pid = printed.strip_prefix("started ").unwrap_or_else(|| panic!("{printed}")).trim();
         assert!(lives(pid), "the program is there, and waits");
         lifeline.write_all(goodbye.as_bytes()).unwrap();
         if goodbye.is_empty() {
@@ -562,7 +562,7 @@ fn only_files_of_the_runs_own_are_read_as_plans() {
 }
 
 #[test]
-fn a_planner_does_not_outlive_its_warden() {
+fn a_planner_does_not_outlive_its_supervisor() {
     let place = Place::new();
     let pid = place.path("pid");
     let body = format!("sleep 600 & echo $! $$ > {}; kill -9 $PPID; sleep 600", pid.display());

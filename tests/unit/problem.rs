@@ -131,7 +131,7 @@ mod marker {
         for (body, wanted) in [
             ("<<n>> <<m>>", "7 8"),
             ("<<position_translation_0>> <<position_translation_1>>", "1 2.500000"),
-            ("(said <<values>>)", "(said  a b)"),
+            ("(printed <<values>>)", "(printed  a b)"),
             ("<<yes>>", "1"),
             ("<<_id>> i<<_id>>", "a07f1f77bcf86cd799439011 ia07f1f77bcf86cd799439011"),
             ("N<<caps-on-shelf>>", "N3"),
@@ -380,7 +380,7 @@ fn a_section_is_counted_once_with_each_of_its_documents_once() {
 }
 
 #[test]
-fn a_value_cannot_smuggle_syntax_in() {
+fn a_value_cannot_inject_syntax() {
     let evil = || vec![doc! { "_id": 1, "x": "A) (on B", "y": "; gone", "z": "\u{e9} \"" }];
     for template in [
         "(p <<#A|{}>><<x>> <<y>> <<z>><</A>>)",
@@ -402,7 +402,7 @@ fn names_that_pddl_cannot_tell_apart_are_refused_with_both_documents() {
     assert!(error.contains("`box` comes from document _id 2"), "{error}");
 }
 
-/// A store that tells what it is asked: pipelines come back as documents, finds
+/// A store that records its queries: pipelines come back as documents, finds
 /// give numbered documents without end, and `broken` fails.
 #[derive(Default, Clone)]
 struct Talkative {
@@ -585,8 +585,8 @@ fn what_is_wrong_in_the_goal_is_said_of_its_marker() {
 #[test]
 fn text_of_a_section_leads_back_to_its_place_for_every_document() {
     let generated = made("(:init\n<<#T|{relation: 'on-table'}>>(on <<object>> B) (x <<object>>)\n<</T>>)", blocks());
-    let places = |needle: &str| -> Vec<_> {
-        let found = generated.text.match_indices(needle);
+    let places = |part: &str| -> Vec<_> {
+        let found = generated.text.match_indices(part);
         found
             .map(|(offset, _)| generated.locate(offset))
             .map(|at| (at.line, at.column, at.document.map(|found| found.1)))

@@ -1,4 +1,4 @@
-//! The query room: MongoDB's semantics through its public interface.
+//! The module query: MongoDB's semantics through its public interface.
 
 use bson::{DateTime, Document, RawDocumentBuf, doc};
 use rmem::query::{Filter, Projection, Update};
@@ -235,7 +235,7 @@ mod properties {
     }
 }
 
-/// Nesting that the room must survive or refuse, in the small stack of a test's thread.
+/// Nesting that the module must survive or refuse, in the small stack of a test's thread.
 mod depth {
     use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
     use rmem::query::{Filter, Pipeline, QueryError, Update, compare_values, key};

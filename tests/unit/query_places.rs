@@ -25,17 +25,17 @@ fn polygon(corners: &[[f64; 2]]) -> Bson {
 
 #[test]
 fn a_room_of_the_plane_is_measured_in_any_unit() {
-    let room = doc! {"$geoWithin": {"$box": [[0, 0], [6.5, 4]]}};
-    assert!(matches(room.clone(), bson!([6.5, 0])));
-    assert!(matches(room.clone(), bson!({"x": 1, "y": 2i64})));
-    assert!(matches(room.clone(), bson!([{"x": 9, "y": 9}, {"x": 1, "y": 1}])));
-    assert!(matches(room.clone(), point(1.0, 1.0)));
+    let area = doc! {"$geoWithin": {"$box": [[0, 0], [6.5, 4]]}};
+    assert!(matches(area.clone(), bson!([6.5, 0])));
+    assert!(matches(area.clone(), bson!({"x": 1, "y": 2i64})));
+    assert!(matches(area.clone(), bson!([{"x": 9, "y": 9}, {"x": 1, "y": 1}])));
+    assert!(matches(area.clone(), point(1.0, 1.0)));
     for outside in
         [bson!([7, 1]), bson!([]), bson!(["1", "2"]), Bson::Null, polygon(&[[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]])]
     {
-        assert!(!matches(room.clone(), outside));
+        assert!(!matches(area.clone(), outside));
     }
-    assert!(matches(doc! {"$not": room}, bson!([7000, 1])));
+    assert!(matches(doc! {"$not": area}, bson!([7000, 1])));
     assert!(matches(doc! {"$geoWithin": {"$center": [[1000, 1000], 5]}}, bson!([1003, 1004])));
     assert!(!matches(doc! {"$geoWithin": {"$center": [[1000, 1000], 5]}}, bson!([1003, 1004.01])));
 }

@@ -5,7 +5,7 @@ use rmem::formats::pddl::Dialect;
 use rmem::formats::plan::read_plan;
 use rmem::pddl::{Domain, Problem, Step, repair};
 
-/// What is said about a plan, a repair after the other.
+/// What is printed about a plan, a repair after the other.
 fn advice(domain: &str, problem: &str, plan: &str) -> String {
     let domain = Domain::read(&Source::new("d.pddl", domain), Dialect::default()).expect("a domain");
     let problem = Problem::read(&Source::new("p.pddl", problem), &domain, Dialect::default()).expect("a problem");
@@ -27,9 +27,9 @@ const ROOMS: &str = "(define (problem rooms) (:domain robot) (:objects a b c - p
 
 #[test]
 fn what_undid_a_condition_and_what_would_bring_it_back_are_named() {
-    let said = advice(ROBOT, ROOMS, "(pick cup a)\n(go a b)\n(DROP CUP A)\n");
+    let printed = advice(ROBOT, ROOMS, "(pick cup a)\n(go a b)\n(DROP CUP A)\n");
     assert_eq!(
-        said,
+        printed,
         "(at a): undone by step 2, (go a b)\n  \
            (go b a) would make it true, and is applicable there\n  \
            (jump a) would make it true, but needs (key)"
@@ -38,22 +38,22 @@ fn what_undid_a_condition_and_what_would_bring_it_back_are_named() {
 
 #[test]
 fn what_no_action_makes_so_has_to_be_in_the_initial_state() {
-    let said = advice(ROBOT, ROOMS, "(pick cup a)\n(go a c)\n");
+    let printed = advice(ROBOT, ROOMS, "(pick cup a)\n(go a c)\n");
     assert_eq!(
-        said,
+        printed,
         "(road a c): false in the initial state\n  no action makes it true; it has to hold in the initial state"
     );
 }
 
 #[test]
 fn a_goal_that_is_missed_is_looked_into_as_well() {
-    let said = advice(ROBOT, ROOMS, "(pick cup a)\n(go a b)\n(go b c)\n");
+    let printed = advice(ROBOT, ROOMS, "(pick cup a)\n(go a b)\n(go b c)\n");
     assert_eq!(
-        said,
+        printed,
         "(in cup c): false in the initial state\n  (drop cup c) would make it true, and is applicable there"
     );
-    let said = advice(ROBOT, ROOMS, "(pick cup a)\n");
-    assert_eq!(said, "(in cup c): false in the initial state\n  (drop cup c) would make it true, but needs (at c)");
+    let printed = advice(ROBOT, ROOMS, "(pick cup a)\n");
+    assert_eq!(printed, "(in cup c): false in the initial state\n  (drop cup c) would make it true, but needs (at c)");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use Verdict::{GaveUp, NoCriterion, Plan, Rejected, Unsolvable, Unsupported};
 
 const FF: [(&str, Verdict, usize); 30] = [
     ("actioncost", Unsupported, 0),
-    // FF 2.3 is wrong here; whether to believe it is the planner room's business.
+    // FF 2.3 is wrong here; whether to believe it is for the planner to decide.
     ("adl", Unsolvable, 0),
     ("dom_syntax", Rejected, 0),
     ("dom_types", Plan, 10),
@@ -128,8 +128,8 @@ fn recorded(planner: &str, case: &str) -> Run {
 #[track_caller]
 fn expect(planner: &str, case: &str, transcript: &Transcript, verdict: Verdict, length: usize) {
     assert_eq!((transcript.verdict, transcript.actions.len()), (verdict, length), "{planner}/{case}: {transcript:?}");
-    let said = !transcript.message.is_empty();
-    assert_eq!(said, verdict != Plan, "{planner}/{case} says {:?}", transcript.message);
+    let printed = !transcript.message.is_empty();
+    assert_eq!(printed, verdict != Plan, "{planner}/{case} says {:?}", transcript.message);
 }
 
 fn files(planner: &str) -> usize {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The one room that may.
+/// The one module that may.
 const ROOM: &str = "src/clips/engine/native";
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -47,8 +47,8 @@ fn every_unsafe_block_says_why_it_is_safe() {
             lines.iter().enumerate().filter(|(_, line)| line.contains("unsafe {") || line.contains("unsafe impl"))
         {
             let before = &lines[nth.saturating_sub(4)..nth];
-            let said = before.iter().any(|line| line.contains("SAFETY:"));
-            assert!(said, "{}:{}: {line}", path.display(), nth + 1);
+            let printed = before.iter().any(|line| line.contains("SAFETY:"));
+            assert!(printed, "{}:{}: {line}", path.display(), nth + 1);
         }
     }
 }

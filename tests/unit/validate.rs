@@ -1,4 +1,4 @@
-//! Domains and problems checked, plans judged.
+//! Domains and problems checked, plans validated.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,7 @@ fn verdict(domain_text: &str, problem_text: &str, plan_text: &str) -> Validation
     validate(&domain, &problem, &plan(plan_text))
 }
 
-fn said(domain_text: &str, problem_text: &str, plan_text: &str) -> String {
+fn printed(domain_text: &str, problem_text: &str, plan_text: &str) -> String {
     verdict(domain_text, problem_text, plan_text).to_string()
 }
 
@@ -103,23 +103,23 @@ fn a_wrong_number_of_arguments_is_said_where_val_crashes() {
 #[test]
 fn a_temporal_plan_is_judged_as_val_does() {
     let (domain, problem) = task("tasks/durdom.pddl", "tasks/durp.pddl");
-    let judge = |text: &str| validate(&domain, &problem, &plan(text)).to_string();
-    assert_eq!(judge("0: (go a b) [5]\n5.001: (go b c) [5]"), "the plan is valid, value 2");
+    let check = |text: &str| validate(&domain, &problem, &plan(text)).to_string();
+    assert_eq!(check("0: (go a b) [5]\n5.001: (go b c) [5]"), "the plan is valid, value 2");
     assert_eq!(
-        judge("0: (go a b) [5]\n4.9: (go b c) [5]"),
+        check("0: (go a b) [5]\n4.9: (go b c) [5]"),
         "the plan is invalid: step 2: (go b c) is not applicable: (at b) is false"
     );
     assert_eq!(
-        judge("0: (go a b) [4]\n5.001: (go b c) [5]"),
+        check("0: (go a b) [4]\n5.001: (go b c) [5]"),
         "the plan is invalid: step 1: (go a b) is not applicable: (= ?duration 5) is false"
     );
     assert_eq!(
-        judge("0: (go a b) [5]\n5: (go b c) [5]"),
+        check("0: (go a b) [5]\n5: (go b c) [5]"),
         "the plan is invalid: step 2: (go b c) is not applicable: (at b) is false"
     );
-    assert_eq!(judge("0: (go a b) [5]"), "the plan is invalid: the goal is not reached: (at c) is false");
+    assert_eq!(check("0: (go a b) [5]"), "the plan is invalid: the goal is not reached: (at c) is false");
     assert_eq!(
-        judge("(go a b)"),
+        check("(go a b)"),
         "the plan is invalid: step 1: action `go`: it takes time, but the plan does not say when it begins"
     );
 }
@@ -171,20 +171,20 @@ const SWAP: &str = "(define (domain d) (:predicates (p) (q)) (:functions (x) (y)
 #[test]
 fn effects_happen_at_once() {
     let start = "(define (problem t) (:domain d) (:init (p) (= (x) 1) (= (y) 2)) (:goal ";
-    let judge = |goal: &str, steps: &str| said(SWAP, &format!("{start}{goal}))"), steps);
-    assert_eq!(judge("(and (q) (not (p)))", "(swap)"), "the plan is valid, value 1");
-    assert_eq!(judge("(and (p) (not (q)))", "(swap)\n(swap)"), "the plan is valid, value 2");
-    assert_eq!(judge("(and (= (x) 2) (= (y) 1))", "(exchange)"), "the plan is valid, value 1");
-    assert_eq!(judge("(and (= (x) 4) (= (y) 6))", "(twice)"), "the plan is valid, value 1");
+    let check = |goal: &str, steps: &str| printed(SWAP, &format!("{start}{goal}))"), steps);
+    assert_eq!(check("(and (q) (not (p)))", "(swap)"), "the plan is valid, value 1");
+    assert_eq!(check("(and (p) (not (q)))", "(swap)\n(swap)"), "the plan is valid, value 2");
+    assert_eq!(check("(and (= (x) 2) (= (y) 1))", "(exchange)"), "the plan is valid, value 1");
+    assert_eq!(check("(and (= (x) 4) (= (y) 6))", "(twice)"), "the plan is valid, value 1");
     assert_eq!(
-        judge("(and)", "(clash)"),
+        check("(and)", "(clash)"),
         "the plan is invalid: step 1: (clash) is not applicable: (x) is changed in two ways at once"
     );
-    assert_eq!(judge("(and)", "(halve)"), "the plan is invalid: step 1: (halve) is not applicable: a division by zero");
-    assert_eq!(judge("(and)", "(unset)"), "the plan is invalid: step 1: (unset) is not applicable: (z) has no value");
-    assert_eq!(judge("(> (z) 0)", ""), "the plan is invalid: the goal cannot be computed: (z) has no value");
+    assert_eq!(check("(and)", "(halve)"), "the plan is invalid: step 1: (halve) is not applicable: a division by zero");
+    assert_eq!(check("(and)", "(unset)"), "the plan is invalid: step 1: (unset) is not applicable: (z) has no value");
+    assert_eq!(check("(> (z) 0)", ""), "the plan is invalid: the goal cannot be computed: (z) has no value");
     assert_eq!(
-        judge("(and (p) (q) (or (q) (> (x) 1)))", ""),
+        check("(and (p) (q) (or (q) (> (x) 1)))", ""),
         "the plan is invalid: the goal is not reached: (q), (or (q) (> (x) 1)) are false"
     );
 }
@@ -198,14 +198,14 @@ fn derived_predicates_follow_the_facts() {
         (:derived (lonely ?a) (and (clear ?a) (not (exists (?b) (above ?a ?b)))))
         (:action lift :parameters (?a ?b) :precondition (and (clear ?a) (on ?a ?b)) :effect (not (on ?a ?b))))";
     let start = "(define (problem t) (:domain d) (:objects a b c e) (:init (on a b) (on b c) (on c e)) (:goal ";
-    let judge = |goal: &str, steps: &str| said(blocks, &format!("{start}{goal}))"), steps);
-    assert_eq!(judge("(and (above a e) (not (above e a)) (clear a))", ""), "the plan is valid, value 0");
+    let check = |goal: &str, steps: &str| printed(blocks, &format!("{start}{goal}))"), steps);
+    assert_eq!(check("(and (above a e) (not (above e a)) (clear a))", ""), "the plan is valid, value 0");
     assert_eq!(
-        judge("(and (clear b) (lonely a) (above b e) (not (above a e)))", "(lift a b)"),
+        check("(and (clear b) (lonely a) (above b e) (not (above a e)))", "(lift a b)"),
         "the plan is valid, value 1"
     );
     assert_eq!(
-        judge("(lonely b)", "(lift b c)"),
+        check("(lonely b)", "(lift b c)"),
         "the plan is invalid: step 1: (lift b c) is not applicable: (clear b) is false"
     );
     let paradox = "(define (domain d) (:predicates (p)) (:derived (p) (not (p))))";
@@ -220,18 +220,18 @@ fn quantifiers_range_over_the_objects_of_their_type() {
         (:action feed :parameters (?a - (either dog cat)) :effect (fed ?a))
         (:action look :effect (forall (?x) (seen ?x))))";
     let start = "(define (problem t) (:domain d) (:objects tom - cat pebble - stone) (:init) (:goal ";
-    let judge = |goal: &str, steps: &str| said(text, &format!("{start}{goal}))"), steps);
+    let check = |goal: &str, steps: &str| printed(text, &format!("{start}{goal}))"), steps);
     let all = "(forall (?a - animal) (fed ?a))";
-    assert_eq!(judge(all, "(feed rex)\n(feed tom)"), "the plan is valid, value 2");
-    assert_eq!(judge(all, "(feed rex)"), "the plan is invalid: the goal is not reached: (fed tom) is false");
+    assert_eq!(check(all, "(feed rex)\n(feed tom)"), "the plan is valid, value 2");
+    assert_eq!(check(all, "(feed rex)"), "the plan is invalid: the goal is not reached: (fed tom) is false");
     assert_eq!(
-        judge(all, "(feed pebble)"),
+        check(all, "(feed pebble)"),
         "the plan is invalid: step 1: `pebble` is of type `stone`, but `feed` wants `(either dog cat)` for `?a`"
     );
-    assert_eq!(judge("(exists (?x - stone) (seen ?x))", "(look)"), "the plan is valid, value 1");
-    assert_eq!(judge("(not (= tom rex))", ""), "the plan is valid, value 0");
+    assert_eq!(check("(exists (?x - stone) (seen ?x))", "(look)"), "the plan is valid, value 1");
+    assert_eq!(check("(not (= tom rex))", ""), "the plan is valid, value 0");
     assert_eq!(
-        judge("(and)", "(feed tim)"),
+        check("(and)", "(feed tim)"),
         "the plan is invalid: step 1: action `feed` names `tim`, which is no object; did you mean `tom`?"
     );
 }
@@ -277,34 +277,34 @@ const TEMPORAL: &str = "(define (domain d) (:requirements :durative-actions)
 fn durative_actions_keep_their_conditions_and_literals_come_in_time() {
     let task = "(define (problem t) (:domain d) (:init (= (n) 0) (at 1 (open)) (at 9 (not (open)))) (:goal (done))
         (:metric minimize (+ (n) (total-time))))";
-    let judge = |steps: &str| said(TEMPORAL, task, steps);
-    assert_eq!(judge("0: (light) [3]\n0.001: (work) [2.5]"), "the plan is valid, value 11.5");
+    let check = |steps: &str| printed(TEMPORAL, task, steps);
+    assert_eq!(check("0: (light) [3]\n0.001: (work) [2.5]"), "the plan is valid, value 11.5");
     assert_eq!(
-        judge("0: (light) [3]\n0.001: (work) [3.5]"),
+        check("0: (light) [3]\n0.001: (work) [3.5]"),
         "the plan is invalid: step 2: (work) is not applicable: (lit) is false"
     );
     assert_eq!(
-        judge("0: (light) [3]\n0.001: (work) [2.5]\n1.5: (switch)"),
+        check("0: (light) [3]\n0.001: (work) [2.5]\n1.5: (switch)"),
         "the plan is invalid: step 2: (work) is not applicable: (lit) is false"
     );
     assert_eq!(
-        judge("0: (light) [3]\n0.001: (work) [2.5]\n1: (work) [2]"),
+        check("0: (light) [3]\n0.001: (work) [2.5]\n1: (work) [2]"),
         "the plan is invalid: step 3: (work) is not applicable: (not (busy)) is false"
     );
     assert_eq!(
-        judge("8: (light) [3]\n8.001: (work) [2]"),
+        check("8: (light) [3]\n8.001: (work) [2]"),
         "the plan is invalid: step 2: (work) is not applicable: (open) is false"
     );
     assert_eq!(
-        judge("0: (light) [3]\n3: (switch)\n3.001: (light) [3]\n3.002: (work) [2]"),
+        check("0: (light) [3]\n3: (switch)\n3.001: (light) [3]\n3.002: (work) [2]"),
         "the plan is valid, value 11"
     );
     assert_eq!(
-        judge("0: (light) [3]\n0: (switch)"),
+        check("0: (light) [3]\n0: (switch)"),
         "the plan is invalid: step 2: (switch) cannot happen at the same time as (light)"
     );
     assert_eq!(
-        judge("0: (light) [3]\n0.001: (work) [5]"),
+        check("0: (light) [3]\n0.001: (work) [5]"),
         "the plan is invalid: step 2: (work) is not applicable: (<= ?duration 4) is false"
     );
 }
@@ -320,7 +320,7 @@ fn a_long_plan_over_a_large_state_is_quick() {
     (0..count - 1).for_each(|index| task.push_str(&format!(" (next o{index} o{})", index + 1)));
     task.push_str(&format!(") (:goal (at o{})))", count - 1));
     let steps: String = (0..count - 1).map(|index| format!("(go o{index} O{})\n", index + 1)).collect();
-    assert_eq!(said(text, &task, &steps), format!("the plan is valid, value {}", count - 1));
+    assert_eq!(printed(text, &task, &steps), format!("the plan is valid, value {}", count - 1));
 }
 
 #[test]
@@ -589,7 +589,7 @@ fn depth_that_is_read_is_also_judged() {
         let goal = format!("{}(q){}", open.repeat(depth), ")".repeat(depth));
         let task = format!("(define (problem p) (:domain d) (:objects o - t) (:goal {goal}))");
         assert!(verdict(plain, &task, "(a)").is_valid(), "{open}");
-        let failed = said(plain, &task, "");
+        let failed = printed(plain, &task, "");
         assert!(failed.starts_with("the plan is invalid: the goal is not reached: ("), "{failed}");
     }
     let effect = format!("{}(p){}", "(when (and) ".repeat(depth), ")".repeat(depth));

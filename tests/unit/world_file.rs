@@ -162,9 +162,9 @@ fn metadata_is_kept_and_hidden() {
     memory.update(&blocks, &request(doc! { "b": 2 })).unwrap();
     assert_eq!(all(&memory, "robmem.blocks"), [doc! { "_id": 1, "b": 2 }]);
 
-    let stamped = memory.find_with_metadata(&blocks, &Find::default()).unwrap().next().unwrap().unwrap();
+    let with_metadata = memory.find_with_metadata(&blocks, &Find::default()).unwrap().next().unwrap().unwrap();
     let info = doc! { "inserted": at(1_000), "updated": at(2_000) };
-    assert_eq!(Document::try_from(&*stamped).unwrap(), doc! { "_id": 1, "b": 2, "_robmem_info": info });
+    assert_eq!(Document::try_from(&*with_metadata).unwrap(), doc! { "_id": 1, "b": 2, "_robmem_info": info });
     assert_eq!(memory.count(&blocks, &doc! { "_robmem_info.inserted": at(1_000) }).unwrap(), 1);
     assert!(memory.insert(&blocks, vec![doc! { "_robmem_info": 3 }]).is_err());
 }

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `console` | its commands run (`console.rs`); `needs=python3,mongod,clips-engine` says what has to be there |
 //! | any language and `file=NAME` | the file is written, or added to with `append=yes`; the paragraph before names it |
-//! | `jinja`, `marker` | the template is rendered, `with="OPTIONS"`, and compared with the block that follows: `pddl`, or `error` with what is said on stderr |
+//! | `jinja`, `marker` | the template is rendered, `with="OPTIONS"`, and compared with the block that follows: `pddl`, or `error` with stderr |
 //! | `toml` | `rmem config` accepts it |
 //! | `json` | it is JSON, or JSON lines |
 //! | `text` | a figure |

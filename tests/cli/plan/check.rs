@@ -29,7 +29,7 @@ fn a_plan_holds_until_the_world_changes_under_it() {
     ------- stderr -------
     [exit code: 0]
     ");
-    // Somebody puts a block where the next step needs a clear one.
+    // A block is put where the next step needs a clear one.
     lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
     assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
     [ID] does not hold: step 2: (unstack D A) is not applicable: (clear D) is false

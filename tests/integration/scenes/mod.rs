@@ -328,9 +328,9 @@ fn urdf_is_accepted() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let scene = scene(&mut Numbers(29));
     let file = write(folder.path(), "urdf", "urdf", &scene)?;
-    let said = run(Path::new("check_urdf"), &[&file])?;
-    if said.contains("Successfully Parsed XML") && said.contains("root Link: map has 12 child(ren)") {
+    let printed = run(Path::new("check_urdf"), &[&file])?;
+    if printed.contains("Successfully Parsed XML") && printed.contains("root Link: map has 12 child(ren)") {
         return Ok(());
     }
-    Err(said.into())
+    Err(printed.into())
 }

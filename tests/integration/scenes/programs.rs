@@ -71,8 +71,8 @@ pub(crate) fn compile(folder: &Path, source: &str, package: &str) -> Result<Path
 pub(crate) fn run(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Result<String, Failed> {
     let output = Command::new(program).args(arguments).stdin(Stdio::null()).output()?;
     if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr);
-        return Err(format!("{} ended with {}: {said}", program.display(), output.status).into());
+        let printed = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("{} ended with {}: {printed}", program.display(), output.status).into());
     }
     Ok(String::from_utf8(output.stdout)?)
 }

@@ -12,7 +12,7 @@ use libtest_mimic::{Failed, Trial};
 use rmem::store::{Namespace, Role, Store, StoreUri, UpdateSpec, open};
 use serde_json::Value;
 
-use crate::watching::{PATIENCE, Pause, kills, update};
+use crate::watching::{Pause, TIMEOUT, kills, update};
 
 type Case = fn(&str) -> Result<(), Failed>;
 
@@ -102,11 +102,11 @@ impl Watched {
         let stdout = BufReader::new(child.stdout.take().ok_or("no stdout")?);
         std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
         let mut stderr = BufReader::new(child.stderr.take().ok_or("no stderr")?);
-        let mut said = String::new();
-        stderr.read_line(&mut said)?;
-        if !said.starts_with("following ") {
+        let mut printed = String::new();
+        stderr.read_line(&mut printed)?;
+        if !printed.starts_with("following ") {
             child.kill()?;
-            return Err(format!("it says {said}").into());
+            return Err(format!("it says {printed}").into());
         }
         // What it says later must not fill the pipe.
         std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
@@ -114,7 +114,7 @@ impl Watched {
     }
 
     fn next(&self) -> Result<Value, Failed> {
-        Ok(serde_json::from_str(&self.lines.recv_timeout(PATIENCE)?)?)
+        Ok(serde_json::from_str(&self.lines.recv_timeout(TIMEOUT)?)?)
     }
 
     /// Kills it at once; gives the whole lines that it had printed.
@@ -187,7 +187,7 @@ fn killed(uri: &str) -> Result<(), Failed> {
     // The last pose of all is that of the last round.
     let (end, mut last) = (rounds as f64 + 0.1, 0.0);
     while !(expected.is_subset(&came) && (last - end).abs() < 1e-9) {
-        if since.elapsed() > PATIENCE {
+        if since.elapsed() > TIMEOUT {
             return Err(format!("missed: {:?}, {last} for {end}", expected.difference(&came)).into());
         }
         let Ok(line) = watched.lines.recv_timeout(Duration::from_millis(100)) else { continue };
@@ -213,7 +213,7 @@ pub(crate) fn latency(uri: &str) -> Result<(), Failed> {
             let start = Instant::now();
             world.place(namespace, id, nth as f64 + 1.0)?;
             for _ in 0..lines {
-                watched.lines.recv_timeout(PATIENCE)?;
+                watched.lines.recv_timeout(TIMEOUT)?;
             }
             times.push(start.elapsed());
         }

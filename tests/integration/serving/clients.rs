@@ -128,8 +128,8 @@ fn mistakes() -> Result<(), Failed> {
         let mut asked = command.clone();
         asked.insert("$db", "a");
         let answer = wire.run(&asked)?;
-        let told = (answer.get_i32("code")?, answer.get_str("codeName")?);
-        assert_eq!(told, (number, name), "{command}: {answer}");
+        let reported = (answer.get_i32("code")?, answer.get_str("codeName")?);
+        assert_eq!(reported, (number, name), "{command}: {answer}");
     }
     Ok(())
 }

@@ -91,7 +91,7 @@ fn add(port: u16, id: i32, over: &AtomicBool, failures: &Mutex<Vec<String>>) -> 
     count
 }
 
-/// What a stream tells of counters up to the end, going on behind its last token wherever it is cut.
+/// What a stream reports of counters up to the end, going on behind its last token wherever it is cut.
 fn watch(port: u16, watches: &AtomicBool) -> Result<BTreeSet<(i32, i32)>, Failed> {
     let (mut seen, mut token): (_, Option<ResumeToken>) = (BTreeSet::new(), None);
     let since = Instant::now();

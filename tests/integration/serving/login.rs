@@ -80,7 +80,7 @@ fn downgrades() -> Result<(), Failed> {
     let go_on =
         doc! { "saslContinue": 1, "conversationId": 1, "payload": payload("c=biws,r=abc,p=AAAA"), "$db": "admin" };
     assert_eq!(wire.run(&go_on)?.get_i32("code")?, 18);
-    // A login that failed is over, whatever is said next.
+    // A login that failed is over, whatever is sent next.
     assert_eq!(wire.run(&go_on)?.get_i32("code")?, 17);
     let hello = wire.run(&doc! { "hello": 1, "saslSupportedMechs": "admin.nobody", "$db": "admin" })?;
     assert_eq!(hello.get_array("saslSupportedMechs")?.len(), 1);
@@ -120,7 +120,7 @@ fn encrypted() -> Result<(), Failed> {
     found.insert_many((0..500).map(|n| doc! { "_id": n, "pad": "x".repeat(1000) })).run()?;
     let all: Vec<Document> = found.find(doc! {}).batch_size(50).run()?.collect::<Result<_, _>>()?;
     assert_eq!(all.len(), 500);
-    // Who does not encrypt is not answered.
+    // A client without encryption gets no answer.
     let plain = format!("mongodb://r2:pencil@localhost:{port}/?serverSelectionTimeoutMS=1000");
     assert!(count(&plain).is_err());
     assert!(Wire::connect(&format!("127.0.0.1:{port}"))?.run(&doc! { "ping": 1, "$db": "a" }).is_err());

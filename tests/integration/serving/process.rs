@@ -23,8 +23,8 @@ pub(super) const CASES: &[(&str, Case)] = &[
 fn rmem(folder: &std::path::Path, arguments: &[&str]) -> Result<(Option<i32>, String), Failed> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
     let output = command.args(["--memory", "file:robot.rmem"]).args(arguments).current_dir(folder).output()?;
-    let said = [output.stdout, output.stderr].concat();
-    Ok((output.status.code(), String::from_utf8_lossy(&said).into_owned()))
+    let printed = [output.stdout, output.stderr].concat();
+    Ok((output.status.code(), String::from_utf8_lossy(&printed).into_owned()))
 }
 
 fn ends() -> Result<(), Failed> {
@@ -61,14 +61,14 @@ fn sockets() -> Result<(), Failed> {
 fn lock() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let served = Served::start(folder.path(), &[])?;
-    let (code, said) = rmem(folder.path(), &["serve", "--listen", "127.0.0.1:0"])?;
-    assert!(code == Some(5) && said.contains(&served.uri), "{code:?} {said}");
+    let (code, printed) = rmem(folder.path(), &["serve", "--listen", "127.0.0.1:0"])?;
+    assert!(code == Some(5) && printed.contains(&served.uri), "{code:?} {printed}");
     assert_eq!(rmem(folder.path(), &["insert", "a.c", "{_id: 1}"])?.0, Some(0));
     let found = served.client()?.database("a").collection::<Document>("c");
     found.insert_one(doc! { "_id": 2 }).run()?;
     assert_eq!(rmem(folder.path(), &["count", "a.c"])?.1, "2\n");
-    let (_, said) = rmem(folder.path(), &["doctor"])?;
-    assert!(said.contains(&format!("process {}", served.child.id())) && said.contains(&served.uri), "{said}");
+    let (_, printed) = rmem(folder.path(), &["doctor"])?;
+    assert!(printed.contains(&format!("process {}", served.child.id())) && printed.contains(&served.uri), "{printed}");
     served.kill()?;
     assert!(!rmem(folder.path(), &["doctor"])?.1.contains("served"));
     assert!(Served::start(folder.path(), &[]).is_ok());
@@ -113,14 +113,14 @@ fn systemd() -> Result<(), Failed> {
         .current_dir(folder.path())
         .env("NOTIFY_SOCKET", &notify)
         .spawn()?;
-    let mut said = [0; 64];
-    let told = manager.recv(&mut said);
+    let mut printed = [0; 64];
+    let reported = manager.recv(&mut printed);
     let uri = format!("mongodb://{}/?directConnection=true", socket.display().to_string().replace('/', "%2F"));
     let counted = Client::with_uri_str(uri)?.database("a").collection::<Document>("c").count_documents(doc! {}).run();
     let process = rustix::process::Pid::from_raw(i32::try_from(child.id())?).ok_or("no process")?;
     rustix::process::kill_process(process, rustix::process::Signal::TERM)?;
     assert_eq!(child.wait()?.code(), Some(0));
-    assert_eq!(said.get(..told?), Some(b"READY=1".as_slice()));
+    assert_eq!(printed.get(..reported?), Some(b"READY=1".as_slice()));
     assert_eq!(counted?, 0);
     // The socket is the service manager's.
     assert!(socket.exists());

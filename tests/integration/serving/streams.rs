@@ -11,11 +11,11 @@ use mongodb::sync::ChangeStream;
 use super::{Case, Served, TIMEOUT, code};
 
 pub(super) const CASES: &[(&str, Case)] = &[
-    ("a_stream_tells_what_was_done_with_what_was_before", told),
+    ("a_stream_reports_changes_with_the_documents_before_them", reported),
     ("a_stream_goes_on_behind_a_token_also_after_a_kill", resumed),
     ("a_stream_ends_where_its_collection_is_gone", ended),
     ("a_stream_of_a_database_or_of_all_hears_every_collection", wider),
-    ("a_change_by_another_process_is_heard", heard),
+    ("a_change_by_another_process_is_reported", received),
     ("computed_documents_and_metadata_are_no_changes", hidden),
 ];
 
@@ -31,7 +31,7 @@ fn next(stream: &mut Stream) -> Result<ChangeStreamEvent<Document>, Failed> {
     Err("no event came".into())
 }
 
-fn told() -> Result<(), Failed> {
+fn reported() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let served = Served::start(folder.path(), &[])?;
     let things = served.client()?.database("a").collection::<Document>("things");
@@ -76,7 +76,7 @@ fn resumed() -> Result<(), Failed> {
     let token = (0..5).map(|_| next(&mut stream)).last().ok_or("none")??.id;
     drop(stream);
     served.kill()?;
-    // What others write while nobody serves is not missed either.
+    // Changes while no server runs are not missed either.
     let rmem = std::process::Command::new(env!("CARGO_BIN_EXE_rmem"))
         .args(["--memory", "file:robot.rmem", "insert", "a.things", "{_id: 10}"])
         .current_dir(folder.path())
@@ -124,14 +124,14 @@ fn wider() -> Result<(), Failed> {
         let ns = event.ns.unwrap_or_else(|| panic!("no namespace"));
         format!("{}.{}", ns.db, ns.coll.unwrap_or_default())
     };
-    let heard = [next(&mut database)?, next(&mut database)?].map(place);
-    assert_eq!(heard, ["a.x", "a.y"]);
-    let heard = [next(&mut all)?, next(&mut all)?, next(&mut all)?].map(place);
-    assert_eq!(heard, ["a.x", "b.x", "a.y"]);
+    let received = [next(&mut database)?, next(&mut database)?].map(place);
+    assert_eq!(received, ["a.x", "a.y"]);
+    let received = [next(&mut all)?, next(&mut all)?, next(&mut all)?].map(place);
+    assert_eq!(received, ["a.x", "b.x", "a.y"]);
     Ok(())
 }
 
-fn heard() -> Result<(), Failed> {
+fn received() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let served = Served::start(folder.path(), &[])?;
     let things = served.client()?.database("a").collection::<Document>("things");

@@ -1,4 +1,4 @@
-//! A client that says exactly what it is told to, on a connection of its own.
+//! A client that sends exactly what the test wants, on a connection of its own.
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
