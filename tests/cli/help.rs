@@ -1,0 +1,75 @@
+//! help: of rmem, and of each command in both spellings.
+
+use crate::lab::{Lab, assert_run};
+
+/// The commands that `rmem help` lists.
+fn commands(lab: &Lab) -> Vec<String> {
+    let help = lab.rmem(&["help"]).success();
+    let listed = help.split("Global options:").next().unwrap_or_default().lines();
+    let names = listed.filter_map(|line| line.strip_prefix("  ")?.split_whitespace().next().map(str::to_owned));
+    names.filter(|name| name != "help").collect()
+}
+
+#[test]
+fn the_help_of_a_command_is_the_same_after_help_and_with_the_option() {
+    let lab = Lab::empty();
+    let commands = commands(&lab);
+    assert!(commands.len() > 30, "{commands:?}");
+    for command in &commands {
+        let help = lab.rmem(&["help", command]).success();
+        assert_eq!(lab.rmem(&[command, "--help"]).success(), help, "{command}");
+        assert!(help.contains("\nExample"), "{command} has no example:\n{help}");
+    }
+}
+
+#[test]
+fn a_help_has_arguments_options_examples_and_what_is_printed() {
+    assert_run!(Lab::empty().rmem(&["help", "backup"]), @r"
+    Copy the memory into a new file, while other programs use it
+
+    Usage: rmem backup [OPTIONS] <FILE>
+
+    Arguments:
+      <FILE>  The new file; it must not exist
+
+    Options:
+      -h, --help     Print help
+      -V, --version  Print version
+
+    Global options:
+          --memory <URI>     Local store: file:PATH, mem:, or mongodb://… (default: a file in the user's
+                             data directory) [env: RMEM_MEMORY]
+          --shared <URI>     Store of shared databases (default: same as --memory) [env: RMEM_SHARED]
+          --config <FILE>    Settings file (default: the nearest rmem.toml upwards, then the user's)
+                             [env: RMEM_CONFIG]
+          --load <WORLD>     Load a world file into the memory first (can be repeated)
+          --collection <NS>  Default collection (default: robmem.worldmodel) [env: RMEM_COLLECTION]
+      -q, --quiet            Print errors only
+      -v, --verbose          Print each operation and its duration
+          --color <WHEN>     Colour messages: auto, always, never (default: auto) [env: NO_COLOR]
+          --log <FILE>       Append each operation to FILE as JSON lines [env: RMEM_LOG]
+
+    Example:
+      rmem backup robot-2026-11-22.rmem
+
+    The copy is the memory as it is at one moment; other programs read and write meanwhile. It is a
+    memory itself: use it with --memory file:FILE. Do not copy the file of a memory that is in use with
+    cp: its latest writes are in FILE-wal beside it until they are folded into the file, which happens
+    at the latest when the last program closes it. A MongoDB server is backed up with `rmem dump --all`.
+    ------- stderr -------
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn help_for_an_unknown_command_is_refused() {
+    assert_run!(Lab::empty().rmem(&["help", "inser"]), @r"
+    ------- stderr -------
+    error: unrecognized subcommand 'inser'
+
+    Usage: rmem [OPTIONS] <COMMAND>
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+}
