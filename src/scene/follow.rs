@@ -332,3 +332,43 @@ fn frame_names(change: &Change) -> Result<Vec<String>, QueryError> {
     names.dedup();
     Ok(names)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::kind::ObjectKind;
+    use crate::store::Embedded;
+    use bson::{DateTime, RawDocumentBuf, doc};
+
+    /// What a follower makes of an update whose document is known only as it is now.
+    fn imageless_update(name: Option<&str>) -> Event {
+        let folder = tempfile::tempdir().unwrap();
+        let memory = Memory::new(Box::new(Embedded::open(folder.path().join("m.rmem")).unwrap()), None, Vec::new());
+        let [objects, frames] = ["robmem.objects", "robmem.frames"].map(|name| Namespace::parse(name).unwrap());
+        let cup = doc! { "_id": 1, "name": "cup", "frame": "map", "translation": [1, 2, 3], "rotation": [0, 0, 0, 1] };
+        memory.insert(&objects, vec![cup.clone()]).unwrap();
+        let kinds: [ObjectKind; 0] = [];
+        let sources = Sources { queries: vec![(objects.clone(), Document::new())], kinds: &kinds };
+        let mut follower = Follower::new(&memory, &sources, &frames, "map", name).unwrap();
+        let change = Change {
+            kind: ChangeKind::Update,
+            id: Some(1.into()),
+            before: None,
+            after: Some(RawDocumentBuf::try_from(&cup).unwrap()),
+            time: DateTime::from_millis(0),
+            position: String::new(),
+        };
+        follower.changed(&objects, &change).unwrap()
+    }
+
+    #[test]
+    fn what_changed_while_a_follower_was_away_is_described_anew_where_the_store_has_no_images() {
+        let Event::Operations(operations) = imageless_update(Some("planner")) else { panic!() };
+        assert!(matches!(&operations[..], [Operation::Add(cup)] if cup.name == "cup"), "{operations:?}");
+    }
+
+    #[test]
+    fn what_is_as_it_was_known_is_no_operation() {
+        assert!(matches!(imageless_update(None), Event::Nothing));
+    }
+}
