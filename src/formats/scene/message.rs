@@ -6,6 +6,8 @@
 //! Shapes come in groups: primitives, meshes, planes. An object has one colour, and a weight where it is
 //! attached. Source: the message definitions of moveit_msgs, shape_msgs and geometry_msgs.
 
+use std::collections::HashMap;
+
 use bson::{Bson, Document, doc};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -230,7 +232,7 @@ struct ObjectColor {
     color: Rgba,
 }
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize, Default, Clone, Copy)]
 #[serde(deny_unknown_fields, default)]
 struct Rgba {
     r: f64,
@@ -356,7 +358,7 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
     let message: PlanningScene<'_> = serde_json::from_str(text).map_err(|error| place(source, 0, text, &error))?;
     let mut reader = Reader {
         source,
-        colors: message.object_colors,
+        colors: message.object_colors.into_iter().map(|color| (color.id, color.color)).collect(),
         frame: None,
         operations: Vec::new(),
         is_whole: !message.is_diff,
@@ -390,7 +392,7 @@ struct Grip {
 
 struct Reader<'a> {
     source: &'a Source,
-    colors: Vec<ObjectColor>,
+    colors: HashMap<String, Rgba>,
     frame: Option<String>,
     operations: Vec<Operation>,
     /// Whether it is a scene, not a difference: all it has is added.
@@ -484,8 +486,7 @@ impl Reader<'_> {
     }
 
     fn color(&self, name: &str) -> Result<Option<[f64; 4]>, String> {
-        let Some(found) = self.colors.iter().find(|color| color.id == name) else { return Ok(None) };
-        let Rgba { r, g, b, a } = found.color;
+        let Some(Rgba { r, g, b, a }) = self.colors.get(name).copied() else { return Ok(None) };
         let color = [r, g, b, a];
         let is_color = color.iter().all(|part| (0.0..=1.0).contains(part));
         if is_color { Ok(Some(color)) } else { Err(format!("a colour of {color:?}; expected numbers from 0 to 1")) }

@@ -5,6 +5,7 @@
 //! What may move has a `<freejoint/>`. The scene's frame is noted in `<custom>`, which MuJoCo keeps
 //! and does not read. Source: the XML reference of MuJoCo's documentation.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use super::inertia::masses;
@@ -148,7 +149,7 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
             return Err(root.wrong("expected <mujoco>"));
         }
         root.only(&["compiler", "custom", "asset", "worldbody"], &IGNORED)?;
-        let mut reader = Reader { degrees: true, meshes: Vec::new(), folder: String::new() };
+        let mut reader = Reader { degrees: true, meshes: HashMap::new(), folder: String::new() };
         for compiler in root.children().filter(|child| child.name() == "compiler") {
             reader.compiler(compiler)?;
         }
@@ -172,7 +173,7 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
 /// What holds for the whole file.
 struct Reader {
     degrees: bool,
-    meshes: Vec<(String, Mesh)>,
+    meshes: HashMap<String, Mesh>,
     /// Of files of meshes.
     folder: String,
 }
@@ -210,7 +211,7 @@ impl Reader {
                 None => Mesh::Triangles(triangles(mesh, scale)?),
             };
             Solid::Mesh(read.clone()).check().map_err(|wrong| mesh.wrong(format!("this mesh {wrong}")))?;
-            self.meshes.push((name.to_owned(), read));
+            self.meshes.insert(name.to_owned(), read);
         }
         Ok(())
     }
@@ -334,9 +335,9 @@ impl Reader {
             ("plane", _) => Ok(Solid::Plane { normal: [0.0, 0.0, 1.0], offset: 0.0 }),
             ("mesh", _) => {
                 let name = geom.needs_attribute("mesh")?;
-                let found = self.meshes.iter().find(|(known, _)| known == name);
+                let found = self.meshes.get(name);
                 found
-                    .map(|(_, mesh)| Solid::Mesh(mesh.clone()))
+                    .map(|mesh| Solid::Mesh(mesh.clone()))
                     .ok_or_else(|| geom.wrong_attribute("mesh", format!("there is no <mesh> `{name}`")))
             }
             (other, _) => Err(geom.wrong_attribute(
