@@ -89,7 +89,7 @@ fn make_runnable(program: &Path) -> Option<()> {
 }
 
 /// Runs a server until standard input ends: also when the tests are killed,
-/// nothing is left behind, neither a process nor its data. Told to, it kills the
+/// nothing is left behind, neither a process nor its data. On request, it kills the
 /// server, and starts it again.
 const KEEPER: &str = r#"
 trap '' INT TERM
@@ -137,16 +137,16 @@ impl Mongod {
 
     /// Kills the server with SIGKILL.
     pub(crate) fn kill(&mut self) -> Result<(), String> {
-        self.tell("kill\n")
+        self.send("kill\n")
     }
 
     /// Starts a server again that was killed, and waits until it takes writes.
     pub(crate) fn revive(&mut self) -> Result<(), String> {
-        self.tell("start\n")?;
+        self.send("start\n")?;
         initiate(self.port)
     }
 
-    fn tell(&mut self, word: &str) -> Result<(), String> {
+    fn send(&mut self, word: &str) -> Result<(), String> {
         let (Some(stdin), Some(stdout)) = (&mut self.keeper.stdin, &mut self.keeper.stdout) else {
             return Err("the keeper is gone".to_owned());
         };

@@ -81,7 +81,7 @@ def matches(expected, actual, entities, root=True):
     return expected == actual
 
 
-def told(result):
+def as_document(result):
     """A driver's result in the words of the tests."""
     if isinstance(result, pymongo.results.BulkWriteResult):
         if not result.acknowledged:
@@ -220,7 +220,7 @@ class Test:
                 raise Refused(name) from error
             if expected is None:
                 raise Differs(f"{name}: {error}") from error
-            return self.judge(name, expected, error)
+            return self.compare(name, expected, error)
         if expected is not None and not operation.get("ignoreResultAndError"):
             raise Differs(f"{name}: no error, and {expected} was expected")
         if "saveResultAsEntity" in operation:
@@ -229,7 +229,7 @@ class Test:
             if not matches(operation["expectResult"], result, self.entities):
                 raise Differs(f"{name}: {result}, and {operation['expectResult']} was expected")
 
-    def judge(self, name, expected, error):
+    def compare(self, name, expected, error):
         if expected.get("isClientError") and isinstance(error, errors.OperationFailure):
             raise Differs(f"{name}: an error of the server, and one of the client was expected")
         code = getattr(error, "code", None)
@@ -376,7 +376,7 @@ class Test:
         if name == "aggregate":
             return list(collection.aggregate(keywords.pop("pipeline"), **keywords))
         if name == "bulkWrite":
-            return told(collection.bulk_write(list(self.requests(keywords.pop("requests"))), **keywords))
+            return as_document(collection.bulk_write(list(self.requests(keywords.pop("requests"))), **keywords))
         if name == "count" and "session" in keywords:
             raise Skip("the operation count")
         if name == "count":
@@ -394,7 +394,7 @@ class Test:
             raise Skip(f"the operation {name}")
         if name == "findOneAndUpdate" or name == "findOneAndReplace" or name == "findOneAndDelete":
             keywords.setdefault("projection", None)
-        return told(method(**keywords))
+        return as_document(method(**keywords))
 
     def outcome(self):
         for one in self.test.get("outcome") or []:
@@ -419,7 +419,7 @@ def main():
                     reasons[str(reason)] += 1
                 except Refused:
                     here["refused"] += 1
-                except Exception as error:  # Whatever goes wrong is told with its test.
+                except Exception as error:  # Every error is reported with its test.
                     here["differ"] += 1
                     differing.append(f"{path.name}: {test['description']}: {type(error).__name__}: {str(error)[:300]}")
         print(folder, dict(here), dict(reasons.most_common(5)))

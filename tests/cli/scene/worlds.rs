@@ -23,7 +23,7 @@ fn the_robot_tidies_up() {
         "(pick-up red-cup table kitchen gripper)\n(put-down red-cup counter kitchen gripper)\n; cost = 2 (unit cost)\n"
     );
     kitchen.export("json", "start.json");
-    // It takes the cup: the motion planner is told, and so is the memory.
+    // It takes the cup: the change is sent to the motion planner and stored in the memory.
     kitchen.lab.write("taken", "{\"operation\": \"attach\", \"name\": \"red-cup\", \"attached_to\": {\"link\": \"gripper\", \"touch\": [\"table\"]}}\n");
     let applied = kitchen.rmem(&["scene", "apply", "taken", "--into", OBJECTS]).success();
     assert_eq!(operations(&applied), [named("attach", "red-cup")]);

@@ -1,4 +1,4 @@
-//! A connection to a mongod that speaks its wire protocol and no more than that: several commands are
+//! A connection to a mongod with its wire protocol and nothing else: several commands are
 //! sent before the first reply is read, and what mongod says is taken where it is not UTF-8, too.
 
 use std::io::{self, BufReader, Read as _, Write as _};
