@@ -31,6 +31,9 @@ pub struct Cli {
     /// The command.
     #[command(subcommand)]
     pub command: Command,
+    /// The names of the command and its subcommands, e.g. `plan step`.
+    #[arg(skip)]
+    pub name: String,
 }
 
 /// Returns the description of the command line.
@@ -47,7 +50,17 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
     let command = command();
     let matches = command.clone().try_get_matches_from(args).map_err(tips::with_tip)?;
     check_format(&command, &matches)?;
-    Cli::from_arg_matches(&matches)
+    Ok(Cli { name: name(&matches), ..Cli::from_arg_matches(&matches)? })
+}
+
+/// Returns the names of the command and its subcommands.
+fn name(mut matches: &ArgMatches) -> String {
+    let mut words = Vec::new();
+    while let Some((word, inner)) = matches.subcommand() {
+        words.push(word);
+        matches = inner;
+    }
+    words.join(" ")
 }
 
 /// Hides `--format` from the help of commands that do not have it.

@@ -201,6 +201,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         process.environment,
         cli::command,
     );
+    context.author = format!("rmem {}", cli.name);
     let result = commands::run(&cli.command, &mut context);
     context.report_operations();
     let result = result.and_then(|exit| match context.output.flush() {

@@ -9,7 +9,7 @@ use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
 use crate::settings::Origin;
-use crate::store::StoreUri;
+use crate::store::{HistoryRule, Scope, StoreUri};
 
 /// Print the settings in force and the origin of each
 #[derive(Debug, Args)]
@@ -26,6 +26,12 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         setting("shared_databases", Some(settings.shared_databases.value.clone()), &settings.shared_databases.origin),
         setting("collection", Some(settings.collection.value.to_string()), &settings.collection.origin),
         setting("format", settings.format.value.map(Format::name), &settings.format.origin),
+        setting(
+            "keep_history",
+            (!settings.histories.value.is_empty())
+                .then(|| settings.histories.value.iter().map(history).collect::<Vec<_>>()),
+            &settings.histories.origin,
+        ),
         setting("log", settings.log.value.as_ref().map(|path| path.display().to_string()), &settings.log.origin),
     ];
     rows.extend(settings.planners.iter().map(|planner| {
@@ -61,6 +67,19 @@ fn setting<T: Into<Bson> + std::fmt::Debug>(key: &str, value: Option<T>, origin:
         None => format!("# {key} is not set"),
     };
     row(line, key, value, Some(origin))
+}
+
+/// A rule of the history, as `robmem for 24h`.
+fn history(rule: &HistoryRule) -> String {
+    let scope = match &rule.scope {
+        Scope::All => "all".to_owned(),
+        Scope::Database(database) => database.clone(),
+        Scope::Collection(ns) => ns.to_string(),
+    };
+    match rule.age.as_secs() {
+        0 if rule.age.is_zero() => format!("{scope} off"),
+        seconds => format!("{scope} for {seconds} s, up to {} bytes", rule.size),
+    }
 }
 
 /// Returns a URI without credentials.

@@ -33,6 +33,8 @@ pub struct Context<'a> {
     pub executable: PathBuf,
     /// Describes the command line, for what is generated from it.
     pub command_line: fn() -> clap::Command,
+    /// What the history of the memory calls this command.
+    pub author: String,
     stdin: Option<&'a mut dyn BufRead>,
     pub(super) terminal: bool,
     pub(super) columns: Option<usize>,
@@ -58,6 +60,7 @@ impl<'a> Context<'a> {
             environment,
             executable,
             command_line,
+            author: "rmem".to_owned(),
             stdin: Some(stdin),
             terminal,
             columns,
@@ -127,7 +130,7 @@ impl<'a> Context<'a> {
     /// Returns what is needed to open the memory in another thread, without the world files of `--load`.
     #[must_use]
     pub fn opening(&self) -> Opening {
-        Opening { settings: self.settings.clone(), host: self.host() }
+        Opening { settings: self.settings.clone(), author: self.author.clone(), host: self.host() }
     }
 
     /// Reads a line of stdin with its end; `None` at the end of the input.
@@ -205,6 +208,7 @@ impl<'a> Context<'a> {
 #[derive(Debug, Clone)]
 pub struct Opening {
     settings: Settings,
+    author: String,
     host: Host<'static>,
 }
 
@@ -216,6 +220,7 @@ impl Opening {
     pub fn open(&self, observer: Option<Observer>) -> Result<Memory> {
         let registry = Registry::new(self.settings.computables.clone(), &self.host)?;
         let memory = open(&self.settings)?.with_computables(registry);
+        let memory = memory.with_history(&self.settings.histories.value, &self.author);
         Ok(match observer {
             Some(observer) => memory.with_observer(observer),
             None => memory,

@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::at::AtArgs;
 use super::query::{argument, blame};
 use super::{Context, formats, missing};
 use crate::error::Result;
@@ -25,11 +26,14 @@ pub struct CountArgs {
     /// Fail if the collection does not exist
     #[arg(long)]
     pub strict: bool,
+    /// The memory as it was.
+    #[command(flatten)]
+    pub past: AtArgs,
 }
 
 pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
     let filter = argument("<query>", &args.query)?;
-    let memory = context.memory()?;
+    let memory = args.past.memory(context)?;
     memory.show_computed(args.computed);
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;

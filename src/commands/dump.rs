@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::at::AtArgs;
 use super::{Context, UsageError};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -45,6 +46,9 @@ pub struct DumpArgs {
     /// Compress the files of the folder, or the archive
     #[arg(long)]
     pub gzip: bool,
+    /// The memory as it was.
+    #[command(flatten)]
+    pub past: AtArgs,
 }
 
 pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -56,7 +60,7 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.archive && args.output == Path::new("-") {
         return Err(UsageError::new("an archive is a file; expected -o FILE").into());
     }
-    let memory = context.memory()?;
+    let memory = args.past.memory(context)?;
     let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
     if is_world {
         context.output.write_with(&args.output, |out| match world_file::write(&memory, &namespaces, out) {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::at::AtArgs;
 use super::template::{TemplateArgs, read_domain, report, request};
 use super::{Context, explanation};
 use crate::error::Result;
@@ -28,6 +29,9 @@ pub struct GenProblemArgs {
     /// The template's arguments.
     #[command(flatten)]
     pub options: TemplateArgs,
+    /// The memory as it was.
+    #[command(flatten)]
+    pub past: AtArgs,
     /// File to write the problem to; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
@@ -39,7 +43,7 @@ pub struct GenProblemArgs {
 pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Exit> {
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.options.lenient, context)).transpose()?;
     let template = context.read(&args.template)?;
-    let memory = context.memory()?;
+    let memory = args.past.memory(context)?;
     let request = request(template, &args.options, context)?;
     let generated = problem::generate(&request, &memory)?;
     report(&generated, args.options.strict, &memory, context)?;

@@ -1,6 +1,7 @@
 //! One file per subcommand: its arguments, whose documentation is its help, and its body. Here is the list.
 
 mod aggregate;
+mod at;
 mod backend;
 mod backup;
 mod bench;
@@ -24,6 +25,7 @@ mod export;
 mod ff;
 pub(crate) mod formats;
 mod gen_problem;
+mod history;
 mod import_problem;
 mod index;
 mod insert;
@@ -35,6 +37,7 @@ mod plan;
 mod plot;
 mod print;
 mod query;
+mod record;
 mod repair;
 mod restore;
 mod scene;
@@ -43,6 +46,7 @@ mod schema;
 mod serve;
 mod table;
 mod template;
+mod undo;
 mod unlock;
 mod update;
 mod validate;
@@ -76,6 +80,9 @@ pub enum Command {
     Index(index::IndexArgs),
     Collections(collections::CollectionsArgs),
     Drop(drop::DropArgs),
+    History(history::HistoryArgs),
+    Undo(undo::UndoArgs),
+    Record(record::RecordArgs),
     Dump(dump::DumpArgs),
     Restore(restore::RestoreArgs),
     Backup(backup::BackupArgs),
@@ -136,6 +143,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Export(args) => export::run(args, context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
+        Command::History(args) => history::run(args, context),
         Command::ImportProblem(args) => import_problem::run(args, context),
         Command::Index(args) => index::run(args, context),
         Command::Insert(args) => insert::run(args, context),
@@ -143,6 +151,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Man(args) => man::run(args, context),
         Command::Plan(args) => plan::run(args, context),
         Command::Query(args) => query::run(args, context),
+        Command::Record(args) => record::run(args, context),
         Command::Repair(args) => repair::run(args, context),
         Command::Restore(args) => restore::run(args, context),
         Command::Plot(args) => plot::run(args, context),
@@ -150,6 +159,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Schema(args) => schema::run(args, context),
         #[cfg(feature = "serve")]
         Command::Serve(args) => serve::run(args, context),
+        Command::Undo(args) => undo::run(args, context),
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),

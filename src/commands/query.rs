@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::at::AtArgs;
 use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
@@ -47,6 +48,9 @@ pub struct QueryArgs {
     /// Fail if the collection does not exist
     #[arg(long)]
     pub strict: bool,
+    /// The memory as it was.
+    #[command(flatten)]
+    pub past: AtArgs,
     /// Print how the query is executed instead of its result: index, keys and documents examined
     #[arg(long)]
     pub explain: bool,
@@ -69,7 +73,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         ("<fields>", args.fields.as_deref().unwrap_or_default()),
     ];
     let given: Vec<_> = texts.into_iter().filter(|(_, text)| !text.is_empty() && *text != "{}").collect();
-    let memory = context.memory()?;
+    let memory = args.past.memory(context)?;
     memory.show_computed(args.computed);
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;

@@ -1,8 +1,13 @@
-//! Durations and sizes as people write them: `500ms`, `2s`, `1m`; `512M`, `2GiB`.
+//! Durations, sizes and times as people write them: `500ms`, `2s`, `1m`, `7d`; `512M`, `2GiB`; `14:03:20`.
 
 use std::time::Duration;
 
-/// Reads a duration: a number and a unit of `ms`, `s`, `m` or `h`.
+use bson::DateTime;
+
+use super::shell;
+use crate::calendar::DAY;
+
+/// Reads a duration: a number and a unit of `ms`, `s`, `m`, `h` or `d`.
 ///
 /// # Errors
 /// A sentence that says what was expected.
@@ -14,9 +19,30 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         "s" => number,
         "m" | "min" => number * 60.0,
         "h" => number * 3600.0,
+        "d" => number * 86_400.0,
         _ => return Err(wrong()),
     };
     Duration::try_from_secs_f64(seconds).map_err(|_| wrong())
+}
+
+/// Reads a time: `14:03:20` (the last time it was that late, in UTC), a date as in ISO 8601, or a duration before `now`.
+///
+/// # Errors
+/// A sentence that says what was expected.
+pub fn time(text: &str, now: DateTime) -> Result<DateTime, String> {
+    let wrong =
+        || format!("`{text}` is not a time; expected 14:03:20 (UTC), 2026-01-31T14:03:20Z, or how long ago, like 10m");
+    let now = now.timestamp_millis();
+    if let Some(millis) = shell::parse_date(&format!("1970-01-01T{text}")) {
+        let today = now - now.rem_euclid(DAY) + millis.rem_euclid(DAY);
+        return Ok(DateTime::from_millis(if today > now { today - DAY } else { today }));
+    }
+    if let Some(millis) = shell::parse_date(text) {
+        return Ok(DateTime::from_millis(millis));
+    }
+    let ago = duration(text.trim_end_matches("ago").trim_end()).map_err(|_| wrong())?;
+    let ago = i64::try_from(ago.as_millis()).map_err(|_| wrong())?;
+    now.checked_sub(ago).map(DateTime::from_millis).ok_or_else(wrong)
 }
 
 /// Reads a size in bytes: a number and, perhaps, a unit of `K`, `M`, `G` or `T` (powers of 1024).
@@ -59,6 +85,22 @@ mod tests {
         assert_eq!(duration("1.5m"), Ok(Duration::from_secs(90)));
         for text in ["", "2", "s", "-1s", "1e9s", "1 fortnight", "99999999999999999999999h"] {
             assert!(duration(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn reads_times() {
+        let now = DateTime::from_millis(20 * DAY + 50_000);
+        let millis = |text: &str| time(text, now).map(DateTime::timestamp_millis);
+        assert_eq!(millis("00:00:20"), Ok(20 * DAY + 20_000));
+        assert_eq!(millis("00:00:20.125"), Ok(20 * DAY + 20_125));
+        assert_eq!(millis("00:01"), Ok(19 * DAY + 60_000), "today it was not that late yet");
+        assert_eq!(millis("1970-01-03"), Ok(2 * DAY));
+        assert_eq!(millis("1970-01-03T01:00+01:00"), Ok(2 * DAY));
+        assert_eq!(millis("30s"), Ok(20 * DAY + 20_000));
+        assert_eq!(millis("30s ago"), millis("30s"));
+        for text in ["", "14", "25:00", "14:61", "yesterday", "2023-02-30", "-3s", "ago"] {
+            assert!(time(text, now).is_err(), "{text}");
         }
     }
 

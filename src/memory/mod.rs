@@ -13,12 +13,15 @@ mod diagnosis;
 pub mod dump;
 pub mod expiry;
 pub mod frames;
+pub mod history;
 mod index;
 mod journal;
 pub mod lock;
 mod operations;
+mod past;
 mod route;
 mod sharing;
+pub mod undo;
 pub mod watch;
 
 pub use clock::Clock;

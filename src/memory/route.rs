@@ -1,9 +1,9 @@
 //! Which store a database is in, and opening it when it is needed.
 
-use std::cell::{Cell, OnceCell};
+use std::cell::{Cell, OnceCell, RefCell};
 
 use crate::query::QueryError;
-use crate::store::{self, Embedded, Name, Namespace, Role, Scope, Store, StoreError, StoreUri};
+use crate::store::{self, Embedded, HistoryRule, Name, Namespace, Role, Scope, Store, StoreError, StoreUri};
 
 /// A store that is opened by its first use.
 pub(super) struct Lazy {
@@ -14,26 +14,55 @@ pub(super) struct Lazy {
     nothing: OnceCell<Box<dyn Store>>,
     /// Whether it is an error to read a file that is not there.
     expected: Cell<bool>,
+    keeping: Box<RefCell<Keeping>>,
+}
+
+/// What the store is told once it is open: the histories it keeps, and who makes its changes.
+#[derive(Default)]
+struct Keeping {
+    histories: Vec<HistoryRule>,
+    author: String,
 }
 
 impl Lazy {
     pub(super) fn at(uri: StoreUri, role: Role) -> Self {
-        Self { uri: Some(uri), role, store: OnceCell::new(), nothing: OnceCell::new(), expected: Cell::new(false) }
+        Self { uri: Some(uri), role, ..Self::empty() }
     }
 
     pub(super) fn open(store: Box<dyn Store>) -> Self {
+        Self { store: OnceCell::from(store), ..Self::empty() }
+    }
+
+    fn empty() -> Self {
         Self {
             uri: None,
             role: Role::Local,
-            store: OnceCell::from(store),
+            store: OnceCell::new(),
             nothing: OnceCell::new(),
             expected: Cell::new(false),
+            keeping: Box::default(),
+        }
+    }
+
+    fn keep_history(&self, rules: &[HistoryRule]) {
+        self.keeping.borrow_mut().histories = rules.to_vec();
+        if let Some(store) = self.store.get() {
+            store.keep_history(rules);
+        }
+    }
+
+    fn sign(&self, author: &str) {
+        match self.store.get() {
+            Some(store) => store.sign(author),
+            None => author.clone_into(&mut self.keeping.borrow_mut().author),
         }
     }
 
     pub(super) fn get(&self) -> Result<&dyn Store, StoreError> {
         if let (None, Some(uri)) = (self.store.get(), &self.uri) {
             let opened = store::open(uri, self.role)?;
+            opened.keep_history(&self.keeping.borrow().histories);
+            opened.sign(&self.keeping.borrow().author);
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
             let _ = self.store.set(opened);
         }
@@ -94,6 +123,20 @@ impl Routes {
     /// To read a file that is not there is an error from now on.
     pub(super) fn expect(&self) {
         [Some(&self.local), self.shared.as_ref()].into_iter().flatten().for_each(|lazy| lazy.expected.set(true));
+    }
+
+    /// Keeps these histories, and signs changes with a name.
+    pub(super) fn keep_history(&self, rules: &[HistoryRule], author: &str) {
+        let stores = [Some(&self.local), self.shared.as_ref()].into_iter().flatten();
+        stores.for_each(|lazy| {
+            lazy.keep_history(rules);
+            lazy.sign(author);
+        });
+    }
+
+    /// Signs the changes that follow.
+    pub(super) fn sign(&self, author: &str) {
+        [Some(&self.local), self.shared.as_ref()].into_iter().flatten().for_each(|lazy| lazy.sign(author));
     }
 
     /// The store of a collection may be empty after all.

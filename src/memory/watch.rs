@@ -9,8 +9,7 @@
 
 use std::time::{Duration, Instant};
 
-use bson::raw::RawBsonRef;
-use bson::{Document, RawDocument, RawDocumentBuf};
+use bson::{Document, RawDocumentBuf};
 
 use super::Memory;
 use crate::query::{Filter, QueryError};
@@ -121,7 +120,7 @@ impl Watch<'_> {
         else {
             return Ok(true);
         };
-        let hidden = !self.trigger.computed && is_computed(document)?;
+        let hidden = !self.trigger.computed && metadata::is_computed(document)?;
         Ok(!hidden && self.filter.matches(document)?)
     }
 
@@ -132,13 +131,6 @@ impl Watch<'_> {
         let hide = |document: Option<RawDocumentBuf>| document.map(metadata::hide).transpose();
         Ok(Change { before: hide(change.before)?, after: hide(change.after)?, ..change })
     }
-}
-
-/// Whether a computable made the document.
-fn is_computed(document: &RawDocument) -> Result<bool, QueryError> {
-    let info = document.get(metadata::INFO)?.and_then(|info| info.as_document());
-    let computed = info.map(|info| info.get("computed")).transpose()?.flatten();
-    Ok(computed == Some(RawBsonRef::Boolean(true)))
 }
 
 /// A change as a document: `{operation, ns, _id, before, after, time, position}`, without

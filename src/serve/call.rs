@@ -1,5 +1,7 @@
 //! A command that is being run, and its client.
 
+use std::sync::Arc;
+
 use super::access::{Access, Metadata};
 use super::request::Request;
 use crate::memory::Memory;
@@ -8,6 +10,8 @@ use crate::memory::Memory;
 pub(super) struct Call {
     pub(super) request: Request,
     pub(super) metadata: Metadata,
+    /// What the client calls itself, for the history.
+    pub(super) author: Arc<str>,
 }
 
 impl Call {

@@ -16,6 +16,8 @@ pub(super) struct Client {
     /// This server, as the client reaches it.
     pub(super) host: String,
     pub(super) metadata: Metadata,
+    /// What it calls itself, or else its driver.
+    pub(super) author: Arc<str>,
     /// Whether it has to log in before anything else.
     pub(super) needs_login: bool,
     /// The user as whom it has logged in.

@@ -170,6 +170,7 @@ impl Listener {
             peer,
             host,
             metadata: server.metadata(),
+            author: "a client of rmem serve".into(),
             needs_login: server.options.users.is_some(),
             user: None,
             login: None,

@@ -7,14 +7,14 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{computable, scene};
+use super::{computable, history, scene};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::computables::Definition;
 use crate::output::Format;
 use crate::pddl::Feature;
 use crate::planner::{Configured, Dialect};
 use crate::scene::ObjectKind;
-use crate::store::{Namespace, masked_excerpt};
+use crate::store::{HistoryRule, Namespace, masked_excerpt};
 
 use super::backend::{Backend, Tables};
 
@@ -34,6 +34,10 @@ pub struct File {
     pub format: Option<Spanned<String>>,
     /// The log of operations.
     pub log: Option<Spanned<String>>,
+    /// How long changes are kept: a duration, or one for each database or collection.
+    pub keep_history: Option<Spanned<toml::Value>>,
+    /// The most bytes of changes that are kept.
+    pub history_size: Option<Spanned<String>>,
     /// `[planner.NAME]`
     #[serde(default)]
     planner: BTreeMap<Spanned<String>, PlannerTable>,
@@ -130,6 +134,7 @@ impl File {
         }
         computable::definitions(&self.computables, Path::new(""), &self.text)?;
         self.scene.kinds(&self.text)?;
+        history::rules(self.keep_history.as_ref(), self.history_size.as_ref())?;
         self.backend.check()
     }
 
@@ -144,6 +149,13 @@ impl File {
     pub fn computables(&self, folder: &Path) -> Vec<Definition> {
         // `parse` has checked them.
         computable::definitions(&self.computables, folder, &self.text).unwrap_or_default()
+    }
+
+    /// Whose history is kept.
+    #[must_use]
+    pub fn histories(&self) -> Vec<HistoryRule> {
+        // They were checked when the file was read.
+        history::rules(self.keep_history.as_ref(), self.history_size.as_ref()).unwrap_or_default()
     }
 
     /// The kinds of objects in scenes.
@@ -259,6 +271,20 @@ mod tests {
             ("collection='a.b'\nnamekey='a'", "4:1: unknown field `namekey`"),
         ] {
             let text = complaint(&format!("[[scene.object]]\nname='block'\n{rest}\n"));
+            assert!(text.starts_with(&format!("rmem.toml:{wanted}")), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_history_that_cannot_be_kept_is_an_error_at_its_place() {
+        for (text, wanted) in [
+            ("keep_history = 'for ever'", "1:16: `for ever` is not a duration"),
+            ("keep_history = 24", "1:16: expected a duration, like \"24h\", or a table"),
+            ("[keep_history]\nrobmem = '24'", "1:1: `robmem`: `24` is not a duration"),
+            ("keep_history = {'a b.c' = '1h'}", "1:16: `a b.c` is neither a database nor a collection"),
+            ("history_size = 'much'", "1:16: `much` is not a size"),
+        ] {
+            let text = complaint(text);
             assert!(text.starts_with(&format!("rmem.toml:{wanted}")), "{text}");
         }
     }

@@ -7,6 +7,7 @@ pub mod backend;
 mod computable;
 pub mod file;
 mod flags;
+mod history;
 mod quoted;
 mod scene;
 
@@ -20,7 +21,7 @@ use crate::memory::computables::Definition;
 use crate::output::{Format, Verbosity};
 use crate::planner::Configured;
 use crate::scene::ObjectKind;
-use crate::store::Namespace;
+use crate::store::{HistoryRule, Namespace};
 use file::File;
 
 pub use flags::{Color, Flags};
@@ -158,6 +159,8 @@ pub struct Settings {
     pub planners: Vec<Configured>,
     /// The configured computables.
     pub computables: Vec<Definition>,
+    /// Whose history is kept.
+    pub histories: Setting<Vec<HistoryRule>>,
     /// Kinds of objects in scenes, by configuration.
     pub object_kinds: Vec<ObjectKind>,
     /// The mongod processes of this robot.
@@ -202,6 +205,11 @@ impl Settings {
             below.text(&file.log, "RMEM_LOG").map(|path| path.map(PathBuf::from).located(|path| folder.join(path)));
         let log = Setting::of(flag(log, "--log", flags.log.clone()));
 
+        let histories = match &file.keep_history {
+            Some(ages) => Setting { value: file.histories(), origin: below.place(ages) },
+            None => Setting::default(Vec::new()),
+        };
+
         let color = match flags.color {
             Some(Color::Always) => true,
             Some(Color::Never) => false,
@@ -228,6 +236,7 @@ impl Settings {
             planners: file.planners(folder),
             backends: file.backends(folder),
             computables: file.computables(folder),
+            histories,
             object_kinds: file.object_kinds(),
             file: path,
         })

@@ -215,6 +215,13 @@ pub fn hide(document: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
     }
 }
 
+/// Whether a computable made the document.
+pub(crate) fn is_computed(document: &RawDocument) -> Result<bool, QueryError> {
+    let info = document.get(INFO)?.and_then(|info| info.as_document());
+    let computed = info.map(|info| info.get("computed")).transpose()?.flatten();
+    Ok(computed == Some(RawBsonRef::Boolean(true)))
+}
+
 /// Removes the dates at which the document was inserted and updated.
 pub(crate) fn forget_dates(document: &mut Document) {
     if let Some(Bson::Document(info)) = document.get_mut(INFO) {

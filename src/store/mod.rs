@@ -12,6 +12,7 @@ pub mod mongodb;
 mod credentials;
 pub(crate) mod document;
 mod error;
+pub mod history;
 pub mod index;
 pub mod metadata;
 pub mod namespace;
@@ -23,6 +24,7 @@ pub use credentials::{masked, masked_excerpt};
 pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
 pub use error::StoreError;
+pub use history::{Entry, History, HistoryRule};
 pub use index::Index;
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
@@ -32,6 +34,7 @@ pub use uri::{Role, StoreUri, UriError, open};
 pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope};
 
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
@@ -148,6 +151,41 @@ pub trait Store: Send {
     fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
         let _ = (scope, time);
         Err(self.keeps_none())
+    }
+
+    /// Keeps the histories of these rules from the next write on.
+    fn keep_history(&self, rules: &[HistoryRule]) {
+        let _ = rules;
+    }
+
+    /// Sets who makes the changes that follow, as one run; the history says so.
+    fn sign(&self, author: &str) {
+        let _ = author;
+    }
+
+    /// The kept changes of a collection, those after a time; none where its history is not kept.
+    fn history(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
+        let _ = (ns, after);
+        Ok(None)
+    }
+
+    /// The documents of a collection as they were at a time, without those of computables.
+    fn as_of(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
+        let _ = at;
+        Err(history::not_kept(ns))
+    }
+
+    /// Records the history of what all clients change until `stop`, where they do not do so themselves; calls
+    /// `begun` when it has begun. Returns how many changes it recorded.
+    fn record(&self, ns: &Namespace, stop: &AtomicBool, begun: &mut dyn FnMut()) -> Result<u64, StoreError> {
+        let _ = (ns, stop, begun);
+        let reason = "every write keeps the history of a file itself; `record` is for MongoDB".to_owned();
+        Err(StoreError::Unfit { address: self.describe(), reason })
+    }
+
+    /// The collections that have changes in the history, though they may be gone.
+    fn changed_collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        Ok(Vec::new())
     }
 
     /// The error of a store that keeps no changes itself.

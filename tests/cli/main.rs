@@ -21,6 +21,7 @@ mod export;
 mod ff;
 mod gen_problem;
 mod help;
+mod history;
 mod import_problem;
 mod index;
 mod insert;

@@ -10,7 +10,9 @@ use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, doc};
 use libtest_mimic::{Failed, Trial};
-use rmem::store::{ChangeKind, Embedded, Find, Index, Namespace, Next, Store, UpdateRequest, UpdateSpec};
+use rmem::store::{
+    ChangeKind, Embedded, Find, HistoryRule, Index, Namespace, Next, Scope, Store, UpdateRequest, UpdateSpec,
+};
 
 use super::processes::{KILLS, kill_one, number, spawn};
 
@@ -111,6 +113,9 @@ fn prepare(store: &Embedded) -> Result<(), Failed> {
     for index in &indexes {
         store.create_index(&ns(), index)?;
     }
+    // From this write on, every process keeps the history.
+    store.keep_history(&[HistoryRule { scope: Scope::All, age: Duration::from_secs(86_400), size: 1 << 30 }]);
+    store.create(&ns())?;
     Ok(())
 }
 
@@ -145,9 +150,29 @@ fn a_killed_writer_leaves_indexes_and_the_change_log_as_the_documents_are() -> R
         check_indexes(&store, &found).map_err(|error| format!("round {round}: {error:?}"))?;
         follow(&store, &mut replica)?;
         assert_eq!(replica, found, "round {round}: the changes make other documents");
+        check_history(&store, &found).map_err(|error| format!("round {round}: {error:?}"))?;
         check_file(&path)?;
     }
     eprintln!("{kills} writers killed in {next} steps");
+    Ok(())
+}
+
+/// The history, from the first change on, makes the documents that there are.
+fn check_history(store: &Embedded, found: &State) -> Result<(), Failed> {
+    let mut made = State::new();
+    for entry in store.history(&ns(), None)?.ok_or("no history is kept")?.entries {
+        let change = entry?.change;
+        let id = change.id.as_ref().and_then(Bson::as_i32).ok_or("a change without an _id")?;
+        assert_eq!(made.get(&id), decoded(change.before)?.as_ref(), "{:?} of {id}", change.kind);
+        match decoded(change.after)? {
+            Some(after) => drop(made.insert(id, after)),
+            None => drop(made.remove(&id)),
+        }
+    }
+    assert_eq!(&made, found, "the history makes other documents");
+    let first = store.history(&ns(), None)?.ok_or("no history is kept")?.since;
+    assert_eq!(store.as_of(&ns(), DateTime::now())?.len(), found.len());
+    assert_eq!(store.as_of(&ns(), first)?.len(), 0);
     Ok(())
 }
 

@@ -12,6 +12,8 @@ mod computables;
 mod contract;
 mod crashes;
 mod engine;
+#[cfg(feature = "mongodb")]
+mod history;
 mod imported;
 mod mixtures;
 #[cfg(feature = "mongodb")]

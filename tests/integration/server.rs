@@ -13,6 +13,7 @@ use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
 
 use crate::computables;
 use crate::contract;
+use crate::history;
 use crate::mongod::Mongod;
 use crate::places;
 use crate::planning;
@@ -49,7 +50,7 @@ fn cases() -> impl Iterator<Item = (&'static str, Case)> {
         .chain(&mixtures::CASES)
         .chain(&watched::CASES)
         .chain(&views::CASES);
-    cases.chain(planning::CASES).copied()
+    cases.chain(planning::CASES).chain(&history::CASES).copied()
 }
 
 /// The tests; those that need a server are ignored where there is no program.

@@ -7,12 +7,14 @@ use clap::Args;
 use super::find::{choose, find};
 use super::source::SectionCounts;
 use super::stored::{self, StoredArgs};
+use crate::commands::at::AtArgs;
 use crate::commands::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
-use crate::plan::Record;
+use crate::plan::{Input, Record};
 use crate::planning::{PlanRequest, PlanningError, SearchOptions};
+use crate::problem;
 
 /// Plan again for the task of a stored plan, from the memory as it is now
 #[derive(Debug, Args)]
@@ -31,6 +33,9 @@ pub struct RerunArgs {
     /// Memory limit instead of the plan's
     #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
     pub memory_limit: Option<u64>,
+    /// The memory as it was.
+    #[command(flatten)]
+    pub past: AtArgs,
     /// Do not store the plan
     #[arg(long)]
     pub no_store: bool,
@@ -45,6 +50,9 @@ pub(super) fn run(args: &RerunArgs, context: &mut Context<'_>) -> Result<Exit> {
     let planners = choose(&names, options.anytime, context)?;
     let mut request = PlanRequest::new(source, planners, options)?;
     request.rerun_of = Some(record.id());
+    if let (Some(_), Input::Template(template)) = (args.past.at, &request.source.input) {
+        request.generated = Some(problem::generate(template, &args.past.memory(context)?)?);
+    }
     Ok(find(&request, SectionCounts::Printed, &memory, context)?.exit)
 }
 

@@ -26,6 +26,12 @@ mod stream;
 mod world;
 mod writer;
 
+/// Returns milliseconds since 1970 of a date as in ISO 8601, in UTC where it names no zone.
+#[must_use]
+pub fn parse_date(text: &str) -> Option<i64> {
+    date::parse(text)
+}
+
 pub use reader::{parse_document, parse_document_in, parse_documents, parse_pipeline, parse_pipeline_in, parse_value};
 pub use scanner::MAX_DEPTH;
 pub use stream::{ReadError, Reader};

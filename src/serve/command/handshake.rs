@@ -86,10 +86,18 @@ fn role(client: &Client) -> Document {
     }
 }
 
+/// The most characters of a client's name that the history has.
+const LONGEST_AUTHOR: usize = 120;
+
 /// Notes the client's description of itself. rmem itself keeps its metadata as it does on MongoDB.
 fn greet(client: &mut Client, server: &Server, metadata: Option<&Document>) {
     let application = metadata.and_then(|metadata| metadata.get_document("application").ok());
     let name = application.and_then(|application| application.get_str("name").ok());
+    let driver = metadata.and_then(|metadata| metadata.get_document("driver").ok());
+    let driver = driver.and_then(|driver| driver.get_str("name").ok());
+    if let Some(author) = name.or(driver) {
+        client.author = author.chars().take(LONGEST_AUTHOR).collect::<String>().into();
+    }
     if let Some(name) = name {
         client.metadata = if name == "rmem" { Metadata::Own } else { server.metadata() };
     }

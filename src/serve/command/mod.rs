@@ -96,7 +96,7 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
     if let Run::Here(run) = command.run {
         return run(client, &server, &request);
     }
-    let call = Call { request, metadata: client.metadata };
+    let call = Call { request, metadata: client.metadata, author: Arc::clone(&client.author) };
     if call.request.is_in_transaction() {
         return in_transaction(host, client, command, call);
     }
@@ -119,7 +119,11 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
         _ => None,
     };
     let home = home(&call.request);
-    host.write(home, once, Box::new(move |memory| run(memory, &call)))
+    let work = move |memory: &Memory| {
+        memory.sign(&call.author);
+        run(memory, &call)
+    };
+    host.write(home, once, Box::new(work))
 }
 
 /// A collection of the database that a command is about: it says which store.
@@ -176,6 +180,7 @@ pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
         Run::Either(_, run, _) if !is_writing => run(host, call),
         Run::Write(run) | Run::Either(_, _, run) => {
             let memory = host.memory()?;
+            memory.sign(&call.author);
             attempt(memory, &home(&call.request), |memory| run(memory, call))
         }
     }

@@ -84,8 +84,9 @@ impl Embedded {
             .and_then(|mut statement| statement.execute(params![key, stored::seal(body)]));
         match inserted {
             Ok(_) => {
-                self.add_entries(collection, &indexes, self.connection.last_insert_rowid(), &entries)?;
-                self.note(ns, Noted::insert(body))
+                let position = self.connection.last_insert_rowid();
+                self.add_entries(collection, &indexes, position, &entries)?;
+                self.note(ns, Noted::insert(body, position))
             }
             Err(error) if failure::is_duplicate(&error) => {
                 Err(StoreError::Duplicate { namespace: ns.clone(), key: format!("_id: {}", id), stored: Vec::new() })

@@ -87,6 +87,11 @@ impl Collection {
         self.number(connection, "count(*)").map(i64::unsigned_abs)
     }
 
+    /// How many bytes the documents have.
+    pub(super) fn bytes(self, connection: &Connection) -> Result<i64> {
+        self.number(connection, "coalesce(sum(length(body)), 0)")
+    }
+
     /// The position of the last document, where there is one.
     pub(super) fn last(self, connection: &Connection) -> Result<i64> {
         self.number(connection, "coalesce(max(position), 0)")

@@ -158,7 +158,7 @@ impl Embedded {
             .and_then(|mut statement| statement.execute(params![stored::seal(body), found.position]))
             .map_err(|e| self.explain(&e))?;
         self.change_entries(collection, &indexes, found.position, &found.body, &entries)?;
-        self.note(ns, Noted { kind, before: Some(&found.body), after: Some(body) })
+        self.note(ns, Noted::change(kind, &found.body, body, found.position))
     }
 
     /// Removes a document. In a write transaction only.
@@ -169,7 +169,7 @@ impl Embedded {
             .and_then(|mut statement| statement.execute([found.position]))
             .map_err(|e| self.explain(&e))?;
         self.remove_entries(&self.indexes_of(collection)?, found.position, &found.body)?;
-        self.note(ns, Noted::delete(&found.body))
+        self.note(ns, Noted::delete(&found.body, found.position))
     }
 
     pub(super) fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {

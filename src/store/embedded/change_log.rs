@@ -4,8 +4,6 @@
 //! watcher keeps at most [`LARGEST`] bytes of them, as an oplog has a largest size: past it the
 //! oldest changes are removed, and the watchers that had not taken them are marked.
 
-use std::cell::{Cell, RefCell};
-
 use bson::{DateTime, RawDocument};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
@@ -19,14 +17,10 @@ pub(super) const LARGEST: i64 = 256 << 20;
 /// The bytes that a change takes beside its documents.
 const OVERHEAD: usize = 64;
 
-/// The state of the log in the current write transaction.
-#[derive(Default)]
-pub(super) struct Log {
-    /// The watched collections, read once per transaction.
-    pub(super) watched: RefCell<Option<Vec<Namespace>>>,
-    /// Whether a change was appended.
-    pub(super) noted: Cell<bool>,
-}
+/// The number of a deletion that watchers are not told of: the collection goes as a whole.
+pub(super) const DROPPED: i64 = 5;
+/// The number of a drop whose documents are too large for the history.
+const DROPPED_UNKEPT: i64 = 6;
 
 /// A change to be appended.
 #[derive(Clone, Copy)]
@@ -34,19 +28,46 @@ pub(super) struct Noted<'a> {
     pub(super) kind: ChangeKind,
     pub(super) before: Option<&'a RawDocument>,
     pub(super) after: Option<&'a RawDocument>,
+    /// The position of the document in its collection.
+    pub(super) place: Option<i64>,
+    /// Whether it is a deletion for the history alone, or a drop without its documents.
+    pub(super) of_history: bool,
 }
 
 impl<'a> Noted<'a> {
-    pub(super) fn insert(after: &'a RawDocument) -> Self {
-        Self { kind: ChangeKind::Insert, before: None, after: Some(after) }
+    pub(super) fn insert(after: &'a RawDocument, place: i64) -> Self {
+        Self { kind: ChangeKind::Insert, before: None, after: Some(after), place: Some(place), of_history: false }
     }
 
-    pub(super) fn delete(before: &'a RawDocument) -> Self {
-        Self { kind: ChangeKind::Delete, before: Some(before), after: None }
+    pub(super) fn change(kind: ChangeKind, before: &'a RawDocument, after: &'a RawDocument, place: i64) -> Self {
+        Self { kind, before: Some(before), after: Some(after), place: Some(place), of_history: false }
+    }
+
+    pub(super) fn delete(before: &'a RawDocument, place: i64) -> Self {
+        let place = Some(place);
+        Self { kind: ChangeKind::Delete, before: Some(before), after: None, place, of_history: false }
     }
 
     pub(super) fn drop() -> Self {
-        Self { kind: ChangeKind::Drop, before: None, after: None }
+        Self { kind: ChangeKind::Drop, before: None, after: None, place: None, of_history: false }
+    }
+
+    /// The same, for the history.
+    pub(super) fn of_history(self) -> Self {
+        Self { of_history: true, ..self }
+    }
+
+    /// Whether watchers are not told of it.
+    pub(super) fn is_of_history_alone(self) -> bool {
+        self.code() == DROPPED
+    }
+
+    fn code(self) -> i64 {
+        match (self.kind, self.of_history) {
+            (ChangeKind::Delete, true) => DROPPED,
+            (ChangeKind::Drop, true) => DROPPED_UNKEPT,
+            (kind, _) => code(kind),
+        }
     }
 }
 
@@ -60,7 +81,7 @@ pub(super) fn append(connection: &Connection, ns: &Namespace, noted: Noted<'_>) 
         .execute(params![
             ns.database,
             ns.collection,
-            code(noted.kind),
+            noted.code(),
             DateTime::now().timestamp_millis(),
             noted.before.map(RawDocument::as_bytes),
             noted.after.map(RawDocument::as_bytes),
@@ -70,8 +91,12 @@ pub(super) fn append(connection: &Connection, ns: &Namespace, noted: Noted<'_>) 
 }
 
 /// Removes the oldest changes where there are more than `most` bytes of them, and
-/// marks the watchers that had not taken them.
-pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> {
+/// marks the watchers that had not taken them. `before` gets the last change that goes.
+pub(super) fn bound(
+    connection: &Connection,
+    most: i64,
+    before: impl FnOnce(i64) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
     let sql = "SELECT max(volume) - min(volume) FROM (
                    SELECT * FROM (SELECT volume FROM changes ORDER BY sequence LIMIT 1)
                    UNION ALL SELECT * FROM (SELECT volume FROM changes ORDER BY sequence DESC LIMIT 1))";
@@ -85,6 +110,7 @@ pub(super) fn bound(connection: &Connection, most: i64) -> rusqlite::Result<()> 
     let last: Option<i64> = connection.query_row(sql, [most / 4 * 3], |row| row.get(0)).optional()?;
     let Some(last) = last else { return Ok(()) };
     move_on(connection, last)?;
+    before(last)?;
     connection.execute(
         "UPDATE watchers SET missed = 1 WHERE position < ?1 AND EXISTS (
              SELECT 1 FROM changes WHERE database = watchers.database AND collection = watchers.collection
@@ -139,7 +165,16 @@ fn code(kind: ChangeKind) -> i64 {
 /// The kind that was stored as a number.
 pub(super) fn kind(code: i64) -> Option<ChangeKind> {
     use ChangeKind::{Delete, Drop, Insert, Replace, Update};
-    [Insert, Update, Replace, Delete, Drop].into_iter().find(|kind| self::code(*kind) == code)
+    match code {
+        DROPPED => Some(Delete),
+        DROPPED_UNKEPT => Some(Drop),
+        code => [Insert, Update, Replace, Delete, Drop].into_iter().find(|kind| self::code(*kind) == code),
+    }
+}
+
+/// Whether the number is one that only the history has.
+pub(super) fn is_of_history(code: i64) -> bool {
+    code == DROPPED || code == DROPPED_UNKEPT
 }
 
 #[cfg(test)]
@@ -163,11 +198,11 @@ mod tests {
         }
         for _ in 0..10 {
             let document = rawdoc! { "pad": "x".repeat(1_000) };
-            append(&store.connection, &ns("b"), Noted::insert(&document)).unwrap();
+            append(&store.connection, &ns("b"), Noted::insert(&document, 1)).unwrap();
         }
-        bound(&store.connection, 100_000).unwrap();
+        bound(&store.connection, 100_000, |_| Ok(())).unwrap();
         assert_eq!(numbers(&store, "SELECT sequence FROM changes").len(), 10);
-        bound(&store.connection, 5_000).unwrap();
+        bound(&store.connection, 5_000, |_| Ok(())).unwrap();
         assert_eq!(numbers(&store, "SELECT sequence FROM changes"), [7, 8, 9, 10]);
         assert_eq!(numbers(&store, "SELECT missed FROM watchers ORDER BY id"), [1, 0, 0]);
         trim(&store.connection, &ns("b")).unwrap();

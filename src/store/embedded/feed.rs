@@ -141,7 +141,7 @@ impl Feed<'_> {
 
     fn read(&self) -> Result<VecDeque<(i64, Change)>, PageError> {
         let sql = "SELECT sequence, kind, time, before, after FROM changes
-                   WHERE database = ? AND collection = ? AND sequence > ? ORDER BY sequence";
+                   WHERE database = ? AND collection = ? AND sequence > ? AND kind <> 5 ORDER BY sequence";
         let mut statement = self.store.connection.prepare_cached(sql)?;
         let mut rows = statement.query(params![self.namespace.database, self.namespace.collection, self.given])?;
         let (mut page, mut bytes) = (VecDeque::new(), 0);

@@ -14,6 +14,7 @@
 //! - `entries_ID`, one per index: the keys, each with the position of its document.
 //! - `watchers`: the watchers of collections, with their positions (`watcher`).
 //! - `changes`: the changes that watchers have not taken (`change_log`); numbers are never used again.
+//! - `histories` and `origins`, where a history was kept: of what, and the authors of changes (`history`).
 
 use std::path::Path;
 use std::sync::Arc;
@@ -21,9 +22,9 @@ use std::sync::atomic::AtomicBool;
 
 use rusqlite::{Connection, OpenFlags};
 
-use super::change_log::Log;
 use super::indexed::Remembered;
 use super::place::Place;
+use super::transaction::Log;
 use super::{Embedded, busy, failure};
 use crate::store::StoreError;
 

@@ -1,59 +1,97 @@
 //! Noting changes while documents are written.
 //!
 //! A change is noted in the transaction that makes it, and only where its collection is
-//! watched: a memory without watchers pays nothing.
+//! watched or its history kept: a memory with neither pays nothing.
 
 use std::rc::Rc;
 
 use bson::Document;
+use rusqlite::Connection;
 
 use super::catalog::Collection;
 use super::change_log::{self, LARGEST, Noted};
 use super::place::Place;
 use super::scan::Scan;
-use super::{Embedded, notifier, watcher};
+use super::transaction::Watched;
+use super::{Embedded, history, notifier, watcher};
 use crate::query::Filter;
 use crate::store::{Namespace, StoreError};
 
+/// Who wants the changes of a collection.
+#[derive(Clone, Copy)]
+struct Wanted {
+    by_watchers: bool,
+    /// The size of the history that keeps them.
+    by_history: Option<i64>,
+}
+
 impl Embedded {
-    /// Appends a change where the collection is watched. Every write calls this, in its transaction.
+    /// Appends a change where the collection is watched or its history kept. Every write calls this, in its
+    /// transaction.
     pub(super) fn note(&self, ns: &Namespace, noted: Noted<'_>) -> Result<(), StoreError> {
-        if !self.is_watched(ns)? {
+        let wanted = self.wanted(ns)?;
+        let known = noted.after.or(noted.before);
+        let is_kept = wanted.by_history.is_some() && !history::is_computed(known);
+        let is_for_watchers = wanted.by_watchers && !noted.is_of_history_alone();
+        if !is_kept && !is_for_watchers {
             return Ok(());
         }
         self.log.noted.set(true);
-        change_log::append(&self.connection, ns, noted).map_err(|e| self.explain(&e))
+        let append = || {
+            change_log::append(&self.connection, ns, noted)?;
+            if is_kept { history::sign(&self.connection, &self.log.keeping, noted.place) } else { Ok(()) }
+        };
+        append().map_err(|e| self.explain(&e))
     }
 
-    /// Appends the changes of a rename: a drop of the old name, and for watchers of the new
-    /// name a drop and an insert of each document.
+    /// Appends the changes of a drop, before it is done: for the history, the documents that go.
+    pub(super) fn note_drop(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
+        let Some(most) = self.wanted(ns)?.by_history else { return self.note(ns, Noted::drop()) };
+        if collection.bytes(&self.connection).map_err(|e| self.explain(&e))? > most {
+            return self.note(ns, Noted::drop().of_history());
+        }
+        for found in Scan::new(self, collection, &mut Rc::new(Filter::parse(&Document::new())?))? {
+            let found = found?;
+            self.note(ns, Noted::delete(&found.body, found.position).of_history())?;
+        }
+        self.note(ns, Noted::drop())
+    }
+
+    /// Appends the changes of a rename: a drop of the old name, and for who wants those of the new
+    /// name an insert of each document.
     pub(super) fn note_rename(
         &self,
         collection: Collection,
         from: &Namespace,
         to: &Namespace,
     ) -> Result<(), StoreError> {
-        self.note(from, Noted::drop())?;
-        if !self.is_watched(to)? {
+        self.note_drop(from, collection)?;
+        let wanted = self.wanted(to)?;
+        if !wanted.by_watchers && wanted.by_history.is_none() {
             return Ok(());
         }
-        self.note(to, Noted::drop())?;
         for found in Scan::new(self, collection, &mut Rc::new(Filter::parse(&Document::new())?))? {
-            self.note(to, Noted::insert(&found?.body))?;
+            let found = found?;
+            self.note(to, Noted::insert(&found.body, found.position))?;
         }
         Ok(())
     }
 
-    /// Whether the collection is watched. In a write transaction only.
-    pub(super) fn is_watched(&self, ns: &Namespace) -> Result<bool, StoreError> {
+    /// Who wants the changes of a collection. In a write transaction only.
+    fn wanted(&self, ns: &Namespace) -> Result<Wanted, StoreError> {
         if self.place == Place::Memory {
-            return Ok(false);
+            return Ok(Wanted { by_watchers: false, by_history: None });
         }
         let mut watched = self.log.watched.borrow_mut();
         if watched.is_none() {
-            *watched = Some(watcher::watched(&self.connection).map_err(|e| self.explain(&e))?);
+            *watched = Some(look(&self.connection).map_err(|e| self.explain(&e))?);
         }
-        Ok(watched.as_ref().is_some_and(|watched| watched.iter().any(|kept| watcher::covers(kept, ns))))
+        let by_watchers = |watched: &Watched| watched.patterns.iter().any(|kept| watcher::covers(kept, ns));
+        let by_history = |watched: &Watched| history::choose(&watched.histories, ns).map(|kept| kept.size);
+        Ok(Wanted {
+            by_watchers: watched.as_ref().is_some_and(by_watchers),
+            by_history: watched.as_ref().and_then(by_history),
+        })
     }
 
     /// To be called when the set of watches has changed within a write transaction.
@@ -62,17 +100,28 @@ impl Embedded {
     }
 
     /// Resets the log. Called when a write transaction begins.
-    pub(super) fn open_log(&self) {
+    pub(super) fn open_log(&self) -> Result<(), StoreError> {
         self.log.watched.replace(None);
         self.log.noted.set(false);
+        if self.place == Place::Memory {
+            return Ok(());
+        }
+        self.log.keeping.renew(&self.connection).map_err(|e| self.explain(&e))
     }
 
     /// Bounds the size of the log. Called before a write transaction is committed.
     pub(super) fn bound_log(&self) -> Result<(), StoreError> {
-        match self.log.noted.get() {
-            true => change_log::bound(&self.connection, LARGEST).map_err(|e| self.explain(&e)),
-            false => Ok(()),
+        if !self.log.noted.get() {
+            return Ok(());
         }
+        let watched = self.log.watched.borrow();
+        let histories = watched.as_ref().map(|watched| watched.histories.as_slice()).unwrap_or_default();
+        let bound = || {
+            history::bound(&self.connection, histories)?;
+            let most = histories.iter().fold(LARGEST, |most, kept| most.saturating_add(kept.size));
+            change_log::bound(&self.connection, most, |last| history::cut(&self.connection, histories, last))
+        };
+        bound().map_err(|e| self.explain(&e))
     }
 
     /// Notifies watchers. Called after a write transaction was committed.
@@ -81,4 +130,11 @@ impl Embedded {
             notifier::notify(path);
         }
     }
+}
+
+/// What is watched, and which histories are kept. In a write transaction only.
+fn look(connection: &Connection) -> rusqlite::Result<Watched> {
+    let (patterns, has_histories) = watcher::watched(connection)?;
+    let histories = if has_histories { history::current(connection)? } else { Vec::new() };
+    Ok(Watched { patterns, histories })
 }

@@ -20,6 +20,7 @@ mod expiry;
 mod failure;
 mod feed;
 mod file;
+mod history;
 mod index;
 mod indexed;
 mod log;
@@ -27,6 +28,7 @@ mod near;
 mod notifier;
 mod output;
 mod page;
+mod past;
 mod pipeline;
 mod place;
 mod repair;
@@ -34,6 +36,7 @@ mod retention;
 mod scan;
 mod slices;
 mod snapshot;
+mod transaction;
 mod verbs;
 mod watcher;
 
@@ -42,9 +45,9 @@ use std::sync::atomic::AtomicBool;
 
 use rusqlite::Connection;
 
-use change_log::Log;
 use indexed::Remembered;
 use place::Place;
+use transaction::Log;
 
 pub use file::VERSION;
 #[cfg(feature = "serve")]

@@ -9,7 +9,6 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
 use super::Embedded;
 use super::catalog::Collection;
-use super::change_log::Noted;
 use super::pipeline::named;
 use crate::query::{Filter, Merge, Output, QueryError, Update, WhenMatched, WhenNotMatched};
 use crate::store::{ChangeKind, Namespace, StoreError, document};
@@ -43,8 +42,8 @@ impl Embedded {
 
     fn replace_collection(&self, ns: &Namespace, results: Vec<RawDocumentBuf>) -> Result<(), StoreError> {
         self.write(|| {
-            self.note(ns, Noted::drop())?;
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            self.note_drop(ns, collection)?;
             self.clear(collection)?;
             for result in results {
                 let (id, body) = document::settle(Document::try_from(&*result).map_err(QueryError::from)?)?;

@@ -9,7 +9,7 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::place::Place;
-use super::{Embedded, body, failure};
+use super::{Embedded, body, failure, history};
 use crate::query::QueryError;
 use crate::store::{Index, Namespace, StoreError, document};
 
@@ -135,6 +135,12 @@ impl Embedded {
     fn salvage_watchers(&self, source: &Connection) -> rusqlite::Result<()> {
         copy(source, &self.connection, "watchers", "id, name, database, collection, position, missed, holder, beat")?;
         copy(source, &self.connection, "changes", "sequence, database, collection, kind, time, before, after, volume")?;
+        history::prepare(&self.connection)?;
+        for (table, columns) in history::TABLES_WITH_COLUMNS {
+            if source.prepare("SELECT 1 FROM sqlite_schema WHERE name = ?")?.exists([table])? {
+                copy(source, &self.connection, table, columns)?;
+            }
+        }
         let last: Option<i64> = source
             .query_row("SELECT seq FROM sqlite_sequence WHERE name = 'changes'", [], |row| row.get(0))
             .optional()?;

@@ -9,6 +9,7 @@ use std::time::Duration;
 use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
+use super::change_log::DROPPED;
 use super::place::Place;
 use super::snapshot::Snapshot;
 use super::{Embedded, change_log, feed, watcher};
@@ -78,7 +79,7 @@ impl Embedded {
         };
         let sql = format!(
             "SELECT sequence, kind, time, before, after, database, collection FROM changes \
-             WHERE sequence > ?1 AND {condition} ORDER BY sequence"
+             WHERE sequence > ?1 AND {condition} AND kind <> {DROPPED} ORDER BY sequence"
         );
         let pattern = pattern(scope);
         let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;

@@ -4,14 +4,14 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use bson::{Bson, DateTime, Document};
+use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
 use super::catalog::Collection;
 use super::change_log::Noted;
 use super::{Embedded, busy, failure, file};
 use crate::store::{
-    ChangePage, Changes, Checked, Documents, Find, Index, Inserted, Kept, Name, Namespace, Put, Scope, Store,
-    StoreError, UpdateRequest, Updated,
+    ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name, Namespace, Put,
+    Scope, Store, StoreError, UpdateRequest, Updated,
 };
 
 impl Store for Embedded {
@@ -59,7 +59,7 @@ impl Store for Embedded {
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
         self.write(|| match self.collection(ns)? {
             Some(collection) => {
-                self.note(ns, Noted::drop())?;
+                self.note_drop(ns, collection)?;
                 self.erase_collection(collection).map(|()| true)
             }
             None => Ok(false),
@@ -73,8 +73,11 @@ impl Store for Embedded {
             };
             match self.collection(to)? {
                 Some(present) if present == collection => return Ok(()),
-                Some(present) => self.erase_collection(present)?,
-                None => {}
+                Some(present) => {
+                    self.note_drop(to, present)?;
+                    self.erase_collection(present)?;
+                }
+                None => self.note(to, Noted::drop())?,
             }
             self.note_rename(collection, from, to)?;
             collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
@@ -135,6 +138,26 @@ impl Store for Embedded {
 
     fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
         self.before(scope, time)
+    }
+
+    fn keep_history(&self, rules: &[HistoryRule]) {
+        self.log.keeping.rules.replace(rules.to_vec());
+    }
+
+    fn sign(&self, author: &str) {
+        self.log.keeping.sign(author);
+    }
+
+    fn history(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
+        self.past(ns, after)
+    }
+
+    fn as_of(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
+        self.rewound(ns, at)
+    }
+
+    fn changed_collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        self.list_changed()
     }
 
     fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
@@ -208,8 +231,7 @@ impl Embedded {
     }
 
     fn finish<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
-        self.open_log();
-        let result = work().and_then(|value| {
+        let result = self.open_log().and_then(|()| work()).and_then(|value| {
             self.bound_log()?;
             self.run("COMMIT").map(|()| value).map_err(|e| self.explain(&e))
         });
@@ -221,6 +243,7 @@ impl Embedded {
         }
         if let Err(error) = &result {
             self.indexes.clear();
+            self.log.keeping.forget();
             if failure::is_of_full_disk(error) {
                 // The log is folded into the file and cut, so that there is room to delete something.
                 let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));

@@ -13,6 +13,9 @@ use crate::store::watch::{Name, Waiting};
 /// How long, in milliseconds, a process of another container counts as running after its last heartbeat.
 const UNSEEN_TIMEOUT: i64 = 60_000;
 
+/// What the names of rows begin with that keep a history (`history`).
+pub(super) const HISTORY: &str = "rmem.history:";
+
 /// A watcher that is being followed by this process.
 #[derive(Clone)]
 pub(super) struct Watcher {
@@ -75,16 +78,18 @@ fn row(row: &rusqlite::Row<'_>) -> rusqlite::Result<Row> {
     Ok(Row { id: row.get(0)?, namespace, position: row.get(3)?, holder: row.get(4)?, beat: row.get(5)? })
 }
 
-/// The watched collections. Removes watchers without a name whose
-/// process has ended. In a write transaction only.
-pub(super) fn watched(connection: &Connection) -> rusqlite::Result<Vec<Namespace>> {
-    let sql = "SELECT id, database, collection, position, holder, beat, name IS NULL FROM watchers WHERE missed = 0";
+/// The watched collections, and whether there are rows of histories. Removes watchers without a name
+/// whose process has ended. In a write transaction only.
+pub(super) fn watched(connection: &Connection) -> rusqlite::Result<(Vec<Namespace>, bool)> {
+    let sql = "SELECT id, database, collection, position, holder, beat, name FROM watchers WHERE missed = 0";
     let mut statement = connection.prepare_cached(sql)?;
-    let rows: Vec<(Row, bool)> =
+    let rows: Vec<(Row, Option<String>)> =
         statement.query_map([], |found| Ok((row(found)?, found.get(6)?)))?.collect::<Result<_, _>>()?;
-    let (mut watched, mut left) = (Vec::new(), Vec::new());
-    for (row, nameless) in rows {
-        if nameless && row.holder().is_none() {
+    let (mut watched, mut left, mut has_histories) = (Vec::new(), Vec::new(), false);
+    for (row, name) in rows {
+        if name.as_ref().is_some_and(|name| name.starts_with(HISTORY)) {
+            has_histories = true;
+        } else if name.is_none() && row.holder().is_none() {
             connection.execute("DELETE FROM watchers WHERE id = ?", [row.id])?;
             left.push(row.namespace);
         } else if !watched.contains(&row.namespace) {
@@ -92,7 +97,7 @@ pub(super) fn watched(connection: &Connection) -> rusqlite::Result<Vec<Namespace
         }
     }
     left.iter().try_for_each(|ns| change_log::trim(connection, ns))?;
-    Ok(watched)
+    Ok((watched, has_histories))
 }
 
 /// Whether what is watched of a pattern (a collection, or with empty names a database or
@@ -135,13 +140,14 @@ fn find(connection: &Connection, name: &str) -> rusqlite::Result<Option<Row>> {
 pub(super) fn names(connection: &Connection) -> rusqlite::Result<Vec<Name>> {
     let sql = "SELECT id, database, collection, position, holder, beat, name, missed,
                    (SELECT count(*) FROM changes WHERE database = watchers.database
-                        AND collection = watchers.collection AND sequence > watchers.position),
+                        AND collection = watchers.collection AND sequence > watchers.position AND kind <> 5),
                    (SELECT total(coalesce(length(before), 0) + coalesce(length(after), 0)) FROM changes
                         WHERE database = watchers.database AND collection = watchers.collection
-                          AND sequence > watchers.position)
-               FROM watchers WHERE name IS NOT NULL AND substr(name, 1, length(?1)) <> ?1 ORDER BY database, collection, name";
+                          AND sequence > watchers.position AND kind <> 5)
+               FROM watchers WHERE name IS NOT NULL AND substr(name, 1, length(?1)) <> ?1
+                   AND substr(name, 1, length(?2)) <> ?2 ORDER BY database, collection, name";
     let mut statement = connection.prepare(sql)?;
-    let names = statement.query_map([change_log::PREFIX], |found| {
+    let names = statement.query_map([change_log::PREFIX, HISTORY], |found| {
         let watcher = row(found)?;
         let (changes, bytes): (i64, f64) = (found.get(8)?, found.get(9)?);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of lengths")]

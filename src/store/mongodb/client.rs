@@ -28,7 +28,7 @@ impl MongoDb {
     pub fn open(uri: &str, address: String, role: Role) -> Result<Self, StoreError> {
         let options = completed(parse(uri, &address)?, role);
         let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
-        Ok(Self { client, decaying: Mutex::default(), address })
+        Ok(Self { client, decaying: Mutex::default(), keeping: Mutex::default(), address })
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {

@@ -9,6 +9,7 @@ pub mod admin;
 mod client;
 mod explain;
 mod failure;
+mod history;
 mod image;
 mod index;
 mod position;
@@ -31,6 +32,8 @@ pub struct MongoDb {
     client: Client,
     /// The collections that are known to have the index on dates of decay.
     decaying: Mutex<HashSet<Namespace>>,
+    /// The histories that this process keeps.
+    keeping: Mutex<history::Keeping>,
     /// The URI without credentials and options.
     address: String,
 }

@@ -18,6 +18,8 @@ use crate::store::{Namespace, Store as _, StoreError};
 
 /// The collection of names.
 pub(super) const COLLECTION: &str = "rmem.watchers";
+/// What the names begin with that record histories (`history`).
+pub(super) const HISTORY: &str = "rmem.history:";
 /// The lease of a process that cannot be seen from here, in milliseconds.
 const LEASE: i64 = 15_000;
 /// How often the lease is renewed.
@@ -139,6 +141,13 @@ impl MongoDb {
 }
 
 impl MongoDb {
+    /// The names that a database has.
+    pub(super) fn names_in(&self, database: &str) -> Result<Vec<String>, StoreError> {
+        let kept: Collection<Document> = self.client().database(database).collection(COLLECTION);
+        let names = kept.distinct("_id", doc! {}).run().map_err(|e| self.explain(&e))?;
+        Ok(names.into_iter().filter_map(|name| name.as_str().map(str::to_owned)).collect())
+    }
+
     /// The names, with the process that follows each.
     pub(super) fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
         let mut names = Vec::new();
@@ -162,8 +171,9 @@ fn name(found: &Document) -> Option<Name> {
         Life::Over => false,
         Life::Unseen | Life::Elsewhere => is_leased,
     };
+    let own = found.get_str("_id").ok().filter(|name| !name.starts_with(HISTORY))?;
     Some(Name {
-        name: found.get_str("_id").ok()?.to_owned(),
+        name: own.to_owned(),
         namespace: Namespace::parse(found.get_str("namespace").ok()?).ok()?,
         process: holder.filter(is_followed).map(|holder| holder.process()),
         missed: false,

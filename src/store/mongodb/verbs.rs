@@ -1,17 +1,20 @@
 //! The operations of [`Store`], each one call of the driver.
 
+use std::sync::atomic::AtomicBool;
+
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
+use super::history::Made;
 use super::update::is_replacement;
 use super::{MongoDb, failure};
 use crate::query::{QueryError, object_id};
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
-    Changes, Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, UpdateSpec,
-    Updated,
+    Changes, Documents, Find, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Store, StoreError,
+    UpdateRequest, UpdateSpec, Updated,
 };
 
 /// The server's own databases.
@@ -19,55 +22,12 @@ const INTERNAL: [&str; 3] = ["admin", "config", "local"];
 
 impl Store for MongoDb {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
-        self.expect_decay(ns, documents.iter())?;
-        let count = documents.len();
-        let (mut ids, mut bodies, mut refusal) = (Vec::with_capacity(count), Vec::with_capacity(count), None);
-        for document in documents {
-            match settle(document) {
-                Ok((id, body)) => {
-                    ids.push(id);
-                    bodies.push(body);
-                }
-                Err(refused) => {
-                    refusal = Some(StoreError::from(refused));
-                    break;
-                }
-            }
-        }
-        if !bodies.is_empty() {
-            self.collection(ns)
-                .insert_many(bodies)
-                .run()
-                .map_err(|e| failure::explain_insert(&self.address, ns, &ids, &e))?;
-        }
-        match refusal {
-            None => Ok(Inserted { ids }),
-            Some(refusal) => Err(refusal.stopped(ids, count)),
-        }
+        self.recorded(ns, |inserted: &Inserted| Made::inserts(&inserted.ids), || self.insert_all(ns, documents))
     }
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
-        let identified = |document: Document| match document.contains_key("_id") {
-            true => document,
-            false => with_id_first(document, &object_id::new().into()),
-        };
-        let (mut done, mut rest): (_, Vec<_>) = (Put::default(), documents.into_iter().map(identified).collect());
-        while !rest.is_empty() {
-            let inserted = match self.insert(ns, with_metadata(&rest, timestamp)?) {
-                Ok(inserted) => inserted.ids.len(),
-                Err(StoreError::Duplicate { stored, .. }) => stored.len(),
-                Err(error) => return Err(error),
-            };
-            done.inserted += inserted as u64;
-            let mut taken = rest.split_off(inserted.min(rest.len()));
-            std::mem::swap(&mut taken, &mut rest);
-            if !rest.is_empty() {
-                let changed = self.put_over(ns, rest.remove(0), timestamp)?;
-                done.replaced += changed;
-                done.same += 1 - changed;
-            }
-        }
-        Ok(done)
+        let made = |put: &Put| Made::dated(put.inserted + put.replaced, timestamp);
+        self.recorded(ns, made, || self.put_all(ns, documents, timestamp))
     }
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -120,36 +80,16 @@ impl Store for MongoDb {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        let is_replacement = matches!(&update.update, UpdateSpec::Document(document) if is_replacement(document));
-        if update.many && is_replacement {
-            let refusal = "a replacement document cannot be applied to many documents";
-            return Err(QueryError::failed_to_parse(refusal).into());
-        }
-        match &update.update {
-            UpdateSpec::Document(document) => self.expect_decay(ns, std::iter::once(document))?,
-            UpdateSpec::Pipeline(stages) => self.expect_decay(ns, stages.iter())?,
-        }
-        match timestamp {
-            Some(at) => self.update_with_metadata(ns, update, at),
-            None => self.apply(ns, update),
-        }
+        let made = |updated: &Updated| Made::dated(updated.modified + u64::from(updated.upserted.is_some()), timestamp);
+        self.recorded(ns, made, || self.change(ns, update, timestamp))
     }
 
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        let collection = self.collection(ns);
-        let deleted = match first_only {
-            true => collection.delete_one(filter.clone()).run(),
-            false => collection.delete_many(filter.clone()).run(),
-        };
-        deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
+        self.recorded(ns, |count| Made::removals(*count), || self.remove(ns, filter, first_only))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        let database = self.client().database(&ns.database);
-        let names = database.list_collection_names();
-        let there = names.filter(doc! { "name": &ns.collection }).run().map_err(|e| self.explain(&e))?;
-        self.collection(ns).drop().run().map_err(|e| self.explain(&e))?;
-        Ok(!there.is_empty())
+        self.recorded(ns, |there| Made::removals(u64::from(*there)), || self.remove_collection(ns))
     }
 
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
@@ -207,6 +147,26 @@ impl Store for MongoDb {
         }
     }
 
+    fn keep_history(&self, rules: &[HistoryRule]) {
+        self.set_history(rules);
+    }
+
+    fn sign(&self, author: &str) {
+        self.set_author(author);
+    }
+
+    fn history(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
+        self.past(ns, after)
+    }
+
+    fn as_of(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
+        self.rewound(ns, at)
+    }
+
+    fn record(&self, ns: &Namespace, stop: &AtomicBool, begun: &mut dyn FnMut()) -> Result<u64, StoreError> {
+        self.record_all(ns, stop, begun)
+    }
+
     fn describe(&self) -> String {
         self.address.clone()
     }
@@ -224,6 +184,101 @@ fn with_metadata(documents: &[Document], timestamp: Option<DateTime>) -> Result<
 }
 
 impl MongoDb {
+    pub(super) fn insert_all(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        self.expect_decay(ns, documents.iter())?;
+        let count = documents.len();
+        let (mut ids, mut bodies, mut refusal) = (Vec::with_capacity(count), Vec::with_capacity(count), None);
+        for document in documents {
+            match settle(document) {
+                Ok((id, body)) => {
+                    ids.push(id);
+                    bodies.push(body);
+                }
+                Err(refused) => {
+                    refusal = Some(StoreError::from(refused));
+                    break;
+                }
+            }
+        }
+        if !bodies.is_empty() {
+            self.collection(ns)
+                .insert_many(bodies)
+                .run()
+                .map_err(|e| failure::explain_insert(&self.address, ns, &ids, &e))?;
+        }
+        match refusal {
+            None => Ok(Inserted { ids }),
+            Some(refusal) => Err(refusal.stopped(ids, count)),
+        }
+    }
+
+    fn put_all(
+        &self,
+        ns: &Namespace,
+        documents: Vec<Document>,
+        timestamp: Option<DateTime>,
+    ) -> Result<Put, StoreError> {
+        let identified = |document: Document| match document.contains_key("_id") {
+            true => document,
+            false => with_id_first(document, &object_id::new().into()),
+        };
+        let (mut done, mut rest): (_, Vec<_>) = (Put::default(), documents.into_iter().map(identified).collect());
+        while !rest.is_empty() {
+            let inserted = match self.insert(ns, with_metadata(&rest, timestamp)?) {
+                Ok(inserted) => inserted.ids.len(),
+                Err(StoreError::Duplicate { stored, .. }) => stored.len(),
+                Err(error) => return Err(error),
+            };
+            done.inserted += inserted as u64;
+            let mut taken = rest.split_off(inserted.min(rest.len()));
+            std::mem::swap(&mut taken, &mut rest);
+            if !rest.is_empty() {
+                let changed = self.put_over(ns, rest.remove(0), timestamp)?;
+                done.replaced += changed;
+                done.same += 1 - changed;
+            }
+        }
+        Ok(done)
+    }
+
+    fn change(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        timestamp: Option<DateTime>,
+    ) -> Result<Updated, StoreError> {
+        let is_replacement = matches!(&update.update, UpdateSpec::Document(document) if is_replacement(document));
+        if update.many && is_replacement {
+            let refusal = "a replacement document cannot be applied to many documents";
+            return Err(QueryError::failed_to_parse(refusal).into());
+        }
+        match &update.update {
+            UpdateSpec::Document(document) => self.expect_decay(ns, std::iter::once(document))?,
+            UpdateSpec::Pipeline(stages) => self.expect_decay(ns, stages.iter())?,
+        }
+        match timestamp {
+            Some(at) => self.update_with_metadata(ns, update, at),
+            None => self.apply(ns, update),
+        }
+    }
+
+    fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        let collection = self.collection(ns);
+        let deleted = match first_only {
+            true => collection.delete_one(filter.clone()).run(),
+            false => collection.delete_many(filter.clone()).run(),
+        };
+        deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
+    }
+
+    fn remove_collection(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        let database = self.client().database(&ns.database);
+        let names = database.list_collection_names();
+        let there = names.filter(doc! { "name": &ns.collection }).run().map_err(|e| self.explain(&e))?;
+        self.collection(ns).drop().run().map_err(|e| self.explain(&e))?;
+        Ok(!there.is_empty())
+    }
+
     /// Replaces the document that has the `_id` of this one; returns how many changed.
     fn put_over(&self, ns: &Namespace, document: Document, timestamp: Option<DateTime>) -> Result<u64, StoreError> {
         let id = document.get("_id").cloned().unwrap_or(Bson::Null);

@@ -53,6 +53,7 @@ pages! {
     the_page_on_python_is_true: "docs/python.md" in Lab::new(),
     the_page_on_scenes_is_true: "docs/scenes.md" in Lab::new(),
     the_page_on_views_is_true: "docs/views.md" in Lab::new(),
+    the_page_on_history_is_true: "docs/history.md" in Lab::new(),
 }
 
 #[test]

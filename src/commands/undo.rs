@@ -1,0 +1,126 @@
+//! `rmem undo NS [QUERY]`: changes taken back.
+
+use bson::{Bson, Document, doc};
+use clap::Args;
+
+use super::history::ChangesArgs;
+use super::query::blame;
+use super::{Context, formats};
+use crate::exit::Exit;
+use crate::formats::shell;
+use crate::memory::history::Selection;
+use crate::memory::undo::{DEFAULT_LAST, Restoration, UndoPlan};
+use crate::store::{Entry, StoreError};
+
+/// What stands below the help of `undo`.
+const HELP: &str = "\
+Examples:
+  rmem undo robmem.worldmodel
+  rmem undo robmem.worldmodel --last 3 --dry-run
+  rmem undo robmem.worldmodel --by camera --since 10m
+  rmem undo robmem.worldmodel --change 17
+
+Takes back what the last run of a command changed in the collection, all documents of an update --many together. The \
+documents become what they were, with their metadata; what was dropped comes back without its indexes. With --since, \
+--by or --change, all changes that are selected are taken back; --last limits them.
+
+Where documents were changed again later, nothing is done, and the later changes are printed (exit code 5); --force \
+overwrites them. `undo` is itself in the history: after it, `undo` takes the undo back.";
+
+/// Take changes back, as the history has them
+#[derive(Debug, Args)]
+#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
+pub struct UndoArgs {
+    /// Which changes.
+    #[command(flatten)]
+    pub changes: ChangesArgs,
+    /// Take back the last N runs of commands (default: 1, or all that is selected)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub last: Option<u64>,
+    /// Take back the change at this position of `rmem history` (can be repeated)
+    #[arg(long = "change", value_name = "POSITION")]
+    pub positions: Vec<String>,
+    /// Overwrite later changes
+    #[arg(long)]
+    pub force: bool,
+    /// Print what would be done, and do nothing
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+    let selection = Selection { positions: args.positions.clone(), ..args.changes.selection()? };
+    let ns = &selection.namespace;
+    let memory = context.memory()?;
+    let query = [("<query>", args.changes.query.as_str())];
+    let (mut plan, mut conflict) = (UndoPlan::default(), None);
+    memory
+        .as_one(ns, &mut || {
+            plan = memory.plan_undo(&selection, last(args))?;
+            conflict = if args.force { None } else { conflicts(&plan) };
+            if args.dry_run || conflict.is_some() { Ok(()) } else { memory.undo(ns, &plan) }
+        })
+        .map_err(|error| blame(error, &query))?;
+    if args.dry_run {
+        plan.documents.iter().for_each(|document| context.output.note(&described(document)));
+    }
+    if let Some(what) = conflict.filter(|_| !args.dry_run) {
+        return Err(StoreError::Held { what }.into());
+    }
+    if plan.changes == 0 {
+        context.output.warn(&format!("no change of {ns} is to be taken back"));
+    }
+    context.print_result(result(&plan))?;
+    Ok(Exit::Done)
+}
+
+/// Returns how many runs are taken back; all that is selected where something is selected.
+fn last(args: &UndoArgs) -> Option<usize> {
+    let is_selected = args.changes.since.is_some() || args.changes.by.is_some() || !args.positions.is_empty();
+    let last = args.last.map(|last| usize::try_from(last).unwrap_or(usize::MAX));
+    last.or((!is_selected).then_some(DEFAULT_LAST))
+}
+
+fn result(plan: &UndoPlan) -> Document {
+    let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
+    let removed = plan.documents.iter().filter(|document| document.target.is_none()).count();
+    doc! {
+        "changes": count(plan.changes),
+        "restored": count(plan.documents.len() - removed),
+        "removed": count(removed),
+    }
+}
+
+/// Says which later changes would be overwritten.
+fn conflicts(plan: &UndoPlan) -> Option<String> {
+    let lines: Vec<String> = plan.conflicts().flat_map(overwritten).collect();
+    if lines.is_empty() {
+        return None;
+    }
+    Some(format!("this would overwrite later changes; nothing was done, --force does it\n{}", lines.join("\n")))
+}
+
+fn overwritten(document: &Restoration) -> Vec<String> {
+    let id = shell::relaxed_value(&document.id);
+    if document.later.is_empty() {
+        return vec![format!("  {id}: is not what the history says, so it was changed outside of it")];
+    }
+    document.later.iter().map(|entry| format!("  {id}: {}", later(entry))).collect()
+}
+
+fn later(entry: &Entry) -> String {
+    let by = entry.author.as_ref().map(|author| format!(" by {author}")).unwrap_or_default();
+    let time = entry.change.time.try_to_rfc3339_string().unwrap_or_default();
+    format!("{}{by} at {time} (position {})", entry.change.kind.name(), entry.change.position)
+}
+
+fn described(document: &Restoration) -> String {
+    let id = shell::relaxed_value(&document.id);
+    let conflict = if document.is_conflict() { " (overwrites later changes)" } else { "" };
+    match &document.target {
+        Some(target) => {
+            format!("{id} would become {}{conflict}", shell::relaxed_value(&Bson::Document(target.clone())))
+        }
+        None => format!("{id} would be removed{conflict}"),
+    }
+}

@@ -1,0 +1,170 @@
+//! The memory as it was at a time: every collection that is read is taken from the history.
+//!
+//! A collection is put into a memory in this process when it is first read. Computables run on what
+//! the memory was; nothing is written to the real stores.
+
+use std::cell::RefCell;
+use std::collections::HashSet;
+
+use bson::{Bson, DateTime, Document};
+
+use super::clock::Clock;
+use super::computables;
+use super::route::{Lazy, Routes};
+use super::{Memory, journal::Journal};
+use crate::query::QueryError;
+use crate::store::{
+    Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest,
+    Updated,
+};
+
+/// Stores as they were.
+struct Past {
+    source: Routes,
+    at: DateTime,
+    copy: Embedded,
+    filled: RefCell<HashSet<Namespace>>,
+}
+
+impl Memory {
+    /// The memory as it was at a time; it cannot be changed.
+    ///
+    /// # Errors
+    /// Where there is not enough memory for a copy.
+    pub fn as_of(self, at: DateTime) -> Result<Self, StoreError> {
+        let Self { routes, journal, computables, .. } = self;
+        let past = Past { source: routes, at, copy: Embedded::in_memory()?, filled: RefCell::default() };
+        let routes = Routes::new(Lazy::open(Box::new(past)), None, Vec::new());
+        Ok(Self { routes, clock: Clock::Stopped(at), journal, computables })
+    }
+
+    /// The same memory without reports of its operations.
+    #[must_use]
+    pub fn without_observer(self) -> Self {
+        Self { journal: Journal::default(), ..self }
+    }
+}
+
+impl Past {
+    /// The copy, with a collection in it.
+    fn with(&self, ns: &Namespace) -> Result<&Embedded, StoreError> {
+        // What rmem keeps for itself, such as what was computed, is of this process alone.
+        if !ns.is_own() && self.filled.borrow_mut().insert(ns.clone()) {
+            let documents = self.source.reading(ns)?.as_of(ns, self.at)?;
+            let documents: Result<Vec<Document>, _> = documents.iter().map(|raw| Document::try_from(&**raw)).collect();
+            self.copy.insert(ns, documents.map_err(QueryError::from)?)?;
+        }
+        Ok(&self.copy)
+    }
+
+    fn refuse<T>(&self) -> Result<T, StoreError> {
+        Err(QueryError::bad_value("the memory as it was cannot be changed; leave out --at").into())
+    }
+}
+
+impl Store for Past {
+    fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        // Computed documents, for as long as this process runs.
+        self.with(ns)?.insert(ns, documents)
+    }
+
+    fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        self.with(ns)?.find(ns, find)
+    }
+
+    fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        self.with(ns)?.explain(ns, find)
+    }
+
+    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        self.with(ns)?.count(ns, filter)
+    }
+
+    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        self.with(ns)?.distinct(ns, field, filter)
+    }
+
+    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        if computables::target(ns, pipeline).is_some() {
+            return self.refuse();
+        }
+        for (other, _) in computables::questions(ns, pipeline) {
+            self.with(&other)?;
+        }
+        self.with(ns)?.aggregate(ns, pipeline)
+    }
+
+    fn update(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        timestamp: Option<DateTime>,
+    ) -> Result<Updated, StoreError> {
+        self.with(ns)?.update(ns, update, timestamp)
+    }
+
+    fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
+        self.with(ns)?.put(ns, documents, timestamp)
+    }
+
+    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        self.with(ns)?.delete(ns, filter, first_only)
+    }
+
+    fn drop(&self, _: &Namespace) -> Result<bool, StoreError> {
+        self.refuse()
+    }
+
+    fn rename(&self, _: &Namespace, _: &Namespace) -> Result<(), StoreError> {
+        self.refuse()
+    }
+
+    fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
+        self.with(ns)?.create_index(ns, index)
+    }
+
+    fn drop_index(&self, _: &Namespace, _: &str) -> Result<bool, StoreError> {
+        self.refuse()
+    }
+
+    fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
+        self.with(ns)?.indexes(ns)
+    }
+
+    /// The collections of which there were documents, sorted.
+    fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        let mut all = self.source.collections()?;
+        for store in self.source.stores()? {
+            all.extend(store.changed_collections()?);
+        }
+        all.sort();
+        all.dedup();
+        let mut there = Vec::new();
+        for ns in all.into_iter().filter(|ns| !ns.is_own()) {
+            if self.with(&ns)?.count(&ns, &Document::new())? > 0 {
+                there.push(ns);
+            }
+        }
+        Ok(there)
+    }
+
+    fn watch(&self, _: &Namespace, _: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
+        self.refuse()
+    }
+
+    fn forget(&self, _: &Namespace, _: &str) -> Result<bool, StoreError> {
+        self.refuse()
+    }
+
+    fn names(&self) -> Result<Vec<Name>, StoreError> {
+        Ok(Vec::new())
+    }
+
+    fn create(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        Store::create(self.with(ns)?, ns)
+    }
+
+    fn describe(&self) -> String {
+        format!("{} as of {}", self.source.describe(), self.at.try_to_rfc3339_string().unwrap_or_default())
+    }
+}

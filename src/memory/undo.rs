@@ -1,0 +1,158 @@
+//! Taking changes back: documents become again what the history says they were.
+//!
+//! Changes that were made later to the same documents would be overwritten. They are reported, and
+//! kept unless it is forced. What is done is itself a change, of which there is a history.
+
+use std::collections::BTreeMap;
+
+use bson::{Bson, Document, RawDocumentBuf, doc};
+
+use super::Memory;
+use super::history::Selection;
+use crate::query::{QueryError, key};
+use crate::store::history::Entry;
+use crate::store::{ChangeKind, Find, Namespace, StoreError};
+
+/// How many of the last runs of commands are taken back where nothing else is selected.
+pub const DEFAULT_LAST: usize = 1;
+
+/// What is to be done to one document.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Restoration {
+    /// Which document.
+    pub id: Bson,
+    /// What it becomes; none where it goes.
+    pub target: Option<Document>,
+    /// The changes made later, that would be overwritten.
+    pub later: Vec<Entry>,
+    /// Whether it is not what the last selected change made it, though no later change is known.
+    pub differs: bool,
+}
+
+/// What taking changes back does.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct UndoPlan {
+    /// How many changes are taken back.
+    pub changes: usize,
+    /// What becomes of the documents, in the order of their first change.
+    pub documents: Vec<Restoration>,
+}
+
+impl Restoration {
+    /// Whether something else would be lost.
+    #[must_use]
+    pub fn is_conflict(&self) -> bool {
+        self.differs || !self.later.is_empty()
+    }
+}
+
+impl UndoPlan {
+    /// The documents of which something else would be lost.
+    pub fn conflicts(&self) -> impl Iterator<Item = &Restoration> {
+        self.documents.iter().filter(|document| document.is_conflict())
+    }
+}
+
+/// The changes of one document.
+struct Changes {
+    order: usize,
+    first: Option<Entry>,
+    last: Option<Entry>,
+    later: Vec<Entry>,
+}
+
+impl Memory {
+    /// Plans to take back what a selection wants; of that the changes of the `last` runs of commands, or
+    /// all of them.
+    ///
+    /// # Errors
+    /// Where the history is not kept, or has not what a document was; where the store fails.
+    pub fn plan_undo(&self, selection: &Selection, last: Option<usize>) -> Result<UndoPlan, StoreError> {
+        let ns = &selection.namespace;
+        let mut selected: Vec<Entry> = self.history(selection)?.collect::<Result<_, _>>()?;
+        selected.retain(|entry| entry.change.id.is_some());
+        if let Some(last) = last {
+            let first = start_of_runs(&selected, last);
+            selected.drain(..first);
+        }
+        let whole =
+            Selection { filter: Document::new(), since: None, by: None, positions: Vec::new(), ..selection.clone() };
+        let mut changes: BTreeMap<Vec<u8>, Changes> = BTreeMap::new();
+        let mut waiting = selected.iter().peekable();
+        let count = selected.len();
+        for (order, entry) in self.history(&whole)?.enumerate() {
+            let entry = entry?;
+            let Some(id) = &entry.change.id else { continue };
+            let key = key::encode_value(id);
+            let is_selected = waiting.peek().is_some_and(|next| next.change.position == entry.change.position);
+            if is_selected {
+                waiting.next();
+                let of = changes.entry(key).or_insert(Changes { order, first: None, last: None, later: Vec::new() });
+                of.first.get_or_insert_with(|| entry.clone());
+                of.last = Some(entry);
+            } else if let Some(of) = changes.get_mut(&key) {
+                of.later.push(entry);
+            }
+        }
+        let mut ordered: Vec<Changes> = changes.into_values().collect();
+        ordered.sort_by_key(|changes| changes.order);
+        let documents = ordered.into_iter().filter_map(|changes| self.restoration(ns, changes).transpose());
+        Ok(UndoPlan { changes: count, documents: documents.collect::<Result<_, _>>()? })
+    }
+
+    /// What becomes of a document; nothing where it stays as it is.
+    fn restoration(&self, ns: &Namespace, changes: Changes) -> Result<Option<Restoration>, StoreError> {
+        let (Some(first), Some(last)) = (changes.first, changes.last) else { return Ok(None) };
+        let id = first.change.id.clone().unwrap_or(Bson::Null);
+        if first.change.before.is_none() && first.change.kind != ChangeKind::Insert {
+            let message = format!("the history of {ns} has not what the document with _id {id} was before");
+            return Err(QueryError::bad_value(message).into());
+        }
+        let find = Find { filter: doc! { "_id": { "$eq": &id } }, limit: 1, ..Find::default() };
+        let now: Option<RawDocumentBuf> = self.routes.reading(ns)?.find(ns, &find)?.next().transpose()?;
+        let target = first.change.before;
+        if now == target {
+            return Ok(None);
+        }
+        let expected = last.change.after.filter(|_| last.change.kind != ChangeKind::Delete);
+        let differs = changes.later.is_empty() && now != expected;
+        let target = target.map(|before| Document::try_from(&*before)).transpose().map_err(QueryError::from)?;
+        Ok(Some(Restoration { id, target, later: changes.later, differs }))
+    }
+
+    /// Does what was planned, on an embedded store as one change.
+    ///
+    /// # Errors
+    /// Where a unique key is taken meanwhile, or the store fails.
+    pub fn undo(&self, ns: &Namespace, plan: &UndoPlan) -> Result<(), StoreError> {
+        let store = self.routes.of(ns)?;
+        let work = || {
+            store.atomically(&mut || {
+                for gone in plan.documents.iter().filter(|document| document.target.is_none()) {
+                    store.delete(ns, &doc! { "_id": { "$eq": &gone.id } }, true)?;
+                }
+                let back = plan.documents.iter().filter_map(|document| document.target.clone()).collect();
+                store.put(ns, back, None).map(drop)
+            })
+        };
+        let count = plan.documents.len() as u64;
+        self.journal.note("undo", Some(ns), |()| count, work)
+    }
+}
+
+/// Where the changes of the last runs of commands begin.
+fn start_of_runs(entries: &[Entry], last: usize) -> usize {
+    let (mut runs, mut previous, mut start) = (0, None, entries.len());
+    for (nth, entry) in entries.iter().enumerate().rev() {
+        // A change of which no run is known is one by itself.
+        if entry.run.is_none() || previous != Some(entry.run) {
+            runs += 1;
+            previous = Some(entry.run);
+        }
+        if runs > last {
+            break;
+        }
+        start = nth;
+    }
+    start
+}

@@ -1,0 +1,24 @@
+//! What a write transaction knows of the log of changes.
+
+use std::cell::{Cell, RefCell};
+
+use super::history::{Keeping, Kept};
+use crate::store::Namespace;
+
+/// What is watched, and which histories are kept.
+pub(super) struct Watched {
+    /// The watched collections, with empty names for all.
+    pub(super) patterns: Vec<Namespace>,
+    pub(super) histories: Vec<Kept>,
+}
+
+/// The state of the log in the current write transaction.
+#[derive(Default)]
+pub(super) struct Log {
+    /// What is watched, read once per transaction.
+    pub(super) watched: RefCell<Option<Watched>>,
+    /// Whether a change was appended.
+    pub(super) noted: Cell<bool>,
+    /// The histories that this process keeps.
+    pub(super) keeping: Keeping,
+}

@@ -1,0 +1,98 @@
+//! What a store keeps of changes: the history of a collection, and the collection as it was.
+
+use std::time::Duration;
+
+use bson::DateTime;
+
+use super::error::StoreError;
+use super::namespace::Namespace;
+use super::watch::{Change, Scope};
+use crate::formats::shell;
+use crate::query::QueryError;
+
+/// How long, and how much of, the history of a scope is kept. Of several rules for a collection, that
+/// of the smallest scope counts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HistoryRule {
+    /// Which collections.
+    pub scope: Scope,
+    /// How long a change is kept; zero keeps none.
+    pub age: Duration,
+    /// The most bytes of changes that are kept.
+    pub size: u64,
+}
+
+/// A kept change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// The change, with the documents before and after it.
+    pub change: Change,
+    /// Whether the document went because its collection was dropped, renamed or replaced.
+    pub dropped: bool,
+    /// The command or program that made the change, where that is known.
+    pub author: Option<String>,
+    /// What the changes of one run of a command have in common.
+    pub run: Option<i64>,
+}
+
+/// The kept changes of a collection.
+pub struct History<'a> {
+    /// All changes since then are kept.
+    pub since: DateTime,
+    /// The changes in order.
+    pub entries: Box<dyn Iterator<Item = Result<Entry, StoreError>> + 'a>,
+}
+
+impl HistoryRule {
+    /// Returns the rule for a collection.
+    #[must_use]
+    pub fn of<'r>(rules: &'r [Self], ns: &Namespace) -> Option<&'r Self> {
+        let fits = |rule: &&Self| match &rule.scope {
+            Scope::Collection(own) => own == ns,
+            Scope::Database(database) => *database == ns.database && !ns.is_own(),
+            Scope::All => !ns.is_own(),
+        };
+        let narrowness = |rule: &&Self| match rule.scope {
+            Scope::Collection(_) => 2,
+            Scope::Database(_) => 1,
+            Scope::All => 0,
+        };
+        rules.iter().filter(fits).max_by_key(narrowness).filter(|rule| !rule.age.is_zero())
+    }
+}
+
+/// The error where the history of a collection is not kept.
+#[must_use]
+pub fn not_kept(ns: &Namespace) -> StoreError {
+    let message =
+        format!("no history of {ns} is kept; keep_history = \"24h\" in rmem.toml keeps it from the next write on");
+    QueryError::bad_value(message).into()
+}
+
+/// The error where the history of a collection does not reach back to a time.
+#[must_use]
+pub fn too_old(ns: &Namespace, at: DateTime, since: DateTime) -> StoreError {
+    let text = |time: DateTime| shell::relaxed_value(&time.into());
+    let message = format!("the history of {ns} begins at {}; what it was at {} is not known", text(since), text(at));
+    QueryError::bad_value(message).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rule_of_the_smallest_scope_counts() {
+        let ns = |text: &str| Namespace::parse(text).unwrap();
+        let rule = |scope, seconds| HistoryRule { scope, age: Duration::from_secs(seconds), size: 1 };
+        let rules = [
+            rule(Scope::Collection(ns("a.b")), 3),
+            rule(Scope::All, 1),
+            rule(Scope::Database("a".to_owned()), 2),
+            rule(Scope::Collection(ns("a.off")), 0),
+        ];
+        let age = |name: &str| HistoryRule::of(&rules, &ns(name)).map(|rule| rule.age.as_secs());
+        assert_eq!([age("a.b"), age("a.c"), age("x.y")], [Some(3), Some(2), Some(1)]);
+        assert_eq!([age("a.off"), age("a.rmem.own")], [None, None]);
+    }
+}

@@ -1,0 +1,401 @@
+//! The history of collections on a server: kept in the collection `rmem.history` of each database.
+//!
+//! It is filled from change streams, by a watch whose position the server keeps (`position`). Whoever
+//! writes by rmem, reads the history, or runs `rmem record`, goes on from that position: so what other
+//! clients change is recorded, too, and a process that is killed between its write and the recording
+//! leaves that to the next. An entry's `_id` is the position of its change, so none is recorded twice.
+//! rmem signs its own changes once they are recorded.
+
+use std::collections::hash_map::Entry::Vacant;
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use bson::raw::RawBsonRef;
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
+use mongodb::sync::Collection;
+
+use super::MongoDb;
+use super::position::HISTORY;
+use crate::query::{QueryError, key};
+use crate::store::history::{Entry, History, HistoryRule, not_kept, too_old};
+use crate::store::metadata::{INSERTED, UPDATED, info_path};
+use crate::store::{Change, ChangeKind, Changes, Documents, Find, Namespace, Next, Store as _, StoreError};
+
+/// The collection of entries: `{_id, ns, operation, document, computed, time, before, after, by, run}`.
+const ENTRIES: &str = "rmem.history";
+/// The collection that says since when the history of a collection is whole: `{_id, since}`.
+const BEGINNINGS: &str = "rmem.histories";
+/// How long one waits for one's own changes to come.
+const OWN_TIMEOUT: Duration = Duration::from_secs(2);
+/// How long one waits for more changes when the history is read.
+const LULL: Duration = Duration::from_millis(300);
+/// Images of more bytes are left out: an entry is a document, which has at most 16 MiB.
+const LARGEST_IMAGES: usize = 15 << 20;
+/// So many changes are written at once.
+const BATCH: usize = 200;
+
+/// The histories that this process keeps, and how it signs.
+#[derive(Default)]
+pub(super) struct Keeping {
+    pub(super) rules: Vec<HistoryRule>,
+    author: String,
+    run: i64,
+    /// The collections whose recording has begun.
+    begun: HashSet<Namespace>,
+    /// Whether a write is being recorded, of which another is a part.
+    is_recording: bool,
+}
+
+impl Keeping {
+    pub(super) fn sign(&mut self, author: &str) {
+        author.clone_into(&mut self.author);
+        self.run = DateTime::now().timestamp_millis().max(self.run + 1);
+    }
+}
+
+/// Which changes a write made, as a filter on entries, and how many.
+pub(super) struct Made {
+    pub(super) count: u64,
+    pub(super) filter: Document,
+}
+
+impl Made {
+    /// What was stored under these `_id`s.
+    pub(super) fn inserts(ids: &[Bson]) -> Self {
+        let filter = doc! { "operation": "insert", "document": { "$in": ids } };
+        Self { count: ids.len() as u64, filter }
+    }
+
+    /// What has this date in its metadata.
+    pub(super) fn dated(count: u64, at: Option<DateTime>) -> Self {
+        let filter = at.map_or_else(Document::new, |at| {
+            let dated = |key: &str| doc! { format!("after.{}", info_path(key)): at };
+            doc! { "$or": [dated(UPDATED), dated(INSERTED)] }
+        });
+        Self { count, filter }
+    }
+
+    /// What was removed.
+    pub(super) fn removals(count: u64) -> Self {
+        Self { count, filter: doc! { "operation": { "$in": ["delete", "drop"] } } }
+    }
+}
+
+impl MongoDb {
+    fn keeping(&self) -> std::sync::MutexGuard<'_, Keeping> {
+        self.keeping.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    pub(super) fn set_history(&self, rules: &[HistoryRule]) {
+        self.keeping().rules = rules.to_vec();
+    }
+
+    pub(super) fn set_author(&self, author: &str) {
+        self.keeping().sign(author);
+    }
+
+    fn rule(&self, ns: &Namespace) -> Option<HistoryRule> {
+        HistoryRule::of(&self.keeping().rules, ns).cloned()
+    }
+
+    fn entries(&self, ns: &Namespace) -> Collection<Document> {
+        self.client().database(&ns.database).collection(ENTRIES)
+    }
+
+    fn beginnings(&self, ns: &Namespace) -> Collection<Document> {
+        self.client().database(&ns.database).collection(BEGINNINGS)
+    }
+
+    /// Writes, and records what was changed, where the history is kept.
+    pub(super) fn recorded<T>(
+        &self,
+        ns: &Namespace,
+        made: impl FnOnce(&T) -> Made,
+        work: impl FnOnce() -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let Some(rule) = self.rule(ns).filter(|_| !self.keeping().is_recording) else { return work() };
+        self.begin(ns)?;
+        let start = self.server_time()?;
+        self.keeping().is_recording = true;
+        let done = work();
+        self.keeping().is_recording = false;
+        if let Ok(done) = &done {
+            self.record_own(ns, &rule, &made(done), start)?;
+        }
+        done
+    }
+
+    /// Makes the watch of a collection, before the first change that it is to record.
+    fn begin(&self, ns: &Namespace) -> Result<(), StoreError> {
+        if self.keeping().begun.contains(ns) {
+            return Ok(());
+        }
+        let name = name(ns);
+        let is_known = self.names_in(&ns.database)?.contains(&name);
+        match self.follow(ns, Some(&name)) {
+            // Another process records at this moment.
+            Ok(_) | Err(StoreError::Held { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        if !is_known {
+            let now = self.server_time()?;
+            self.begin_at(ns, now)?;
+            let index =
+                doc! { "createIndexes": ENTRIES, "indexes": [{ "key": { "ns": 1, "_id": 1 }, "name": "ns_1__id_1" }] };
+            self.client().database(&ns.database).run_command(index).run().map_err(|e| self.explain(&e))?;
+        }
+        self.keeping().begun.insert(ns.clone());
+        Ok(())
+    }
+
+    /// Notes that the history of a collection is whole since a time.
+    fn begin_at(&self, ns: &Namespace, since: DateTime) -> Result<(), StoreError> {
+        let set = doc! { "$max": { "since": since } };
+        let own = doc! { "_id": &ns.collection };
+        self.beginnings(ns).update_one(own, set).upsert(true).run().map(drop).map_err(|e| self.explain(&e))
+    }
+
+    fn server_time(&self) -> Result<DateTime, StoreError> {
+        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
+        let hello = hello.map_err(|e| self.explain(&e))?;
+        Ok(hello.get_datetime("localTime").copied().unwrap_or_else(|_| DateTime::now()))
+    }
+
+    /// Records the changes up to those of a write, and signs these.
+    fn record_own(&self, ns: &Namespace, rule: &HistoryRule, made: &Made, start: DateTime) -> Result<(), StoreError> {
+        if made.count == 0 {
+            return Ok(());
+        }
+        let (author, run) = {
+            let keeping = self.keeping();
+            (keeping.author.clone(), keeping.run)
+        };
+        let mut own = made.filter.clone();
+        own.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": { "$gte": start } });
+        let set = doc! { "$set": { "by": author, "run": run } };
+        let (deadline, mut signed) = (Instant::now() + OWN_TIMEOUT, 0);
+        while signed < made.count && Instant::now() < deadline {
+            // While another process records, one waits for it.
+            if self.catch_up(ns, rule, Duration::from_millis(50), made.count - signed)? == 0 {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            let updated = self.entries(ns).update_many(own.clone(), set.clone()).run();
+            signed += updated.map_err(|e| self.explain(&e))?.modified_count;
+        }
+        Ok(())
+    }
+
+    /// Records the changes that are there, at most so many; returns how many.
+    fn catch_up(&self, ns: &Namespace, rule: &HistoryRule, lull: Duration, most: u64) -> Result<u64, StoreError> {
+        let mut changes = match self.follow(ns, Some(&name(ns))) {
+            Ok(changes) => changes,
+            Err(StoreError::Held { .. }) => return Ok(0),
+            Err(error) => return Err(error),
+        };
+        let (mut total, mut batch) = (0, Vec::new());
+        while total < most
+            && let Next::Change(change) = changes.next(lull)?
+        {
+            total += 1;
+            batch.push(entry(ns, &change)?);
+            if batch.len() >= BATCH {
+                self.keep(ns, &mut batch, &mut *changes)?;
+            }
+        }
+        self.keep(ns, &mut batch, &mut *changes)?;
+        if total > 0 {
+            self.bound(ns, rule)?;
+        }
+        Ok(total)
+    }
+
+    /// Writes entries, and that they are written.
+    fn keep(&self, ns: &Namespace, batch: &mut Vec<Document>, changes: &mut dyn Changes) -> Result<(), StoreError> {
+        for entry in batch.drain(..) {
+            let own = doc! { "_id": entry.get("_id").cloned().unwrap_or(Bson::Null) };
+            let new = doc! { "$setOnInsert": entry };
+            self.entries(ns).update_one(own, new).upsert(true).run().map_err(|e| self.explain(&e))?;
+        }
+        changes.done()
+    }
+
+    /// Lets go of entries that are too old or too many.
+    fn bound(&self, ns: &Namespace, rule: &HistoryRule) -> Result<(), StoreError> {
+        let oldest = self.oldest(rule)?;
+        let old = doc! { "ns": ns.to_string(), "time": { "$lt": oldest } };
+        self.entries(ns).delete_many(old).run().map_err(|e| self.explain(&e))?;
+        let statistics = doc! { "collStats": ENTRIES };
+        let statistics = self.client().database(&ns.database).run_command(statistics).run();
+        let statistics = statistics.map_err(|e| self.explain(&e))?;
+        let number = |key: &str| match statistics.get(key) {
+            Some(Bson::Int32(number)) => u64::try_from(*number).unwrap_or_default(),
+            Some(Bson::Int64(number)) => u64::try_from(*number).unwrap_or_default(),
+            _ => 0,
+        };
+        if number("size") > rule.size { self.cut(ns, number("count") / 4 + 1) } else { Ok(()) }
+    }
+
+    /// Removes the oldest entries of a database.
+    fn cut(&self, ns: &Namespace, count: u64) -> Result<(), StoreError> {
+        let first = self.entries(ns).find(doc! {}).sort(doc! { "_id": 1 }).skip(count).limit(1).run();
+        let first = first.map_err(|e| self.explain(&e))?.next().transpose().map_err(|e| self.explain(&e))?;
+        let Some(first) = first else { return Ok(()) };
+        let (id, time) = (first.get("_id").cloned().unwrap_or(Bson::Null), first.get_datetime("time").copied());
+        if let Ok(time) = time {
+            let all = self.beginnings(ns).update_many(doc! {}, doc! { "$max": { "since": time } }).run();
+            all.map_err(|e| self.explain(&e))?;
+        }
+        self.entries(ns).delete_many(doc! { "_id": { "$lt": id } }).run().map(drop).map_err(|e| self.explain(&e))
+    }
+
+    fn oldest(&self, rule: &HistoryRule) -> Result<DateTime, StoreError> {
+        let age = i64::try_from(rule.age.as_millis()).unwrap_or(i64::MAX);
+        Ok(DateTime::from_millis(self.server_time()?.timestamp_millis().saturating_sub(age)))
+    }
+
+    /// Since when the history of a collection is whole; nothing where none is kept.
+    fn beginning(&self, ns: &Namespace) -> Result<Option<DateTime>, StoreError> {
+        let found = self.beginnings(ns).find_one(doc! { "_id": &ns.collection }).run().map_err(|e| self.explain(&e))?;
+        let Some(since) = found.and_then(|found| found.get_datetime("since").ok().copied()) else { return Ok(None) };
+        match self.rule(ns) {
+            Some(rule) => Ok(Some(since.max(self.oldest(&rule)?))),
+            None => Ok(Some(since)),
+        }
+    }
+
+    pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
+        let Some(since) = self.beginning(ns)? else { return Ok(None) };
+        if let Some(rule) = self.rule(ns) {
+            self.catch_up(ns, &rule, LULL, u64::MAX)?;
+        }
+        let after = after.unwrap_or(DateTime::from_millis(i64::MIN));
+        let filter = doc! { "ns": ns.to_string(), "time": { "$gt": after }, "computed": { "$ne": true } };
+        let place = Namespace { database: ns.database.clone(), collection: ENTRIES.to_owned() };
+        let find = Find { filter, sort: doc! { "_id": 1 }, ..Find::default() };
+        let found: Documents<'_> = self.find(&place, &find)?;
+        let entries = found.map(|document| read(&document?).map_err(StoreError::from));
+        Ok(Some(History { since, entries: Box::new(entries) }))
+    }
+
+    pub(super) fn rewound(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
+        // The documents first: what is changed from here on is in the history.
+        let now: Vec<RawDocumentBuf> = self.find(ns, &Find::default())?.collect::<Result<_, _>>()?;
+        let history = self.past(ns, Some(at))?.ok_or_else(|| not_kept(ns))?;
+        if at < history.since {
+            return Err(too_old(ns, at, history.since));
+        }
+        let (mut changed, mut order) = (HashMap::new(), Vec::new());
+        for entry in history.entries {
+            let change = entry?.change;
+            let (Some(id), true) = (&change.id, change.kind != ChangeKind::Drop) else {
+                return Err(too_old(ns, at, change.time));
+            };
+            if change.before.is_none() && change.kind != ChangeKind::Insert {
+                return Err(too_old(ns, at, change.time));
+            }
+            let key = key::encode_value(id);
+            if let Vacant(first) = changed.entry(key) {
+                order.push(first.key().clone());
+                first.insert(change.before);
+            }
+        }
+        let mut documents = Vec::with_capacity(now.len());
+        for document in now {
+            match changed.remove(&id_key(&document)?) {
+                None if !is_computed(&document) => documents.push(document),
+                None => {}
+                Some(before) => documents.extend(before),
+            }
+        }
+        documents.extend(order.iter().filter_map(|key| changed.remove(key).flatten()));
+        Ok(documents)
+    }
+
+    /// Records what all clients change, until `stop`; returns how many changes.
+    pub(super) fn record_all(
+        &self,
+        ns: &Namespace,
+        stop: &AtomicBool,
+        begun: &mut dyn FnMut(),
+    ) -> Result<u64, StoreError> {
+        let rule = self.rule(ns).ok_or_else(|| not_kept(ns))?;
+        self.begin(ns)?;
+        let mut changes = self.follow(ns, Some(&name(ns)))?;
+        begun();
+        let (mut total, mut looked) = (0, Instant::now());
+        while !stop.load(Ordering::Relaxed) {
+            match changes.next(LULL)? {
+                Next::Change(change) => {
+                    total += 1;
+                    self.keep(ns, &mut vec![entry(ns, &change)?], &mut *changes)?;
+                }
+                Next::Nothing => {}
+                // The next call connects again.
+                Next::Interrupted(_) => std::thread::sleep(LULL),
+            }
+            if looked.elapsed() > Duration::from_secs(10) {
+                self.bound(ns, &rule)?;
+                looked = Instant::now();
+            }
+        }
+        changes.done()?;
+        Ok(total)
+    }
+}
+
+fn name(ns: &Namespace) -> String {
+    format!("{HISTORY}{}", ns.collection)
+}
+
+fn is_computed(document: &RawDocument) -> bool {
+    crate::store::metadata::is_computed(document).unwrap_or(false)
+}
+
+fn id_key(document: &RawDocument) -> Result<Vec<u8>, QueryError> {
+    Ok(document.get("_id")?.map(key::encode).unwrap_or_default())
+}
+
+/// A change as it is written.
+fn entry(ns: &Namespace, change: &Change) -> Result<Document, QueryError> {
+    let mut entry =
+        doc! { "_id": &change.position, "ns": ns.to_string(), "operation": change.kind.name(), "time": change.time };
+    entry.extend(change.id.clone().map(|id| ("document".to_owned(), id)));
+    if change.after.as_deref().or(change.before.as_deref()).is_some_and(is_computed) {
+        entry.insert("computed", true);
+    }
+    let size = |image: &Option<RawDocumentBuf>| image.as_ref().map_or(0, |image| image.as_bytes().len());
+    if size(&change.before) + size(&change.after) <= LARGEST_IMAGES {
+        for (key, image) in [("before", &change.before), ("after", &change.after)] {
+            if let Some(image) = image {
+                entry.insert(key, Document::try_from(&**image)?);
+            }
+        }
+    }
+    Ok(entry)
+}
+
+/// An entry as it was written.
+fn read(document: &RawDocument) -> Result<Entry, QueryError> {
+    let image = |key: &str| match document.get(key) {
+        Ok(Some(RawBsonRef::Document(image))) => Ok(Some(image.to_owned())),
+        Ok(_) => Ok(None),
+        Err(error) => Err(QueryError::from(error)),
+    };
+    let text = |key: &str| document.get_str(key).ok().map(str::to_owned);
+    let operation = text("operation").unwrap_or_default();
+    use ChangeKind::{Delete, Drop, Insert, Replace, Update};
+    let kind = [Insert, Update, Replace, Delete, Drop].into_iter().find(|kind| kind.name() == operation);
+    let id = document.get("document")?.map(Bson::try_from).transpose()?;
+    let time = document.get_datetime("time").unwrap_or(DateTime::from_millis(0));
+    let change = Change {
+        kind: kind
+            .ok_or_else(|| QueryError::bad_value(format!("an entry of {ENTRIES} has the operation `{operation}`")))?,
+        id,
+        before: image("before")?,
+        after: image("after")?,
+        time,
+        position: text("_id").unwrap_or_default(),
+    };
+    Ok(Entry { change, dropped: false, author: text("by"), run: document.get_i64("run").ok() })
+}

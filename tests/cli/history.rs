@@ -1,0 +1,254 @@
+//! history, undo, and --at: what a memory was, and how it became what it is.
+
+use crate::lab::{Lab, TASK};
+
+const NS: &str = "robmem.worldmodel";
+
+/// A folder whose memory keeps the history of everything for a day.
+fn lab() -> Lab {
+    with_settings("keep_history = '24h'\n")
+}
+
+fn with_settings(settings: &str) -> Lab {
+    let lab = Lab::new();
+    lab.write("rmem.toml", &format!("memory = 'file:robot.rmem'\n{settings}"));
+    lab
+}
+
+fn lines(text: &str) -> Vec<serde_json::Value> {
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// The history, without times.
+fn history(lab: &Lab, more: &[&str]) -> Vec<serde_json::Value> {
+    lines(&lab.rmem(&[&["history", NS], more].concat()).success())
+}
+
+/// The time at which the last change was made.
+fn last_time(lab: &Lab) -> String {
+    let all = history(lab, &[]);
+    all.last().unwrap()["time"]["$date"].as_str().unwrap().to_owned()
+}
+
+/// Lets the clock go on, so that what comes next has another time.
+fn tick() {
+    std::thread::sleep(std::time::Duration::from_millis(5));
+}
+
+#[test]
+fn a_change_has_its_time_its_command_and_both_documents() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, at: 'A'}", "{_id: 2, at: 'B'}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'C'}}"]).success();
+    lab.rmem(&["delete", NS, "{_id: 2}"]).success();
+    let all = history(&lab, &[]);
+    let short: Vec<_> = all
+        .iter()
+        .map(|entry| {
+            format!("{} {} {} {} {}", entry["by"], entry["operation"], entry["_id"], entry["before"], entry["after"])
+        })
+        .collect();
+    assert_eq!(
+        short,
+        [
+            r#""rmem insert" "insert" 1 null {"_id":1,"at":"A"}"#,
+            r#""rmem insert" "insert" 2 null {"_id":2,"at":"B"}"#,
+            r#""rmem update" "update" 1 {"_id":1,"at":"A"} {"_id":1,"at":"C"}"#,
+            r#""rmem delete" "delete" 2 {"_id":2,"at":"B"} null"#,
+        ]
+    );
+    assert!(all.iter().all(|entry| entry["time"]["$date"].is_string() && entry["ns"] == NS));
+    assert_eq!(history(&lab, &["{at: 'C'}"]).len(), 1);
+    assert_eq!(history(&lab, &["{_id: 2}", "--by", "delete"]).len(), 1);
+    assert_eq!(history(&lab, &["--limit", "2"]).len(), 2);
+    assert_eq!(history(&lab, &["--since", "1h"]).len(), 4);
+    assert!(history(&lab, &["--meta", "--limit", "1"])[0]["before"]["_robmem_info"].is_object());
+}
+
+#[test]
+fn a_memory_whose_history_is_not_kept_says_how_to_keep_it() {
+    let lab = with_settings("");
+    lab.rmem(&["insert", NS, "{_id: 1}"]).success();
+    for command in [&["history", NS][..], &["undo", NS], &["query", NS, "--at", "1s"], &["dump", NS, "--at", "1s"]] {
+        let run = lab.rmem(command).exits(3);
+        assert!(run.stderr.contains("keep_history = \"24h\""), "{run}");
+    }
+    // Another table of the file is not made: nothing is paid.
+    let tables = "SELECT count(*) FROM sqlite_schema WHERE name IN ('histories', 'origins')";
+    let file = rusqlite::Connection::open(lab.path().join("robot.rmem")).unwrap();
+    assert_eq!(file.query_row(tables, [], |row| row.get::<_, i64>(0)).unwrap(), 0);
+}
+
+#[test]
+fn rules_are_for_databases_and_collections() {
+    let lab = with_settings("[keep_history]\nrobmem = '1h'\n'robmem.camera' = 'off'\n");
+    for ns in [NS, "robmem.camera", "other.things"] {
+        lab.rmem(&["insert", ns, "{_id: 1}"]).success();
+    }
+    assert_eq!(history(&lab, &[]).len(), 1);
+    for ns in ["robmem.camera", "other.things"] {
+        assert!(lab.rmem(&["history", ns]).exits(3).stderr.contains("no history"));
+    }
+    // Off: the history goes, at the next write.
+    lab.write("rmem.toml", "memory = 'file:robot.rmem'\nkeep_history = { robmem = 'off' }\n");
+    lab.rmem(&["insert", NS, "{_id: 2}"]).success();
+    assert!(lab.rmem(&["history", NS]).exits(3).stderr.contains("no history"));
+}
+
+#[test]
+fn a_program_without_the_setting_keeps_the_history_too() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1}"]).success();
+    lab.write("other/rmem.toml", "memory = 'file:../robot.rmem'\n");
+    lab.shell("cd other && rmem update robmem.worldmodel '{_id: 1}' '{$set: {a: 1}}'").success();
+    assert_eq!(history(&lab, &[]).len(), 2);
+}
+
+#[test]
+fn undo_takes_the_last_command_back_and_undo_again_takes_that_back() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, n: 1}", "{_id: 2, n: 1}", "{_id: 3, n: 1}"]).success();
+    let before = lab.rmem(&["query", NS, "--meta"]).success();
+    lab.rmem(&["update", NS, "{}", "{$set: {n: 2}}", "--many"]).success();
+    let dry = lab.rmem(&["undo", NS, "--dry-run"]).exits(0);
+    assert!(dry.stderr.contains("1 would become {\"_id\":1,\"n\":1"), "{dry}");
+    assert_eq!(lab.rmem(&["count", NS, "{n: 2}"]).success(), "3\n");
+    assert_eq!(lab.rmem(&["undo", NS]).success(), "{\"changes\":3,\"restored\":3,\"removed\":0}\n");
+    assert_eq!(lab.rmem(&["query", NS, "--meta"]).success(), before, "with the metadata it had");
+    assert_eq!(lab.rmem(&["undo", NS]).success(), "{\"changes\":3,\"restored\":3,\"removed\":0}\n");
+    assert_eq!(lab.rmem(&["count", NS, "{n: 2}"]).success(), "3\n");
+    assert_eq!(lab.rmem(&["undo", NS, "--last", "4"]).success(), "{\"changes\":12,\"restored\":0,\"removed\":3}\n");
+    assert_eq!(lab.rmem(&["count", NS]).success(), "0\n");
+    assert_eq!(history(&lab, &["--by", "undo"]).len(), 9);
+}
+
+#[test]
+fn undo_brings_back_what_was_deleted_dropped_and_replaced() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1}", "{_id: 2}", "{_id: 3}"]).success();
+    let before = lab.rmem(&["query", NS, "--sort", "{_id: 1}"]).success();
+    let now = || lab.rmem(&["query", NS, "--sort", "{_id: 1}"]).success();
+    lab.write("world.json", "{\"robmem.worldmodel\": [{\"_id\": 9}]}");
+    for change in [
+        &["delete", NS, "{}", "--all"][..],
+        &["drop", NS],
+        &["restore", "world.json", "--drop"],
+        &["aggregate", NS, "[{$match: {_id: 2}}, {$out: 'worldmodel'}]"],
+    ] {
+        lab.rmem(change).success();
+        assert_ne!(now(), before, "{change:?}");
+        lab.rmem(&["undo", NS]).success();
+        assert_eq!(now(), before, "{change:?}");
+    }
+}
+
+#[test]
+fn undo_that_would_overwrite_later_changes_says_which_and_needs_force() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, n: 1}", "{_id: 2, n: 1}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {n: 2}}"]).success();
+    let position = history(&lab, &["--limit", "1"])[0]["position"].as_str().unwrap().to_owned();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {m: 'later'}}"]).success();
+    lab.rmem(&["delete", NS, "{_id: 2}"]).success();
+    let run = lab.rmem(&["undo", NS, "--change", &position]).exits(5);
+    assert!(run.stderr.contains("would overwrite later changes"), "{run}");
+    assert!(run.stderr.contains("1: update by rmem update at "), "{run}");
+    assert_eq!(run.stderr.matches("position").count(), 1, "the other document is not concerned: {run}");
+    assert_eq!(lab.rmem(&["query", NS, "{_id: 1}"]).success(), "{\"_id\":1,\"n\":2,\"m\":\"later\"}\n");
+    lab.rmem(&["undo", NS, "--change", &position, "--force"]).success();
+    assert_eq!(lab.rmem(&["query", NS, "{_id: 1}"]).success(), "{\"_id\":1,\"n\":1}\n");
+    let none = lab.rmem(&["undo", NS, "{_id: 77}"]).exits(0);
+    assert!(none.stderr.contains("no change of robmem.worldmodel is to be taken back"), "{none}");
+    let wrong = lab.rmem(&["undo", NS, "{_id: }"]).exits(3);
+    assert!(wrong.stderr.contains("<query>:1:7"), "{wrong}");
+}
+
+#[test]
+fn a_query_at_a_time_answers_as_it_would_have_answered() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, at: 'A'}", "{_id: 2, at: 'B'}", "{_id: 3, at: 'C'}"]).success();
+    lab.rmem(&["insert", "robmem.rooms", "{_id: 'A', floor: 1}"]).success();
+    let (time, before) = (last_time(&lab), lab.rmem(&["query", NS]).success());
+    tick();
+    lab.rmem(&["update", NS, "{_id: 2}", "{$set: {at: 'D'}}"]).success();
+    lab.rmem(&["delete", NS, "{_id: 1}"]).success();
+    lab.rmem(&["insert", NS, "{_id: 4}"]).success();
+    lab.rmem(&["drop", "robmem.rooms"]).success();
+    let at = |args: &[&str]| lab.rmem(&[args, &["--at", &time]].concat()).success();
+    assert_eq!(at(&["query", NS]), before, "in the same order");
+    assert_eq!(at(&["query", NS, "{at: 'B'}", "--fields", "{_id: 1}"]), "{\"_id\":2}\n");
+    assert_eq!(at(&["count", NS]), "3\n");
+    let world = at(&["dump", "--all"]);
+    assert!(
+        world.contains("robmem.worldmodel") && world.contains("\"at\":\"A\"") && !world.contains("\"D\""),
+        "{world}"
+    );
+    assert_eq!(lab.rmem(&["query", NS, "--at", "1h"]).exits(3).stderr.matches("history of").count(), 1);
+    let wrong = lab.rmem(&["query", NS, "--at", "tomorrow"]).exits(2);
+    assert!(wrong.stderr.contains("expected 14:03:20 (UTC)"), "{wrong}");
+    assert!(lab.rmem(&["query", NS, "--at", "2999-01-01"]).exits(2).stderr.contains("in the future"));
+}
+
+#[test]
+fn a_problem_and_a_plan_are_made_again_as_they_were() {
+    let lab = lab();
+    let task: Vec<&str> = TASK.iter().copied().filter(|word| *word != "--load" && !word.ends_with(".json")).collect();
+    lab.rmem(&["restore", "fixtures/blocksworld.json"]).success();
+    let problem: Vec<&str> = [&["gen-problem"], &task[..]].concat();
+    let before = lab.rmem(&problem).success();
+    let plan = lab.rmem(&[&["plan"], &task[..]].concat()).success();
+    let ns = lab.rmem(&["collections"]).success();
+    let ns = ns.lines().find(|name| !name.contains("plans")).unwrap().to_owned();
+    let all = lines(&lab.rmem(&["history", &ns]).success());
+    let time = all.last().unwrap()["time"]["$date"].as_str().unwrap();
+    tick();
+    lab.rmem(&["delete", &ns, "{relation: 'on'}", "--many"]).success();
+    assert_ne!(lab.rmem(&problem).success(), before);
+    assert_eq!(lab.rmem(&[&problem[..], &["--at", time]].concat()).success(), before);
+    assert_eq!(lab.rmem(&["plan", "rerun", "last", "--at", time]).success(), plan);
+}
+
+#[test]
+fn computables_answer_for_the_memory_as_it_was_and_are_not_in_the_history() {
+    let lab = with_settings(
+        "keep_history = '1h'\n[[computable]]\nname = 'low'\ncollection = 'robmem.worldmodel'\nspec = \"{low: true}\"\n\
+         pipeline = \"[{$match: {z: {$lt: 1}}}, {$project: {_id: 0, low: {$literal: true}, of: '$name'}}]\"\n",
+    );
+    lab.rmem(&["insert", NS, "{_id: 1, name: 'A', z: 0}", "{_id: 2, name: 'B', z: 5}"]).success();
+    let time = last_time(&lab);
+    tick();
+    lab.rmem(&["update", NS, "{_id: 2}", "{$set: {z: 0}}"]).success();
+    let of = |more: &[&str]| lab.rmem(&[&["count", NS, "{low: true}"], more].concat()).success();
+    assert_eq!([of(&[]), of(&["--at", &time])], ["2\n", "1\n"]);
+    assert_eq!(history(&lab, &[]).len(), 3);
+}
+
+#[test]
+fn a_history_is_bounded_by_its_size() {
+    let lab = with_settings("keep_history = '24h'\nhistory_size = '200K'\n");
+    lab.rmem(&["insert", NS, "{_id: 1, pad: ''}"]).success();
+    let first = last_time(&lab);
+    for _ in 0..30 {
+        let update = format!("{{$set: {{pad: '{}'}}, $inc: {{n: 1}}}}", "x".repeat(10_000));
+        lab.rmem(&["update", NS, "{_id: 1}", &update]).success();
+    }
+    let kept = history(&lab, &[]).len();
+    assert!((5..15).contains(&kept), "{kept}");
+    let run = lab.rmem(&["query", NS, "--at", &first]).exits(3);
+    assert!(run.stderr.contains("the history of robmem.worldmodel begins at"), "{run}");
+    // A collection that is too large to be kept is dropped all the same.
+    let big = format!("{{_id: 2, pad: '{}'}}", "x".repeat(300_000));
+    lab.rmem_with(&["insert", NS, "--file", "-"], &big).success();
+    let time = last_time(&lab);
+    tick();
+    lab.rmem(&["drop", NS]).success();
+    assert!(lab.rmem(&["query", NS, "--at", &time]).exits(3).stderr.contains("is not known"));
+}
+
+#[test]
+fn record_is_for_servers() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1}"]).success();
+    let run = lab.rmem(&["record", NS]).exits(2);
+    assert!(run.stderr.contains("every write keeps the history of a file itself"), "{run}");
+}

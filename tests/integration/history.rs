@@ -1,0 +1,123 @@
+//! The history on a MongoDB server: of rmem's own writes, and of what other clients change.
+
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use bson::{DateTime, Document, doc};
+use libtest_mimic::Failed;
+use mongodb::sync::Client;
+use rmem::memory::Memory;
+use rmem::memory::history::{Selection, listed};
+use rmem::store::{Find, HistoryRule, Namespace, Scope, StoreUri, UpdateRequest, UpdateSpec};
+
+type Case = fn(&str) -> Result<(), Failed>;
+
+/// What is tried on the one server, by its address.
+pub(crate) const CASES: [(&str, Case); 3] = [
+    ("history::mongodb::own_writes_are_signed_and_those_of_others_are_recorded", written_by_all),
+    ("history::mongodb::the_memory_is_read_as_it_was_and_changes_are_taken_back", read_and_undone),
+    ("history::mongodb::record_keeps_the_history_while_it_runs", recorded),
+];
+
+fn ns(name: &str) -> Namespace {
+    Namespace { database: format!("history_{}", std::process::id()), collection: name.to_owned() }
+}
+
+fn memory(uri: &str, author: &str) -> Result<Memory, Failed> {
+    let uri = StoreUri::parse(uri)?;
+    let rule = HistoryRule { scope: Scope::All, age: Duration::from_secs(3600), size: 64 << 20 };
+    Ok(Memory::at(uri.clone(), uri, Vec::new()).with_history(&[rule], author))
+}
+
+fn select(ns: &Namespace) -> Selection {
+    Selection { namespace: ns.clone(), filter: doc! {}, since: None, by: None, positions: Vec::new() }
+}
+
+fn set(filter: Document, fields: Document, many: bool) -> UpdateRequest {
+    let update = UpdateSpec::Document(doc! { "$set": fields });
+    UpdateRequest { filter, update, array_filters: Vec::new(), many, upsert: false }
+}
+
+/// The entries as `by operation _id before after`.
+fn entries(memory: &Memory, ns: &Namespace) -> Result<Vec<String>, Failed> {
+    let entries = memory.history(&select(ns))?.map(|entry| {
+        let entry = listed(ns, &entry?, false)?;
+        let text = |key: &str| entry.get(key).map_or("-".to_owned(), ToString::to_string);
+        Ok(format!("{} {} {} {} {}", text("by"), text("operation"), text("_id"), text("before"), text("after")))
+    });
+    entries.collect()
+}
+
+fn written_by_all(uri: &str) -> Result<(), Failed> {
+    let (ns, memory) = (ns("all"), memory(uri, "rmem test")?);
+    memory.insert(&ns, vec![doc! { "_id": 1, "n": 1 }, doc! { "_id": 2, "n": 1 }])?;
+    let other = Client::with_uri_str(uri)?;
+    let other = other.database(&ns.database).collection::<Document>(&ns.collection);
+    other.update_one(doc! { "_id": 1 }, doc! { "$set": { "n": 5 } }).run()?;
+    memory.update(&ns, &set(doc! {}, doc! { "n": 7 }, true))?;
+    memory.update(&ns, &set(doc! {}, doc! { "n": 7 }, true))?;
+    memory.delete(&ns, &doc! { "_id": 2 }, true)?;
+    let found = entries(&memory, &ns)?;
+    let wanted = [
+        r#""rmem test" "insert" 1 - { "_id": 1, "n": 1 }"#,
+        r#""rmem test" "insert" 2 - { "_id": 2, "n": 1 }"#,
+        r#"- "update" 1 { "_id": 1, "n": 1 } { "_id": 1, "n": 5 }"#,
+        r#""rmem test" "update" 1 { "_id": 1, "n": 5 } { "_id": 1, "n": 7 }"#,
+        r#""rmem test" "update" 2 { "_id": 2, "n": 1 } { "_id": 2, "n": 7 }"#,
+        r#""rmem test" "delete" 2 { "_id": 2, "n": 7 } -"#,
+    ];
+    assert_eq!(found, wanted);
+    assert!(memory.collections()?.iter().all(|ns| !ns.is_own()), "what rmem keeps is not shown");
+    assert!(memory.watch_names()?.iter().all(|name| !name.name.starts_with("rmem.")), "nor its watches");
+    Ok(())
+}
+
+fn read_and_undone(uri: &str) -> Result<(), Failed> {
+    let (ns, now) = (ns("past"), memory(uri, "rmem test")?);
+    now.insert(&ns, vec![doc! { "_id": 1, "n": 1 }, doc! { "_id": 2, "n": 1 }, doc! { "_id": 3, "n": 1 }])?;
+    std::thread::sleep(Duration::from_millis(20));
+    let time = DateTime::now();
+    std::thread::sleep(Duration::from_millis(20));
+    now.sign("the second");
+    now.update(&ns, &set(doc! { "_id": { "$lt": 3 } }, doc! { "n": 9 }, true))?;
+    now.delete(&ns, &doc! { "_id": 3 }, true)?;
+    now.insert(&ns, vec![doc! { "_id": 4 }])?;
+    let past = memory(uri, "rmem test")?.as_of(time)?;
+    let find = Find { sort: doc! { "_id": 1 }, ..Find::default() };
+    let documents = past.find(&ns, &find)?.map(|found| Ok(Document::try_from(&*found?)?));
+    let documents: Vec<Document> = documents.collect::<Result<_, Failed>>()?;
+    assert_eq!(documents, [1, 2, 3].map(|id| doc! { "_id": id, "n": 1 }));
+    assert!(past.count(&ns, &doc! { "n": 9 })? == 0 && now.count(&ns, &doc! { "n": 9 })? == 2);
+    // The three operations are one run.
+    let plan = now.plan_undo(&select(&ns), Some(1))?;
+    assert_eq!((plan.changes, plan.conflicts().count()), (4, 0));
+    now.undo(&ns, &plan)?;
+    assert_eq!((now.count(&ns, &doc! { "n": 1 })?, now.count(&ns, &doc! {})?), (3, 3));
+    // What another client has changed since is not to be overwritten.
+    let other = Client::with_uri_str(uri)?;
+    let other = other.database(&ns.database).collection::<Document>(&ns.collection);
+    other.update_one(doc! { "_id": 1 }, doc! { "$set": { "n": 5 } }).run()?;
+    let by = Selection { by: Some("the second".to_owned()), ..select(&ns) };
+    assert!(now.plan_undo(&by, None)?.conflicts().count() > 0);
+    // A drop takes what it removed with it.
+    now.drop_collection(&ns)?;
+    let past = memory(uri, "rmem test")?.as_of(time)?;
+    let error = past.count(&ns, &doc! {}).err().ok_or("it answered")?.to_string();
+    assert!(error.contains("is not known"), "{error}");
+    Ok(())
+}
+
+fn recorded(uri: &str) -> Result<(), Failed> {
+    let (ns, memory) = (ns("recorded"), memory(uri, "rmem test")?);
+    let stop = AtomicBool::new(false);
+    let other = Client::with_uri_str(uri)?;
+    let other = other.database(&ns.database).collection::<Document>(&ns.collection);
+    let begun = &mut || {
+        // From here on, others are recorded.
+        drop(other.insert_one(doc! { "_id": 1 }).run());
+        drop(other.update_one(doc! { "_id": 1 }, doc! { "$set": { "n": 1 } }).run());
+    };
+    assert_eq!(memory.record(&ns, Some(Duration::from_secs(2)), &stop, begun)?, 2);
+    assert_eq!(entries(&memory, &ns)?.len(), 2);
+    Ok(())
+}
