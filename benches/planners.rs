@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use rmem::planning::comparison::{TaskFiles as Task, tasks};
+
 /// Tasks that take longer are run once.
 const QUICK: Duration = Duration::from_secs(2);
 
@@ -29,14 +31,6 @@ struct Settings {
     pairs: usize,
     every: usize,
     parity: Option<usize>,
-}
-
-/// A task, and the folder of its domain.
-struct Task {
-    group: String,
-    name: String,
-    domain: PathBuf,
-    problem: PathBuf,
 }
 
 impl Settings {
@@ -75,45 +69,18 @@ impl Settings {
     }
 
     fn tasks(&self) -> Vec<Task> {
-        let mut folders = entries(&self.tasks);
-        folders.retain(|folder| folder.is_dir());
-        let mut tasks: Vec<Task> = folders.iter().flat_map(|folder| self.of_domain(folder)).collect();
+        let all = tasks(&self.tasks).unwrap_or_else(|error| panic!("{}: {error}", self.tasks.display()));
+        let groups = all.chunk_by(|one, other| one.group == other.group);
+        let mut tasks: Vec<Task> = groups.flat_map(|group| self.of_domain(group)).collect();
         tasks.retain(|task| task.name.contains(&self.only) || task.group.contains(&self.only));
         tasks
     }
 
-    /// The tasks of a folder: one, or those of a domain.
-    fn of_domain(&self, folder: &Path) -> Vec<Task> {
-        let (group, domain) = (name(folder), folder.join("domain.pddl"));
-        let problem = folder.join("problem.pddl");
-        if problem.is_file() {
-            return vec![Task { group: group.clone(), name: group, domain, problem }];
-        }
-        let is_problem =
-            |path: &PathBuf| path.extension().is_some_and(|end| end == "pddl") && !name(path).contains("domain");
-        let problems = entries(folder).into_iter().filter(is_problem).enumerate();
-        let chosen = problems.filter(|(place, _)| self.parity.is_none_or(|parity| place % 2 == parity));
-        let tasks = chosen.step_by(self.every.max(1)).filter_map(|(_, problem)| {
-            let file = name(&problem);
-            let first = file.split('-').next().unwrap_or_default();
-            let known = [format!("domain_{file}"), format!("domain-{file}"), format!("{first}-domain.pddl")];
-            let own = known.iter().map(|name| folder.join(name)).find(|path| path.is_file());
-            let domain = own.or_else(|| domain.is_file().then(|| domain.clone()))?;
-            Some(Task { group: group.clone(), name: format!("{group}/{file}"), domain, problem })
-        });
-        tasks.collect()
+    /// Those of the tasks of a domain that are asked for.
+    fn of_domain(&self, group: &[Task]) -> Vec<Task> {
+        let chosen = group.iter().enumerate().filter(|(place, _)| self.parity.is_none_or(|parity| place % 2 == parity));
+        chosen.map(|(_, task)| task.clone()).step_by(self.every.max(1)).collect()
     }
-}
-
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort();
-    paths
-}
-
-fn name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn is_installed(planner: &str) -> bool {

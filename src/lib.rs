@@ -191,6 +191,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
     if let Err(error) = output.configure(settings.verbosity, settings.color, settings.log.value.as_deref()) {
         return report(&error, &mut output);
     }
+    output.on_terminal(process.stderr_is_terminal);
     let mut context = Context::new(
         settings,
         output,

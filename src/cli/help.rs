@@ -27,13 +27,14 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "expire",
         ],
     ),
-    ("Problems and plans", &["gen-problem", "import-problem", "plan", "validate", "ff"]),
+    ("Problems and plans", &["gen-problem", "import-problem", "plan", "compare", "validate", "ff"]),
     ("World models", &["dump", "restore", "diff", "scene"]),
     ("CLIPS", &["clips"]),
     ("Robots", &["serve", "lock", "unlock", "backend"]),
     (
         "Tools",
         &[
+            "init",
             "view",
             "plot",
             "export",

@@ -7,7 +7,7 @@ use super::mongosh;
 use crate::store::Namespace;
 
 /// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
-const TIPS: [(&[&str], &str); 14] = [
+const TIPS: [(&[&str], &str); 21] = [
     (&["find", "get", "select", "search", "findone"], "'rmem query NS [QUERY]' prints documents"),
     (&["save", "write"], "'rmem dump' writes collections, 'rmem clips export' writes CLIPS facts"),
     (
@@ -27,6 +27,19 @@ const TIPS: [(&[&str], &str); 14] = [
     (&["listen", "subscribe", "tail", "trigger", "monitor"], "'rmem watch NS [QUERY]' prints changes as they happen"),
     (&["createindex", "ensureindex", "indexes", "getindexes"], "'rmem index NS [KEYS]' creates and lists indexes"),
     (&["group", "pipeline"], "'rmem aggregate NS PIPELINE' runs a pipeline"),
+    (&["log", "changes", "audit"], "'rmem history NS' prints what changed, 'rmem watch NS' what changes"),
+    (
+        &["revert", "rollback", "restore-point"],
+        "'rmem undo NS' takes changes back, 'rmem query NS --at TIME' reads what was",
+    ),
+    (&["new", "setup", "scaffold"], "'rmem init [DIR]' makes a project to begin with"),
+    (&["benchmark", "evaluate"], "'rmem compare' compares planners, 'rmem bench' measures the memory"),
+    (
+        &["replan", "execute", "run"],
+        "'rmem plan rerun last' plans again, 'rmem plan step' notes execution, 'rmem clips run' runs CLIPS",
+    ),
+    (&["describe", "stats", "fields"], "'rmem schema NS' prints the fields of documents"),
+    (&["why", "explain"], "'rmem plan why' says where a plan is from, 'rmem gen-problem --explain ATOM' an atom"),
     (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),
 ];
 

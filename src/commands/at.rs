@@ -4,6 +4,7 @@ use bson::DateTime;
 use clap::Args;
 
 use super::Context;
+use crate::error::Result;
 use crate::formats::quantity;
 use crate::memory::Memory;
 
@@ -17,7 +18,7 @@ pub struct AtArgs {
 
 impl AtArgs {
     /// Returns the memory as it is, or as it was.
-    pub(super) fn memory(&self, context: &mut Context<'_>) -> anyhow::Result<Memory> {
+    pub(super) fn memory(&self, context: &mut Context<'_>) -> Result<Memory> {
         let memory = context.memory()?;
         Ok(match self.at {
             Some(at) => memory.as_of(at)?,

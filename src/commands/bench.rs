@@ -65,7 +65,12 @@ pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> Result<Exit> {
         #[cfg(feature = "mongodb")]
         subjects.extend(server.as_ref().map(|server| &server.raw as &dyn Subject));
         subjects.extend(over.as_ref().map(|over| over as &dyn Subject));
-        let measured = measure(&subjects, &extent, |figure| print(figure, format, &mut documents, context));
+        let progress = context.output.progress("measuring");
+        let measured = measure(&subjects, &extent, |figure| {
+            progress.say(&format!("measuring, after {} of {} documents", figure.work.name(), figure.documents));
+            print(figure, format, &mut documents, context)
+        });
+        drop(progress);
         if let Some(server) = &server {
             server.clean();
         }

@@ -17,7 +17,7 @@ use crate::memory::{Memory, Observer, Operation};
 use crate::output::Output;
 use crate::output::amount;
 use crate::planner;
-use crate::process::{Host, search};
+use crate::process::{Host, Listener, search};
 use crate::settings::{Environment, Origin, Settings};
 use crate::store::StoreUri;
 
@@ -149,7 +149,8 @@ impl<'a> Context<'a> {
     #[must_use]
     pub fn host(&self) -> Host<'static> {
         static NEVER: AtomicBool = AtomicBool::new(false);
-        Host { exe: self.executable.clone(), temporary: self.temporary(), interrupted: &NEVER }
+        let listener = Listener::default();
+        Host { exe: self.executable.clone(), temporary: self.temporary(), interrupted: &NEVER, listener }
     }
 
     /// Returns the folder of temporary directories.

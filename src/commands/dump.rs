@@ -60,7 +60,8 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.archive && args.output == Path::new("-") {
         return Err(UsageError::new("an archive is a file; expected -o FILE").into());
     }
-    let memory = args.past.memory(context)?;
+    let progress = context.output.progress(&format!("writing {}", args.output.display()));
+    let memory = args.past.memory(context)?.with_meter(progress.meter());
     let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
     if is_world {
         context.output.write_with(&args.output, |out| match world_file::write(&memory, &namespaces, out) {

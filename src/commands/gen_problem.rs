@@ -17,7 +17,7 @@ use crate::problem;
 #[command(
     after_help = "Examples:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl\n  rmem gen-problem --template problem.pddl.j2 --explain '(on A B)'\n\n\
 --explain names the line of the template, the query and the document behind each place where the\n\
-problem contains the atom; exits with 1 if there is none."
+problem contains the atom; if there is none, the lines that could write it and their queries, and exits with 1."
 )]
 pub struct GenProblemArgs {
     /// The template; - is stdin

@@ -5,6 +5,7 @@ use clap::Args;
 
 use super::query::{argument, blame};
 use super::{Context, at, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::history::{Selection, listed};
 use crate::store::Namespace;
@@ -57,7 +58,7 @@ pub struct ChangesArgs {
 
 impl ChangesArgs {
     /// Returns what is selected, of all positions.
-    pub(super) fn selection(&self) -> anyhow::Result<Selection> {
+    pub(super) fn selection(&self) -> Result<Selection> {
         Ok(Selection {
             namespace: self.namespace.clone(),
             filter: argument("<query>", &self.query)?,
@@ -68,7 +69,7 @@ impl ChangesArgs {
     }
 }
 
-pub(super) fn run(args: &HistoryArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &HistoryArgs, context: &mut Context<'_>) -> Result<Exit> {
     let selection = args.changes.selection()?;
     let memory = context.memory()?;
     let query = [("<query>", args.changes.query.as_str())];

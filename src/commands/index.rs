@@ -66,7 +66,9 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
             Ok(Exit::Done)
         }
         (Some(index), false) => {
+            let progress = context.output.progress(&format!("making the index {} of {}", index.name, args.namespace));
             let made = memory.create_index(&args.namespace, &index);
+            drop(progress);
             let made = made.map_err(|error| blame(error, &[("<keys>", args.keys.as_deref().unwrap_or_default())]))?;
             if !made {
                 context.output.note(&format!("{} has the index {} already", args.namespace, index.name));

@@ -53,7 +53,11 @@ const LARGEST_BATCH: usize = 1_000;
 const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 
 pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let memory = context.memory_to_fill()?;
+    let mut memory = context.memory_to_fill()?;
+    let progress = args.file.as_ref().map(|_| context.output.progress(&format!("storing in {}", args.namespace)));
+    if let Some(progress) = &progress {
+        memory = memory.with_meter(progress.meter());
+    }
     let mut batch = Batch::new(args, context.format(&formats::VALUES)?);
     let read = read_all(args, &mut batch, &memory, context);
     // What was read before a mistake is stored all the same: the documents are stored in order.

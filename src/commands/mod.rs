@@ -7,6 +7,7 @@ mod backup;
 mod bench;
 mod clips;
 mod collections;
+mod compare;
 mod completions;
 mod computables;
 mod config;
@@ -28,6 +29,7 @@ mod gen_problem;
 mod history;
 mod import_problem;
 mod index;
+mod init;
 mod insert;
 mod lock;
 mod man;
@@ -98,6 +100,7 @@ pub enum Command {
     GenProblem(gen_problem::GenProblemArgs),
     ImportProblem(import_problem::ImportProblemArgs),
     Plan(plan::PlanArgs),
+    Compare(compare::CompareArgs),
     Ff(ff::FfArgs),
     Validate(validate::ValidateArgs),
     Clips(clips::ClipsArgs),
@@ -108,6 +111,7 @@ pub enum Command {
     View(view::ViewArgs),
     Expire(expire::ExpireArgs),
     Bench(bench::BenchArgs),
+    Init(init::InitArgs),
     Config(config::ConfigArgs),
     Doctor(doctor::DoctorArgs),
     Completions(completions::CompletionsArgs),
@@ -128,6 +132,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Bench(args) => bench::run(args, context),
         Command::Clips(args) => clips::run(args, context),
         Command::Collections(args) => collections::run(args, context),
+        Command::Compare(args) => compare::run(args, context),
         Command::Completions(args) => completions::run(args, context),
         Command::Computables(args) => computables::run(args, context),
         Command::Config(args) => config::run(args, context),
@@ -146,6 +151,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::History(args) => history::run(args, context),
         Command::ImportProblem(args) => import_problem::run(args, context),
         Command::Index(args) => index::run(args, context),
+        Command::Init(args) => init::run(args, context),
         Command::Insert(args) => insert::run(args, context),
         Command::Lock(args) => lock::run(args, context),
         Command::Man(args) => man::run(args, context),

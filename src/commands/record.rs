@@ -5,6 +5,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::Context;
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::interrupt::InterruptGuard;
@@ -35,7 +36,7 @@ pub struct RecordArgs {
     pub timeout: Option<Duration>,
 }
 
-pub(super) fn run(args: &RecordArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &RecordArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let guard = InterruptGuard::new();
     let begun = &mut || context.output.note(&format!("recording {}", args.namespace));

@@ -60,7 +60,8 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
             ))
         })?;
     }
-    let memory = context.memory_to_fill()?;
+    let progress = context.output.progress(&format!("restoring {}", args.path.display()));
+    let memory = context.memory_to_fill()?.with_meter(progress.meter());
     // What is staged has to be removed again; what is merged stays as far as it got.
     let guard = (args.drop && !args.dry_run).then(crate::interrupt::InterruptGuard::new);
     let stop = guard.as_ref().map(crate::interrupt::InterruptGuard::interrupted);
@@ -73,6 +74,7 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
         }
         restored => restored?,
     };
+    drop(progress);
     for note in &dump.notes {
         context.output.warn(note);
     }

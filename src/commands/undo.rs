@@ -6,6 +6,7 @@ use clap::Args;
 use super::history::ChangesArgs;
 use super::query::blame;
 use super::{Context, formats};
+use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::memory::history::Selection;
@@ -48,7 +49,7 @@ pub struct UndoArgs {
     pub dry_run: bool,
 }
 
-pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> anyhow::Result<Exit> {
+pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
     let selection = Selection { positions: args.positions.clone(), ..args.changes.selection()? };
     let ns = &selection.namespace;
     let memory = context.memory()?;

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::store::{Documents, Namespace, StoreError};
@@ -22,13 +24,36 @@ pub struct Operation {
 /// Called with each operation when it is over.
 pub type Observer = Rc<dyn Fn(&Operation)>;
 
-/// The observer of a memory, if there is one.
+/// The observer of a memory, if there is one, and who counts documents.
 #[derive(Clone, Default)]
-pub(super) struct Journal(Option<Observer>);
+pub(super) struct Journal {
+    observer: Option<Observer>,
+    meter: Option<Arc<AtomicU64>>,
+}
 
 impl Journal {
     pub(super) fn new(observer: Observer) -> Self {
-        Self(Some(observer))
+        Self { observer: Some(observer), meter: None }
+    }
+
+    /// The same, where documents that are stored, or read to be written elsewhere, are counted.
+    pub(super) fn counting(self, meter: Arc<AtomicU64>) -> Self {
+        Self { meter: Some(meter), ..self }
+    }
+
+    /// Counts documents.
+    pub(super) fn count(&self, documents: u64) {
+        if let Some(meter) = &self.meter {
+            meter.fetch_add(documents, Ordering::Relaxed);
+        }
+    }
+
+    /// Counts documents as they are read.
+    pub(super) fn counted<'a>(&self, documents: Documents<'a>) -> Documents<'a> {
+        let Some(meter) = self.meter.clone() else { return documents };
+        Box::new(documents.inspect(move |_| {
+            meter.fetch_add(1, Ordering::Relaxed);
+        }))
     }
 
     /// Runs an operation and reports it; `count` returns the size of its result.
@@ -39,7 +64,7 @@ impl Journal {
         count: impl Fn(&T) -> u64,
         work: impl FnOnce() -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let Some(observer) = &self.0 else { return work() };
+        let Some(observer) = &self.observer else { return work() };
         let start = Instant::now();
         let result = work();
         let count = result.as_ref().ok().map(count);
@@ -49,7 +74,7 @@ impl Journal {
 
     /// Reports an operation that is over.
     pub(super) fn report(&self, operation: &Operation) {
-        if let Some(observer) = &self.0 {
+        if let Some(observer) = &self.observer {
             observer(operation);
         }
     }
@@ -62,7 +87,7 @@ impl Journal {
         start: Instant,
         documents: Documents<'a>,
     ) -> Documents<'a> {
-        let Some(observer) = &self.0 else { return documents };
+        let Some(observer) = &self.observer else { return documents };
         let watched = Watched {
             observer: observer.clone(),
             operation: Operation {

@@ -1,5 +1,7 @@
 //! The operations, each on the store its namespace belongs to.
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
 use bson::{Bson, DateTime, Document, doc};
@@ -49,6 +51,12 @@ impl Memory {
         Self { journal: Journal::new(observer), ..self }
     }
 
+    /// The same memory, which counts the documents that it stores, or reads to be written elsewhere.
+    #[must_use]
+    pub fn with_meter(self, meter: Arc<AtomicU64>) -> Self {
+        Self { journal: self.journal.clone().counting(meter), ..self }
+    }
+
     /// The same memory, where reading from a file that does not exist is an error, and not an
     /// empty memory: the path may be mistyped.
     #[must_use]
@@ -74,12 +82,14 @@ impl Memory {
         for document in &mut documents {
             metadata::insert(document, now)?;
         }
-        self.journal.note(
-            "insert",
-            Some(ns),
-            |inserted: &Inserted| length(&inserted.ids),
-            || self.routes.of(ns)?.insert(ns, documents),
-        )
+        self.journal
+            .note(
+                "insert",
+                Some(ns),
+                |inserted: &Inserted| length(&inserted.ids),
+                || self.routes.of(ns)?.insert(ns, documents),
+            )
+            .inspect(|inserted| self.journal.count(length(&inserted.ids)))
     }
 
     /// Opens the file that a collection is in before something is done there. Where that fails, the
@@ -94,7 +104,8 @@ impl Memory {
     pub fn put(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Put, StoreError> {
         let count = length(&documents);
         documents.iter().try_for_each(metadata::check)?;
-        self.journal.note("put", Some(ns), |_| count, || self.routes.of(ns)?.put(ns, documents, Some(self.clock.now())))
+        let put = || self.routes.of(ns)?.put(ns, documents, Some(self.clock.now()));
+        self.journal.note("put", Some(ns), |_| count, put).inspect(|_| self.journal.count(count))
     }
 
     /// Answers a query with documents as applications see them: without
@@ -121,7 +132,8 @@ impl Memory {
     pub fn stored(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let start = Instant::now();
         let find = Find { filter: stored(self.clock.now(), &find.filter), ..find.clone() };
-        Ok(self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
+        let found = self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?);
+        Ok(self.journal.counted(found))
     }
 
     /// Counts the matches of [`Memory::stored`].

@@ -2,17 +2,21 @@
 
 mod file;
 mod format;
+mod progress;
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use std::time::Duration;
 
+use indicatif::ProgressBar;
+
 use crate::error::{Error, Result};
 use crate::fault::{AtFault, Fault};
 use crate::formats::visible;
 use file::write_atomically;
 pub use format::Format;
+pub use progress::Progress;
 
 /// Returns a number with its noun: `1 document`, `2 documents`, `3 indexes`.
 pub(crate) fn amount(number: impl TryInto<u64>, noun: &str) -> String {
@@ -44,6 +48,10 @@ pub struct Output<'a> {
     color: bool,
     log: Option<File>,
     is_closed: bool,
+    /// Whether stderr is a terminal.
+    is_terminal: bool,
+    /// The line that shows progress.
+    bar: Option<ProgressBar>,
 }
 
 impl<'a> Output<'a> {
@@ -56,6 +64,8 @@ impl<'a> Output<'a> {
             color: false,
             log: None,
             is_closed: false,
+            is_terminal: false,
+            bar: None,
         }
     }
 
@@ -79,6 +89,22 @@ impl<'a> Output<'a> {
         Ok(())
     }
 
+    /// Says whether stderr is a terminal: progress is shown there.
+    pub fn on_terminal(&mut self, is_terminal: bool) {
+        self.is_terminal = is_terminal;
+    }
+
+    /// Shows that something is being done, once that takes more than a second: on stderr where that is a
+    /// terminal, and not under `-q`.
+    pub fn progress(&mut self, text: &str) -> Progress {
+        if !self.is_terminal || self.verbosity == Verbosity::Quiet {
+            return Progress::hidden();
+        }
+        let (progress, bar) = Progress::on_terminal(text);
+        self.bar = Some(bar);
+        progress
+    }
+
     /// Returns the product's stream, buffered.
     pub fn stdout(&mut self) -> &mut dyn Write {
         &mut self.stdout
@@ -100,7 +126,7 @@ impl<'a> Output<'a> {
         if self.is_closed {
             return Ok(());
         }
-        let written = lines.into_iter().try_for_each(|line| self.line(&line)).and_then(|()| self.stdout.flush());
+        let written = lines.into_iter().try_for_each(|line| self.line(&line)).and_then(|()| self.flush());
         match written {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
                 self.is_closed = true;
@@ -115,7 +141,8 @@ impl<'a> Output<'a> {
     /// # Errors
     /// Where stdout is gone.
     pub fn flush(&mut self) -> io::Result<()> {
-        self.stdout.flush()
+        let stdout = &mut self.stdout;
+        above(self.bar.as_ref(), || stdout.flush())
     }
 
     /// Prints a short report.
@@ -197,7 +224,8 @@ impl<'a> Output<'a> {
     /// closed stderr is no error.
     fn print(&mut self, label: &str, text: &str) {
         let gap = if label.is_empty() { "" } else { " " };
-        let _ = writeln!(self.stderr, "{label}{gap}{}", visible::lines(text));
+        let stderr = &mut self.stderr;
+        let _ = above(self.bar.as_ref(), || writeln!(stderr, "{label}{gap}{}", visible::lines(text)));
     }
 
     /// Writes a product to a file, whole or not at all, or to stdout for `-`.
@@ -229,6 +257,14 @@ impl<'a> Output<'a> {
             Ok(error) => named(error),
             Err(error) => error,
         })
+    }
+}
+
+/// Writes above the line that shows progress.
+fn above<T>(bar: Option<&ProgressBar>, write: impl FnOnce() -> T) -> T {
+    match bar.filter(|bar| !bar.is_finished()) {
+        Some(bar) => bar.suspend(write),
+        None => write(),
     }
 }
 

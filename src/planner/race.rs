@@ -89,7 +89,7 @@ impl<'a> Portfolio<'a> {
         thread::scope(|scope| {
             for (place, planner) in planners.into_iter().enumerate() {
                 let sender = sender.clone();
-                let host = Host { exe: host.exe.clone(), temporary: host.temporary.clone(), interrupted: &stopped };
+                let host = Host { interrupted: &stopped, ..host.clone() };
                 let share = pool.as_ref().map(|pool| pool.share(place));
                 scope.spawn(move || {
                     let mut run = planner.attempt(task, &host, share);

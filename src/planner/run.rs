@@ -114,6 +114,8 @@ pub struct Run {
     pub time: Duration,
     /// Processor time of all its processes, to a hundredth of a second, where it is known.
     pub cpu: Option<Duration>,
+    /// The most memory that its processes had resident, in bytes; known where there is a limit of memory.
+    pub memory: Option<u64>,
     /// Why the plan could not be simulated, where that is so.
     pub unjudged: Option<String>,
     /// The planner let actions touch, and the plan has them apart ([`Plan::spaced`]).
@@ -404,6 +406,7 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
         command: command.iter().enumerate().map(shown).collect(),
         time: ended.wall,
         cpu: ended.cpu,
+        memory: ended.resident,
         unjudged: None,
         is_spaced: false,
         why: None,

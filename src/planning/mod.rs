@@ -11,6 +11,7 @@
 //! Nothing is printed here: results say what there is to print.
 
 mod check;
+pub mod comparison;
 mod error;
 mod lineage;
 mod monitor;

@@ -1,8 +1,15 @@
 //! What a run may use, and its limits.
 
-use std::path::PathBuf;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+
+/// How many bytes of what a program printed its listener gets.
+const TAIL: u64 = 4096;
 
 /// What runs need from the calling process. The library reads no environment.
 #[derive(Debug, Clone)]
@@ -13,6 +20,47 @@ pub struct Host<'a> {
     pub temporary: PathBuf,
     /// Becomes true on Ctrl-C; the run then stops with nothing left behind.
     pub interrupted: &'a AtomicBool,
+    /// Gets what programs print while they run.
+    pub listener: Listener,
+}
+
+/// Who gets the last part of what a running program has printed, several times a second; nobody by default.
+#[derive(Clone, Default)]
+pub struct Listener(Option<Arc<Listen>>);
+
+/// A function that gets text.
+type Listen = dyn Fn(&str) + Send + Sync;
+
+impl Listener {
+    /// A listener.
+    pub fn new(listen: impl Fn(&str) + Send + Sync + 'static) -> Self {
+        Self(Some(Arc::new(listen)))
+    }
+
+    /// Passes on the end of a file that a program writes.
+    pub(super) fn hear(&self, path: &Path) {
+        let Some(listen) = &self.0 else { return };
+        // What cannot be read now is read the next time.
+        if let Ok(text) = end_of(path) {
+            listen(&text);
+        }
+    }
+}
+
+impl fmt::Debug for Listener {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Listener({})", self.0.is_some())
+    }
+}
+
+/// The last part of a file, as text.
+fn end_of(path: &Path) -> io::Result<String> {
+    let mut file = File::open(path)?;
+    let length = file.metadata()?.len();
+    file.seek(SeekFrom::Start(length.saturating_sub(TAIL)))?;
+    let mut bytes = Vec::new();
+    file.take(TAIL).read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
 impl Host<'_> {

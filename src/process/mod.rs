@@ -15,6 +15,6 @@ pub mod search;
 pub mod supervisor;
 mod usage;
 
-pub use host::{Host, Limits};
+pub use host::{Host, Limits, Listener};
 pub(crate) use pool::{Pool, Share};
 pub(crate) use run::{End, Ended, INPUT, Job, Mode, NO_FILES, Prepared, run};

@@ -104,6 +104,8 @@ pub(crate) struct Ended {
     pub(crate) wall: Duration,
     /// The processor time of all its processes, if the supervisor reported it.
     pub(crate) cpu: Option<Duration>,
+    /// The most memory that all its processes had resident, in bytes; known where there is a limit of memory.
+    pub(crate) resident: Option<u64>,
     /// It ran into the limit of memory.
     pub(crate) out_of_memory: bool,
     /// It is ending already, and is waited for on drop.
@@ -129,6 +131,7 @@ impl Default for Ended {
             files: Vec::new(),
             wall: Duration::ZERO,
             cpu: None,
+            resident: None,
             out_of_memory: false,
             supervisor: None,
         }
@@ -183,6 +186,7 @@ impl Prepared {
         let mut ended = supervisor.collect(most, &reading, self.wanted)?;
         ended.wall = started.elapsed();
         ended.cpu = usage.as_ref().map(|usage| usage.cpu);
+        ended.resident = usage.as_ref().map(|usage| usage.resident << 10).filter(|bytes| *bytes > 0);
         let peak = usage.map_or(0, |usage| usage.peak);
         ended.out_of_memory =
             end == End::Starved || limits.memory.is_some_and(|limit| starved(&end, &ended, peak, limit));
@@ -244,6 +248,8 @@ struct Usage {
     peak: u64,
     /// Processor time.
     cpu: Duration,
+    /// Resident memory at most, as far as it was looked at, in KiB.
+    resident: u64,
 }
 
 impl Supervisor {
@@ -305,7 +311,10 @@ impl Supervisor {
             let timeout = rest.unwrap_or(LOOK).clamp(Duration::from_millis(1), LOOK);
             match self.receive(timeout) {
                 Ok(Message::Ended(end, usage)) => return (stopped.map_or(end, |(reason, _)| reason), Some(usage)),
-                Ok(Message::Nothing) => self.resume(),
+                Ok(Message::Nothing) => {
+                    self.resume();
+                    host.listener.hear(&self.place().join("stdout"));
+                }
                 Err(error) => {
                     self.abandon();
                     let gone = || End::Failed(format!("its supervisor is gone: {error}"));
@@ -381,18 +390,19 @@ impl Supervisor {
         let (verb, rest) = line.split_once(' ').unwrap_or((line, ""));
         let mut numbers = rest.split(' ').map(|word| word.parse::<i64>().unwrap_or_default());
         let mut number = || numbers.next().unwrap_or_default();
-        let usage = |peak: i64, cpu: i64| Usage {
+        let usage = |peak: i64, cpu: i64, resident: i64| Usage {
             peak: u64::try_from(peak).unwrap_or_default(),
             cpu: Duration::from_millis(u64::try_from(cpu).unwrap_or_default()),
+            resident: u64::try_from(resident).unwrap_or_default(),
         };
         match verb {
             "started" => {
                 self.group = i32::try_from(number()).ok().and_then(Pid::from_raw);
                 Message::Nothing
             }
-            "exited" => Message::Ended(End::Exited(number() as i32), usage(number(), number())),
-            "killed" => Message::Ended(End::Signalled(number() as i32), usage(number(), number())),
-            "starved" => Message::Ended(End::Starved, usage(number(), number())),
+            "exited" => Message::Ended(End::Exited(number() as i32), usage(number(), number(), number())),
+            "killed" => Message::Ended(End::Signalled(number() as i32), usage(number(), number(), number())),
+            "starved" => Message::Ended(End::Starved, usage(number(), number(), number())),
             "missing" => Message::Ended(End::Missing, Usage::default()),
             "interpreter" => Message::Ended(End::NoInterpreter(rest.to_owned()), Usage::default()),
             _ => Message::Ended(End::Failed(rest.to_owned()), Usage::default()),

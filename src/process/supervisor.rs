@@ -9,9 +9,9 @@
 //! | report | |
 //! |---|---|
 //! | `started PID` | the program is there, and waits for rmem's `go`; `PID` is its group |
-//! | `exited CODE PEAK CPU` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` ms of processors |
-//! | `killed SIGNAL PEAK CPU` | it ended by a signal |
-//! | `starved PEAK CPU` | its processes together were over the limit of memory, and were ended |
+//! | `exited CODE PEAK CPU RESIDENT` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` ms of processors, `RESIDENT` KiB of memory |
+//! | `killed SIGNAL PEAK CPU RESIDENT` | it ended by a signal |
+//! | `starved PEAK CPU RESIDENT` | its processes together were over the limit of memory, and were ended |
 //! | `missing` | there is no such program |
 //! | `interpreter PATH` | the program is a script, and its interpreter is not there |
 //! | `failed WORDS` | it could not be started |
@@ -92,6 +92,7 @@ fn guard(arguments: impl Iterator<Item = OsString>) -> i32 {
                 stopped: false,
                 limit: instructions.memory,
                 peak: 0,
+                resident: 0,
             };
             supervised.watch(&mut lifeline)
         }
@@ -267,6 +268,8 @@ struct Supervised {
     /// The limit of memory, in bytes.
     limit: Option<u64>,
     peak: u64,
+    /// The most that its processes had resident, in KiB.
+    resident: u64,
 }
 
 /// How a supervised program ended.
@@ -287,10 +290,13 @@ impl Supervised {
         }
         match status {
             Ok(Watched::Ended(status)) => match status.code() {
-                Some(code) => format!("exited {code} {} {}", self.peak, spent()),
-                None => format!("killed {} {} {}", status.signal().unwrap_or_default(), self.peak, spent()),
+                Some(code) => format!("exited {code} {} {} {}", self.peak, spent(), self.resident),
+                None => {
+                    let signal = status.signal().unwrap_or_default();
+                    format!("killed {signal} {} {} {}", self.peak, spent(), self.resident)
+                }
             },
-            Ok(Watched::Starved) => format!("starved {} {}", self.peak, spent()),
+            Ok(Watched::Starved) => format!("starved {} {} {}", self.peak, spent(), self.resident),
             Err(error) => format!("failed {error}"),
         }
     }
@@ -345,7 +351,9 @@ impl Supervised {
     fn is_over(&mut self, limit: u64, program: Pid) -> bool {
         self.peak = self.peak.max(usage::peak(program));
         // What loses its parent becomes the supervisor's child.
-        usage::resident(getpid(), Some(program), limit) > limit
+        let resident = usage::resident(getpid(), Some(program), limit);
+        self.resident = self.resident.max(resident >> 10);
+        resident > limit
     }
 }
 

@@ -1,6 +1,6 @@
 //! gen-problem: both syntaxes, sections, names, checks, files.
 
-use crate::lab::{Lab, assert_run};
+use crate::lab::{Lab, TASK, assert_run};
 
 /// The example of the robot memory's first description: sections ONTABLE, ON and HOLDING.
 const MARKER: &str = "\
@@ -361,12 +361,13 @@ fn an_atom_that_is_not_in_the_problem_is_explained_by_the_line_that_would_write_
     let lab = Lab::new();
     let template = "templates/blocksworld/problem.pddl.j2";
     let args = [&BLOCKS[..1], &BLOCKS[2..], &[template, "--explain", "(on C D)"]].concat();
-    assert_run!(lab.rmem(&args), @r"
+    assert_run!(lab.rmem(&args), @r#"
     ------- stderr -------
     error: `(on C D)` is not in the problem
     templates/blocksworld/problem.pddl.j2:15: would be written by (on {{ fact.object_top }} {{ fact.object_bottom }})
+      line 14: query(world, "{relation: 'on'}", sort="{object_top: 1}") asks {"relation":"on"} in robmem.worldmodel: 1 document
     [exit code: 1]
-    ");
+    "#);
     assert_run!(lab.rmem(&[&BLOCKS[..], &[template, "--explain", "()"]].concat()), @r"
     ------- stderr -------
     error: expected an atom like `(on A B)`, or an object
@@ -403,6 +404,7 @@ fn a_number_is_explained_by_its_function() {
     ------- stderr -------
     error: `(= (fuel r1) 4)` is not in the problem
     t.j2:4: would be written by (= (fuel {{ r.name }}) {{ r.fuel }})
+      line 3: query('lab.r') asks {} in lab.r: 1 document
     [exit code: 1]
     ");
 }
@@ -444,4 +446,15 @@ pub(crate) fn problem(lab: &Lab) -> String {
         "(on A B)",
     ];
     lab.rmem(&args).success()
+}
+
+#[test]
+fn an_absent_atom_is_explained_by_what_could_have_written_it() {
+    let lab = Lab::new();
+    let explain = |atom: &str| lab.rmem(&[&["gen-problem"], &TASK[..], &["--explain", atom]].concat()).exits(1);
+    let run = explain("(on C D)");
+    assert!(run.stderr.contains("problem.pddl.j2:") && run.stderr.contains("would be written by (on "), "{run}");
+    assert!(run.stderr.contains("asks {\"relation\":\"on\"}") && run.stderr.contains(": 1 document"), "{run}");
+    let run = explain("(flies A)");
+    assert!(run.stderr.contains("no line of templates/blocksworld/problem.pddl.j2 writes `(flies …)`"), "{run}");
 }

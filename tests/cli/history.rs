@@ -202,7 +202,7 @@ fn a_problem_and_a_plan_are_made_again_as_they_were() {
     let all = lines(&lab.rmem(&["history", &ns]).success());
     let time = all.last().unwrap()["time"]["$date"].as_str().unwrap();
     tick();
-    lab.rmem(&["delete", &ns, "{relation: 'on'}", "--many"]).success();
+    lab.rmem(&["delete", &ns, "{relation: 'clear', object: 'C'}"]).success();
     assert_ne!(lab.rmem(&problem).success(), before);
     assert_eq!(lab.rmem(&[&problem[..], &["--at", time]].concat()).success(), before);
     assert_eq!(lab.rmem(&["plan", "rerun", "last", "--at", time]).success(), plan);

@@ -152,8 +152,12 @@ impl Lab {
 
     fn memory(&self, definitions: Vec<Definition>) -> Memory {
         static NEVER: AtomicBool = AtomicBool::new(false);
-        let host =
-            Host { exe: env!("CARGO_BIN_EXE_rmem").into(), temporary: std::env::temp_dir(), interrupted: &NEVER };
+        let host = Host {
+            exe: env!("CARGO_BIN_EXE_rmem").into(),
+            temporary: std::env::temp_dir(),
+            interrupted: &NEVER,
+            listener: Default::default(),
+        };
         let uri = StoreUri::parse(&self.uri).unwrap();
         Memory::at(uri.clone(), uri, Vec::new()).with_computables(Registry::new(definitions, &host).unwrap())
     }

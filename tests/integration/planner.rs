@@ -146,6 +146,7 @@ fn plan(planner: &str, domain: &str, problem: &str) -> Result<Run, Failed> {
         exe: env!("CARGO_BIN_EXE_rmem").into(),
         temporary: temporary.path().to_owned(),
         interrupted: &interrupted,
+        listener: Default::default(),
     };
     let limits = Limits { time: Some(Duration::from_secs(30)), ..Limits::default() };
     let planner = Registry::default().get(planner, false)?;

@@ -65,7 +65,12 @@ impl Place {
     fn host(&self) -> Host<'_> {
         let temporary = self.path("tmp");
         fs::create_dir_all(&temporary).unwrap();
-        Host { exe: env!("CARGO_BIN_EXE_rmem").into(), temporary, interrupted: &self.interrupted }
+        Host {
+            exe: env!("CARGO_BIN_EXE_rmem").into(),
+            temporary,
+            interrupted: &self.interrupted,
+            listener: Default::default(),
+        }
     }
 
     fn task(&self) -> Task<'_> {

@@ -48,14 +48,16 @@ const NAMES: usize = 10;
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let schema = schema::read(&args.deftemplates, context)?;
+    let progress = context.output.progress("importing facts");
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
     let (mut found, skipped) = documents(&source, schema, args)?;
-    let memory = context.memory_to_fill()?;
+    let memory = context.memory_to_fill()?.with_meter(progress.meter());
     if let Some(key) = &args.key {
         give_ids(key, &source, &mut found, &memory, &namespace)?;
     }
     let put = memory.put(&namespace, found.into_iter().map(|(_, document)| document).collect())?;
+    drop(progress);
     let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
     let result =
         doc! { "inserted": count(put.inserted), "replaced": count(put.replaced), "unchanged": count(put.same) };

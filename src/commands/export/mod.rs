@@ -10,7 +10,8 @@ use crate::exit::Exit;
 
 /// Write documents as a log for Foxglove, PlotJuggler and rerun
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem export mcap robmem.sightings --time seen -o sightings.mcap")]
+#[command(after_help = "Example:\n  rmem export mcap robmem.sightings --time seen -o sightings.mcap\n\n\
+Collections are written by rmem dump, CLIPS facts by rmem clips export, scenes by rmem scene export.")]
 pub struct ExportArgs {
     /// Which format.
     #[command(subcommand)]

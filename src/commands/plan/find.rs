@@ -7,9 +7,9 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::output::Format;
+use crate::output::{Format, Progress};
 use crate::plan::PrintedPlan;
-use crate::planner::{Host, Planner};
+use crate::planner::{self, Host, Listener, Planner};
 use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
 use crate::store::Namespace;
 
@@ -36,7 +36,10 @@ pub(super) fn find(
         let message = format!("{} cannot improve a plan of this task; leave out --anytime", names.join(", "));
         return Err(UsageError::new(message).into());
     }
-    let result = search(prepared, memory, context)?;
+    let progress = context.output.progress(&planning(request));
+    let listener = listener(planning(request), &progress);
+    let result = search(prepared, memory, listener, context)?;
+    drop(progress);
     report(&result, context);
     let id = result.store(memory)?;
     if let (Some(id), Some(into)) = (&id, &request.options.into) {
@@ -48,6 +51,25 @@ pub(super) fn find(
     Ok(Found { exit, id, namespaces })
 }
 
+/// Says what is being done while planners run.
+fn planning(request: &PlanRequest) -> String {
+    let names: Vec<&str> = request.planners.iter().map(|planner| planner.name()).collect();
+    let aim = if request.options.anytime { "looking for the best plan" } else { "looking for a plan" };
+    format!("{}: {aim}, at most {} s", names.join(", "), request.options.timeout.as_secs_f64())
+}
+
+/// Shows what planners say of their progress; nobody where nothing is shown.
+fn listener(text: String, progress: &Progress) -> Listener {
+    match progress.teller() {
+        None => Listener::default(),
+        Some(teller) => Listener::new(move |printed| {
+            if let Some(words) = planner::progress(printed) {
+                teller.say(&format!("{text}, {words}"));
+            }
+        }),
+    }
+}
+
 /// The planners with these names.
 pub(super) fn choose(names: &[String], anytime: bool, context: &Context<'_>) -> Result<Vec<Box<dyn Planner>>> {
     let registry = context.planners();
@@ -55,9 +77,14 @@ pub(super) fn choose(names: &[String], anytime: bool, context: &Context<'_>) -> 
 }
 
 /// Runs the planners; while they run, an interruption ends them.
-fn search<'a>(prepared: PreparedSearch<'a>, memory: &Memory, context: &Context<'_>) -> Result<PlanResult<'a>> {
+fn search<'a>(
+    prepared: PreparedSearch<'a>,
+    memory: &Memory,
+    listener: Listener,
+    context: &Context<'_>,
+) -> Result<PlanResult<'a>> {
     let guard = InterruptGuard::new();
-    let host = Host { interrupted: guard.interrupted(), ..context.host() };
+    let host = Host { interrupted: guard.interrupted(), listener, ..context.host() };
     Ok(prepared.search(memory, &host)?)
 }
 

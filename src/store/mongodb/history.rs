@@ -6,8 +6,8 @@
 //! leaves that to the next. An entry's `_id` is the position of its change, so none is recorded twice.
 //! rmem signs its own changes once they are recorded.
 
+use std::collections::HashMap;
 use std::collections::hash_map::Entry::Vacant;
-use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -34,25 +34,6 @@ const LULL: Duration = Duration::from_millis(300);
 const LARGEST_IMAGES: usize = 15 << 20;
 /// So many changes are written at once.
 const BATCH: usize = 200;
-
-/// The histories that this process keeps, and how it signs.
-#[derive(Default)]
-pub(super) struct Keeping {
-    pub(super) rules: Vec<HistoryRule>,
-    author: String,
-    run: i64,
-    /// The collections whose recording has begun.
-    begun: HashSet<Namespace>,
-    /// Whether a write is being recorded, of which another is a part.
-    is_recording: bool,
-}
-
-impl Keeping {
-    pub(super) fn sign(&mut self, author: &str) {
-        author.clone_into(&mut self.author);
-        self.run = DateTime::now().timestamp_millis().max(self.run + 1);
-    }
-}
 
 /// Which changes a write made, as a filter on entries, and how many.
 pub(super) struct Made {
@@ -83,7 +64,7 @@ impl Made {
 }
 
 impl MongoDb {
-    fn keeping(&self) -> std::sync::MutexGuard<'_, Keeping> {
+    fn keeping(&self) -> std::sync::MutexGuard<'_, super::keeping::Keeping> {
         self.keeping.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 

@@ -12,6 +12,7 @@ mod failure;
 mod history;
 mod image;
 mod index;
+mod keeping;
 mod position;
 mod raw;
 mod update;
@@ -33,7 +34,7 @@ pub struct MongoDb {
     /// The collections that are known to have the index on dates of decay.
     decaying: Mutex<HashSet<Namespace>>,
     /// The histories that this process keeps.
-    keeping: Mutex<history::Keeping>,
+    keeping: Mutex<keeping::Keeping>,
     /// The URI without credentials and options.
     address: String,
 }

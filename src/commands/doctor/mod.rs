@@ -1,8 +1,14 @@
 //! `rmem doctor`: whether settings, stores and planners are in order.
 
+mod trial;
+
+use std::path::PathBuf;
+
 use clap::Args;
 
+use self::trial::Trial;
 use super::Context;
+use super::template::TemplateArgs;
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::output::amount;
@@ -12,19 +18,32 @@ use crate::store::Checked;
 const HELP: &str = "\
 Examples:
   rmem doctor
+  rmem doctor --domain domain.pddl --template problem.pddl.j2
   rmem doctor --deep
+
+Runs each planner on a tiny task. Of computables, pipelines are run, and programs and their scripts looked for. Exits \
+with 1 if something that rmem.toml or the command line names does not work. Planners that are not installed are listed.
 
 --deep checks all data in the file of the memory: SQLite's own check, the checksum of every document, every index \
 against the documents, and the log of changes. Each damage is a line on stdout, and the command exits with 4; rmem \
 repair saves what can be saved. For a MongoDB server, use db.c.validate() in mongosh.";
 
-/// Check the memory, and look for the programs of planners
+/// Try the memory, planners, computables, templates and domains
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub struct DoctorArgs {
     /// Read and check all data in the file of the memory
     #[arg(long)]
     pub deep: bool,
+    /// Read and check a domain (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub domain: Vec<PathBuf>,
+    /// Render a template from the memory (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub template: Vec<PathBuf>,
+    /// What the templates are given.
+    #[command(flatten)]
+    pub options: TemplateArgs,
 }
 
 pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -50,19 +69,26 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
         healthy = deep(context)?;
     }
 
-    context.output.line("planner    builtin: ok")?;
-    let mut programs =
-        vec![("ff".to_owned(), "ff".to_owned()), ("fast-downward".to_owned(), "fast-downward".to_owned())];
-    let configured = context.settings.planners.iter();
-    programs.extend(configured.filter_map(|planner| Some((planner.name.clone(), planner.command.first()?.clone()))));
-    for (name, program) in programs {
-        let state = match context.program(&program) {
-            Some(path) => format!("ok, {}", path.display()),
-            None => format!("the program `{program}` is not installed"),
-        };
-        context.output.line(&format!("planner    {name}: {state}"))?;
+    let memory = if healthy { context.memory().ok() } else { None };
+    let computables = trial::computables(memory.as_ref(), context);
+    let files = trial::files(&args.domain, &args.template, &args.options, memory.as_ref(), context)?;
+    let planners = trial::planners(context)?;
+    let mut is_fine = print("computable ", &computables, context)?;
+    is_fine &= print("", &files, context)?;
+    is_fine &= print("planner    ", &planners, context)?;
+    Ok(match (healthy, is_fine) {
+        (false, _) => Exit::Store,
+        (true, false) => Exit::No,
+        (true, true) => Exit::Done,
+    })
+}
+
+/// Prints trials; returns whether all went well.
+fn print(kind: &str, trials: &[Trial], context: &mut Context<'_>) -> Result<bool> {
+    for Trial { name, state, .. } in trials {
+        context.output.line(&format!("{kind}{name}: {state}"))?;
     }
-    Ok(if healthy { Exit::Done } else { Exit::Store })
+    Ok(trials.iter().all(|trial| trial.is_fine))
 }
 
 /// Checks the stores; says whether nothing is damaged.

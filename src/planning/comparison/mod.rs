@@ -1,0 +1,12 @@
+//! Planners side by side on many tasks: who solves what, how fast, how well, and with how much memory.
+//!
+//! [`tasks`] finds the tasks of a folder, [`measure`] runs a planner on one of them as `rmem plan` does, and
+//! [`scores`] sums up. A [`Measurement`] has a key, by which a comparison that was interrupted goes on.
+
+mod collection;
+mod measurement;
+mod score;
+
+pub use collection::{TaskFiles, tasks};
+pub use measurement::{Measurement, Setup, measure};
+pub use score::{Score, scores};

@@ -1,0 +1,139 @@
+//! What the measurements of a planner come to.
+//!
+//! Scores of the International Planning Competition (2018, 2023): *satisficing*, the cost of the best plan that any of the
+//! planners found divided by that of this one; *agile*, 1 within a second, else 1 − log T / log L with the limit L. PAR10
+//! (Hutter et al. 2009) is the mean time, with ten times the limit for a task that is not solved.
+
+use bson::{Document, doc};
+
+use super::Measurement;
+
+/// The score of a planner.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Score {
+    /// The planner.
+    pub planner: String,
+    /// On how many tasks it was run.
+    pub tasks: usize,
+    /// How many of them it solved.
+    pub solved: usize,
+    /// The sum of satisficing scores.
+    pub satisficing: f64,
+    /// The sum of agile scores.
+    pub agile: f64,
+    /// The penalised mean time, in seconds.
+    pub par10: f64,
+    /// The most memory of a run, in bytes.
+    pub memory: Option<i64>,
+}
+
+/// Returns the scores of the planners, in the order in which they first come.
+#[must_use]
+pub fn scores(measurements: &[Measurement]) -> Vec<Score> {
+    let mut planners: Vec<&str> = Vec::new();
+    for measured in measurements {
+        if !planners.contains(&measured.planner.as_str()) {
+            planners.push(&measured.planner);
+        }
+    }
+    planners.into_iter().map(|planner| score(planner, measurements)).collect()
+}
+
+fn score(planner: &str, all: &[Measurement]) -> Score {
+    let own: Vec<&Measurement> = all.iter().filter(|measured| measured.planner == planner).collect();
+    let solved: Vec<&Measurement> = own.iter().copied().filter(|measured| measured.is_solved()).collect();
+    let time = |measured: &&Measurement| match measured.is_solved() {
+        true => measured.seconds,
+        false => 10.0 * measured.timeout,
+    };
+    #[expect(clippy::cast_precision_loss, reason = "a number of tasks")]
+    let count = own.len() as f64;
+    Score {
+        planner: planner.to_owned(),
+        tasks: own.len(),
+        solved: solved.len(),
+        satisficing: solved.iter().map(|measured| satisficing(measured, all)).sum(),
+        agile: solved.iter().map(|measured| agile(measured)).sum(),
+        par10: own.iter().map(time).sum::<f64>() / count.max(1.0),
+        memory: own.iter().filter_map(|measured| measured.memory).max(),
+    }
+}
+
+/// The best cost that was found for the task, divided by that of this plan; 1 for a proof.
+fn satisficing(measured: &Measurement, all: &[Measurement]) -> f64 {
+    let Some(cost) = measured.cost else { return 1.0 };
+    let same = all.iter().filter(|other| other.task == measured.task && other.is_solved());
+    let best = same.filter_map(|other| other.cost).fold(cost, f64::min);
+    if cost > 0.0 { best.max(0.0) / cost } else { 1.0 }
+}
+
+fn agile(measured: &Measurement) -> f64 {
+    if measured.seconds <= 1.0 {
+        return 1.0;
+    }
+    let share = measured.seconds.ln() / measured.timeout.ln();
+    if share.is_finite() { (1.0 - share).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+impl Score {
+    /// The score as a document.
+    #[must_use]
+    pub fn listed(&self) -> Document {
+        let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
+        let rounded = |number: f64| (number * 1e3).round() / 1e3;
+        #[expect(clippy::cast_precision_loss, reason = "numbers of tasks")]
+        let coverage = self.solved as f64 / (self.tasks as f64).max(1.0);
+        doc! {
+            "planner": &self.planner,
+            "tasks": count(self.tasks),
+            "solved": count(self.solved),
+            "coverage": rounded(coverage),
+            "ipc_satisficing": rounded(self.satisficing),
+            "ipc_agile": rounded(self.agile),
+            "par10": rounded(self.par10),
+            "memory": self.memory,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured(task: &str, planner: &str, outcome: &str, seconds: f64, cost: Option<f64>) -> Measurement {
+        Measurement {
+            key: String::new(),
+            task: task.to_owned(),
+            planner: planner.to_owned(),
+            outcome: outcome.to_owned(),
+            seconds,
+            cpu: None,
+            memory: None,
+            cost,
+            steps: None,
+            timeout: 100.0,
+            message: String::new(),
+        }
+    }
+
+    #[test]
+    fn scores_are_those_of_the_competitions() {
+        let all = [
+            measured("one", "a", "success", 0.5, Some(10.0)),
+            measured("one", "b", "success", 10.0, Some(8.0)),
+            measured("two", "a", "timeout", 100.0, None),
+            measured("two", "b", "unsolvable", 100.0, None),
+            measured("three", "a", "success", 1.0, Some(0.0)),
+            measured("three", "b", "invalid", 1.0, None),
+        ];
+        let scores = scores(&all);
+        assert_eq!(scores.iter().map(|score| score.planner.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+        let a = &scores[0];
+        assert_eq!((a.tasks, a.solved, a.satisficing, a.agile), (3, 2, 0.8 + 1.0, 2.0));
+        assert!((a.par10 - (0.5 + 1000.0 + 1.0) / 3.0).abs() < 1e-9);
+        let b = &scores[1];
+        assert_eq!((b.solved, b.satisficing), (2, 2.0));
+        assert!((b.agile - 0.5).abs() < 1e-9, "{}", b.agile);
+        assert!((b.par10 - (10.0 + 100.0 + 1000.0) / 3.0).abs() < 1e-9);
+    }
+}

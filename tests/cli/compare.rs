@@ -1,0 +1,143 @@
+//! compare: planners side by side, their scores, and going on after an interruption.
+
+use crate::lab::Lab;
+
+/// A planner that finds a plan with a useless step, one that finds none, and one that waits to be interrupted.
+const PLANNERS: &str = "memory = 'file:robot.rmem'\n\
+     [planner.quitter]\ncommand = [\"/bin/sh\", \"-c\", \"echo run >> LOG; echo 'search cap reached!'\"]\noutput = \"ff\"\n\
+     [planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"exec sleep 100\"]\noutput = \"ff\"\n";
+
+fn lab() -> Lab {
+    let lab = Lab::new();
+    lab.write("rmem.toml", &PLANNERS.replace("LOG", &lab.path().join("log").display().to_string()));
+    for name in ["one", "two"] {
+        let from = |file: &str| std::fs::read_to_string(crate::lab::root().join("fixtures/tasks/solvable").join(file));
+        let problem = from("problem.pddl").unwrap();
+        lab.write("tasks/lights/domain.pddl", &from("domain.pddl").unwrap());
+        lab.write(&format!("tasks/lights/{name}.pddl"), &format!("; {name}\n{problem}"));
+    }
+    lab
+}
+
+fn runs(lab: &Lab) -> usize {
+    std::fs::read_to_string(lab.path().join("log")).unwrap_or_default().lines().count()
+}
+
+#[test]
+fn planners_are_run_on_tasks_and_scored() {
+    let lab = lab();
+    let both = ["--planner", "builtin", "--planner", "quitter"];
+    let text = lab.rmem(&[&["compare", "tasks", "--format", "json"], &both[..]].concat()).success();
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let short: Vec<String> = value["runs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|run| format!("{} {} {}", run["task"], run["planner"], run["outcome"]))
+        .collect();
+    assert_eq!(
+        short,
+        [
+            r#""lights/one" "builtin" "success""#,
+            r#""lights/one" "quitter" "gave-up""#,
+            r#""lights/two" "builtin" "success""#,
+            r#""lights/two" "quitter" "gave-up""#,
+        ]
+    );
+    let run = &value["runs"][0];
+    assert!(run["seconds"].as_f64().unwrap() > 0.0 && run["cost"] == run["steps"], "{run}");
+    let [best, worst] = [0, 1].map(|nth| value["scores"][nth].clone());
+    assert_eq!((&best["solved"], &best["ipc_satisficing"], &best["coverage"]), (&2.into(), &2.0.into(), &1.0.into()));
+    assert_eq!((&worst["solved"], &worst["par10"]), (&0.into(), &600.0.into()));
+}
+
+#[test]
+fn csv_has_the_runs_and_scores_apart() {
+    let lab = lab();
+    let csv = lab.rmem(&["compare", "tasks", "--format", "csv", "--only", "one"]).success();
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!((lines.len(), lines[0]), (2, "task,planner,outcome,seconds,cpu,memory,cost,steps"), "{csv}");
+    assert!(lines[1].starts_with("lights/one,builtin,success,"), "{csv}");
+    let scores = lab.rmem(&["compare", "tasks", "--format", "csv", "--scores"]).success();
+    assert!(scores.starts_with("planner,tasks,solved,coverage,ipc_satisficing,ipc_agile,par10,memory\n"), "{scores}");
+    let table = lab.rmem(&["compare", "tasks", "--format", "table"]).success();
+    assert!(table.contains("lights/two") && table.contains("par10"), "{table}");
+}
+
+#[test]
+fn files_and_stored_plans_are_tasks_too() {
+    let lab = lab();
+    let files = ["tasks/lights/domain.pddl", "tasks/lights/one.pddl", "tasks/lights/two.pddl"];
+    let text = lab.rmem(&[&["compare", "-q"], &files[..]].concat()).success();
+    assert_eq!(text.matches("\"outcome\":\"success\"").count(), 2, "{text}");
+    lab.rmem(&["plan", "-d", files[0], "-p", files[1]]).success();
+    lab.rmem(&["plan", "-d", files[0], "-p", files[1]]).success();
+    let text = lab.rmem(&["compare", "--stored", "robmem.plans"]).success();
+    assert_eq!(text.matches("\"outcome\":\"success\"").count(), 1, "the same task once: {text}");
+}
+
+#[test]
+fn a_comparison_goes_on_where_it_was_interrupted() {
+    let lab = lab();
+    let first = ["compare", "tasks", "--only", "one", "--planner", "quitter"];
+    lab.rmem(&first).success();
+    assert_eq!(runs(&lab), 1);
+    // Another task is run, the known one is not.
+    let all = ["compare", "tasks", "--planner", "quitter"];
+    let run = lab.rmem(&all).exits(0);
+    assert_eq!(runs(&lab), 2);
+    assert!(run.stderr.contains("1 of 2 runs were there already"), "{run}");
+    assert_eq!(run.stdout.matches("gave-up").count(), 2, "{run}");
+    lab.rmem(&[&all[..], &["--again"]].concat()).success();
+    assert_eq!(runs(&lab), 4);
+    // Another limit makes another run.
+    lab.rmem(&[&all[..], &["--timeout", "61s"]].concat()).success();
+    assert_eq!(runs(&lab), 6);
+    // A task that has changed is run again.
+    let text = lab.read("tasks/lights/one.pddl");
+    lab.write("tasks/lights/one.pddl", &format!("; changed\n{text}"));
+    lab.rmem(&all).success();
+    assert_eq!(runs(&lab), 7);
+}
+
+#[test]
+fn an_interruption_keeps_what_was_measured() {
+    let lab = lab();
+    let line = "rmem compare tasks --planner quitter --planner sleeper & pid=$!; \
+                until [ -s log ]; do sleep 0.05; done; sleep 0.5; kill -INT $pid; wait $pid";
+    let run = lab.shell(line).exits(130);
+    assert!(run.stderr.contains("the same command goes on from here"), "{run}");
+    assert_eq!(run.stdout.matches("\"task\"").count(), 1, "{run}");
+    let kept = lab.rmem(&["count", "robmem.comparisons"]).success();
+    assert_eq!(kept, "1\n");
+}
+
+#[test]
+fn a_plot_shows_what_was_solved_when() {
+    let lab = lab();
+    lab.rmem(&["compare", "tasks", "--planner", "builtin", "--plot", "solved.svg"]).success();
+    let svg = lab.read("solved.svg");
+    assert!(svg.contains("Tasks solved: builtin 2 of 2") && svg.contains("time (s)"), "{svg}");
+    lab.rmem(&["compare", "tasks", "--planner", "quitter", "--plot", "none.svg"]).success();
+    assert!(!lab.read("none.svg").contains("NaN"));
+}
+
+#[test]
+fn what_cannot_be_compared_is_named() {
+    let lab = lab();
+    let refused = |args: &[&str], code: i32, words: &str| {
+        let run = lab.rmem(&[&["compare"], args].concat()).exits(code);
+        assert!(run.stderr.contains(words), "{args:?}: {run}");
+    };
+    refused(&[], 2, "PATH");
+    refused(&["tasks", "--planner", "lama"], 2, "there is no planner `lama`");
+    refused(&["tasks", "--planner", "builtin", "--planner", "builtin"], 2, "named twice");
+    refused(&["tasks/lights/domain.pddl"], 2, "is a file without problems");
+    refused(&["examples"], 3, "there is no task here");
+    refused(&["tasks", "--only", "three"], 3, "with `three` in its name");
+    refused(&["--stored", "robmem.none"], 3, "robmem.none has no plan");
+    lab.write("tasks/lights/wrong.pddl", "(define (problem");
+    let run = lab.rmem(&["compare", "tasks"]).exits(0);
+    assert!(run.stderr.contains("lights/wrong is left out: tasks/lights/wrong.pddl:1:"), "{run}");
+    refused(&["tasks/lights/domain.pddl", "tasks/lights/wrong.pddl"], 3, "wrong.pddl:1:");
+}
