@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 
 use crate::commands::template::{self, TemplateArgs};
 use crate::commands::{Context, UsageError};
@@ -13,12 +13,13 @@ use crate::planning::PlanningTask;
 
 /// The task of a plan.
 #[derive(Debug, Clone, Args)]
+#[command(group = ArgGroup::new("source").required(true).args(["problem", "template"]))]
 pub struct TaskArgs {
     /// The domain
     #[arg(short, long, value_name = "FILE")]
     pub domain: PathBuf,
     /// The problem; - is stdin
-    #[arg(short, long, value_name = "FILE", required_unless_present = "template", conflicts_with = "template")]
+    #[arg(short, long, value_name = "FILE")]
     pub problem: Option<PathBuf>,
     /// The template to generate the problem from; - is stdin
     #[arg(short, long, value_name = "FILE")]

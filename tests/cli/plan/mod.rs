@@ -394,9 +394,9 @@ fn a_plan_command_takes_no_options_of_planning() {
     ------- stderr -------
     error: the following required arguments were not provided:
       --domain <FILE>
-      --problem <FILE>
+      <--problem <FILE>|--template <FILE>>
 
-    Usage: rmem plan --domain <FILE> --problem <FILE>
+    Usage: rmem plan --domain <FILE> <--problem <FILE>|--template <FILE>>
 
     For more information, try '--help'.
     [exit code: 2]
@@ -405,9 +405,9 @@ fn a_plan_command_takes_no_options_of_planning() {
     ------- stderr -------
     error: the following required arguments were not provided:
       --domain <FILE>
-      --problem <FILE>
+      <--problem <FILE>|--template <FILE>>
 
-    Usage: rmem plan --domain <FILE> --goal <GOAL> --problem <FILE>
+    Usage: rmem plan --domain <FILE> --goal <GOAL> <--problem <FILE>|--template <FILE>>
 
     For more information, try '--help'.
     [exit code: 2]
