@@ -37,7 +37,7 @@ impl Memory {
         self
     }
 
-    /// Sets who makes the changes that follow, as one run.
+    /// Sets the author of the changes that follow, as one run.
     pub fn sign(&self, author: &str) {
         self.routes.sign(author);
     }

@@ -24,7 +24,7 @@ pub struct Operation {
 /// Called with each operation when it is over.
 pub type Observer = Rc<dyn Fn(&Operation)>;
 
-/// The observer of a memory, if there is one, and who counts documents.
+/// The observer of a memory, if there is one, and the counter of documents.
 #[derive(Clone, Default)]
 pub(super) struct Journal {
     observer: Option<Observer>,

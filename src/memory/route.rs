@@ -17,7 +17,7 @@ pub(super) struct Lazy {
     keeping: Box<RefCell<Keeping>>,
 }
 
-/// What the store is told once it is open: the histories it keeps, and who makes its changes.
+/// What the store gets once it is open: the histories it keeps, and the author of its changes.
 #[derive(Default)]
 struct Keeping {
     histories: Vec<HistoryRule>,

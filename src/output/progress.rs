@@ -55,7 +55,7 @@ impl Progress {
         (Self { meter, text, shown: Some(Shown { over, thread }) }, bar)
     }
 
-    /// Returns the number of documents that are done with, for who counts them.
+    /// Returns the number of documents that are done, for the caller that counts them.
     #[must_use]
     pub fn meter(&self) -> Arc<AtomicU64> {
         Arc::clone(&self.meter)

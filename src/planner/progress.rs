@@ -1,4 +1,4 @@
-//! What a planner that still runs has said of its progress.
+//! The progress that a running planner has printed.
 
 /// Words for the progress in the last lines of what a planner printed: states, the cost of its best plan.
 #[must_use]

@@ -24,7 +24,7 @@ pub struct Host<'a> {
     pub listener: Listener,
 }
 
-/// Who gets the last part of what a running program has printed, several times a second; nobody by default.
+/// The receiver of the last part of a running program's output, several times a second; none by default.
 #[derive(Clone, Default)]
 pub struct Listener(Option<Arc<Listen>>);
 
@@ -38,7 +38,7 @@ impl Listener {
     }
 
     /// Passes on the end of a file that a program writes.
-    pub(super) fn hear(&self, path: &Path) {
+    pub(super) fn receive(&self, path: &Path) {
         let Some(listen) = &self.0 else { return };
         // What cannot be read now is read the next time.
         if let Ok(text) = end_of(path) {

@@ -313,7 +313,7 @@ impl Supervisor {
                 Ok(Message::Ended(end, usage)) => return (stopped.map_or(end, |(reason, _)| reason), Some(usage)),
                 Ok(Message::Nothing) => {
                     self.resume();
-                    host.listener.hear(&self.place().join("stdout"));
+                    host.listener.receive(&self.place().join("stdout"));
                 }
                 Err(error) => {
                     self.abandon();

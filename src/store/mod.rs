@@ -158,7 +158,7 @@ pub trait Store: Send {
         let _ = rules;
     }
 
-    /// Sets who makes the changes that follow, as one run; the history says so.
+    /// Sets the author of the changes that follow, as one run; the history says so.
     fn sign(&self, author: &str) {
         let _ = author;
     }

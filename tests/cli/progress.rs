@@ -23,7 +23,7 @@ fn on_terminal(lab: &Lab, args: &[&str]) -> String {
     drop(command);
     let reader = std::thread::spawn(move || {
         let (mut shown, mut bytes, mut master) = (Vec::new(), [0; 4096], std::fs::File::from(master));
-        // Reading fails once nobody has the terminal open any more.
+        // Reading fails once no process has the terminal open any more.
         while let Ok(count @ 1..) = master.read(&mut bytes) {
             shown.extend_from_slice(&bytes[..count]);
         }

@@ -76,7 +76,7 @@ fn planner(name: &str, registry: &Registry, task: &Task<'_>, host: &Host<'_>, co
             };
             Trial::of(name, Ok(format!("solves a tiny task in {:.3} s{place}", run.time.as_secs_f64())))
         }
-        // Planners that nobody has configured are an offer.
+        // Planners that are not configured are only offered.
         Outcome::NotFound if !is_configured => {
             let state = format!("the program `{program}` is not installed");
             Trial { name: name.to_owned(), state, is_fine: true }

@@ -58,7 +58,7 @@ fn planning(request: &PlanRequest) -> String {
     format!("{}: {aim}, at most {} s", names.join(", "), request.options.timeout.as_secs_f64())
 }
 
-/// Shows what planners say of their progress; nobody where nothing is shown.
+/// Shows the progress of planners; none where nothing is shown.
 fn listener(text: String, progress: &Progress) -> Listener {
     match progress.teller() {
         None => Listener::default(),

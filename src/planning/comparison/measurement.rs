@@ -42,7 +42,7 @@ pub struct Measurement {
     pub steps: Option<i64>,
     /// The limit of time, in seconds.
     pub timeout: f64,
-    /// What is to be said about the outcome.
+    /// The message about the outcome.
     pub message: String,
 }
 

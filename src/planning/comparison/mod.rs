@@ -1,4 +1,4 @@
-//! Planners side by side on many tasks: who solves what, how fast, how well, and with how much memory.
+//! Planners side by side on many tasks: which tasks each solves, how fast, how well, and with how much memory.
 //!
 //! [`tasks`] finds the tasks of a folder, [`measure`] runs a planner on one of them as `rmem plan` does, and
 //! [`scores`] sums up. A [`Measurement`] has a key, by which a comparison that was interrupted goes on.

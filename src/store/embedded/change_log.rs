@@ -17,7 +17,7 @@ pub(super) const LARGEST: i64 = 256 << 20;
 /// The bytes that a change takes beside its documents.
 const OVERHEAD: usize = 64;
 
-/// The number of a deletion that watchers are not told of: the collection goes as a whole.
+/// The number of a deletion that watchers do not get: the collection goes as a whole.
 pub(super) const DROPPED: i64 = 5;
 /// The number of a drop whose documents are too large for the history.
 const DROPPED_UNKEPT: i64 = 6;
@@ -57,7 +57,7 @@ impl<'a> Noted<'a> {
         Self { of_history: true, ..self }
     }
 
-    /// Whether watchers are not told of it.
+    /// Whether watchers do not get it.
     pub(super) fn is_of_history_alone(self) -> bool {
         self.code() == DROPPED
     }

@@ -1,6 +1,6 @@
 //! Keeping the history of collections, in the log of changes (`change_log`).
 //!
-//! A row of `watchers` keeps the changes of a scope, as it does for who watches; the row of
+//! A row of `watchers` keeps the changes of a scope, as it does for watches; the row of
 //! `histories` says for how long and how much of them, and `origins` has the author of each change.
 //! Changes are noted in the transaction that makes them. The two tables are made when a history is
 //! first kept; where none is, a write does nothing for it.
@@ -72,7 +72,7 @@ pub(super) struct Kept {
 }
 
 impl Keeping {
-    /// Sets who makes the changes that follow, as one run.
+    /// Sets the author of the changes that follow, as one run.
     pub(super) fn sign(&self, author: &str) {
         if *self.author.borrow() != author {
             author.clone_into(&mut self.author.borrow_mut());
@@ -135,14 +135,14 @@ fn release(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()>
     if removed == 0 { Ok(()) } else { clear(connection, pattern) }
 }
 
-/// Removes the changes of a scope that nobody keeps, and the authors of changes that are gone.
+/// Removes the changes of a scope that nothing keeps, and the authors of changes that are gone.
 fn clear(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()> {
     change_log::trim(connection, pattern)?;
     let sql = "DELETE FROM origins WHERE sequence < coalesce((SELECT min(sequence) FROM changes), 9223372036854775807)";
     connection.prepare_cached(sql)?.execute([]).map(|_| ())
 }
 
-/// The histories that the file keeps, those that nobody named for long removed. In a write transaction only.
+/// The histories that the file keeps, those that were not named for long removed. In a write transaction only.
 pub(super) fn current(connection: &Connection) -> rusqlite::Result<Vec<Kept>> {
     let now = DateTime::now().timestamp_millis();
     let (live, lapsed): (Vec<_>, Vec<_>) =
@@ -185,7 +185,7 @@ pub(super) fn choose<'k>(all: &'k [Kept], ns: &Namespace) -> Option<&'k Kept> {
     fitting.filter(|kept| kept.position.is_some())
 }
 
-/// Notes who made a change. In the transaction that appended it.
+/// Notes the author of a change. In the transaction that appended it.
 pub(super) fn sign(connection: &Connection, keeping: &Keeping, place: Option<i64>) -> rusqlite::Result<()> {
     let sql = "INSERT OR REPLACE INTO origins (sequence, author, run, place) VALUES (?, ?, ?, ?)";
     let sequence = connection.last_insert_rowid();

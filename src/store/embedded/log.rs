@@ -17,7 +17,7 @@ use super::{Embedded, history, notifier, watcher};
 use crate::query::Filter;
 use crate::store::{Namespace, StoreError};
 
-/// Who wants the changes of a collection.
+/// The watchers of a collection.
 #[derive(Clone, Copy)]
 struct Wanted {
     by_watchers: bool,
@@ -57,7 +57,7 @@ impl Embedded {
         self.note(ns, Noted::drop())
     }
 
-    /// Appends the changes of a rename: a drop of the old name, and for who wants those of the new
+    /// Appends the changes of a rename: a drop of the old name, and for watchers of the new
     /// name an insert of each document.
     pub(super) fn note_rename(
         &self,
@@ -77,7 +77,7 @@ impl Embedded {
         Ok(())
     }
 
-    /// Who wants the changes of a collection. In a write transaction only.
+    /// The watchers of a collection. In a write transaction only.
     fn wanted(&self, ns: &Namespace) -> Result<Wanted, StoreError> {
         if self.place == Place::Memory {
             return Ok(Wanted { by_watchers: false, by_history: None });

@@ -163,7 +163,7 @@ fn page(connection: &Connection, ns: &Namespace, mut behind: i64) -> Result<Vec<
         while let Some(row) = rows.next()? {
             let (sequence, change) = feed::change(row)?;
             behind = sequence;
-            // The changes of computables are for those who watch.
+            // The changes of computables are for watches.
             if !history::is_computed(change.after.as_deref().or(change.before.as_deref())) {
                 let dropped = change_log::is_of_history(row.get("kind")?);
                 let entry = Entry { change, dropped, author: row.get("author")?, run: row.get("run")? };
