@@ -62,3 +62,16 @@ fn doctor_tries_domains_and_templates() {
     assert!(found.stdout.contains("domain domains/blocksworld/domain.pddl: ok, 4 actions"), "{found}");
     assert!(found.stdout.contains("template wrong.j2: ") && found.stdout.contains("wrong.j2:1:"), "{found}");
 }
+
+#[test]
+fn doctor_prints_json() {
+    let lab = Lab::empty();
+    let found = lab.rmem(&["doctor", "--format", "json", "--memory", "mem:"]).exits(0);
+    let found: serde_json::Value = serde_json::from_str(&found.stdout).unwrap();
+    let of = |check: &str, name: &str| {
+        found.as_array().unwrap().iter().find(|one| one["check"] == check && one["name"] == name).cloned()
+    };
+    assert_eq!(of("memory", "mem:").unwrap()["state"], "ok, 0 collections");
+    assert_eq!(of("planner", "builtin").unwrap()["ok"], true);
+    assert!(lab.rmem(&["doctor", "--help"]).success().contains("Output format: text, json"));
+}

@@ -4,13 +4,16 @@ mod trial;
 
 use std::path::PathBuf;
 
+use bson::{Bson, doc};
 use clap::Args;
 
 use self::trial::Trial;
-use super::Context;
 use super::template::TemplateArgs;
+use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::formats::shell;
+use crate::output::Format;
 use crate::output::amount;
 use crate::store::Checked;
 
@@ -30,7 +33,7 @@ repair saves what can be saved. For a MongoDB server, use db.c.validate() in mon
 
 /// Try the memory, planners, computables, templates and domains
 #[derive(Debug, Args)]
-#[command(after_help = HELP)]
+#[command(after_help = HELP, arg = formats::argument(&formats::TEXT))]
 pub struct DoctorArgs {
     /// Read and check all data in the file of the memory
     #[arg(long)]
@@ -47,9 +50,10 @@ pub struct DoctorArgs {
 }
 
 pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> {
+    let mut report = Report::new(context.format(&formats::TEXT)? == Format::Json);
     let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
-    context.output.line(&format!("settings   {settings}"))?;
+    report.add(&format!("settings   {settings}"), context)?;
 
     let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
     let state = match context.memory().and_then(|memory| Ok(memory.collections()?.len())) {
@@ -59,23 +63,24 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
             format!("{error:#}")
         }
     };
-    context.output.line(&format!("memory     {address}: {state}"))?;
+    report.add(&format!("memory     {address}: {state}"), context)?;
     #[cfg(feature = "serve")]
     if let Some(server) = super::serve::server(&context.settings) {
-        context.output.line(&format!("served     by process {} at {}", server.process, server.uris))?;
+        report.add(&format!("served     by process {} at {}", server.process, server.uris), context)?;
     }
 
     if args.deep && healthy {
-        healthy = deep(context)?;
+        healthy = deep(&mut report, context)?;
     }
 
     let memory = if healthy { context.memory().ok() } else { None };
     let computables = trial::computables(memory.as_ref(), context);
     let files = trial::files(&args.domain, &args.template, &args.options, memory.as_ref(), context)?;
     let planners = trial::planners(context)?;
-    let mut is_fine = print("computable ", &computables, context)?;
-    is_fine &= print("", &files, context)?;
-    is_fine &= print("planner    ", &planners, context)?;
+    let mut is_fine = print("computable ", &computables, &mut report, context)?;
+    is_fine &= print("", &files, &mut report, context)?;
+    is_fine &= print("planner    ", &planners, &mut report, context)?;
+    report.end(context)?;
     Ok(match (healthy, is_fine) {
         (false, _) => Exit::Store,
         (true, false) => Exit::No,
@@ -84,24 +89,24 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
 }
 
 /// Prints trials; returns whether all went well.
-fn print(kind: &str, trials: &[Trial], context: &mut Context<'_>) -> Result<bool> {
+fn print(kind: &str, trials: &[Trial], report: &mut Report, context: &mut Context<'_>) -> Result<bool> {
     for Trial { name, state, .. } in trials {
-        context.output.line(&format!("{kind}{name}: {state}"))?;
+        report.add(&format!("{kind}{name}: {state}"), context)?;
     }
     Ok(trials.iter().all(|trial| trial.is_fine))
 }
 
 /// Checks the stores; says whether nothing is damaged.
-fn deep(context: &mut Context<'_>) -> Result<bool> {
+fn deep(report: &mut Report, context: &mut Context<'_>) -> Result<bool> {
     let memory = context.memory()?;
     let mut damages = Vec::new();
     let checked = memory.check(|damage| damages.push(damage.to_owned()));
     for damage in &damages {
-        context.output.line(&format!("damage     {damage}"))?;
+        report.add(&format!("damage     {damage}"), context)?;
     }
     for (address, checked) in checked? {
         let Some(checked) = checked else {
-            context.output.line(&format!("checked    {address}: not here; a server checks itself"))?;
+            report.add(&format!("checked    {address}: not here; a server checks itself"), context)?;
             continue;
         };
         let Checked { collections, documents, unsealed, indexes } = checked;
@@ -115,7 +120,40 @@ fn deep(context: &mut Context<'_>) -> Result<bool> {
             amount(documents, "document"),
             amount(indexes, "index")
         );
-        context.output.line(&format!("checked    {address}: {counts}"))?;
+        report.add(&format!("checked    {address}: {counts}"), context)?;
     }
     Ok(damages.is_empty())
+}
+
+/// What was found: lines as they come, or documents that are printed as one array.
+struct Report {
+    is_json: bool,
+    found: Vec<Bson>,
+}
+
+impl Report {
+    fn new(is_json: bool) -> Self {
+        Self { is_json, found: Vec::new() }
+    }
+
+    /// Adds a line like `planner    ff: ok`: what was looked at, its name, and its state.
+    fn add(&mut self, line: &str, context: &mut Context<'_>) -> Result<()> {
+        if !self.is_json {
+            return Ok(context.output.line(line)?);
+        }
+        let (check, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let rest = rest.trim_start();
+        let (name, state) = rest.split_once(": ").map_or((None, rest), |(name, state)| (Some(name), state));
+        let is_trial = !["settings", "served", "checked"].contains(&check);
+        let is_fine = is_trial.then(|| state == "ok" || state.starts_with("ok, "));
+        self.found.push(doc! { "check": check, "name": name, "ok": is_fine, "state": state }.into());
+        Ok(())
+    }
+
+    fn end(self, context: &mut Context<'_>) -> Result<()> {
+        if self.is_json {
+            context.output.line(&shell::pretty(&Bson::Array(self.found)))?;
+        }
+        Ok(())
+    }
 }
