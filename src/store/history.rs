@@ -7,8 +7,6 @@ use bson::DateTime;
 use super::error::StoreError;
 use super::namespace::Namespace;
 use super::watch::{Change, Scope};
-use crate::formats::shell;
-use crate::query::QueryError;
 
 /// How long, and how much of, the history of a scope is kept. Of several rules for a collection, that
 /// of the smallest scope counts.
@@ -64,17 +62,16 @@ impl HistoryRule {
 /// The error where the history of a collection is not kept.
 #[must_use]
 pub fn not_kept(ns: &Namespace) -> StoreError {
-    let message =
-        format!("no history of {ns} is kept; keep_history = \"24h\" in rmem.toml keeps it from the next write on");
-    QueryError::bad_value(message).into()
+    let reason = "no history is kept; keep_history = \"24h\" in rmem.toml keeps it from the next write on".to_owned();
+    StoreError::Unfit { address: ns.to_string(), reason }
 }
 
 /// The error where the history of a collection does not reach back to a time.
 #[must_use]
 pub fn too_old(ns: &Namespace, at: DateTime, since: DateTime) -> StoreError {
-    let text = |time: DateTime| shell::relaxed_value(&time.into());
-    let message = format!("the history of {ns} begins at {}; what it was at {} is not known", text(since), text(at));
-    QueryError::bad_value(message).into()
+    let text = |time: DateTime| time.try_to_rfc3339_string().unwrap_or_else(|_| time.to_string());
+    let reason = format!("the history begins at {}; what was there at {} is not known", text(since), text(at));
+    StoreError::Unfit { address: ns.to_string(), reason }
 }
 
 #[cfg(test)]

@@ -56,7 +56,7 @@ fn csv_has_the_runs_and_scores_apart() {
     let lab = lab();
     let csv = lab.rmem(&["compare", "tasks", "--format", "csv", "--only", "one"]).success();
     let lines: Vec<&str> = csv.lines().collect();
-    assert_eq!((lines.len(), lines[0]), (2, "task,planner,outcome,seconds,cpu,memory,cost,steps"), "{csv}");
+    assert_eq!((lines.len(), lines[0]), (2, "task,planner,outcome,seconds,cpu,memory,cost,steps,message"), "{csv}");
     assert!(lines[1].starts_with("lights/one,builtin,success,"), "{csv}");
     let scores = lab.rmem(&["compare", "tasks", "--format", "csv", "--scores"]).success();
     assert!(scores.starts_with("planner,tasks,solved,coverage,ipc_satisficing,ipc_agile,par10,memory\n"), "{scores}");

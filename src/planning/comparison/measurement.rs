@@ -106,7 +106,7 @@ impl Measurement {
     #[must_use]
     pub fn listed(&self) -> Document {
         let millis = |seconds: f64| (seconds * 1e3).round() / 1e3;
-        let mut listed = doc! {
+        doc! {
             "task": &self.task,
             "planner": &self.planner,
             "outcome": &self.outcome,
@@ -115,11 +115,8 @@ impl Measurement {
             "memory": self.memory,
             "cost": self.cost.map(number),
             "steps": self.steps,
-        };
-        if !self.message.is_empty() {
-            listed.insert("message", &self.message);
+            "message": (!self.message.is_empty()).then_some(&self.message),
         }
-        listed
     }
 
     /// The measurement as it is kept.
