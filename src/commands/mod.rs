@@ -22,6 +22,7 @@ mod error;
 mod exit_codes;
 mod expire;
 mod explanation;
+#[cfg(feature = "views")]
 mod export;
 mod ff;
 pub(crate) mod formats;
@@ -52,6 +53,7 @@ mod undo;
 mod unlock;
 mod update;
 mod validate;
+#[cfg(feature = "views")]
 mod view;
 mod watch;
 
@@ -107,7 +109,9 @@ pub enum Command {
     Scene(scene::SceneArgs),
     Schema(schema::SchemaArgs),
     Plot(plot::PlotArgs),
+    #[cfg(feature = "views")]
     Export(export::ExportArgs),
+    #[cfg(feature = "views")]
     View(view::ViewArgs),
     Expire(expire::ExpireArgs),
     Bench(bench::BenchArgs),
@@ -145,6 +149,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Dump(args) => dump::run(args, context),
         Command::ExitCodes(args) => exit_codes::run(args, context),
         Command::Expire(args) => expire::run(args, context),
+        #[cfg(feature = "views")]
         Command::Export(args) => export::run(args, context),
         Command::Ff(args) => ff::run(args, context),
         Command::GenProblem(args) => gen_problem::run(args, context),
@@ -169,6 +174,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
         Command::Validate(args) => validate::run(args, context),
+        #[cfg(feature = "views")]
         Command::View(args) => view::run(args, context),
         Command::Watch(args) => watch::run(args, context),
     }

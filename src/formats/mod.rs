@@ -8,6 +8,7 @@
 pub mod clips;
 pub mod diagnostic;
 pub mod marker;
+#[cfg(feature = "views")]
 pub mod mcap;
 pub mod mongodump;
 mod nearest;

@@ -5,11 +5,13 @@
 //! `frame` around them, `calendar` the ticks of dates, `labels` the names on a map. A [`Picture`] is SVG or PNG, by
 //! what is asked for.
 
+#[cfg(feature = "views")]
 pub mod browser;
 mod calendar;
 pub mod chart;
 mod draw;
 pub mod field;
+#[cfg(feature = "views")]
 pub mod foxglove;
 mod frame;
 pub mod grid;

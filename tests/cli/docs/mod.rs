@@ -138,7 +138,10 @@ impl Page {
             return;
         }
         for step in console::steps(&block.text) {
-            let command = step.command.replace("cargo run --release --", "rmem");
+            let command = match step.command.strip_prefix("cargo run ").and_then(|rest| rest.split_once("-- ")) {
+                Some((_, arguments)) => format!("rmem {arguments}"),
+                None => step.command.clone(),
+            };
             if command.starts_with("cargo ") {
                 names::assert_cargo_command(&command);
                 continue;
