@@ -730,7 +730,7 @@ fn those_who_ask_at_once_compute_once(lab: &Lab) {
 }
 
 fn answers_are_whole_while_others_compute(lab: &Lab) {
-    let low = || Definition { cache: Some(Duration::from_millis(3)), ..lab.low() };
+    let low = || Definition { cache: Some(Duration::from_millis(1)), ..lab.low() };
     lab.blocks(&lab.memory(vec![]));
     let end = Instant::now() + Duration::from_secs(2);
     std::thread::scope(|scope| {

@@ -16,7 +16,8 @@ use crate::memory::operations::Memory;
 use crate::query::{QueryError, object_id};
 use crate::store::{Documents, Find, Namespace, Store, StoreError, metadata};
 
-/// How often an answer is made again because its documents were replaced meanwhile.
+/// How often an answer is made from shared computations; where they were replaced meanwhile each time, the next one
+/// computes for its query alone.
 const ATTEMPTS: usize = 5;
 /// How deep computables may depend on each other.
 const DEPTH: usize = 16;
@@ -82,24 +83,28 @@ impl Memory {
         held: &mut Vec<Held>,
         work: &mut impl FnMut(&View) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let mut attempt = 1;
+        let mut attempt = 0;
         loop {
+            attempt += 1;
+            let alone = attempt > ATTEMPTS;
+            if alone {
+                held.retain(|held| held.own.is_some());
+            }
             let mut view = self.computables.view(self.clock.now());
             held.iter().for_each(|held| view.allow(held.token));
             for (index, wanted) in all.iter().enumerate() {
                 if !held.iter().any(|held| held.key == wanted.key) {
                     let earlier: Vec<ObjectId> = held.iter().map(|held| held.token).collect();
                     let others = Others { earlier: &earlier, later: all.get(index + 1..).unwrap_or_default() };
-                    let obtained = self.obtain(wanted, others)?;
+                    let obtained = self.obtain(wanted, others, alone)?;
                     view.allow(obtained.token);
                     held.push(obtained);
                 }
             }
             let answer = work(&view)?;
-            if !repeatable || self.still_holds(held)? || attempt == ATTEMPTS {
+            if !repeatable || alone || self.still_holds(held)? {
                 return Ok(answer);
             }
-            attempt += 1;
         }
     }
 
@@ -124,15 +129,15 @@ impl Memory {
         Ok(held.len() == before)
     }
 
-    /// The computation that answers the query: of the cache, or a new one.
-    fn obtain(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<Held, StoreError> {
+    /// The computation that answers the query: of the cache, or a new one; `alone` for a new one that nobody shares.
+    fn obtain(&self, wanted: &Wanted<'_>, others: Others<'_>, alone: bool) -> Result<Held, StoreError> {
         let start = Instant::now();
         let definition = &wanted.computable.definition;
         // A computable needs no stored documents, so the file need not exist.
         self.routes.excuse(&definition.namespace);
         let (held, cached, documents) = match definition.cache {
-            Some(cache) => self.obtain_cached(wanted, others, cache)?,
-            None => self.compute_once(wanted, others)?,
+            Some(cache) if !alone => self.obtain_cached(wanted, others, cache)?,
+            _ => self.compute_once(wanted, others)?,
         };
         let computed = Computed {
             name: definition.name.clone(),
