@@ -1,4 +1,4 @@
-//! Charts: lines, points, maps, bars and intervals, with axes, units and a legend. [`super::drawing`] draws them.
+//! Charts: lines, points, maps, bars and intervals, with axes, units and a legend. [`Chart::draw`] draws them.
 
 /// The colours of series, in their order.
 pub const COLORS: [&str; 8] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8B8000"];
