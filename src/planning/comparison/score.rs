@@ -52,11 +52,16 @@ fn score(planner: &str, all: &[Measurement]) -> Score {
         planner: planner.to_owned(),
         tasks: own.len(),
         solved: solved.len(),
-        satisficing: solved.iter().map(|measured| satisficing(measured, all)).sum(),
-        agile: solved.iter().map(|measured| agile(measured)).sum(),
+        satisficing: total(solved.iter().map(|measured| satisficing(measured, all))),
+        agile: total(solved.iter().map(|measured| agile(measured))),
         par10: own.iter().map(time).sum::<f64>() / count.max(1.0),
         memory: own.iter().filter_map(|measured| measured.memory).max(),
     }
+}
+
+/// The sum, which is 0 for no numbers; that of the standard library is −0.
+fn total(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.fold(0.0, |sum, number| sum + number)
 }
 
 /// The best cost that was found for the task, divided by that of this plan; 1 for a proof.
@@ -114,6 +119,12 @@ mod tests {
             timeout: 100.0,
             message: String::new(),
         }
+    }
+
+    #[test]
+    fn a_planner_that_solves_nothing_scores_0() {
+        let scores = scores(&[measured("one", "a", "timeout", 100.0, None)]);
+        assert_eq!(scores[0].listed().get_f64("ipc_agile").unwrap().to_string(), "0");
     }
 
     #[test]
