@@ -1,186 +1,16 @@
-//! MoveIt's message `moveit_msgs/PlanningScene` as JSON, which is YAML, too: for `ros2 topic pub`, for the
-//! service `apply_planning_scene`, and for rosbridge.
-//!
-//! Quaternions are x, y, z, w; a box has full sizes; the dimensions of cylinders and cones are *height, radius*.
-//! `operation` is 0 (add), 1 (remove), 2 (append) or 3 (move, without geometry); operations come with `is_diff`.
-//! Shapes come in groups: primitives, meshes, planes. An object has one colour, and a weight where it is
-//! attached. Source: the message definitions of moveit_msgs, shape_msgs and geometry_msgs.
+//! A message, or operations, out of JSON.
 
 use std::collections::HashMap;
 
-use bson::{Bson, Document, doc};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::value::RawValue;
 
-use super::json::{line, place};
-use super::pose::norm;
-use super::spelling::group;
-use super::{
-    Attachment, Color, Content, Kind, Limits, Mass, Mesh, Model, Object, Operation, Pose, Scene, Shape, Solid,
-    Spelling, Triangles,
-};
+use super::code::{ADD, APPEND, BOX, CONE, CYLINDER, MOVE, REMOVE, SPHERE};
+use crate::formats::scene::json::place;
+use crate::formats::scene::pose::norm;
+use crate::formats::scene::{Attachment, Content, Mesh, Object, Operation, Pose, Scene, Shape, Solid, Triangles};
 use crate::formats::{Diagnostic, Source, Span};
-
-/// `moveit_msgs/PlanningScene`.
-pub const SPELLING: Spelling = Spelling {
-    name: "moveit-msg",
-    limits: Limits {
-        kinds: &[Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::Cone, Kind::Plane, Kind::Triangles],
-        name: true,
-        frame: true,
-        framed: false,
-        color: Color::Object,
-        mass: Mass::Attached,
-        fixed: false,
-        attachment: true,
-        subframes: true,
-        model: Model::None,
-        empty: true,
-        grouped: true,
-    },
-    fits: |object| if object.name.is_empty() { Err("its name is empty".to_owned()) } else { Ok(()) },
-    write: |scene| line(&planning_scene(scene)) + "\n",
-    read,
-    recognizes: |text| {
-        let keys = ["\"world\"", "\"robot_state\"", "\"is_diff\"", "\"object_colors\""];
-        (super::json::SPELLING.recognizes)(text)
-            && !text.contains("\"objects\"")
-            && keys.iter().any(|key| text.contains(key))
-    },
-};
-
-const ADD: i32 = 0;
-const REMOVE: i32 = 1;
-const MOVE: i32 = 3;
-
-/// A whole scene, which takes the place of what the planner knows.
-fn planning_scene(scene: &Scene) -> Document {
-    let mut message = Message { frame: scene.frame.clone(), ..Message::default() };
-    scene.objects.iter().for_each(|object| message.add(object));
-    message.finish(scene.name.as_deref(), false)
-}
-
-/// Operations as one message, which changes what the planner knows.
-#[must_use]
-pub fn write_operations(operations: &[Operation], frame: Option<&str>) -> String {
-    let mut message = Message { frame: frame.map(str::to_owned), ..Message::default() };
-    operations.iter().for_each(|operation| message.operate(operation));
-    line(&message.finish(None, true)) + "\n"
-}
-
-/// A message in the making.
-#[derive(Default)]
-struct Message {
-    frame: Option<String>,
-    objects: Vec<Document>,
-    attached: Vec<Document>,
-    colors: Vec<Document>,
-}
-
-impl Message {
-    fn finish(self, name: Option<&str>, is_diff: bool) -> Document {
-        doc! {
-            "name": name.unwrap_or_default(),
-            "robot_state": { "is_diff": true, "attached_collision_objects": self.attached },
-            "world": { "collision_objects": self.objects },
-            "object_colors": self.colors,
-            "is_diff": is_diff,
-        }
-    }
-
-    fn add(&mut self, object: &Object) {
-        if let Some([r, g, b, a]) = object.shapes.first().and_then(|shape| shape.color) {
-            self.colors.push(doc! { "id": &object.name, "color": { "r": r, "g": g, "b": b, "a": a } });
-        }
-        let collision = self.collision(object);
-        match &object.attachment {
-            None => self.objects.push(collision),
-            Some(attachment) => self.attach(attachment, collision, object.mass),
-        }
-    }
-
-    fn attach(&mut self, attachment: &Attachment, object: Document, weight: Option<f64>) {
-        self.attached.push(doc! {
-            "link_name": &attachment.link,
-            "object": object,
-            "touch_links": attachment.touch.clone(),
-            "weight": weight.unwrap_or_default(),
-        });
-    }
-
-    fn operate(&mut self, operation: &Operation) {
-        match operation {
-            Operation::Add(object) | Operation::Reshape(object) => self.add(object),
-            Operation::Remove { name } => self.objects.push(doc! { "id": name, "operation": REMOVE }),
-            Operation::Move { name, pose } => {
-                let moved = doc! { "header": self.header(), "id": name, "pose": pose_value(pose), "operation": MOVE };
-                self.objects.push(moved);
-            }
-            Operation::Attach { name, attachment } => {
-                self.attach(attachment, doc! { "id": name, "operation": ADD }, None);
-            }
-            Operation::Detach { name, link } => {
-                let attachment = Attachment { link: link.clone(), touch: Vec::new() };
-                self.attach(&attachment, doc! { "id": name, "operation": REMOVE }, None);
-            }
-        }
-    }
-
-    fn header(&self) -> Document {
-        doc! { "frame_id": self.frame.as_deref().unwrap_or_default() }
-    }
-
-    fn collision(&self, object: &Object) -> Document {
-        let mut lists: [(Vec<Document>, Vec<Document>); 3] = Default::default();
-        for shape in &object.shapes {
-            let (shapes, poses) = &mut lists[usize::from(group(&shape.solid))];
-            shapes.push(solid_value(&shape.solid));
-            poses.push(pose_value(&shape.pose));
-        }
-        let [(primitives, primitive_poses), (meshes, mesh_poses), (planes, plane_poses)] = lists;
-        let (names, poses): (Vec<&str>, Vec<Document>) =
-            object.subframes.iter().map(|(name, pose)| (name.as_str(), pose_value(pose))).unzip();
-        doc! {
-            "header": self.header(), "pose": pose_value(&object.pose), "id": &object.name,
-            "primitives": primitives, "primitive_poses": primitive_poses,
-            "meshes": meshes, "mesh_poses": mesh_poses,
-            "planes": planes, "plane_poses": plane_poses,
-            "subframe_names": names, "subframe_poses": poses,
-            "operation": ADD,
-        }
-    }
-}
-
-fn pose_value(pose: &Pose) -> Document {
-    let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.map(|part| part + 0.0), pose.rotation.map(|part| part + 0.0));
-    doc! { "position": { "x": x, "y": y, "z": z }, "orientation": { "x": qx, "y": qy, "z": qz, "w": qw } }
-}
-
-/// The types of `shape_msgs/SolidPrimitive`.
-const BOX: i32 = 1;
-const SPHERE: i32 = 2;
-const CYLINDER: i32 = 3;
-const CONE: i32 = 4;
-
-fn solid_value(solid: &Solid) -> Document {
-    let primitive = |kind: i32, dimensions: &[f64]| doc! { "type": kind, "dimensions": dimensions.to_vec() };
-    match solid {
-        Solid::Box(size) => primitive(BOX, size),
-        Solid::Sphere(radius) => primitive(SPHERE, &[*radius]),
-        Solid::Cylinder { radius, length } => primitive(CYLINDER, &[*length, *radius]),
-        Solid::Cone { radius, length } => primitive(CONE, &[*length, *radius]),
-        Solid::Plane { normal: [a, b, c], offset } => doc! { "coef": [a + 0.0, b + 0.0, c + 0.0, 0.0 - offset] },
-        Solid::Mesh(Mesh::Triangles(triangles)) => {
-            let index = |index: usize| Bson::Int64(index as i64);
-            let faces = triangles.faces.iter().map(|face| doc! { "vertex_indices": face.map(index).to_vec() });
-            let vertices = triangles.vertices.iter().map(|[x, y, z]| doc! { "x": x, "y": y, "z": z });
-            doc! { "triangles": faces.collect::<Vec<_>>(), "vertices": vertices.collect::<Vec<_>>() }
-        }
-        // `check` lets none come here.
-        Solid::Mesh(Mesh::File { .. }) => Document::new(),
-    }
-}
 
 /// The message as it is written. What says nothing about objects may be anything.
 #[derive(Deserialize, Default)]
@@ -353,7 +183,7 @@ impl RosPose {
     }
 }
 
-fn read(source: &Source) -> Result<Content, Diagnostic> {
+pub(super) fn read(source: &Source) -> Result<Content, Diagnostic> {
     let text = source.text();
     let message: PlanningScene<'_> = serde_json::from_str(text).map_err(|error| place(source, 0, text, &error))?;
     let mut reader = Reader {
@@ -440,7 +270,9 @@ impl Reader<'_> {
             (REMOVE, None) => Operation::Remove { name },
             (MOVE, None) if is_bare => Operation::Move { name, pose: object.pose.pose()? },
             (MOVE, None) => return Err(format!("`{name}` is moved and has geometry; MoveIt refuses that")),
-            (2, _) => return Err(format!("`{name}` is to be appended to; expected the whole object (operation 0)")),
+            (APPEND, _) => {
+                return Err(format!("`{name}` is to be appended to; expected the whole object (operation 0)"));
+            }
             (other, _) => return Err(format!("`{name}` has the unknown operation {other}; expected 0, 1 or 3")),
         };
         self.operations.push(next);
