@@ -253,3 +253,16 @@ fn record_is_for_servers() {
     let run = lab.rmem(&["record", NS]).exits(2);
     assert!(run.stderr.contains("every write keeps the history of a file itself"), "{run}");
 }
+
+#[test]
+fn a_history_for_one_database_or_collection_takes_over_what_was_kept_for_all() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1}", "{_id: 2}"]).success();
+    for scope in ["robmem", "robmem.worldmodel"] {
+        lab.write("rmem.toml", &format!("memory = 'file:robot.rmem'\n[keep_history]\n'{scope}' = '24h'\n"));
+        lab.rmem(&["insert", "robmem.other", "{}"]).success();
+        assert_eq!(history(&lab, &[]).len(), 2, "{scope}");
+    }
+    lab.rmem(&["undo", NS]).success();
+    assert_eq!(lab.rmem(&["count", NS]).success(), "0\n");
+}

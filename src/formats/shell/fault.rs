@@ -252,7 +252,12 @@ impl<'a> Checker<'a> {
         let digits = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
         if name.is_empty() || (name.starts_with(char::is_numeric) && !digits) {
             let diagnostic = self.fault("a key or `}`");
-            return Err(if name.is_empty() { diagnostic } else { diagnostic.hint(format!("quote the key: '{name}'")) });
+            return Err(match name {
+                "" if rest.starts_with(':') => diagnostic
+                    .hint("in double quotes, a shell replaces a name behind `$`; write `\\$` there, or use single quotes outside"),
+                "" => diagnostic,
+                _ => diagnostic.hint(format!("quote the key: '{name}'")),
+            });
         }
         self.key = Some(self.at);
         Ok(self.after(end, Next::Colon))

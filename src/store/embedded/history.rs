@@ -107,9 +107,10 @@ impl Keeping {
     }
 }
 
-/// Writes the row of a rule.
+/// Writes the row of a rule. A new one takes over what a wider history has of its scope.
 fn name(connection: &Connection, rule: &HistoryRule) -> rusqlite::Result<()> {
     let (pattern, now) = (pattern(&rule.scope), DateTime::now().timestamp_millis());
+    let former = wider(connection, &pattern)?;
     let age = i64::try_from(rule.age.as_millis()).unwrap_or(i64::MAX);
     let size = i64::try_from(rule.size).unwrap_or(i64::MAX);
     let sql = "INSERT INTO histories (database, collection, age, size, since, beat) VALUES (?1, ?2, ?3, ?4, ?5, ?5)
@@ -122,11 +123,24 @@ fn name(connection: &Connection, rule: &HistoryRule) -> rusqlite::Result<()> {
     if connection.prepare_cached(sql)?.exists([row_name(&pattern)])? {
         return Ok(());
     }
-    let last = change_log::last(connection)?;
+    let (position, since) = match former {
+        Some(former) => former,
+        None => (change_log::last(connection)?, now),
+    };
     let sql = "INSERT INTO watchers (name, database, collection, position, beat) VALUES (?, ?, ?, ?, ?)";
-    connection.execute(sql, params![row_name(&pattern), pattern.database, pattern.collection, last, now])?;
+    connection.execute(sql, params![row_name(&pattern), pattern.database, pattern.collection, position, now])?;
     let sql = "UPDATE histories SET since = ? WHERE database = ? AND collection = ?";
-    connection.execute(sql, params![now, pattern.database, pattern.collection]).map(|_| ())
+    connection.execute(sql, params![since, pattern.database, pattern.collection]).map(|_| ())
+}
+
+/// From which position and time on a wider history has the changes of a scope that has no row yet. One that has a
+/// row may have been left out for a while.
+fn wider(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<Option<(i64, i64)>> {
+    let all: Vec<Kept> = rows(connection)?.into_iter().map(|(kept, _)| kept).collect();
+    if all.iter().any(|kept| kept.pattern == *pattern) {
+        return Ok(None);
+    }
+    Ok(choose(&all, pattern).and_then(|kept| Some((kept.position?, kept.since.timestamp_millis()))))
 }
 
 /// Keeps the changes of a scope no longer.
