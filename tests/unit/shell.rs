@@ -160,7 +160,12 @@ fn names_the_first_token_that_does_not_fit() {
         ("{a 1}", "1:4", "expected `:`, found `1`", ""),
         ("{a-b:1}", "1:3", "expected `:`, found `-`", "quote the key: 'a-b'"),
         ("{rings.0:1}", "1:7", "expected `:`, found `.0`", "quote the key: 'rings.0'"),
-        ("{x: {: 1}}", "1:6", "expected a key or `}`, found `:`", "use single quotes outside"),
+        (
+            "{x: {: 1}}",
+            "1:6",
+            "expected a key or `}`, found `:`",
+            "in double quotes, a shell replaces a name behind `$`; write `\\$` there, or use single quotes outside",
+        ),
         ("{1a:1}", "1:2", "expected a key or `}`, found `1a`", "quote the key: '1a'"),
         ("{a:\"x}", "1:4", "the string has no end", "it ends with the same quote, on the same line"),
         ("{a:\"x\\\"}", "1:4", "the string has no end", "it ends with the same quote, on the same line"),
