@@ -42,7 +42,7 @@ fn namespace(database: Option<String>, path: &[String]) -> Option<String> {
     name.parse::<crate::store::Namespace>().is_ok().then_some(name)
 }
 
-/// The words of the command for a method.
+/// The words of the command for a method; none where the line has options that they would leave out.
 fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) -> Option<Vec<String>> {
     let given = |nth: usize| arguments.get(nth).copied().filter(|text| !is_empty(text));
     let word = |nth: usize| given(nth).map(quoted);
@@ -56,6 +56,9 @@ fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) 
         Some(with("update", rest))
     };
     let upsert = flag("--upsert", arguments.len() > 2 && has("upsert"));
+    if !is_understood(method, arguments, modifiers) {
+        return None;
+    }
     Some(match method {
         "find" if is_counted => with("count", vec![word(0)]),
         "find" => {
@@ -89,6 +92,45 @@ fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) 
         "watch" => with("watch", Vec::new()),
         _ => return None,
     })
+}
+
+/// Whether a command can say all that a line does.
+fn is_understood(method: &str, arguments: &[&str], modifiers: &[Segment<'_>]) -> bool {
+    // How many arguments there are, and which options the last of them may have.
+    let (most, known): (usize, &[&str]) = match method {
+        "find" | "findOne" | "distinct" => (2, &[]),
+        "updateOne" | "updateMany" | "replaceOne" => (3, &["upsert"]),
+        "update" => (3, &["upsert", "multi"]),
+        "createIndex" | "ensureIndex" => (2, &["unique"]),
+        "aggregate" => (usize::MAX, &[]),
+        "drop" | "getIndexes" | "watch" | "estimatedDocumentCount" => (0, &[]),
+        _ => (1, &[]),
+    };
+    let options = arguments.last().filter(|_| !known.is_empty() && arguments.len() == most);
+    let are_known = options.is_none_or(|text| keys(text).all(|key| known.contains(&key)));
+    // One document of all, and a replacement without --replace, have no command.
+    let is_refused = match method {
+        "deleteOne" => arguments.first().is_none_or(|query| is_empty(query)),
+        "update" => arguments.get(1).is_none_or(|change| !change.contains('$')),
+        "distinct" => arguments.first().is_none_or(|field| field.contains(['\\', '$', '`', '!', ' '])),
+        _ => false,
+    };
+    let is_plain = |segment: &Segment<'_>| match segment.name {
+        "limit" | "skip" => segment.arguments.as_ref().is_some_and(|arguments| !arguments.iter().any(is_negative)),
+        "sort" | "projection" | "explain" | "pretty" | "toArray" | "count" | "size" | "length" | "itcount" => true,
+        _ => false,
+    };
+    arguments.len() <= most && are_known && !is_refused && modifiers.iter().all(is_plain)
+}
+
+fn is_negative(text: &&str) -> bool {
+    text.starts_with('-')
+}
+
+/// The keys of a document without others in it.
+fn keys(text: &str) -> impl Iterator<Item = &str> {
+    let inner = text.trim().trim_start_matches('{').trim_end_matches('}');
+    inner.split(',').filter_map(|member| member.split_once(':')).map(|(key, _)| key.trim().trim_matches(['"', '\'']))
 }
 
 /// The options that methods of a cursor stand for; others, like `toArray`, have none.
@@ -234,6 +276,17 @@ mod tests {
             "db.find({'x})",
             "db.(x)",
             "db.x.dance()",
+            "db.x.remove({a: 1}, true)",
+            "db.x.remove({a: 1}, {justOne: true})",
+            "db.x.deleteOne({})",
+            "db.x.update({a: 1}, {$set: {b: 1}}, false, true)",
+            "db.x.update({a: 1}, {b: 1})",
+            "db.x.updateOne({a: 1}, {$set: {b: 1}}, {arrayFilters: [{x: 1}]})",
+            "db.x.createIndex({a: 1}, {expireAfterSeconds: 60, unique: true})",
+            "db.x.find({a: 1}, {b: 1}, {limit: 1})",
+            "db.x.count({a: 1}, {limit: 1})",
+            "db.x.find({a: 1}).limit(-1)",
+            "db.x.find({a: 1}).collation({locale: 'de'}).forEach(printjson)",
             "é.(",
             "f()",
         ] {

@@ -8,7 +8,7 @@ use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
 use crate::commands::query::{argument, blame};
-use crate::commands::{Context, UsageError, WrongInput};
+use crate::commands::{Context, UsageError, WrongInput, missing};
 use crate::error::Result;
 use crate::formats::scene::{Content, Kind, Spelling, by_name, recognize};
 use crate::formats::{Diagnostic, Source};
@@ -59,6 +59,7 @@ impl Selection {
         let frames = self.more.tree(&sources, memory, context)?;
         let found =
             extract(memory, &sources, &frames, &self.frame, Reading::All).map_err(|error| blame(error, &given))?;
+        warn_of_missing(&found, &sources, memory, context);
         self.more.accept(found, context)
     }
 
@@ -70,6 +71,15 @@ impl Selection {
     ) -> Result<Sources<'a>, Diagnostic> {
         let query = argument("<query>", &self.query)?;
         Ok(sources(self.namespace.as_ref(), query, kinds, context))
+    }
+}
+
+/// Warns where no object was found because a collection does not exist.
+pub(super) fn warn_of_missing(found: &Extraction, sources: &Sources<'_>, memory: &Memory, context: &mut Context<'_>) {
+    if found.objects.is_empty() {
+        for (namespace, _) in &sources.queries {
+            missing::warn(namespace, memory, context);
+        }
     }
 }
 
