@@ -22,6 +22,34 @@ fn the_help_of_a_command_is_the_same_after_help_and_with_the_option() {
     }
 }
 
+/// The subcommands that a help lists, and the subcommands of these.
+fn below(lab: &Lab, command: &str) -> Vec<String> {
+    let words: Vec<&str> = ["help"].into_iter().chain(command.split(' ')).collect();
+    let help = lab.rmem(&words).success();
+    let listed = help.split("\nCommands:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap_or_default();
+    let names = listed.lines().filter_map(|line| line.strip_prefix("  ")?.split(' ').next());
+    let names = names.filter(|name| !name.is_empty() && *name != "help").map(|name| format!("{command} {name}"));
+    names.flat_map(|name| [vec![name.clone()], below(lab, &name)].concat()).collect()
+}
+
+/// A help without the global options, which are the same in each.
+fn own_part(help: &str) -> String {
+    let (before, rest) = help.split_once("Global options:\n").unwrap_or((help, ""));
+    let after = rest.split_once("\n\n").map_or("", |(_, after)| after);
+    format!("{before}{after}")
+}
+
+#[test]
+fn every_help_is_on_record() {
+    let lab = Lab::empty();
+    for command in commands(&lab) {
+        for command in [vec![command.clone()], below(&lab, &command)].concat() {
+            let words: Vec<&str> = ["help"].into_iter().chain(command.split(' ')).collect();
+            insta::assert_snapshot!(command.replace(' ', "_"), own_part(&lab.rmem(&words).success()));
+        }
+    }
+}
+
 #[test]
 fn a_help_has_arguments_options_examples_and_what_is_printed() {
     assert_run!(Lab::empty().rmem(&["help", "backup"]), @r"

@@ -27,8 +27,9 @@ PlanningScene with is_diff. A frame that moves moves every object in it. Poses a
 they are when the line is printed. Starts with the next change: export the scene after the message on
 stderr that it is following. An object that becomes invalid is removed, with a warning.
 
---resume NAME keeps in the memory how far it is, in each collection: a later watch with that name continues there,
-and misses nothing; after a crash, operations may be delivered again. The position in the first collection has
+--resume NAME keeps in the memory how far it is, in each collection: a later watch with that name continues there
+and reports what was changed and deleted meanwhile, but not objects or frames that went with a collection that
+was dropped: export the scene then. After a crash, operations may be delivered again. The position in the first collection has
 the name NAME, in others NAME:NS; rmem watch --names lists them, rmem watch NS --resume NAME --forget forgets one.";
 
 /// Print operations as they happen
