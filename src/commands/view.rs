@@ -33,6 +33,8 @@ pub struct ViewArgs {
 
 /// How long a key is waited for before the memory is looked at.
 const TICK: Duration = Duration::from_millis(100);
+/// How long the browser may take to end once its terminal is gone.
+const GRACE: Duration = Duration::from_secs(1);
 
 pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> Result<Exit> {
     if !context.is_terminal() {
@@ -42,6 +44,7 @@ pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut browser = Browser::new(&memory, args.namespace.clone())?;
     // A signal sets a flag, so that the terminal is put right before the end.
     let guard = InterruptGuard::new();
+    end_with_terminal();
     let screen = Screen::enter(context.output.stdout())?;
     browse(&mut browser, screen, &guard)
 }
@@ -77,6 +80,26 @@ fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard)
         }
     }
     Ok(Exit::Done)
+}
+
+/// Ends the program soon after its terminal is gone, whatever it does then: where the terminal goes between a look at
+/// it and crossterm's reading, crossterm reads for ever. Nothing is written that could be cut off.
+fn end_with_terminal() {
+    std::thread::spawn(|| {
+        let stdout = io::stdout();
+        loop {
+            let mut end = [PollFd::new(&stdout, PollFlags::empty())];
+            match poll(&mut end, None) {
+                Ok(_) if end[0].revents().is_empty() => {}
+                Err(rustix::io::Errno::INTR) => {}
+                Ok(_) => break,
+                Err(_) => return,
+            }
+        }
+        std::thread::sleep(GRACE);
+        #[expect(clippy::exit, reason = "the other thread cannot be reached")]
+        std::process::exit(Exit::Interrupted.code().into());
+    });
 }
 
 /// Waits for a key, for at most `limit`; returns whether the terminal is gone, at whose end crossterm would read for ever.
