@@ -19,13 +19,18 @@ Examples:
   rmem restore world.json
   rmem restore backup --dry-run
   rmem restore dump/robmem/blocks.bson --into robmem.copy --drop
+  rmem restore dump --oplog-replay
 
 Reads world files, folders of rmem dump and mongodump (or of one database in them), single .bson files, and archives, \
 each plain or compressed with gzip. The dump is verified first: if anything in it is wrong, nothing is changed.
 
 Documents are merged by _id: a new document is inserted, a different one replaces the stored one, an equal one is \
 skipped. With --drop, each collection is replaced as a whole, with its indexes, after everything is staged. The dates \
-of insertion are those of the restore; other metadata is kept.";
+of insertion are those of the restore; other metadata is kept.
+
+A dump of mongodump --oplog also has what changed while it was written. It is left out with a warning, unless \
+--oplog-replay applies it behind the documents. What belongs to the server (system.users and the like) is left out \
+too; --into puts such a collection into one of yours.";
 
 /// Load a dump into the memory, after verifying it
 #[derive(Debug, Args)]
@@ -40,6 +45,12 @@ pub struct RestoreArgs {
     /// Replace collections as a whole
     #[arg(long)]
     pub drop: bool,
+    /// Apply the oplog of the dump, as mongorestore --oplogReplay does
+    #[arg(long, conflicts_with = "into")]
+    pub oplog_replay: bool,
+    /// Give documents without an _id one that follows from their content
+    #[arg(long)]
+    pub add_ids: bool,
     /// Print what would be done, and change nothing
     #[arg(long)]
     pub dry_run: bool,
@@ -60,14 +71,23 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
             ))
         })?;
     }
+    if args.add_ids {
+        dump = dump.with_ids();
+    }
     let progress = context.output.progress(&format!("restoring {}", args.path.display()));
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
     // What is staged has to be removed again; what is merged stays as far as it got.
     let guard = (args.drop && !args.dry_run).then(crate::interrupt::InterruptGuard::new);
     let stop = guard.as_ref().map(crate::interrupt::InterruptGuard::interrupted);
     let temporary = context.temporary();
-    let options = RestoreOptions { drop: args.drop, dry_run: args.dry_run, temporary: Some(&temporary), stop };
-    let restored = match restore(&memory, &dump, options) {
+    let options = RestoreOptions {
+        drop: args.drop,
+        replay: args.oplog_replay,
+        dry_run: args.dry_run,
+        temporary: Some(&temporary),
+        stop,
+    };
+    let report = match restore(&memory, &dump, options) {
         Err(interrupted @ RestoreError::Interrupted) => {
             context.output.error(&interrupted.to_string());
             return Ok(Exit::Interrupted);
@@ -75,31 +95,39 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
         restored => restored?,
     };
     drop(progress);
-    for note in &dump.notes {
-        context.output.warn(note);
+    for note in dump.notes().chain(report.notes) {
+        context.output.warn(&note);
     }
-    for restored in &restored {
+    if let Some(log) = dump.log.as_ref().filter(|_| !args.oplog_replay) {
+        let name = log.name();
+        context.output.warn(&format!("{name}, what changed during the dump, is left out; --oplog-replay applies it"));
+    }
+    for restored in &report.collections {
         for index in &restored.without {
             context.output.warn(&format!("{}: {index}", restored.namespace));
         }
     }
-    context.print_rows(restored.iter().map(|restored| Ok(report(restored))))?;
+    context.print_rows(report.collections.iter().map(|restored| Ok(row(restored))))?;
     if args.dry_run {
         context.output.note("nothing was changed: --dry-run");
     }
     Ok(Exit::Done)
 }
 
-fn report(restored: &Restored) -> Document {
+/// What was done for a collection.
+fn row(restored: &Restored) -> Document {
     let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
-    let mut report = doc! {
+    let mut row = doc! {
         "namespace": restored.namespace.to_string(),
         "inserted": count(restored.inserted),
         "replaced": count(restored.replaced),
         "skipped": count(restored.skipped),
     };
     if let Some(dropped) = restored.dropped {
-        report.insert("dropped", count(dropped));
+        row.insert("dropped", count(dropped));
     }
-    report
+    if restored.replayed > 0 {
+        row.insert("oplog", count(restored.replayed));
+    }
+    row
 }

@@ -10,6 +10,11 @@ impl Memory {
         self.journal.note("create index", Some(ns), |made| u64::from(*made), work)
     }
 
+    /// Refuses an index that the store of a collection cannot have; see [`crate::store::Store::check_index`].
+    pub fn check_index(&self, ns: &Namespace, index: &Index) -> Result<(), StoreError> {
+        self.routes.reading(ns)?.check_index(index)
+    }
+
     /// Removes an index; see [`crate::store::Store::drop_index`].
     pub fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         let work = || self.routes.reading(ns)?.drop_index(ns, name);

@@ -38,10 +38,15 @@ pub(crate) fn check(document: &Document) -> Result<(), QueryError> {
     check_size(&RawDocumentBuf::try_from(document)?)
 }
 
+/// Checks the size and the depth of a document.
+pub(crate) fn check_shape(document: &RawDocument) -> Result<(), QueryError> {
+    check_size(document)?;
+    check_raw_depth(document)
+}
+
 /// Checks a document that an update made, and gives its `_id`.
 pub(crate) fn vet(document: &RawDocument) -> Result<Bson, QueryError> {
-    check_size(document)?;
-    check_raw_depth(document)?;
+    check_shape(document)?;
     let Some(id) = document.get("_id")? else {
         return Err(QueryError::invalid(2, "the document has no _id"));
     };

@@ -99,6 +99,12 @@ pub trait Store: Send {
     /// nothing changes. Durable on return.
     fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError>;
 
+    /// Refuses an index that the store cannot have, as far as that is known before it is made.
+    fn check_index(&self, index: &Index) -> Result<(), StoreError> {
+        let _ = index;
+        Ok(())
+    }
+
     /// Removes the index of that name; returns whether it existed.
     fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
 

@@ -33,6 +33,7 @@ mod man;
 mod map_reduce;
 mod memory;
 mod newcomers;
+mod oplog;
 mod pictures;
 mod plan;
 mod plot;

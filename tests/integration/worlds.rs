@@ -67,13 +67,19 @@ fn carry(from: Memory, into: impl Fn() -> Result<Memory, Failed>, ns: &Namespace
     let to = into()?;
     to.drop_collection(ns)?;
     let done = restore(&to, &Dump::open(&path)?, RestoreOptions::default())?;
-    assert_eq!((done[0].inserted, done[0].replaced, done[0].skipped), (2_503, 0, 0));
+    assert_eq!(
+        (done.collections[0].inserted, done.collections[0].replaced, done.collections[0].skipped),
+        (2_503, 0, 0)
+    );
     let again = restore(&to, &Dump::open(&path)?, RestoreOptions::default())?;
-    assert_eq!((again[0].inserted, again[0].replaced, again[0].skipped), (0, 0, 2_503));
+    assert_eq!(
+        (again.collections[0].inserted, again.collections[0].replaced, again.collections[0].skipped),
+        (0, 0, 2_503)
+    );
     to.delete(ns, &doc! { "_id": "text" }, true)?;
     to.insert(ns, vec![doc! { "_id": "other" }])?;
     let swapped = restore(&to, &Dump::open(&path)?, RestoreOptions { drop: true, ..RestoreOptions::default() })?;
-    assert_eq!((swapped[0].inserted, swapped[0].dropped), (2_503, Some(2_503)));
+    assert_eq!((swapped.collections[0].inserted, swapped.collections[0].dropped), (2_503, Some(2_503)));
     let kept = |memory: &Memory| -> Result<Vec<Vec<u8>>, Failed> {
         let found: Result<Vec<_>, _> = memory.find(ns, &Find::default())?.collect();
         Ok(found?.into_iter().map(|document| document.as_bytes().to_vec()).collect())

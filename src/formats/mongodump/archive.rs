@@ -29,6 +29,14 @@ pub struct Archived {
     pub metadata: String,
 }
 
+impl Archived {
+    /// Whether it is the oplog that `mongodump --oplog` adds: a collection of no database.
+    #[must_use]
+    pub fn is_oplog(&self) -> bool {
+        self.database.is_empty() && self.collection == "oplog"
+    }
+}
+
 /// An archive whose collections are known, and whose documents are not read yet.
 pub struct Archive<R> {
     frames: Frames<R>,

@@ -10,6 +10,7 @@ use super::error::{RestoreError, unchanged};
 use super::read::{Dump, Part};
 use crate::memory::Memory;
 use crate::process::litter;
+use crate::query::QueryError;
 use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
 
 /// How many documents are copied at once.
@@ -34,6 +35,26 @@ pub(super) fn check_keys(memory: &Memory, dump: &Dump, drop: bool, temporary: &P
         }
     }
     Ok(())
+}
+
+/// Notes on the indexes of a collection that the store would refuse.
+///
+/// # Errors
+/// Where an index is none.
+pub(super) fn refused(memory: &Memory, part: &Part) -> Result<Vec<String>, RestoreError> {
+    let mut notes = Vec::new();
+    for index in part.indexes.iter().flatten() {
+        match memory.check_index(&part.namespace, index) {
+            Err(StoreError::Query(error)) if error.unsupported => notes.push(without(index, &error)),
+            checked => checked.map_err(|source| unchanged(&part.namespace, source))?,
+        }
+    }
+    Ok(notes)
+}
+
+/// The note on an index that the store cannot have.
+pub(super) fn without(index: &Index, error: &QueryError) -> String {
+    format!("the index {} is not restored: {}", index.name, error.message)
 }
 
 fn unique(indexes: Vec<Index>) -> Vec<Index> {

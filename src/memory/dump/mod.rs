@@ -7,6 +7,7 @@ mod batch;
 pub mod diff;
 mod dry_run;
 mod error;
+mod oplog;
 pub mod read;
 pub mod restore;
 mod staging;

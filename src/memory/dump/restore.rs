@@ -15,6 +15,8 @@
 //! Indexes are created where the dump has them. A world file has none; the existing
 //! indexes stay then.
 //!
+//! The oplog of a dump, what changed while it was written, is applied behind its documents, in the same step.
+//!
 //! The metadata of a dump is kept, but for its dates: a document is inserted
 //! when it is restored, and equal to one that was inserted at another time.
 
@@ -27,7 +29,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 use super::batch::{batches, undated};
 use super::error::{RestoreError, unchanged};
 use super::read::{Dump, Part};
-use super::{dry_run, staging};
+use super::{dry_run, oplog, staging};
 use crate::memory::Memory;
 use crate::query::{QueryError, key};
 use crate::store::{Find, Index, Namespace, StoreError, index, metadata};
@@ -45,8 +47,19 @@ pub struct Restored {
     pub skipped: u64,
     /// How many documents the former collection had, where it was replaced as a whole.
     pub dropped: Option<u64>,
+    /// How many operations of the dump's oplog change it.
+    pub replayed: u64,
     /// The indexes that the store cannot have, and why.
     pub without: Vec<String>,
+}
+
+/// What restoring a dump did, or would do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Report {
+    /// For each collection.
+    pub collections: Vec<Restored>,
+    /// What of the oplog is not applied, and why.
+    pub notes: Vec<String>,
 }
 
 /// What to do with what is there.
@@ -54,6 +67,8 @@ pub struct Restored {
 pub struct RestoreOptions<'a> {
     /// Replace collections as a whole.
     pub drop: bool,
+    /// Apply the oplog of the dump.
+    pub replay: bool,
     /// Only say what would be done; what would be refused is.
     pub dry_run: bool,
     /// Where a dry run may write what it checks unique keys by; nothing is `/tmp`.
@@ -66,24 +81,48 @@ pub struct RestoreOptions<'a> {
 ///
 /// # Errors
 /// Where the dump is not well throughout (nothing is changed then), or a store fails.
-pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Result<Vec<Restored>, RestoreError> {
+pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Result<Report, RestoreError> {
+    dump.check_content(options.replay)?;
     let counts = dump.verify()?;
-    if options.dry_run {
+    let log = dump.log.as_ref().filter(|_| options.replay);
+    let survey = log.map(oplog::survey).transpose()?;
+    let mut report = Report { collections: Vec::new(), notes: Vec::new() };
+    report.collections = if options.dry_run {
         dry_run::check_keys(memory, dump, options.drop, options.temporary.unwrap_or(Path::new("/tmp")))?;
-    }
-    if options.drop {
-        return match options.dry_run {
-            true => foresee(memory, dump, &counts),
-            false => replace(memory, dump, options.stop),
+        let mut foreseen = match options.drop {
+            true => foresee(memory, dump, &counts)?,
+            false => put(memory, dump, true, true)?,
         };
+        for (restored, part) in foreseen.iter_mut().zip(&dump.parts) {
+            restored.without = dry_run::refused(memory, part)?;
+        }
+        foreseen
+    } else {
+        let changed = survey.iter().flat_map(|survey| survey.counts.keys());
+        let mut namespaces: Vec<&Namespace> = dump.parts.iter().map(|part| &part.namespace).chain(changed).collect();
+        namespaces.dedup();
+        let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
+        staging::sweep(memory, &namespaces).map_err(failed)?;
+        let apply = || log.map_or(Ok(Vec::new()), |log| oplog::apply(memory, log));
+        let (collections, without) = match options.drop {
+            true => replace(memory, dump, &namespaces, options.stop, apply)?,
+            false => {
+                memory.atomically(&namespaces, failed, |whole| Ok((put(memory, dump, false, whole)?, apply()?)))?
+            }
+        };
+        report.notes = without;
+        collections
+    };
+    if let Some(survey) = survey {
+        report.notes.splice(0..0, survey.notes);
+        for (ns, count) in survey.counts {
+            match report.collections.iter_mut().find(|restored| restored.namespace == ns) {
+                Some(restored) => restored.replayed = count,
+                None => report.collections.push(Restored { replayed: count, ..Restored::nothing(&ns) }),
+            }
+        }
     }
-    if options.dry_run {
-        return put(memory, dump, true, true);
-    }
-    let namespaces: Vec<&Namespace> = dump.parts.iter().map(|part| &part.namespace).collect();
-    let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
-    staging::sweep(memory, &namespaces).map_err(failed)?;
-    memory.atomically(&namespaces, failed, |whole| put(memory, dump, false, whole))
+    Ok(report)
 }
 
 /// Puts all documents into the memory; `whole` says that nothing is kept where one fails.
@@ -127,7 +166,7 @@ fn index(memory: &Memory, ns: &Namespace, indexes: &[Index]) -> Result<Vec<Strin
     for index in indexes {
         match memory.create_index(ns, index) {
             Err(StoreError::Query(error)) if error.unsupported => {
-                without.push(format!("the index {} is not restored: {}", index.name, error.message));
+                without.push(dry_run::without(index, &error));
             }
             made => drop(made?),
         }
@@ -137,7 +176,15 @@ fn index(memory: &Memory, ns: &Namespace, indexes: &[Index]) -> Result<Vec<Strin
 
 impl Restored {
     fn nothing(namespace: &Namespace) -> Self {
-        Self { namespace: namespace.clone(), inserted: 0, replaced: 0, skipped: 0, dropped: None, without: Vec::new() }
+        Self {
+            namespace: namespace.clone(),
+            inserted: 0,
+            replaced: 0,
+            skipped: 0,
+            dropped: None,
+            replayed: 0,
+            without: Vec::new(),
+        }
     }
 }
 
@@ -211,11 +258,15 @@ struct Staged {
     is_empty: bool,
 }
 
-/// Stages all collections, then swaps them in.
-fn replace(memory: &Memory, dump: &Dump, stop: Option<&AtomicBool>) -> Result<Vec<Restored>, RestoreError> {
-    let namespaces: Vec<&Namespace> = dump.parts.iter().map(|part| &part.namespace).collect();
+/// Stages all collections, then swaps them in, and does what comes behind that.
+fn replace<T>(
+    memory: &Memory,
+    dump: &Dump,
+    namespaces: &[&Namespace],
+    stop: Option<&AtomicBool>,
+    behind: impl FnOnce() -> Result<T, RestoreError>,
+) -> Result<(Vec<Restored>, T), RestoreError> {
     let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
-    staging::sweep(memory, &namespaces).map_err(failed)?;
     let mut staged = Vec::with_capacity(dump.parts.len());
     for part in &dump.parts {
         let name = staging::name(&part.namespace);
@@ -231,7 +282,7 @@ fn replace(memory: &Memory, dump: &Dump, stop: Option<&AtomicBool>) -> Result<Ve
         }
     }
     let names: Vec<Namespace> = staged.iter().map(|staged| staged.name.clone()).collect();
-    let swapped = memory.atomically(&namespaces, failed, |whole| swap(memory, staged, whole));
+    let swapped = memory.atomically(namespaces, failed, |whole| Ok((swap(memory, staged, whole)?, behind()?)));
     if swapped.is_err() {
         names.iter().for_each(|name| drop(memory.drop_collection(name)));
     }

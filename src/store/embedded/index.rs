@@ -194,7 +194,6 @@ impl Embedded {
 
     /// Makes an index, where there is none like it; returns whether it is new.
     pub(super) fn create(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
-        Pattern::parse_with(&index.keys, &index.other)?;
         check(index)?;
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
@@ -293,8 +292,9 @@ fn may_decay(body: &RawDocument) -> bool {
     }
 }
 
-/// Refuses what only a server can keep.
-fn check(index: &Index) -> Result<(), QueryError> {
+/// Refuses keys that are none, and what only a server can keep.
+pub(super) fn check(index: &Index) -> Result<(), QueryError> {
+    Pattern::parse_with(&index.keys, &index.other)?;
     if let Some(option) = index.other.keys().find(|option| !OPTIONS.contains(&option.as_str())) {
         let mut refusal = QueryError::unsupported(option);
         refusal.message = format!("the option `{option}` of an index is not supported by the embedded store");

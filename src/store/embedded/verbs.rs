@@ -88,6 +88,10 @@ impl Store for Embedded {
         self.create(ns, index)
     }
 
+    fn check_index(&self, index: &Index) -> Result<(), StoreError> {
+        Ok(super::index::check(index)?)
+    }
+
     fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         self.discard(ns, name)
     }

@@ -54,7 +54,7 @@ fn put(state: &State<'_>, path: &Path, into: Option<&Namespace>) -> Result<Value
     }
     let restored =
         restore(state.memory, &source, RestoreOptions::default()).map_err(|error| Failure::chained(&error.into()))?;
-    Ok(operation::number(restored.iter().map(|part| part.inserted + part.replaced).sum()))
+    Ok(operation::number(restored.collections.iter().map(|part| part.inserted + part.replaced).sum()))
 }
 
 /// `(robmem-dump-collection NS FOLDER)`: `FOLDER/DB/COLL.bson`, in place of an earlier one.

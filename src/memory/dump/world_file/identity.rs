@@ -1,4 +1,4 @@
-//! The `_id`s of documents that have none in a world file.
+//! The `_id`s of documents that have none in a world file, or in another dump.
 
 use std::collections::HashMap;
 
@@ -10,18 +10,18 @@ use crate::query::QueryError;
 use crate::store::Namespace;
 
 /// Gives documents without an `_id` one that follows from what they are.
-pub(super) struct Identities {
+pub(in crate::memory::dump) struct Identities {
     namespace: String,
     /// How often each content was seen, by the first bytes of its digest.
     seen: HashMap<u64, u32>,
 }
 
 impl Identities {
-    pub(super) fn new(namespace: &Namespace) -> Self {
+    pub(in crate::memory::dump) fn new(namespace: &Namespace) -> Self {
         Self { namespace: namespace.to_string(), seen: HashMap::new() }
     }
 
-    pub(super) fn give(&mut self, mut document: Document) -> Result<Document, QueryError> {
+    pub(in crate::memory::dump) fn give(&mut self, mut document: Document) -> Result<Document, QueryError> {
         if document.contains_key("_id") {
             return Ok(document);
         }

@@ -34,7 +34,7 @@ use crate::formats::{Diagnostic, Source, Span, mongodump};
 use crate::memory::Memory;
 use crate::query::{QueryError, key};
 use crate::store::{Namespace, document, metadata};
-use identity::Identities;
+pub(super) use identity::Identities;
 
 pub use error::WorldError;
 pub use write::{WorldDumpError, dump, write};

@@ -5,18 +5,25 @@
 //! in it, one `.bson` file, or an archive; each may be packed with gzip. The format is
 //! recognised by the content, not by the name.
 
-use std::fs::{self, File};
-use std::io::{BufRead as _, Read as _};
+mod error;
+mod file;
+mod log;
+
+pub use error::ReadError;
+pub use log::Log;
+
+use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use bson::{Document, RawDocumentBuf};
 
-use super::world_file::{WorldError, WorldFile};
-use crate::fault::{AtFault, Fault};
+use super::world_file::{Identities, WorldError, WorldFile};
 use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, CollectionKind, Damage, MAGIC, Metadata, decode_document};
+use crate::query::QueryError;
 use crate::store::{Index, Namespace, document};
+use file::{entries, is_oplog, metadata_of, namespace, read_metadata, stem, unpacked};
 
 /// How many bytes are examined to recognise a text.
 const LOOK: usize = 512;
@@ -29,8 +36,14 @@ pub type Checked<'a> = Box<dyn Iterator<Item = Result<Document, ReadError>> + 'a
 pub struct Dump {
     /// Its collections.
     pub parts: Vec<Part>,
+    /// What changed while it was written, where it has that.
+    pub log: Option<Log>,
+    /// The file or folder.
+    pub path: PathBuf,
     /// What of it is not taken, and why.
-    pub notes: Vec<String>,
+    notes: Vec<String>,
+    /// The server's own collections, which are only taken under another name.
+    own: Vec<Part>,
 }
 
 /// One collection of a dump.
@@ -41,6 +54,8 @@ pub struct Part {
     /// Its indexes, but the one on `_id`; `None` where the dump has no indexes.
     pub indexes: Option<Vec<Index>>,
     content: Content,
+    /// Whether documents without an `_id` get one.
+    adds_ids: bool,
 }
 
 #[derive(Debug)]
@@ -50,47 +65,6 @@ enum Content {
     File(PathBuf),
     /// Its database and name in an archive.
     Archived(PathBuf, String, String),
-}
-
-/// Why a dump cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// A file or folder cannot be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
-    /// A file is truncated or damaged, or a document in it cannot be stored.
-    #[error("{}: {damage}", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Where, and what is wrong.
-        damage: Damage,
-    },
-    /// A file is not what it should be.
-    #[error(transparent)]
-    Text(#[from] WorldError),
-    /// A file's name does not give a namespace, or there is nothing to be read.
-    #[error("{}: {reason}", path.display())]
-    Name {
-        /// The file or folder.
-        path: PathBuf,
-        /// What is wrong, and what to do.
-        reason: String,
-    },
-}
-
-impl AtFault for ReadError {
-    fn fault(&self) -> Fault {
-        match self {
-            Self::Read { .. } | Self::Damaged { .. } | Self::Name { .. } => Fault::Input,
-            Self::Text(error) => error.fault(),
-        }
-    }
 }
 
 impl Dump {
@@ -106,7 +80,7 @@ impl Dump {
         let head = file.fill_buf().map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
         // The fourth byte of a BSON document below 2^25 bytes is 0 or 1, which no text has.
         if head.get(3).is_some_and(|byte| *byte <= 1) || (head.is_empty() && stem(path).is_some()) {
-            let mut dump = Self { parts: Vec::new(), notes: Vec::new() };
+            let mut dump = Self::empty(path);
             dump.add(path)?;
             return Ok(dump);
         }
@@ -118,7 +92,7 @@ impl Dump {
             let reason = "expected a world file or a dump, found neither".to_owned();
             return Err(ReadError::Name { path: path.to_owned(), reason });
         }
-        Ok(Self::of(WorldFile::open(path).map_err(WorldError::from)?))
+        Ok(Self::of(path, WorldFile::open(path).map_err(WorldError::from)?))
     }
 
     /// Reads a world file that is in memory.
@@ -127,51 +101,62 @@ impl Dump {
     /// Where the text is not one.
     pub fn world(source: &Source) -> Result<Self, ReadError> {
         let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error };
-        Ok(Self::of(WorldFile::parse(source).map_err(wrong)?))
+        Ok(Self::of(Path::new(source.name()), WorldFile::parse(source).map_err(wrong)?))
     }
 
-    fn of(world: WorldFile) -> Self {
+    fn empty(path: &Path) -> Self {
+        Self { parts: Vec::new(), log: None, path: path.to_owned(), notes: Vec::new(), own: Vec::new() }
+    }
+
+    fn of(path: &Path, world: WorldFile) -> Self {
         let world = Rc::new(world);
         let part = |(namespace, count): (&Namespace, u64)| Part {
             namespace: namespace.clone(),
             indexes: None,
             content: Content::WorldFile(Rc::clone(&world), namespace.clone(), count),
+            adds_ids: true,
         };
-        Self { parts: world.namespaces().map(part).collect(), notes: Vec::new() }
+        Self { parts: world.namespaces().map(part).collect(), ..Self::empty(path) }
     }
 
     /// Which collections an archive has.
-    fn archive(path: &Path, file: Box<dyn std::io::BufRead>) -> Result<Self, ReadError> {
+    fn archive(path: &Path, file: Box<dyn BufRead>) -> Result<Self, ReadError> {
         let refuse = |reason: String| ReadError::Name { path: path.to_owned(), reason };
         let archive = Archive::open(file).map_err(|damage| ReadError::Damaged { path: path.to_owned(), damage })?;
-        let mut dump = Self { parts: Vec::new(), notes: Vec::new() };
-        for Archived { database, collection, metadata } in archive.collections() {
+        let mut dump = Self::empty(path);
+        for archived @ Archived { database, collection, metadata } in archive.collections() {
+            if archived.is_oplog() {
+                dump.log = Some(Log::archived(path, database, collection));
+                continue;
+            }
             let name = format!("{database}.{collection}");
             let source = Source::new(format!("{} ({name})", path.display()), metadata.as_str());
-            let metadata = Metadata::parse(&source).map_err(|error| refuse(error.to_string()))?;
-            if collection.starts_with("system.") {
-                dump.notes.push(format!("{name} is the server's own and is left out"));
-            } else if let CollectionKind::Other(kind) = metadata.kind {
+            let metadata =
+                Metadata::parse(&source).map_err(|source| ReadError::Metadata { collection: name.clone(), source })?;
+            if let CollectionKind::Other(kind) = metadata.kind {
                 dump.notes.push(format!("{name} is a {kind} and is left out"));
-            } else {
-                let namespace = Namespace::parse(&name).map_err(|error| refuse(error.to_string()))?;
-                let content = Content::Archived(path.to_owned(), database.clone(), collection.clone());
-                dump.push(namespace, content, Some(&metadata));
+                continue;
             }
+            let namespace = match collection.starts_with("system.") {
+                true => Namespace { database: database.clone(), collection: collection.clone() },
+                false => Namespace::parse(&name).map_err(|error| refuse(error.to_string()))?,
+            };
+            let content = Content::Archived(path.to_owned(), database.clone(), collection.clone());
+            dump.push(namespace, content, Some(&metadata));
         }
         Ok(dump)
     }
 
     /// A folder of databases, or of one.
     fn folder(path: &Path) -> Result<Self, ReadError> {
-        let mut dump = Self { parts: Vec::new(), notes: Vec::new() };
+        let mut dump = Self::empty(path);
         for entry in entries(path)? {
             let inside = if entry.is_dir() { entries(&entry)? } else { vec![entry] };
             for file in inside {
                 dump.look_at(&file)?;
             }
         }
-        if dump.parts.is_empty() {
+        if dump.parts.is_empty() && dump.own.is_empty() && dump.log.is_none() {
             return Err(ReadError::Name {
                 path: path.to_owned(),
                 reason: "there is nothing to restore; expected DATABASE/COLLECTION.bson, as mongodump writes it"
@@ -184,9 +169,7 @@ impl Dump {
     /// Takes a file of a folder, where it is one of a collection.
     fn look_at(&mut self, path: &Path) -> Result<(), ReadError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if stem(path).is_some_and(|stem| stem.starts_with("system.")) {
-            self.notes.push(format!("{} is the server's own and is left out", path.display()));
-        } else if stem(path).is_some() {
+        if stem(path).is_some() {
             self.add(path)?;
         } else if name.ends_with(".metadata.json") || name.ends_with(".metadata.json.gz") {
             let metadata = read_metadata(path)?;
@@ -199,14 +182,19 @@ impl Dump {
 
     fn add(&mut self, path: &Path) -> Result<(), ReadError> {
         let metadata = metadata_of(path)?;
+        if is_oplog(path, metadata.as_ref())? {
+            self.log = Some(Log::file(path));
+            return Ok(());
+        }
         let namespace = namespace(path, metadata.as_ref())?;
         self.push(namespace, Content::File(path.to_owned()), metadata.as_ref());
         Ok(())
     }
 
     fn push(&mut self, namespace: Namespace, content: Content, metadata: Option<&Metadata>) {
+        let is_own = namespace.collection.starts_with("system.");
         let mut indexes = metadata.map(|_| Vec::new());
-        for definition in metadata.iter().flat_map(|metadata| &metadata.indexes) {
+        for definition in metadata.iter().filter(|_| !is_own).flat_map(|metadata| &metadata.indexes) {
             match (Index::parse(definition), &mut indexes) {
                 (Ok(index), Some(indexes)) => indexes.push(index),
                 (read, _) => {
@@ -215,14 +203,19 @@ impl Dump {
                 }
             }
         }
-        self.parts.push(Part { namespace, indexes, content });
+        let parts = if is_own { &mut self.own } else { &mut self.parts };
+        parts.push(Part { namespace, indexes, content, adds_ids: false });
     }
 
-    /// Sends the one collection of the dump to another namespace.
+    /// Sends the one collection of the dump to another namespace. One of the server's own is the one where there is
+    /// no other.
     ///
     /// # Errors
     /// Where there are more of them: their names.
     pub fn into(mut self, namespace: &Namespace) -> Result<Self, Vec<Namespace>> {
+        if self.parts.is_empty() {
+            self.parts = std::mem::take(&mut self.own);
+        }
         match self.parts.as_mut_slice() {
             [part] => {
                 part.namespace = namespace.clone();
@@ -230,6 +223,19 @@ impl Dump {
             }
             parts => Err(parts.iter().map(|part| part.namespace.clone()).collect()),
         }
+    }
+
+    /// The same dump, whose documents without an `_id` get one: the same each time it is read.
+    #[must_use]
+    pub fn with_ids(mut self) -> Self {
+        self.parts.iter_mut().for_each(|part| part.adds_ids = true);
+        self
+    }
+
+    /// What of it is not taken, and why.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        let own = self.own.iter().map(|part| format!("{} is the server's own and is left out", part.name()));
+        self.notes.iter().cloned().chain(own)
     }
 
     /// Reads everything through; returns how many documents each collection has.
@@ -246,6 +252,22 @@ impl Dump {
             })
             .collect()
     }
+
+    /// Refuses a dump of nothing but what is left out; `replays` says that its oplog is not.
+    ///
+    /// # Errors
+    /// Where it has only an oplog, or only collections of the server.
+    pub fn check_content(&self, replays: bool) -> Result<(), ReadError> {
+        let refuse = |reason: &str| Err(ReadError::Name { path: self.path.clone(), reason: reason.to_owned() });
+        match (&self.log, self.parts.is_empty()) {
+            (None, _) if replays => refuse("there is no oplog to replay; `mongodump --oplog` writes one"),
+            (Some(_), true) if !replays => refuse("there is only an oplog; --oplog-replay applies it to the memory"),
+            (None, true) if !self.own.is_empty() => {
+                refuse("there are only the server's own collections; --into NS restores one of them under another name")
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 impl Part {
@@ -259,78 +281,50 @@ impl Part {
                 let documents = world.documents(namespace).map_err(WorldError::from)?;
                 Ok(Box::new(documents.map(|read| read.map_err(|error| WorldError::from(error).into()))))
             }
-            Content::File(path) => Ok(checked(path, mongodump::Documents::new(unpacked(path)?))),
+            Content::File(path) => Ok(self.checked(path, mongodump::Documents::new(unpacked(path)?))),
             Content::Archived(path, database, collection) => {
                 let archive = Archive::open(unpacked(path)?)
                     .map_err(|damage| ReadError::Damaged { path: path.clone(), damage })?;
-                Ok(checked(path, archive.documents(database, collection)))
+                Ok(self.checked(path, archive.documents(database, collection)))
             }
         }
     }
-}
 
-/// The documents, where each is well-formed and can be stored.
-fn checked<'a>(
-    path: &'a Path,
-    documents: impl Iterator<Item = Result<(u64, RawDocumentBuf), Damage>> + 'a,
-) -> Checked<'a> {
-    let check = |(offset, document): (u64, RawDocumentBuf)| {
-        let refused = |error: crate::query::QueryError| Damage { offset, reason: error.message };
-        document::vet(&document).map_err(refused)?;
-        decode_document(offset, &document)
-    };
-    let damaged = |damage| ReadError::Damaged { path: path.to_owned(), damage };
-    Box::new(documents.map(move |read| read.and_then(check).map_err(damaged)))
-}
-
-fn unpacked(path: &Path) -> Result<Box<dyn std::io::BufRead>, ReadError> {
-    File::open(path).and_then(mongodump::unpack).map_err(|source| ReadError::Read { path: path.to_owned(), source })
-}
-
-/// What is in a folder, sorted.
-fn entries(folder: &Path) -> Result<Vec<PathBuf>, ReadError> {
-    let read = || fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>();
-    let mut entries = read().map_err(|source| ReadError::Read { path: folder.to_owned(), source })?;
-    entries.sort();
-    Ok(entries)
-}
-
-/// The name of a `.bson` file without its extension.
-fn stem(path: &Path) -> Option<&str> {
-    let name = path.file_name()?.to_str()?;
-    name.strip_suffix(".gz").unwrap_or(name).strip_suffix(".bson")
-}
-
-/// The metadata beside a `.bson` file, where it is there.
-fn metadata_of(path: &Path) -> Result<Option<Metadata>, ReadError> {
-    let Some(stem) = stem(path) else { return Ok(None) };
-    let candidates =
-        ["metadata.json", "metadata.json.gz"].map(|extension| path.with_file_name(format!("{stem}.{extension}")));
-    candidates.iter().find(|path| path.is_file()).map(|path| read_metadata(path)).transpose()
-}
-
-fn read_metadata(path: &Path) -> Result<Metadata, ReadError> {
-    let mut text = String::new();
-    unpacked(path)?.read_to_string(&mut text).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
-    let source = Source::new(path.display().to_string(), text);
-    Metadata::parse(&source).map_err(|error| ReadError::Name { path: path.to_owned(), reason: error.to_string() })
-}
-
-/// Where the documents of a `.bson` file belong: its folder is the database.
-fn namespace(path: &Path, metadata: Option<&Metadata>) -> Result<Namespace, ReadError> {
-    let refuse = |reason: String| ReadError::Name { path: path.to_owned(), reason };
-    let whole = fs::canonicalize(path).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
-    let database = whole.parent().and_then(Path::file_name).and_then(|name| name.to_str()).unwrap_or_default();
-    let named = metadata.and_then(|metadata| metadata.collection.clone());
-    let collection = match named {
-        Some(collection) => collection,
-        None => stem(path).and_then(mongodump::decode).unwrap_or_else(|| "documents".to_owned()),
-    };
-    if database.contains('.') {
-        return Err(refuse(format!(
-            "the folder `{database}` cannot be a database's name, since it has a dot; rename it"
-        )));
+    /// The documents, where each is well-formed and can be stored.
+    fn checked<'a>(
+        &self,
+        path: &'a Path,
+        documents: impl Iterator<Item = Result<(u64, RawDocumentBuf), Damage>> + 'a,
+    ) -> Checked<'a> {
+        let mut identities = self.adds_ids.then(|| Identities::new(&self.namespace));
+        let mut check = move |(offset, document): (u64, RawDocumentBuf)| {
+            let refused = |error: QueryError| Damage { offset, reason: error.message };
+            let has_id = document.get("_id").is_ok_and(|id| id.is_some());
+            match &mut identities {
+                Some(identities) if !has_id => {
+                    document::check_shape(&document).map_err(refused)?;
+                    let document = identities.give(decode_document(offset, &document)?).map_err(refused)?;
+                    let id = document.get("_id").cloned().unwrap_or(bson::Bson::Null);
+                    Ok(document::with_id_first(document, &id))
+                }
+                _ => {
+                    document::vet(&document).map_err(|error| match has_id {
+                        true => refused(error),
+                        false => Damage { offset, reason: format!("{}; --add-ids gives it one", error.message) },
+                    })?;
+                    decode_document(offset, &document)
+                }
+            }
+        };
+        let damaged = |damage| ReadError::Damaged { path: path.to_owned(), damage };
+        Box::new(documents.map(move |read| read.and_then(&mut check).map_err(damaged)))
     }
-    Namespace::parse(&format!("{database}.{collection}"))
-        .map_err(|error| refuse(format!("{error}; the file's folder names the database, the file the collection")))
+
+    /// What messages call it: its file, or its name in an archive.
+    fn name(&self) -> String {
+        match &self.content {
+            Content::File(path) => path.display().to_string(),
+            _ => self.namespace.to_string(),
+        }
+    }
 }
