@@ -46,7 +46,8 @@ fn namespace(database: Option<String>, path: &[String]) -> Option<String> {
 fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) -> Option<Vec<String>> {
     let given = |nth: usize| arguments.get(nth).copied().filter(|text| !is_empty(text));
     let word = |nth: usize| given(nth).map(quoted);
-    let has = |option: &str| arguments.last().is_some_and(|text| text.contains(option) && text.contains("true"));
+    let has =
+        |option: &str| arguments.last().is_some_and(|text| members(text).any(|member| member == (option, "true")));
     let flag = |name: &str, is_set: bool| is_set.then(|| name.to_owned());
     let command = |name: &str| vec!["rmem".to_owned(), name.to_owned(), ns.to_owned()];
     let is_counted = modifiers.iter().any(|segment| ["count", "size", "length", "itcount"].contains(&segment.name));
@@ -107,7 +108,7 @@ fn is_understood(method: &str, arguments: &[&str], modifiers: &[Segment<'_>]) ->
         _ => (1, &[]),
     };
     let options = arguments.last().filter(|_| !known.is_empty() && arguments.len() == most);
-    let are_known = options.is_none_or(|text| keys(text).all(|key| known.contains(&key)));
+    let are_known = options.is_none_or(|text| members(text).all(|(key, _)| known.contains(&key)));
     // One document of all, and a replacement without --replace, have no command.
     let is_refused = match method {
         "deleteOne" => arguments.first().is_none_or(|query| is_empty(query)),
@@ -127,10 +128,11 @@ fn is_negative(text: &&str) -> bool {
     text.starts_with('-')
 }
 
-/// The keys of a document without others in it.
-fn keys(text: &str) -> impl Iterator<Item = &str> {
+/// The keys and values of a document without others in it.
+fn members(text: &str) -> impl Iterator<Item = (&str, &str)> {
     let inner = text.trim().trim_start_matches('{').trim_end_matches('}');
-    inner.split(',').filter_map(|member| member.split_once(':')).map(|(key, _)| key.trim().trim_matches(['"', '\'']))
+    let members = inner.split(',').filter_map(|member| member.split_once(':'));
+    members.map(|(key, value)| (key.trim().trim_matches(['"', '\'']), value.trim()))
 }
 
 /// The options that methods of a cursor stand for; others, like `toArray`, have none.
@@ -248,6 +250,10 @@ mod tests {
             (
                 "db.orders.updateOne({team: 'CYAN'}, {$set: {n: 'x'}}, {upsert: true})",
                 "rmem update robmem.orders \"{team: 'CYAN'}\" \"{\\$set: {n: 'x'}}\" --upsert",
+            ),
+            (
+                "db.x.update({a: 1}, {$set: {b: 1}}, {upsert: true, multi: false})",
+                "rmem update robmem.x \"{a: 1}\" '{$set: {b: 1}}' --upsert",
             ),
             ("db.a.b.updateMany({}, {$inc: {n: 1}})", "rmem update robmem.a.b \"{}\" '{$inc: {n: 1}}' --many"),
             ("db.orders.replaceOne({_id: 1}, {n: 2})", "rmem update robmem.orders \"{_id: 1}\" \"{n: 2}\" --replace"),
