@@ -129,7 +129,7 @@ impl Memory {
         Ok(held.len() == before)
     }
 
-    /// The computation that answers the query: of the cache, or a new one; `alone` for a new one that nobody shares.
+    /// The computation that answers the query: of the cache, or a new one; `alone` for a new one that is not shared.
     fn obtain(&self, wanted: &Wanted<'_>, others: Others<'_>, alone: bool) -> Result<Held, StoreError> {
         let start = Instant::now();
         let definition = &wanted.computable.definition;

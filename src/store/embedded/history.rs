@@ -110,7 +110,9 @@ impl Keeping {
 /// Writes the row of a rule. A new one takes over what a wider history has of its scope.
 fn name(connection: &Connection, rule: &HistoryRule) -> rusqlite::Result<()> {
     let (pattern, now) = (pattern(&rule.scope), DateTime::now().timestamp_millis());
-    let former = wider(connection, &pattern)?;
+    let sql = "SELECT 1 FROM watchers WHERE name = ?";
+    let is_kept = connection.prepare_cached(sql)?.exists([row_name(&pattern)])?;
+    let former = if is_kept { None } else { wider(connection, &pattern)? };
     let age = i64::try_from(rule.age.as_millis()).unwrap_or(i64::MAX);
     let size = i64::try_from(rule.size).unwrap_or(i64::MAX);
     let sql = "INSERT INTO histories (database, collection, age, size, since, beat) VALUES (?1, ?2, ?3, ?4, ?5, ?5)
@@ -119,8 +121,7 @@ fn name(connection: &Connection, rule: &HistoryRule) -> rusqlite::Result<()> {
     if age == 0 {
         return release(connection, &pattern);
     }
-    let sql = "SELECT 1 FROM watchers WHERE name = ?";
-    if connection.prepare_cached(sql)?.exists([row_name(&pattern)])? {
+    if is_kept {
         return Ok(());
     }
     let (position, since) = match former {
