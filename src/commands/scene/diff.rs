@@ -14,7 +14,6 @@ use crate::formats::scene::message::write_operations;
 use crate::formats::scene::{Content, Operation, Scene, Spelling};
 use crate::output::Format;
 use crate::scene::diff::diff;
-use crate::scene::extract::{Reading, extract};
 use crate::store::Namespace;
 
 const HELP: &str = "\
@@ -106,9 +105,7 @@ fn collection(name: &str, frame: Option<&str>, args: &DiffArgs, context: &mut Co
     let kinds = context.settings.object_kinds.clone();
     let sources = sources(Some(&name.parse()?), bson::Document::new(), &kinds, context);
     let memory = context.memory()?;
-    let frames = args.more.tree(&sources, &memory, context)?;
-    let found = extract(&memory, &sources, &frames, frame, Reading::All)?;
-    Ok(args.more.accept(found, context)?.scene(frame))
+    Ok(args.more.objects(&sources, frame, &[], &memory, context)?.scene(frame))
 }
 
 fn common_frame(first: &Scene, second: &Scene) -> Result<Option<String>, WrongInput> {

@@ -56,11 +56,7 @@ impl Selection {
         let kinds = context.settings.object_kinds.clone();
         let sources = self.sources(&kinds, context)?;
         let given = [("<query>", self.query.as_str())];
-        let frames = self.more.tree(&sources, memory, context)?;
-        let found =
-            extract(memory, &sources, &frames, &self.frame, Reading::All).map_err(|error| blame(error, &given))?;
-        warn_of_missing(&found, &sources, memory, context);
-        self.more.accept(found, context)
+        self.more.objects(&sources, &self.frame, &given, memory, context)
     }
 
     /// Where objects are looked for.
@@ -71,15 +67,6 @@ impl Selection {
     ) -> Result<Sources<'a>, Diagnostic> {
         let query = argument("<query>", &self.query)?;
         Ok(sources(self.namespace.as_ref(), query, kinds, context))
-    }
-}
-
-/// Warns where no object was found because a collection does not exist.
-pub(super) fn warn_of_missing(found: &Extraction, sources: &Sources<'_>, memory: &Memory, context: &mut Context<'_>) {
-    if found.objects.is_empty() {
-        for (namespace, _) in &sources.queries {
-            missing::warn(namespace, memory, context);
-        }
     }
 }
 
@@ -122,6 +109,26 @@ impl More {
     ) -> Result<Frames, StoreError> {
         let frames = self.frames(sources, context);
         Frames::read(&frames, |find| memory.find(&frames, find))
+    }
+
+    /// The objects in a frame, with a warning where there are none because a collection does not exist. `given` are the
+    /// texts on the command line that a wrong query is in.
+    pub(super) fn objects(
+        &self,
+        sources: &Sources<'_>,
+        frame: &str,
+        given: &[(&'static str, &str)],
+        memory: &Memory,
+        context: &mut Context<'_>,
+    ) -> Result<Extraction> {
+        let frames = self.tree(sources, memory, context)?;
+        let found = extract(memory, sources, &frames, frame, Reading::All).map_err(|error| blame(error, given))?;
+        if found.objects.is_empty() {
+            for (namespace, _) in &sources.queries {
+                missing::warn(namespace, memory, context);
+            }
+        }
+        self.accept(found, context)
     }
 
     /// Refuses invalid objects, or skips them with a warning.
