@@ -1,5 +1,7 @@
 //! A folder to run rmem in, cut off from the machine's settings.
 
+pub(crate) mod watch;
+
 use std::fmt;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,78 +1,16 @@
 //! watch: triggers on the embedded store.
 
-use std::io::{BufRead as _, BufReader, Read as _};
-use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::io::Read as _;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::lab::{Lab, assert_run, rmem};
+use crate::lab::watch::{TIMEOUT, Watch};
+use crate::lab::{Lab, assert_run};
 
-/// How long a test waits for a line, or for the end of a process.
-const TIMEOUT: Duration = Duration::from_secs(60);
-
-/// A `watch` that runs beside the test.
-struct Watch {
-    child: Child,
-    lines: Receiver<String>,
-}
-
-impl Watch {
-    /// Starts `rmem watch` and waits until it is ready.
-    #[track_caller]
-    fn start(lab: &Lab, args: &[&str]) -> Self {
-        let mut command = Command::new(rmem());
-        command.arg("watch").args(args);
-        Self::run(lab, command)
-    }
-
-    #[track_caller]
-    fn run(lab: &Lab, mut command: Command) -> Self {
-        lab.isolate(&mut command);
-        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let (sender, lines) = channel();
-        let stdout = BufReader::new(child.stdout.take().unwrap());
-        std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
-        let mut message = String::new();
-        BufReader::new(child.stderr.as_mut().unwrap()).read_line(&mut message).unwrap();
-        assert!(message.starts_with("watching "), "{message}");
-        Self { child, lines }
-    }
-
-    /// The next line, without what differs from run to run.
-    #[track_caller]
-    fn next(&self) -> String {
-        let line = self.lines.recv_timeout(TIMEOUT).expect("nothing was delivered");
-        match line.split_once(r#","time":"#) {
-            Some((front, _)) => format!("{front}}}"),
-            None => line,
-        }
-    }
-
-    /// Waits for the end; gives the exit code, and what was delivered and not yet taken.
-    #[track_caller]
-    fn end(mut self) -> (i32, Vec<String>) {
-        let since = Instant::now();
-        loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                let rest = self.lines.iter().collect();
-                return (status.code().unwrap_or(-1), rest);
-            }
-            assert!(since.elapsed() < TIMEOUT, "it does not end");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-
-    fn signal(&self, signal: &str) {
-        let id = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
-    }
-}
-
-impl Drop for Watch {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+/// Starts `rmem watch` and waits until it is ready.
+#[track_caller]
+fn start(lab: &Lab, args: &[&str]) -> Watch {
+    Watch::rmem(lab, &[&["watch"], args].concat(), "watching ")
 }
 
 fn count(lab: &Lab, sql: &str) -> i64 {
@@ -83,7 +21,7 @@ fn count(lab: &Lab, sql: &str) -> i64 {
 #[test]
 fn every_change_is_delivered_in_order_with_what_was_before_and_after() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b"]);
+    let watch = start(&lab, &["a.b"]);
     lab.rmem(&["insert", "a.b", "{_id: 1, n: 1}", "{_id: 2, n: 1}"]).success();
     lab.rmem(&["insert", "a.other", "{_id: 1}"]).success();
     lab.rmem(&["update", "a.b", "{}", "{$inc: {n: 1}}", "--many"]).success();
@@ -110,7 +48,7 @@ fn every_change_is_delivered_in_order_with_what_was_before_and_after() {
 fn the_query_is_matched_after_a_change_and_before_a_deletion() {
     let lab = Lab::new();
     lab.rmem(&["insert", "a.b", "{_id: 1, n: 1}", "{_id: 2, n: 5}"]).success();
-    let watch = Watch::start(&lab, &["a.b", "{n: {$gt: 3}}"]);
+    let watch = start(&lab, &["a.b", "{n: {$gt: 3}}"]);
     lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 2}}"]).success();
     lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 4}}"]).success();
     lab.rmem(&["update", "a.b", "{_id: 1}", "{$set: {n: 0}}"]).success();
@@ -122,7 +60,7 @@ fn the_query_is_matched_after_a_change_and_before_a_deletion() {
 #[test]
 fn a_command_that_does_not_end_is_stopped_when_the_time_is_over() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b", "--exec", "sleep 600", "--count", "1", "--timeout", "1500ms"]);
+    let watch = start(&lab, &["a.b", "--exec", "sleep 600", "--count", "1", "--timeout", "1500ms"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     assert_eq!(watch.end().0, 1);
 }
@@ -133,7 +71,7 @@ fn what_takes_a_collections_place_is_delivered() {
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     lab.rmem(&["dump", "a.b", "-o", "world.json"]).success();
     lab.rmem(&["insert", "a.source", "{_id: 7}", "{_id: 8}"]).success();
-    let watch = Watch::start(&lab, &["a.b"]);
+    let watch = start(&lab, &["a.b"]);
     lab.rmem(&["restore", "world.json", "--drop"]).success();
     lab.rmem(&["aggregate", "a.source", "[{$match: {_id: 7}}, {$out: 'b'}]"]).success();
     lab.rmem(&["aggregate", "a.source", "[{$set: {m: 1}}, {$merge: 'b'}]"]).success();
@@ -152,8 +90,8 @@ fn what_takes_a_collections_place_is_delivered() {
 #[test]
 fn metadata_and_computed_documents_are_shown_when_asked_for() {
     let lab = Lab::new();
-    let plain = Watch::start(&lab, &["a.b"]);
-    let all = Watch::start(&lab, &["a.b", "--meta", "--computed"]);
+    let plain = start(&lab, &["a.b"]);
+    let all = start(&lab, &["a.b", "--meta", "--computed"]);
     lab.rmem(&["insert", "a.b", "{_id: 1, _robmem_info: {computed: true}}", "{_id: 2}"]).success();
     assert_eq!(plain.next(), r#"{"operation":"insert","ns":"a.b","_id":2,"after":{"_id":2}}"#);
     assert!(all.next().contains(r#""after":{"_id":1,"_robmem_info":{"computed":true,"inserted":"#));
@@ -165,7 +103,7 @@ fn a_named_watch_continues_after_the_last_change_it_handled() {
     let lab = Lab::new();
     lab.rmem(&["insert", "a.b", "{_id: 0}"]).success();
     let named = ["watch", "a.b", "--resume", "x", "--count", "2", "--timeout", "1m"];
-    let watch = Watch::start(&lab, &named[1..]);
+    let watch = start(&lab, &named[1..]);
     lab.rmem(&["insert", "a.b", "{_id: 1}", "{_id: 2}", "{_id: 3}"]).success();
     assert!(watch.next().contains(r#""_id":1"#));
     assert!(watch.next().contains(r#""_id":2"#));
@@ -180,7 +118,7 @@ fn a_named_watch_continues_after_the_last_change_it_handled() {
 #[test]
 fn one_process_at_a_time_has_a_name() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b", "--resume", "x"]);
+    let watch = start(&lab, &["a.b", "--resume", "x"]);
     let held = lab.rmem(&["watch", "a.b", "--resume", "x"]).exits(5);
     assert_run!(held.to_string().replace(&watch.child.id().to_string(), "[PID]"), @r"
     ------- stderr -------
@@ -206,7 +144,7 @@ fn without_a_watch_no_change_is_kept_and_a_killed_watch_keeps_none() {
     let lab = Lab::new();
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     assert_eq!(count(&lab, "SELECT count(*) FROM changes"), 0);
-    let watch = Watch::start(&lab, &["a.b"]);
+    let watch = start(&lab, &["a.b"]);
     lab.rmem(&["insert", "a.b", "{_id: 2}"]).success();
     assert!(watch.next().contains(r#""_id":2"#));
     watch.signal("KILL");
@@ -214,7 +152,7 @@ fn without_a_watch_no_change_is_kept_and_a_killed_watch_keeps_none() {
     lab.rmem(&["insert", "a.b", "{_id: 3}"]).success();
     assert_eq!(count(&lab, "SELECT count(*) FROM changes"), 0);
     assert_eq!(count(&lab, "SELECT count(*) FROM watchers"), 0);
-    let watch = Watch::start(&lab, &["a.b", "--resume", "x"]);
+    let watch = start(&lab, &["a.b", "--resume", "x"]);
     lab.rmem(&["insert", "a.b", "{_id: 4}"]).success();
     assert!(watch.next().contains(r#""_id":4"#));
     watch.signal("TERM");
@@ -229,7 +167,7 @@ fn names_are_listed_with_what_waits_for_them() {
     let lab = Lab::new();
     assert_eq!(lab.rmem(&["watch", "--names"]).success(), "");
     lab.rmem(&["watch", "a.c", "--resume", "idle", "--timeout", "10ms"]).exits(1);
-    let watch = Watch::start(&lab, &["a.b", "--resume", "busy"]);
+    let watch = start(&lab, &["a.b", "--resume", "busy"]);
     lab.rmem(&["insert", "a.c", "{_id: 1}", "{_id: 2}"]).success();
     let names = lab.rmem(&["watch", "--names"]).success();
     let (busy, idle) = names.trim_end().split_once('\n').unwrap();
@@ -266,7 +204,7 @@ fn a_watch_that_missed_changes_is_refused_with_the_way_out() {
 fn a_command_is_run_for_each_change() {
     let lab = Lab::new();
     let line = "cat >> events; echo $RMEM_OPERATION $RMEM_NAMESPACE";
-    let watch = Watch::start(&lab, &["a.b", "--exec", line, "--count", "2"]);
+    let watch = start(&lab, &["a.b", "--exec", line, "--count", "2"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     lab.rmem(&["delete", "a.b", "{_id: 1}"]).success();
     assert_eq!((watch.next().as_str(), watch.next().as_str()), ("insert a.b", "delete a.b"));
@@ -279,17 +217,17 @@ fn a_command_is_run_for_each_change() {
 #[test]
 fn a_change_whose_command_fails_comes_again_under_its_name() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b", "--exec", "exit 7", "--count", "2"]);
+    let watch = start(&lab, &["a.b", "--exec", "exit 7", "--count", "2"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}", "{_id: 2}"]).success();
     assert_eq!(watch.end().0, 0, "without a name, it goes on");
     let line = "read event; echo $event; test -e allowed || exit 9";
     let named = ["a.b", "--resume", "x", "--exec", line, "--count", "1", "--timeout", "1m"];
-    let watch = Watch::start(&lab, &named);
+    let watch = start(&lab, &named);
     lab.rmem(&["insert", "a.b", "{_id: 3}"]).success();
     let first = watch.next();
     assert_eq!(watch.end().0, 9);
     lab.write("allowed", "");
-    let watch = Watch::start(&lab, &named);
+    let watch = start(&lab, &named);
     assert_eq!(watch.next(), first);
     assert_eq!(watch.end().0, 0);
     lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
@@ -298,7 +236,7 @@ fn a_change_whose_command_fails_comes_again_under_its_name() {
 #[test]
 fn an_interrupted_command_is_stopped_and_its_change_comes_again() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b", "--resume", "x", "--exec", "echo begun; sleep 1000"]);
+    let watch = start(&lab, &["a.b", "--resume", "x", "--exec", "echo begun; sleep 1000"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     assert_eq!(watch.next(), "begun");
     watch.signal("INT");
@@ -310,7 +248,7 @@ fn an_interrupted_command_is_stopped_and_its_change_comes_again() {
 #[test]
 fn a_killed_watch_leaves_no_command_behind() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b", "--exec", "sleep 1000 & echo $$ $!; wait"]);
+    let watch = start(&lab, &["a.b", "--exec", "sleep 1000 & echo $$ $!; wait"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     let line = watch.next();
     watch.signal("KILL");
@@ -329,7 +267,7 @@ fn a_killed_watch_leaves_no_command_behind() {
 fn what_a_command_starts_in_the_background_keeps_running() {
     let lab = Lab::new();
     let line = "(while ! [ -e go ]; do sleep 0.02; done; touch went) > /dev/null 2>&1 &";
-    let watch = Watch::start(&lab, &["a.b", "--exec", line, "--count", "1"]);
+    let watch = start(&lab, &["a.b", "--exec", line, "--count", "1"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     assert_eq!(watch.end(), (0, vec![]));
     lab.write("go", "");
@@ -343,7 +281,7 @@ fn what_a_command_starts_in_the_background_keeps_running() {
 #[test]
 fn facts_of_clips_carry_the_change() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b", "--resume", "orders", "--format", "clips"]);
+    let watch = start(&lab, &["a.b", "--resume", "orders", "--format", "clips"]);
     lab.rmem(&["insert", "a.b", "{_id: 1, name: 'x'}"]).success();
     let fact = watch.next();
     assert!(fact.starts_with(r#"(robmem-trigger (name "orders") (rcvd-at "#), "{fact}");
@@ -356,7 +294,7 @@ fn facts_of_clips_carry_the_change() {
 fn a_timeout_without_a_change_is_1() {
     let lab = Lab::new();
     lab.rmem(&["watch", "a.b", "--timeout", "20ms"]).exits(1);
-    let watch = Watch::start(&lab, &["a.b", "--count", "2", "--timeout", "1s"]);
+    let watch = start(&lab, &["a.b", "--count", "2", "--timeout", "1s"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     let (code, lines) = watch.end();
     assert_eq!((code, lines.len()), (1, 1));
@@ -367,7 +305,7 @@ fn a_closed_stdout_ends_it_quietly() {
     let lab = Lab::new();
     let mut command = Command::new("bash");
     command.args(["-o", "pipefail", "-c", "rmem watch a.b | head -n 1"]);
-    let mut watch = Watch::run(&lab, command);
+    let mut watch = Watch::run(&lab, command, "watching ");
     while watch.child.try_wait().unwrap().is_none() {
         lab.rmem(&["insert", "a.b", "{}"]).success();
     }
@@ -419,7 +357,7 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
 #[test]
 fn each_trigger_is_logged_with_its_duration() {
     let lab = Lab::new();
-    let watch = Watch::start(&lab, &["a.b", "--count", "1", "--log", "log"]);
+    let watch = start(&lab, &["a.b", "--count", "1", "--log", "log"]);
     lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
     assert_eq!(watch.end().0, 0);
     let log = lab.read("log");

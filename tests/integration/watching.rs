@@ -33,17 +33,23 @@ pub(crate) fn update(filter: Document, update: UpdateSpec, many: bool) -> Update
     UpdateRequest { filter, update, array_filters: Vec::new(), many, upsert: true }
 }
 
-/// A `rmem watch` that prints the changes.
+/// A `rmem watch`, or another command that prints what happens.
 pub(crate) struct Watching {
     child: Child,
-    lines: Receiver<String>,
+    pub(crate) lines: Receiver<String>,
 }
 
 impl Watching {
     /// Starts it and waits until it is ready.
     pub(crate) fn start(uri: &str, ns: &Namespace, home: &Path) -> Result<Self, Failed> {
+        Self::run(uri, home, &["watch", &ns.to_string(), "--resume", "x"], "watching ")
+    }
+
+    /// Starts a command that watches, and waits for its first message, which begins with `ready`.
+    pub(crate) fn run(uri: &str, home: &Path, command: &[&str], ready: &str) -> Result<Self, Failed> {
         let mut child = Command::new(env!("CARGO_BIN_EXE_rmem"))
-            .args(["--memory", uri, "watch", &ns.to_string(), "--resume", "x"])
+            .args(["--memory", uri])
+            .args(command)
             .current_dir(home)
             .env("HOME", home)
             .stdin(Stdio::null())
@@ -56,7 +62,7 @@ impl Watching {
         let mut stderr = BufReader::new(child.stderr.take().ok_or("no stderr")?);
         let mut printed = String::new();
         stderr.read_line(&mut printed)?;
-        if !printed.starts_with("watching ") {
+        if !printed.starts_with(ready) {
             child.kill()?;
             return Err(format!("it says {printed}").into());
         }
