@@ -124,7 +124,9 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let trigger = trigger(args, namespace)?;
     let memory = context.memory()?;
     if let (true, Some(name)) = (args.forget, &args.resume) {
-        return Ok(if memory.forget_watch(namespace, name)? { Exit::Done } else { Exit::No });
+        let is_known = memory.forget_watch(namespace, name)?;
+        crate::scene::reported::forget(&memory, namespace, name)?;
+        return Ok(if is_known { Exit::Done } else { Exit::No });
     }
     let timeout = crate::interrupt::InterruptGuard::new();
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;

@@ -55,6 +55,15 @@ pub struct Invalid {
     pub reason: String,
 }
 
+impl Invalid {
+    /// That an object has the name of another.
+    #[must_use]
+    pub fn twice(located: Located) -> Self {
+        let reason = format!("there is another object with the name `{}`", located.object.name);
+        Self { namespace: located.namespace, id: located.id, reason }
+    }
+}
+
 impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
@@ -136,10 +145,7 @@ pub fn extract(
             }
             match found {
                 Err(invalid) => extraction.invalid.push(invalid),
-                Ok(located) if names.contains(&located.object.name) => {
-                    let reason = format!("there is another object with the name `{}`", located.object.name);
-                    extraction.invalid.push(Invalid { namespace: located.namespace, id: located.id, reason });
-                }
+                Ok(located) if names.contains(&located.object.name) => extraction.invalid.push(Invalid::twice(located)),
                 Ok(located) => {
                     names.insert(located.object.name.clone());
                     extraction.objects.push(located);

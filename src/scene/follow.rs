@@ -2,7 +2,8 @@
 //!
 //! The changes of the objects' collections and of the frames are watched, each at least once. A changed
 //! document is compared with what it was before; a changed frame moves every object in it. Poses are always
-//! those of the frames as they are now, so that a change that is delivered again does no harm.
+//! those of the frames as they are now, so that a change that is delivered again does no harm. What changes do
+//! not tell, that objects went with a dropped collection, is found by reading all documents again.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
@@ -12,6 +13,7 @@ use bson::{Document, RawDocument};
 use super::diff::changes;
 use super::extract::{Invalid, Located, Sources, Ways, locate};
 use super::kind::Kinds;
+use super::reported::{Key, Reported};
 use crate::formats::scene::Operation;
 use crate::formats::shell;
 use crate::memory::Memory;
@@ -31,10 +33,13 @@ pub struct Follower<'a> {
     /// The objects' collections; the frames are the last.
     watches: Vec<(Namespace, Watch<'a>)>,
     sources: Vec<Source<'a>>,
-    /// The documents of objects as they are now, by collection and `_id`.
-    documents: BTreeMap<(usize, String), Located>,
+    /// The documents of objects as they are now.
+    documents: BTreeMap<Key, Located>,
     /// Those that are no objects as they are now: their frame is not known yet, perhaps.
-    unplaced: BTreeSet<(usize, String)>,
+    unplaced: BTreeSet<Key>,
+    reported: Reported<'a>,
+    /// Whether objects may be there or gone although no change says so.
+    is_unsettled: bool,
     /// Whether it goes on where another was done: what is known of documents may be newer than their changes.
     is_resumed: bool,
     turn: usize,
@@ -46,6 +51,20 @@ struct Source<'a> {
     query: Document,
     filter: Filter,
     kinds: Kinds<'a>,
+}
+
+/// What is to be printed: operations, and what is wrong with documents that are no objects.
+#[derive(Default)]
+struct Report {
+    operations: Vec<Operation>,
+    invalid: Vec<Invalid>,
+}
+
+/// The documents as they are.
+#[derive(Default)]
+struct Found {
+    objects: BTreeMap<Key, Located>,
+    invalid: Vec<(Key, Invalid)>,
 }
 
 /// What happened.
@@ -63,7 +82,7 @@ pub enum Event {
 
 impl<'a> Follower<'a> {
     /// Begins to follow: first the changes, then what there is, so that nothing is missed between. With
-    /// a name, goes on where the last follower of this name was done.
+    /// a name, goes on where the last follower of this name was done. Gives also the documents that are no objects.
     ///
     /// # Errors
     /// Where a query is wrong, a store fails, or another process has the name.
@@ -73,7 +92,7 @@ impl<'a> Follower<'a> {
         frames: &Namespace,
         frame: &str,
         name: Option<&str>,
-    ) -> Result<Self, StoreError> {
+    ) -> Result<(Self, Vec<Invalid>), StoreError> {
         let mut own = Vec::new();
         for (namespace, filter) in &sources.queries {
             let kinds = Kinds::of(sources.kinds, namespace)?;
@@ -103,19 +122,35 @@ impl<'a> Follower<'a> {
                 Ok((namespace.clone(), memory.watch(trigger)?))
             })
             .collect();
-        let mut follower = Self {
+        let objects = first.unwrap_or(frames).clone();
+        let follower = Self {
             memory,
             frame: frame.to_owned(),
             frames: Frames::read(frames, |find| memory.find(frames, find))?,
             watches: watches?,
+            reported: Reported::load(memory, &objects, name)?,
             sources: own,
             documents: BTreeMap::new(),
             unplaced: BTreeSet::new(),
+            is_unsettled: false,
             is_resumed: name.is_some(),
             turn: 0,
         };
-        follower.read_all()?;
-        Ok(follower)
+        follower.begin()
+    }
+
+    /// Reads what there is. All of it counts as reported where no watch of this name reported anything.
+    fn begin(mut self) -> Result<(Self, Vec<Invalid>), StoreError> {
+        let found = self.read_all()?;
+        self.is_unsettled = self.reported.is_known();
+        if !self.is_unsettled {
+            found.objects.iter().for_each(|(key, located)| self.reported.add(key.clone(), &located.object.name));
+        }
+        self.documents = found.objects;
+        let (unplaced, invalid): (BTreeSet<Key>, Vec<Invalid>) = found.invalid.into_iter().unzip();
+        self.unplaced = unplaced;
+        self.reported.save()?;
+        Ok((self, invalid))
     }
 
     /// How many objects there are now.
@@ -124,27 +159,33 @@ impl<'a> Follower<'a> {
         self.documents.len()
     }
 
-    /// Reads the documents as they are now; gives those that were no objects before.
-    fn read_all(&mut self) -> Result<Vec<Located>, StoreError> {
+    /// Reads the documents as they are now. Of those with one name, the first is an object.
+    fn read_all(&self) -> Result<Found, StoreError> {
         let mut ways = Ways::new(&self.frames, &self.frame);
-        let mut new = Vec::new();
-        for (index, source) in self.sources.iter().enumerate() {
+        let (mut found, mut seen, mut names) = (Found::default(), BTreeSet::new(), BTreeSet::new());
+        for source in &self.sources {
             let find = Find { filter: source.query.clone(), ..Find::default() };
             for raw in self.memory.stored(&source.namespace, &find)? {
-                match locate(&raw?, &source.namespace, &source.kinds, &mut ways)? {
-                    Some(Ok(located)) => {
-                        let key = (index, shell::canonical_value(&located.id));
-                        if self.unplaced.remove(&key) {
-                            new.push(located.clone());
-                        }
-                        self.documents.insert(key, located);
+                let Some(read) = locate(&raw?, &source.namespace, &source.kinds, &mut ways)? else { continue };
+                let id = match &read {
+                    Ok(located) => &located.id,
+                    Err(invalid) => &invalid.id,
+                };
+                let key = (source.namespace.clone(), shell::canonical_value(id));
+                // A document may be of two kinds; the first counts.
+                if !seen.insert(key.clone()) {
+                    continue;
+                }
+                match read {
+                    Ok(located) if names.insert(located.object.name.clone()) => {
+                        found.objects.insert(key, located);
                     }
-                    Some(Err(invalid)) => drop(self.unplaced.insert((index, shell::canonical_value(&invalid.id)))),
-                    None => {}
+                    Ok(located) => found.invalid.push((key, Invalid::twice(located))),
+                    Err(invalid) => found.invalid.push((key, invalid)),
                 }
             }
         }
-        Ok(new)
+        Ok(found)
     }
 
     /// What happens next, or nothing within `timeout`. Properties of objects come before what moves
@@ -162,7 +203,12 @@ impl<'a> Follower<'a> {
             }
             let left = timeout.saturating_sub(start.elapsed());
             if left.is_zero() {
-                return Ok(Event::Nothing);
+                // All changes are delivered.
+                let mut report = Report::default();
+                if std::mem::take(&mut self.is_unsettled) {
+                    self.settle(&mut report)?;
+                }
+                return self.announced(report);
             }
             self.turn = (self.turn + 1) % self.watches.len();
             if let Some(event) = self.look(self.turn, left.min(TURN))? {
@@ -187,126 +233,198 @@ impl<'a> Follower<'a> {
     /// # Errors
     /// Where a store fails, or another process took the name.
     pub fn done(&mut self) -> Result<(), StoreError> {
+        self.reported.save()?;
         self.watches.iter_mut().try_for_each(|(_, watch)| watch.done())
     }
 
     fn changed(&mut self, namespace: &Namespace, change: &Change) -> Result<Event, StoreError> {
-        let mut operations = Vec::new();
-        let mut invalid = Vec::new();
+        let mut report = Report::default();
         if namespace == self.frames.namespace() && is_frame(change)? {
-            self.frame_changed(change, &mut operations, &mut invalid)?;
+            self.frame_changed(change, &mut report)?;
         }
-        for index in 0..self.sources.len() {
-            if self.sources[index].namespace == *namespace {
-                self.object_changed(index, change, &mut operations, &mut invalid)?;
+        if self.sources.iter().any(|source| source.namespace == *namespace) {
+            match &change.id {
+                Some(id) => {
+                    self.object_changed((namespace.clone(), shell::canonical_value(id)), change, &mut report)?;
+                }
+                None => self.collection_changed(namespace, &mut report),
             }
         }
-        Ok(match (operations.is_empty(), invalid.is_empty()) {
-            (true, true) => Event::Nothing,
-            (_, true) => Event::Operations(operations),
-            _ => Event::Invalid(invalid, operations),
-        })
+        self.announced(report)
+    }
+
+    /// Gives what is to be reported, after it is stored that it may have been.
+    fn announced(&self, report: Report) -> Result<Event, StoreError> {
+        self.reported.announce()?;
+        Ok(report.into_event())
     }
 
     /// Moves every object in the frame, and in the frames in it.
-    fn frame_changed(
-        &mut self,
-        change: &Change,
-        operations: &mut Vec<Operation>,
-        invalid: &mut Vec<Invalid>,
-    ) -> Result<(), StoreError> {
+    fn frame_changed(&mut self, change: &Change, report: &mut Report) -> Result<(), StoreError> {
         let names: Vec<String> = frame_names(change)?;
         let namespace = self.frames.namespace();
         let now = Frames::read(namespace, |find| self.memory.find(namespace, find))?;
         let before = std::mem::replace(&mut self.frames, now);
         let mut ways = Ways::new(&self.frames, &self.frame);
-        for located in self.documents.values_mut() {
+        let mut gone = Vec::new();
+        for (key, located) in &mut self.documents {
             let is_in =
                 |frames: &Frames| frames.is_within(&located.frame, &names) != frames.is_within(&self.frame, &names);
-            if !is_in(&self.frames) && !is_in(&before) {
+            // Where the collection is gone, every frame in it is.
+            let is_affected = match change.id {
+                Some(_) => is_in(&self.frames) || is_in(&before),
+                None => located.frame != self.frame,
+            };
+            if !is_affected || !self.reported.contains(key) {
                 continue;
             }
             match ways.from(&located.frame) {
                 Ok(way) => {
                     located.object.pose = way.around(&located.own);
-                    operations.push(Operation::Move { name: located.object.name.clone(), pose: located.object.pose });
+                    let (name, pose) = (located.object.name.clone(), located.object.pose);
+                    report.operations.push(Operation::Move { name, pose });
                 }
                 Err(reason) => {
                     let (namespace, id) = (located.namespace.clone(), located.id.clone());
-                    invalid.push(Invalid { namespace, id, reason });
+                    report.invalid.push(Invalid { namespace, id, reason });
+                    gone.push(key.clone());
                 }
             }
         }
-        if !self.unplaced.is_empty() {
-            let new = self.read_all()?;
-            operations.extend(new.into_iter().map(|located| Operation::Add(Box::new(located.object))));
+        for key in gone {
+            self.remove(&key, report);
+            self.unplaced.insert(key);
+        }
+        if change.id.is_none() {
+            self.is_unsettled = true;
+        } else if !self.unplaced.is_empty() {
+            self.settle(report)?;
         }
         Ok(())
     }
 
-    fn object_changed(
-        &mut self,
-        index: usize,
-        change: &Change,
-        operations: &mut Vec<Operation>,
-        invalid: &mut Vec<Invalid>,
-    ) -> Result<(), StoreError> {
-        let Some(id) = &change.id else {
-            // The collection is gone.
-            let (gone, kept) =
-                std::mem::take(&mut self.documents).into_iter().partition(|((source, _), _)| *source == index);
-            self.documents = kept;
-            let gone: BTreeMap<(usize, String), Located> = gone;
-            operations.extend(gone.into_values().map(|located| Operation::Remove { name: located.object.name }));
-            return Ok(());
-        };
-        let key = (index, shell::canonical_value(id));
-        let source = &self.sources[index];
+    /// A collection of objects is gone, with all that was in it.
+    fn collection_changed(&mut self, namespace: &Namespace, report: &mut Report) {
+        for key in self.reported.of(Some(namespace)) {
+            self.remove(&key, report);
+        }
+        self.documents.retain(|(of, _), _| of != namespace);
+        self.unplaced.retain(|(of, _)| of != namespace);
+        self.is_unsettled = true;
+    }
+
+    fn object_changed(&mut self, key: Key, change: &Change, report: &mut Report) -> Result<(), StoreError> {
         let mut ways = Ways::new(&self.frames, &self.frame);
+        let sources = &self.sources;
         let mut read = |raw: &RawDocument| -> Result<Option<Result<Located, Invalid>>, QueryError> {
-            if source.filter.matches(raw)? {
-                locate(raw, &source.namespace, &source.kinds, &mut ways)
-            } else {
-                Ok(None)
+            for source in sources.iter().filter(|source| source.namespace == key.0) {
+                if source.filter.matches(raw)? {
+                    return locate(raw, &source.namespace, &source.kinds, &mut ways);
+                }
             }
+            Ok(None)
         };
         // Where the store does not have the document as it was, the one that is known stands for it.
         let is_imageless = change.before.is_none() && change.kind != ChangeKind::Insert;
         let before = change.before.as_deref().map(&mut read).transpose()?.flatten();
         let after = change.after.as_deref().map(&mut read).transpose()?.flatten();
-        let before = before.and_then(Result::ok).or_else(|| self.documents.get(&key).filter(|_| is_imageless).cloned());
-        let after = match after {
-            Some(Err(wrong)) => {
-                invalid.push(wrong);
-                None
+        let known = || self.documents.get(&key).filter(|_| is_imageless).map(|known| (known.clone(), false));
+        let before = before.and_then(Result::ok).map(|image| (image, true)).or_else(known);
+        let before = before.filter(|_| self.reported.contains(&key));
+        self.unplaced.remove(&key);
+        let invalid = match after {
+            Some(Ok(new)) if self.has_name(&key, &new) => {
+                self.replace(key, before, new, report);
+                return Ok(());
             }
-            Some(Ok(located)) => Some(located),
-            None => None,
+            Some(Ok(new)) => Invalid::twice(new),
+            Some(Err(invalid)) => invalid,
+            None => {
+                self.remove(&key, report);
+                return Ok(());
+            }
         };
-        match (&before, &after) {
-            (Some(old), Some(new)) if old.object.name == new.object.name => {
-                let count = operations.len();
-                changes(&old.object, &new.object, 0.0, operations);
-                // What is known is as it is after the change, perhaps; what the object was before is not known then.
-                if is_imageless && self.is_resumed && operations.len() == count {
-                    operations.push(Operation::Add(Box::new(new.object.clone())));
-                }
-            }
-            _ => {
-                operations.extend(before.map(|old| Operation::Remove { name: old.object.name }));
-                operations.extend(after.as_ref().map(|new| Operation::Add(Box::new(new.object.clone()))));
-            }
-        }
-        if invalid.is_empty() {
-            self.unplaced.remove(&key);
-        } else {
-            self.unplaced.insert(key.clone());
-        }
-        match after {
-            Some(located) => drop(self.documents.insert(key, located)),
-            None => drop(self.documents.remove(&key)),
-        }
+        self.remove(&key, report);
+        report.invalid.push(invalid);
+        self.unplaced.insert(key);
         Ok(())
+    }
+
+    /// Reports what leads from an object, where there was one, to what it is now. With the object as it was comes whether
+    /// the store had it so, or it is the one that is known.
+    fn replace(&mut self, key: Key, before: Option<(Located, bool)>, new: Located, report: &mut Report) {
+        match before {
+            Some((old, is_image)) if old.object.name == new.object.name => {
+                let count = report.operations.len();
+                changes(&old.object, &new.object, 0.0, &mut report.operations);
+                // What is known is as it is after the change, perhaps; what the object was before is not known then.
+                if !is_image && self.is_resumed && report.operations.len() == count {
+                    report.operations.push(Operation::Add(Box::new(new.object.clone())));
+                }
+                self.documents.insert(key, new);
+            }
+            Some(_) => {
+                self.remove(&key, report);
+                self.add(key, new, report);
+            }
+            None => self.add(key, new, report),
+        }
+    }
+
+    /// Whether no other object has its name.
+    fn has_name(&self, key: &Key, located: &Located) -> bool {
+        self.reported.key(&located.object.name).is_none_or(|other| other == key)
+    }
+
+    fn add(&mut self, key: Key, located: Located, report: &mut Report) {
+        self.reported.add(key.clone(), &located.object.name);
+        report.operations.push(Operation::Add(Box::new(located.object.clone())));
+        self.documents.insert(key, located);
+    }
+
+    /// Removes an object, where it was reported.
+    fn remove(&mut self, key: &Key, report: &mut Report) {
+        self.documents.remove(key);
+        if let Some(name) = self.reported.remove(key) {
+            report.operations.push(Operation::Remove { name });
+            // Another document may have its name.
+            self.is_unsettled |= !self.unplaced.is_empty();
+        }
+    }
+
+    /// Compares what was reported with what there is: adds what is new, removes what is gone. What is known of other objects
+    /// stays: changes that are still to come are compared with it.
+    fn settle(&mut self, report: &mut Report) -> Result<(), StoreError> {
+        let found = self.read_all()?;
+        let known = std::mem::take(&mut self.unplaced);
+        for (key, invalid) in found.invalid {
+            if !known.contains(&key) {
+                report.invalid.push(invalid);
+            }
+            self.unplaced.insert(key);
+        }
+        for key in self.reported.of(None).iter().filter(|key| !found.objects.contains_key(*key)) {
+            self.remove(key, report);
+        }
+        for (key, located) in found.objects {
+            if self.reported.is_sure(&key) {
+                self.documents.entry(key).or_insert(located);
+            } else if self.has_name(&key, &located) {
+                self.add(key, located, report);
+            }
+        }
+        self.is_unsettled = false;
+        Ok(())
+    }
+}
+
+impl Report {
+    fn into_event(self) -> Event {
+        match (self.operations.is_empty(), self.invalid.is_empty()) {
+            (true, true) => Event::Nothing,
+            (_, true) => Event::Operations(self.operations),
+            _ => Event::Invalid(self.invalid, self.operations),
+        }
     }
 }
 
@@ -349,7 +467,7 @@ mod tests {
         memory.insert(&objects, vec![cup.clone()]).unwrap();
         let kinds: [ObjectKind; 0] = [];
         let sources = Sources { queries: vec![(objects.clone(), Document::new())], kinds: &kinds };
-        let mut follower = Follower::new(&memory, &sources, &frames, "map", name).unwrap();
+        let mut follower = Follower::new(&memory, &sources, &frames, "map", name).unwrap().0;
         let change = Change {
             kind: ChangeKind::Update,
             id: Some(1.into()),

@@ -14,6 +14,7 @@ pub mod follow;
 pub mod kind;
 pub mod mesh;
 pub mod outline;
+pub mod reported;
 
 pub use extract::{Extraction, Invalid, Located, Sources};
 pub use kind::ObjectKind;

@@ -27,9 +27,9 @@ PlanningScene with is_diff. A frame that moves moves every object in it. Poses a
 they are when the line is printed. Starts with the next change: export the scene after the message on
 stderr that it is following. An object that becomes invalid is removed, with a warning.
 
---resume NAME keeps in the memory how far it is, in each collection: a later watch with that name continues there
-and reports what was changed and deleted meanwhile, but not objects or frames that went with a collection that
-was dropped: export the scene then. After a crash, operations may be delivered again. The position in the first collection has
+--resume NAME keeps in the memory how far it is, in each collection, and which objects it reported: a later
+watch with that name continues there, and reports also what went with a collection that was dropped
+meanwhile. After a crash, operations may be delivered again. The position in the first collection has
 the name NAME, in others NAME:NS; rmem watch --names lists them, rmem watch NS --resume NAME --forget forgets one.";
 
 /// Print operations as they happen
@@ -64,8 +64,9 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let guard = crate::interrupt::InterruptGuard::new();
     let frame = args.selection.frame.as_str();
     let follower = Follower::new(&memory, &sources, &frames, frame, args.resume.as_deref());
-    let mut follower = follower.map_err(|error| blame(error, &[("<query>", &args.selection.query)]))?;
+    let (mut follower, invalid) = follower.map_err(|error| blame(error, &[("<query>", &args.selection.query)]))?;
     context.output.note(&format!("following {} objects in the frame {frame}", follower.count()));
+    invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
     let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     let mut delivered = 0;
     loop {

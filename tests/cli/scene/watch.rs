@@ -1,80 +1,57 @@
 //! Operations as they happen: one for each object that a change is about, also after a kill.
 
-use std::io::{BufRead as _, BufReader};
-use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use super::{Kitchen, OBJECTS, named, operations, word};
 use crate::lab::rmem;
+use crate::lab::watch::Watch;
 
-/// A `scene watch` that runs beside the test.
-struct Watch {
-    child: Child,
-    lines: Receiver<String>,
+/// Starts a `scene watch` and waits until it follows.
+#[track_caller]
+fn start(kitchen: &Kitchen, more: &[&str]) -> Watch {
+    let command = [&["scene", "watch", OBJECTS, "--frame", "map"], more].concat();
+    Watch::rmem(&kitchen.lab, &command, "following 4 objects in the frame map")
 }
 
-impl Watch {
-    #[track_caller]
-    fn start(kitchen: &Kitchen, more: &[&str]) -> Self {
-        let mut command = Command::new(rmem());
-        command.args(["scene", "watch", OBJECTS, "--frame", "map"]).args(more);
-        kitchen.lab.isolate(&mut command);
-        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let (sender, lines) = channel();
-        let stdout = BufReader::new(child.stdout.take().unwrap());
-        std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
-        let mut message = String::new();
-        BufReader::new(child.stderr.as_mut().unwrap()).read_line(&mut message).unwrap();
-        assert!(message.starts_with("following 4 objects in the frame map"), "{message}");
-        Self { child, lines }
-    }
-
-    #[track_caller]
-    fn next(&self) -> (String, String) {
-        let line = self.lines.recv_timeout(Duration::from_secs(60)).expect("nothing was delivered");
-        (word(&line, "operation"), word(&line, "name"))
-    }
-}
-
-impl Drop for Watch {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+/// The next operation, and the object it is about.
+#[track_caller]
+fn next(watch: &Watch) -> (String, String) {
+    let line = watch.line();
+    (word(&line, "operation"), word(&line, "name"))
 }
 
 #[test]
 fn a_frame_that_moves_moves_every_object_in_it() {
     let kitchen = Kitchen::new();
-    let watch = Watch::start(&kitchen, &[]);
+    let watch = start(&kitchen, &[]);
     kitchen.update("robmem.frames", "table-top", "{$set: {'translation.0': 0.9}}");
-    let mut moved = [watch.next(), watch.next(), watch.next()];
+    let mut moved = [next(&watch), next(&watch), next(&watch)];
     moved.sort();
     let expected = ["blue-cup", "red-cup", "table"].map(|name| named("move", name));
     assert_eq!(moved, expected, "the counter is not in that frame");
     kitchen.update(OBJECTS, "red-cup", "{$set: {'translation.0': -0.1}}");
-    assert_eq!(watch.next(), named("move", "red-cup"));
+    assert_eq!(next(&watch), named("move", "red-cup"));
     kitchen.update(OBJECTS, "red-cup", "{$set: {attached_to: {link: 'gripper'}}}");
-    assert_eq!(watch.next(), named("attach", "red-cup"));
+    assert_eq!(next(&watch), named("attach", "red-cup"));
     // That a drawer is open is nothing to a motion planner.
     kitchen.update(OBJECTS, "counter", "{$set: {open: true}}");
     kitchen.update(OBJECTS, "red-cup", "{$set: {mass: 0.3}}");
-    assert_eq!(watch.next(), named("reshape", "red-cup"));
+    assert_eq!(next(&watch), named("reshape", "red-cup"));
     kitchen.rmem(&["delete", OBJECTS, "{_id: 'red-cup'}"]).success();
-    assert_eq!(watch.next(), named("remove", "red-cup"));
+    assert_eq!(next(&watch), named("remove", "red-cup"));
     // What is no object any more is not there any more.
     kitchen.update(OBJECTS, "blue-cup", "{$set: {rotation: [0, 0, 0, 5]}}");
-    assert_eq!(watch.next(), named("remove", "blue-cup"));
+    assert_eq!(next(&watch), named("remove", "blue-cup"));
     kitchen.update(OBJECTS, "blue-cup", "{$set: {rotation: [0, 0, 0, 1]}}");
-    assert_eq!(watch.next(), named("add", "blue-cup"));
+    assert_eq!(next(&watch), named("add", "blue-cup"));
 }
 
 #[test]
 fn after_a_kill_no_operation_is_missed() {
     let kitchen = Kitchen::new();
     let mut delivered = std::collections::BTreeSet::new();
-    drop(Watch::start(&kitchen, &["--resume", "planner"]));
+    drop(start(&kitchen, &["--resume", "planner"]));
     for round in 0..10_u32 {
         let x = f64::from(round) / 100.0;
         kitchen.update(OBJECTS, "red-cup", &format!("{{$set: {{'translation.0': {x}, mass: {}}}}}", 1.0 + x));
@@ -107,4 +84,86 @@ fn after_a_kill_no_operation_is_missed() {
     for expected in (0..10).map(|round| named("add", &format!("ball{round}"))).chain([named("move", "red-cup")]) {
         assert!(delivered.contains(&expected), "{expected:?} in {delivered:?}");
     }
+}
+
+/// What a watch that goes on prints until it is quiet, sorted.
+fn resumed(kitchen: &Kitchen) -> (Vec<(String, String)>, String) {
+    let watch = ["scene", "watch", OBJECTS, "--frame", "map", "--resume", "planner", "--timeout", "1s"];
+    let finished = kitchen.rmem(&watch);
+    let mut operations = operations(&finished.stdout);
+    operations.sort();
+    (operations, finished.stderr)
+}
+
+fn all(operation: &str, names: &[&str]) -> Vec<(String, String)> {
+    names.iter().map(|name| named(operation, name)).collect()
+}
+
+#[test]
+fn objects_that_went_with_a_dropped_collection_are_removed_also_after_a_pause() {
+    let kitchen = Kitchen::new();
+    drop(start(&kitchen, &["--resume", "planner"]));
+    kitchen.rmem(&["drop", OBJECTS]).success();
+    let new = "{_id: 1, name: 'vase', frame: 'map', translation: [0, 0, 0], rotation: [0, 0, 0, 1]}";
+    kitchen.rmem(&["insert", OBJECTS, new]).success();
+    let mut expected = all("add", &["vase"]);
+    expected.extend(all("remove", &["blue-cup", "counter", "red-cup", "table"]));
+    assert_eq!(resumed(&kitchen).0, expected);
+    assert_eq!(resumed(&kitchen).0, [], "nothing is reported twice");
+}
+
+#[test]
+fn objects_whose_frames_went_are_removed_and_come_back_with_them() {
+    let kitchen = Kitchen::new();
+    let frames = kitchen.rmem(&["query", "robmem.frames"]).success();
+    kitchen.lab.write("frames.jsonl", &frames);
+    let back = || drop(kitchen.rmem(&["insert", "robmem.frames", "--file", "frames.jsonl"]).success());
+    let names = ["blue-cup", "counter", "red-cup", "table"];
+    drop(start(&kitchen, &["--resume", "planner"]));
+    for gone in [&["drop", "robmem.frames"][..], &["delete", "robmem.frames", "--all"]] {
+        kitchen.rmem(gone).success();
+        let (operations, messages) = resumed(&kitchen);
+        assert_eq!(operations, all("remove", &names));
+        assert_eq!(
+            messages.matches("warning: left out: the document of robmem.worldmodel with _id").count(),
+            4,
+            "{messages}"
+        );
+        back();
+        assert_eq!(resumed(&kitchen).0, all("add", &names));
+    }
+    let watch = start(&kitchen, &[]);
+    kitchen.rmem(&["drop", "robmem.frames"]).success();
+    let mut removed: Vec<_> = names.iter().map(|_| next(&watch)).collect();
+    removed.sort();
+    assert_eq!(removed, all("remove", &names));
+    back();
+    let mut added: Vec<_> = names.iter().map(|_| next(&watch)).collect();
+    added.sort();
+    assert_eq!(added, all("add", &names));
+}
+
+#[test]
+fn of_two_objects_with_one_name_the_other_is_left_out_until_the_first_is_gone() {
+    let kitchen = Kitchen::new();
+    drop(start(&kitchen, &["--resume", "planner"]));
+    let twin = "{_id: 7, name: 'red-cup', frame: 'map', translation: [0, 0, 0], rotation: [0, 0, 0, 1]}";
+    kitchen.rmem(&["insert", OBJECTS, twin]).success();
+    let (operations, messages) = resumed(&kitchen);
+    assert_eq!(operations, []);
+    let reason = "with _id 7 is no object of a scene: there is another object with the name `red-cup`";
+    assert!(messages.contains(reason), "{messages}");
+    kitchen.rmem(&["delete", OBJECTS, "{_id: 'red-cup'}"]).success();
+    let mut expected = all("add", &["red-cup"]);
+    expected.extend(all("remove", &["red-cup"]));
+    assert_eq!(resumed(&kitchen).0, expected);
+}
+
+#[test]
+fn a_forgotten_watch_begins_anew() {
+    let kitchen = Kitchen::new();
+    drop(start(&kitchen, &["--resume", "planner"]));
+    kitchen.rmem(&["watch", OBJECTS, "--resume", "planner", "--forget"]).success();
+    kitchen.rmem(&["delete", OBJECTS, "{_id: 'red-cup'}"]).success();
+    assert_eq!(resumed(&kitchen).0, []);
 }

@@ -1,10 +1,7 @@
 //! `scene watch` on both stores: nothing is missed after kills, and how soon an operation is printed.
 
 use std::collections::BTreeSet;
-use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use bson::{Document, doc};
@@ -12,14 +9,15 @@ use libtest_mimic::{Failed, Trial};
 use rmem::store::{Namespace, Role, Store, StoreUri, UpdateSpec, open};
 use serde_json::Value;
 
-use crate::watching::{Pause, TIMEOUT, kills, update};
+use crate::watching::{Pause, TIMEOUT, Watching, kills, update};
 
 type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried on a server.
-pub(crate) const CASES: [(&str, Case); 2] = [
+pub(crate) const CASES: [(&str, Case); 3] = [
     ("scenes::a_frame_of_mongod_that_moves_moves_every_object_in_it", moved_frame),
     ("scenes::a_killed_scene_watch_of_mongod_misses_nothing", killed),
+    ("scenes::what_mongod_dropped_while_nobody_watched_is_removed", dropped),
 ];
 
 /// How soon an operation is printed, on a server: a benchmark, by hand.
@@ -36,6 +34,7 @@ pub(super) fn trials() -> Vec<Trial> {
     let by_hand = Trial::test("scenes::benchmark::how_soon_an_operation_is_printed_from_a_file", of_file(latency));
     vec![
         Trial::test("scenes::a_killed_scene_watch_of_a_file_misses_nothing", of_file(killed)),
+        Trial::test("scenes::what_was_dropped_while_nobody_watched_is_removed_in_a_file", of_file(dropped)),
         by_hand.with_ignored_flag(true),
     ]
 }
@@ -80,57 +79,21 @@ impl World {
     }
 }
 
-/// A `scene watch` beside the test.
-struct Watched {
-    child: Child,
-    lines: Receiver<String>,
+/// Starts a `scene watch` and waits until it follows.
+fn follow(uri: &str, objects: &Namespace, home: &Path, more: &[&str]) -> Result<Watching, Failed> {
+    let objects = objects.to_string();
+    let command = [&["scene", "watch", &objects, "--frame", "map"], more].concat();
+    Watching::run(uri, home, &command, "following ")
 }
 
-impl Watched {
-    /// Starts it and waits until it follows.
-    fn start(uri: &str, objects: &Namespace, home: &Path, more: &[&str]) -> Result<Self, Failed> {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_rmem"))
-            .args(["--memory", uri, "scene", "watch", &objects.to_string(), "--frame", "map"])
-            .args(more)
-            .current_dir(home)
-            .env("HOME", home)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()?;
-        let (sender, lines) = channel();
-        let stdout = BufReader::new(child.stdout.take().ok_or("no stdout")?);
-        std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
-        let mut stderr = BufReader::new(child.stderr.take().ok_or("no stderr")?);
-        let mut printed = String::new();
-        stderr.read_line(&mut printed)?;
-        if !printed.starts_with("following ") {
-            child.kill()?;
-            return Err(format!("it says {printed}").into());
-        }
-        // What it says later must not fill the pipe.
-        std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
-        Ok(Self { child, lines })
-    }
-
-    fn next(&self) -> Result<Value, Failed> {
-        Ok(serde_json::from_str(&self.lines.recv_timeout(TIMEOUT)?)?)
-    }
-
-    /// Kills it at once; gives the whole lines that it had printed.
-    fn kill(mut self) -> Result<Vec<Value>, Failed> {
-        self.child.kill()?;
-        self.child.wait()?;
-        // A line that was cut is delivered again.
-        Ok(self.lines.iter().filter_map(|line| serde_json::from_str(&line).ok()).collect())
-    }
+fn next(watching: &Watching) -> Result<Value, Failed> {
+    Ok(serde_json::from_str(&watching.lines.recv_timeout(TIMEOUT)?)?)
 }
 
-impl Drop for Watched {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+/// Kills it at once; gives the whole lines that it had printed.
+fn kill(watching: Watching) -> Result<Vec<Value>, Failed> {
+    // A line that was cut is delivered again.
+    Ok(watching.kill()?.iter().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
 fn words(operation: &Value) -> (String, String) {
@@ -144,9 +107,9 @@ fn named(operation: &str, name: &str) -> (String, String) {
 
 fn moved_frame(uri: &str) -> Result<(), Failed> {
     let (world, home) = (World::new(uri, "scene_moved")?, tempfile::tempdir()?);
-    let watched = Watched::start(uri, &world.objects, home.path(), &[])?;
+    let watched = follow(uri, &world.objects, home.path(), &[])?;
     world.place(&world.frames, "table", 2.0)?;
-    let mut moved = [watched.next()?, watched.next()?];
+    let mut moved = [next(&watched)?, next(&watched)?];
     moved.sort_by_key(words);
     for (operation, name) in moved.iter().zip(["cup", "plate"]) {
         assert_eq!(words(operation), named("move", name));
@@ -154,16 +117,16 @@ fn moved_frame(uri: &str) -> Result<(), Failed> {
         assert!((x - 2.1).abs() < 1e-12, "{operation}");
     }
     world.remove("cup")?;
-    assert_eq!(words(&watched.next()?), named("remove", "cup"));
+    assert_eq!(words(&next(&watched)?), named("remove", "cup"));
     Ok(())
 }
 
 /// Kills the watch at some moment of each round; every operation of every round has to have come.
 fn killed(uri: &str) -> Result<(), Failed> {
     let (world, home, mut pause) = (World::new(uri, "scene_killed")?, tempfile::tempdir()?, Pause::new());
-    let start = || Watched::start(uri, &world.objects, home.path(), &["--resume", "planner"]);
+    let start = || follow(uri, &world.objects, home.path(), &["--resume", "planner"]);
     // The name has to be there before the first change.
-    start()?.kill()?;
+    kill(start()?)?;
     let rounds = kills();
     let (mut expected, mut came): (BTreeSet<_>, BTreeSet<_>) = (BTreeSet::new(), BTreeSet::new());
     for round in 0..rounds {
@@ -179,7 +142,7 @@ fn killed(uri: &str) -> Result<(), Failed> {
         expected.extend([named("add", &ball), named("move", "cup"), named("move", "plate")]);
         pause.sleep(100_000);
         if let Some(watched) = watched {
-            came.extend(watched.kill()?.iter().map(words));
+            came.extend(kill(watched)?.iter().map(words));
         }
     }
     let watched = start()?;
@@ -200,11 +163,32 @@ fn killed(uri: &str) -> Result<(), Failed> {
     Ok(())
 }
 
+/// Collections that are dropped while no watch runs: every object in them is removed by the next.
+fn dropped(uri: &str) -> Result<(), Failed> {
+    let (world, home) = (World::new(uri, "scene_dropped")?, tempfile::tempdir()?);
+    for namespace in [&world.objects, &world.frames] {
+        kill(follow(uri, &world.objects, home.path(), &["--resume", "planner"])?)?;
+        Store::drop(&*world.store, namespace)?;
+        let watched = follow(uri, &world.objects, home.path(), &["--resume", "planner"])?;
+        let mut gone = [words(&next(&watched)?), words(&next(&watched)?)];
+        gone.sort();
+        assert_eq!(gone, [named("remove", "cup"), named("remove", "plate")]);
+        if *namespace == world.objects {
+            world.add(&["cup", "plate"])?;
+            let mut back = [words(&next(&watched)?), words(&next(&watched)?)];
+            back.sort();
+            assert_eq!(back, [named("add", "cup"), named("add", "plate")]);
+        }
+        kill(watched)?;
+    }
+    Ok(())
+}
+
 /// How long it takes from before a change until the operation is printed by another process.
 pub(crate) fn latency(uri: &str) -> Result<(), Failed> {
     const CHANGES: usize = 300;
     let (world, home, mut pause) = (World::new(uri, "scene_latency")?, tempfile::tempdir()?, Pause::new());
-    let watched = Watched::start(uri, &world.objects, home.path(), &[])?;
+    let watched = follow(uri, &world.objects, home.path(), &[])?;
     for (what, namespace, id, lines) in [("object", &world.objects, "cup", 1), ("frame", &world.frames, "table", 2)] {
         let mut times = Vec::new();
         for nth in 0..CHANGES {
