@@ -18,8 +18,10 @@ pub mod quantity;
 pub mod scene;
 pub mod shell;
 mod source;
+mod spelling;
 pub mod visible;
 
 pub use diagnostic::{Diagnostic, Diagnostics};
 pub use nearest::nearest;
 pub use source::{Source, Span};
+pub use spelling::{alike, is_alike};

@@ -1,4 +1,4 @@
-//! Facts that replace documents by a key other than `_id`.
+//! Facts that replace documents by keys other than `_id`.
 
 use std::collections::{HashMap, HashSet};
 
@@ -24,15 +24,13 @@ pub enum KeyError {
     /// A fact has no value for the key, several, or one that another fact has.
     #[error(transparent)]
     Text(#[from] Diagnostic),
-    /// Two stored documents have the same value for the key.
-    #[error("{namespace} has two documents with the `{key}` {value}; nothing was imported")]
+    /// Two stored documents have the same values for the keys.
+    #[error("{namespace} has two documents with the {key}; nothing was imported")]
     Ambiguous {
         /// The collection.
         namespace: Namespace,
-        /// The key.
+        /// The keys with their values, as relaxed JSON.
         key: String,
-        /// Its value, as relaxed JSON.
-        value: String,
     },
     /// The store fails.
     #[error("{0}")]
@@ -48,13 +46,13 @@ impl AtFault for KeyError {
     }
 }
 
-/// Gives each document the `_id` of the stored document that has the same value under `key`.
+/// Gives each document the `_id` of the stored document that has the same values under all `keys`.
 /// Removes the initial fact, which CLIPS asserts by itself.
 ///
 /// # Errors
 /// Where a value is missing or not unique, or the store fails; see [`KeyError`].
 pub fn give_ids(
-    key: &str,
+    keys: &[String],
     source: &Source,
     documents: &mut Found,
     memory: &Memory,
@@ -62,12 +60,13 @@ pub fn give_ids(
 ) -> Result<(), KeyError> {
     let is_initial = |document: &Document| document.get_str(RELATION).is_ok_and(|name| name == INITIAL);
     documents.retain(|(_, document)| !is_initial(document));
-    check_unique(key, source, documents)?;
+    check_unique(keys, source, documents)?;
     for batch in documents.chunks_mut(BATCH) {
-        let values: Vec<Bson> = batch.iter().filter_map(|(_, document)| document.get(key).cloned()).collect();
-        let stored = stored(key, values, memory, namespace)?;
+        let stored = stored(keys, batch, memory, namespace)?;
         for (_, document) in batch {
-            if let Some(id) = document.get(key).and_then(|value| stored.get(&canonical::encode_value(value))) {
+            if let Some(id) =
+                identity(keys, document).and_then(|identity| stored.get(&canonical::encode_value(&identity)))
+            {
                 let rest = std::mem::take(document);
                 *document = doc! { "_id": id.clone() }.into_iter().chain(rest).collect();
             }
@@ -76,43 +75,69 @@ pub fn give_ids(
     Ok(())
 }
 
-/// Checks that each document has one value under `key`, which no other document has.
-fn check_unique(key: &str, source: &Source, documents: &Found) -> Result<(), Diagnostic> {
+/// The values that tell a document from others: one, or of several keys an array. None where one is missing.
+fn identity(keys: &[String], document: &Document) -> Option<Bson> {
+    match keys {
+        [key] => document.get(key).cloned(),
+        keys => keys.iter().map(|key| document.get(key).cloned()).collect::<Option<Vec<_>>>().map(Bson::Array),
+    }
+}
+
+/// Keys and values as messages have them: `` `name` "R1", `team` "CYAN" ``.
+fn named(keys: &[String], document: &Document) -> String {
+    let value = |key: &String| document.get(key).map(shell::relaxed_value).unwrap_or_default();
+    keys.iter().map(|key| format!("`{key}` {}", value(key))).collect::<Vec<_>>().join(", ")
+}
+
+/// Checks that each document has one value under each key, and that no other document has all of them.
+fn check_unique(keys: &[String], source: &Source, documents: &Found) -> Result<(), Diagnostic> {
     let mut seen = HashMap::new();
     for (span, document) in documents {
-        let value = match document.get(key) {
-            None => return Err(Diagnostic::new(source, *span, format!("expected the slot `{key}`, the key"))),
-            Some(Bson::Array(_)) => {
-                return Err(Diagnostic::new(source, *span, format!("expected one value in the slot `{key}`, the key")));
-            }
-            Some(value) => value,
-        };
-        if let Some(first) = seen.insert(canonical::encode_value(value), *span) {
+        for key in keys {
+            let number = match document.get(key) {
+                None => "the slot",
+                Some(Bson::Array(_)) => "one value in the slot",
+                Some(_) => continue,
+            };
+            return Err(Diagnostic::new(source, *span, format!("expected {number} `{key}`, the key")));
+        }
+        let Some(identity) = identity(keys, document) else { continue };
+        if let Some(first) = seen.insert(canonical::encode_value(&identity), *span) {
             let (line, column) = source.position(first.start);
-            let message = format!("another fact has the key `{key}` {}", shell::relaxed_value(value));
+            let message = format!("another fact has the key {}", named(keys, document));
             return Err(Diagnostic::new(source, *span, message).hint(format!("the other fact is at {line}:{column}")));
         }
     }
     Ok(())
 }
 
-/// The `_id`s of the stored documents with these values under `key`, by the values' canonical keys.
+/// The `_id`s of the stored documents with the values of these under the keys, by the values' canonical keys.
 fn stored(
-    key: &str,
-    values: Vec<Bson>,
+    keys: &[String],
+    documents: &[(Span, Document)],
     memory: &Memory,
     namespace: &Namespace,
 ) -> Result<HashMap<Vec<u8>, Bson>, KeyError> {
-    let find = Find { filter: doc! { key: { "$in": values } }, projection: doc! { key: 1 }, ..Find::default() };
-    let (mut ids, mut twice) = (HashMap::new(), HashSet::new());
+    let (mut filter, mut projection) = (Document::new(), Document::new());
+    for key in keys {
+        let values: Vec<Bson> = documents.iter().filter_map(|(_, document)| document.get(key).cloned()).collect();
+        filter.insert(key, doc! { "$in": values });
+        projection.insert(key, 1);
+    }
+    let wanted: HashSet<Vec<u8>> = documents
+        .iter()
+        .filter_map(|(_, document)| identity(keys, document))
+        .map(|identity| canonical::encode_value(&identity))
+        .collect();
+    let find = Find { filter, projection, ..Find::default() };
+    let mut ids = HashMap::new();
     for document in memory.find(namespace, &find)? {
         let mut document =
             Document::try_from(&*document?).map_err(|error| StoreError::from(QueryError::from(error)))?;
-        let (Some(value), Some(id)) = (document.remove(key), document.remove("_id")) else { continue };
-        let name = canonical::encode_value(&value);
-        if ids.insert(name.clone(), id).is_some() && twice.insert(name) {
-            let value = shell::relaxed_value(&value);
-            return Err(KeyError::Ambiguous { namespace: namespace.clone(), key: key.to_owned(), value });
+        let (Some(identity), Some(id)) = (identity(keys, &document), document.remove("_id")) else { continue };
+        let name = canonical::encode_value(&identity);
+        if wanted.contains(&name) && ids.insert(name, id).is_some() {
+            return Err(KeyError::Ambiguous { namespace: namespace.clone(), key: named(keys, &document) });
         }
     }
     Ok(ids)

@@ -18,6 +18,7 @@
 //! plain value, unless a remark behind the fact says otherwise, as it does in what rmem
 //! writes; and `(on)` is an ordered fact without values.
 
+mod equal;
 mod error;
 mod export;
 mod import;
@@ -28,6 +29,7 @@ pub mod record;
 mod schema;
 mod trigger;
 
+pub use equal::{remove_repeated, remove_stored};
 pub use error::FactError;
 pub use export::Exporter;
 pub use import::{Importer, Misfit};

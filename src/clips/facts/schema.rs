@@ -1,12 +1,14 @@
-//! The deftemplates that are known.
+//! The deftemplates and global variables that are known.
 
 use std::collections::BTreeMap;
 
-use crate::formats::clips::Template;
+use crate::formats::clips::{Globals, Template};
 
-/// Templates by name.
+/// Templates by name, and the global variables of the texts that they are from.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Schema {
+    /// The global variables.
+    pub globals: Globals,
     templates: BTreeMap<String, Template>,
 }
 

@@ -7,7 +7,7 @@ use bson::doc;
 use clap::Args;
 
 use super::schema;
-use crate::clips::facts::{Found, Importer, Schema, give_ids};
+use crate::clips::facts::{Found, Importer, Schema, give_ids, remove_repeated, remove_stored};
 use crate::commands::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -17,10 +17,12 @@ use crate::store::Namespace;
 
 /// What stands below the help of `clips import`.
 const HELP: &str = "\
-Example:
+Examples:
   rmem clips import facts.txt --into robmem.worldmodel --deftemplates templates.clp --key sync-id
+  rmem clips import machines.clp --key name,team
 
-Reads facts as (save-facts) writes them, what (facts) lists, deffacts, and the facts in programs.";
+Reads facts as (save-facts) writes them, what (facts) lists, deffacts, and the facts in programs. Equal facts are one \
+fact, as in CLIPS, also if one of them is in the collection already.";
 
 /// Store CLIPS facts as documents, all or none
 #[derive(Debug, Args)]
@@ -32,12 +34,12 @@ pub struct ImportArgs {
     /// Collection to store into (default: --collection)
     #[arg(long, value_name = "NS")]
     pub into: Option<Namespace>,
-    /// File with deftemplates, which check facts and give defaults (can be repeated)
+    /// File with deftemplates, which check facts and give defaults, and defglobals (can be repeated)
     #[arg(long, value_name = "FILE")]
     pub deftemplates: Vec<PathBuf>,
-    /// Slot that identifies facts: a fact replaces the document with the same value
-    #[arg(long, value_name = "SLOT")]
-    pub key: Option<String>,
+    /// Slots that identify facts: a fact replaces the document with the same values (can be repeated)
+    #[arg(long, value_name = "SLOT,…", value_delimiter = ',')]
+    pub key: Vec<String>,
     /// Fail if a fact has no deftemplate
     #[arg(long)]
     pub strict: bool,
@@ -52,18 +54,35 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
     let (mut found, skipped) = documents(&source, schema, args)?;
+    let repeated = remove_repeated(&mut found);
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
-    if let Some(key) = &args.key {
-        give_ids(key, &source, &mut found, &memory, &namespace)?;
-    }
+    let stored = match args.key.as_slice() {
+        [] => remove_stored(&mut found, &memory, &namespace)?,
+        keys => {
+            give_ids(keys, &source, &mut found, &memory, &namespace)?;
+            0
+        }
+    };
     let put = memory.put(&namespace, found.into_iter().map(|(_, document)| document).collect())?;
     drop(progress);
     let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let unchanged = put.same + u64::try_from(stored).unwrap_or(u64::MAX);
     let result =
-        doc! { "inserted": count(put.inserted), "replaced": count(put.replaced), "unchanged": count(put.same) };
+        doc! { "inserted": count(put.inserted), "replaced": count(put.replaced), "unchanged": count(unchanged) };
     context.print_result(result)?;
+    if repeated > 0 {
+        context.output.note(&format!("{} in the text more than once; each was imported once", facts(repeated)));
+    }
+    if stored > 0 {
+        context.output.note(&format!("{} in {namespace} already", facts(stored)));
+    }
     report(&skipped, context);
     Ok(Exit::Done)
+}
+
+/// `1 fact was`, `2 facts were`.
+fn facts(count: usize) -> String {
+    if count == 1 { "1 fact was".to_owned() } else { format!("{count} facts were") }
 }
 
 /// The names of what was passed over, by kind.
@@ -73,7 +92,7 @@ type Skipped = BTreeMap<String, Vec<String>>;
 fn documents(source: &Source, mut schema: Schema, args: &ImportArgs) -> Result<(Found, Skipped), Diagnostic> {
     let names: Vec<String> = schema.names().map(str::to_owned).collect();
     let (mut documents, mut skipped) = (Vec::new(), Skipped::new());
-    for item in Reader::new(source, names) {
+    for item in Reader::new(source, names).with_globals(std::mem::take(&mut schema.globals)) {
         match item? {
             Item::Template(template) => schema.add(template),
             Item::Skipped { kind, name } => skipped.entry(kind).or_default().push(name),

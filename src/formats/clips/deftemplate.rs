@@ -1,13 +1,14 @@
 //! Reads `deftemplate`.
 
 use super::expression::evaluate;
+use super::global::Globals;
 use super::lexer::{Lexer, Token, TokenKind};
 use super::template::{Default, Slot, Template, Types};
 use super::value::Value;
 use crate::formats::{Diagnostic, Span};
 
 /// Reads a template behind the word `deftemplate`, with its `)`.
-pub(super) fn read(lexer: &mut Lexer<'_>) -> Result<Template, Diagnostic> {
+pub(super) fn read(lexer: &mut Lexer<'_>, globals: &Globals) -> Result<Template, Diagnostic> {
     let name = symbol(lexer, "the name of a template")?;
     let name = lexer.text(name);
     let mut template = Template { name: local(name).to_owned(), documentation: None, slots: Vec::new() };
@@ -23,7 +24,7 @@ pub(super) fn read(lexer: &mut Lexer<'_>) -> Result<Template, Diagnostic> {
             TokenKind::Close => return Ok(template),
             TokenKind::Open => {
                 let start = token.span;
-                let (slot, end) = slot(lexer)?;
+                let (slot, end) = slot(lexer, globals)?;
                 if template.slot(&slot.name).is_some() {
                     let message = format!("the slot `{}` is declared twice", slot.name);
                     return Err(Diagnostic::new(lexer.source, start.to(end), message));
@@ -45,7 +46,7 @@ fn symbol(lexer: &mut Lexer<'_>, expected: &str) -> Result<Token, Diagnostic> {
     if token.kind == TokenKind::Symbol { Ok(token) } else { Err(lexer.wrong(token, expected)) }
 }
 
-fn slot(lexer: &mut Lexer<'_>) -> Result<(Slot, Span), Diagnostic> {
+fn slot(lexer: &mut Lexer<'_>, globals: &Globals) -> Result<(Slot, Span), Diagnostic> {
     let keyword = lexer.next()?;
     let multiple = match (keyword.kind, lexer.text(keyword)) {
         (TokenKind::Symbol, "slot" | "field") => false,
@@ -61,7 +62,7 @@ fn slot(lexer: &mut Lexer<'_>) -> Result<(Slot, Span), Diagnostic> {
                 consistent(&slot).map_err(|message| Diagnostic::new(lexer.source, name.span, message))?;
                 return Ok((slot, token.span));
             }
-            TokenKind::Open => facet(lexer, &mut slot)?,
+            TokenKind::Open => facet(lexer, globals, &mut slot)?,
             _ => return Err(lexer.wrong(token, "an attribute like `(type SYMBOL)`, or `)`")),
         }
     }
@@ -75,7 +76,7 @@ fn consistent(slot: &Slot) -> Result<(), String> {
     }
 }
 
-fn facet(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
+fn facet(lexer: &mut Lexer<'_>, globals: &Globals, slot: &mut Slot) -> Result<(), Diagnostic> {
     let keyword = symbol(lexer, "an attribute like `type` or `default`")?;
     let name = lexer.text(keyword);
     if let Some(types) = Types::restricted(name) {
@@ -111,7 +112,7 @@ fn facet(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
             slot.cardinality = (least.unwrap_or(0), most);
             close(lexer)
         }
-        "default" | "default-dynamic" => default(lexer, slot),
+        "default" | "default-dynamic" => default(lexer, globals, slot),
         // Addresses of instances, which no text can say.
         "allowed-classes" => constants(lexer).map(drop),
         _ => {
@@ -166,15 +167,15 @@ fn count(lexer: &mut Lexer<'_>) -> Result<Option<usize>, Diagnostic> {
     }
 }
 
-fn default(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
+fn default(lexer: &mut Lexer<'_>, globals: &Globals, slot: &mut Slot) -> Result<(), Diagnostic> {
     let token = lexer.peek(0)?;
-    if token.kind == TokenKind::Variable {
-        slot.default = match lexer.text(token) {
-            "?DERIVE" => Default::Derive,
-            "?NONE" => Default::None,
-            // A global variable, say.
-            _ => Default::Unknown,
-        };
+    let special = match lexer.text(token) {
+        "?DERIVE" => Some(Default::Derive),
+        "?NONE" => Some(Default::None),
+        _ => None,
+    };
+    if let Some(special) = special.filter(|_| token.kind == TokenKind::Variable) {
+        slot.default = special;
         lexer.next()?;
         return close(lexer);
     }
@@ -183,8 +184,11 @@ fn default(lexer: &mut Lexer<'_>, slot: &mut Slot) -> Result<(), Diagnostic> {
         let token = lexer.peek(0)?;
         let more = match token.kind {
             TokenKind::Close => break,
-            TokenKind::Open => evaluate(lexer)?.ok(),
-            TokenKind::Variable => lexer.next().map(|_| None)?,
+            TokenKind::Open => evaluate(lexer, globals)?.ok(),
+            TokenKind::Variable => {
+                let token = lexer.next()?;
+                globals.values(lexer, token).ok()
+            }
             _ => {
                 let token = lexer.next()?;
                 Some(vec![lexer.value(token)?])

@@ -1,5 +1,6 @@
 //! Function calls where a fact's values stand: `(create$ …)`, arithmetic.
 
+use super::global::Globals;
 use super::lexer::{Lexer, Token, TokenKind};
 use super::value::Value;
 use super::writer::printed;
@@ -27,7 +28,7 @@ struct Call<'a> {
 ///
 /// # Errors
 /// Outside, where the text is no list; inside, where it is one whose value is not known here.
-pub(super) fn evaluate(lexer: &mut Lexer<'_>) -> Result<Result<Vec<Value>, Diagnostic>, Diagnostic> {
+pub(super) fn evaluate(lexer: &mut Lexer<'_>, globals: &Globals) -> Result<Result<Vec<Value>, Diagnostic>, Diagnostic> {
     let mut calls: Vec<Call<'_>> = Vec::new();
     let mut wrong: Option<Diagnostic> = None;
     loop {
@@ -38,9 +39,11 @@ pub(super) fn evaluate(lexer: &mut Lexer<'_>) -> Result<Result<Vec<Value>, Diagn
                     let message = format!("calls nested more than {MAX_DEPTH} deep");
                     return Err(Diagnostic::new(lexer.source, token.span, message));
                 }
-                let head = lexer.next()?;
-                if head.kind != TokenKind::Symbol {
-                    return Err(lexer.wrong(head, "the name of a function"));
+                let head = lexer.peek(0)?;
+                if head.kind == TokenKind::Symbol {
+                    lexer.next()?;
+                } else {
+                    wrong.get_or_insert_with(|| lexer.wrong(head, "the name of a function"));
                 }
                 calls.push(Call { name: lexer.text(head), span: token.span.to(head.span), operands: Vec::new() });
             }
@@ -56,8 +59,8 @@ pub(super) fn evaluate(lexer: &mut Lexer<'_>) -> Result<Result<Vec<Value>, Diagn
                 }
             }
             TokenKind::End => return Err(unclosed(lexer, token, &calls)),
-            _ => match (lexer.value(token), calls.last_mut()) {
-                (Ok(value), Some(call)) => call.operands.push(value),
+            _ => match (globals.values(lexer, token), calls.last_mut()) {
+                (Ok(values), Some(call)) => call.operands.extend(values),
                 (Err(error), _) => drop(wrong.get_or_insert(error)),
                 (Ok(_), None) => return Err(lexer.wrong(token, "a call")),
             },

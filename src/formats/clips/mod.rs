@@ -1,21 +1,25 @@
 //! CLIPS text: facts, `deffacts`, `deftemplate`; ⇄ plain types.
 //!
 //! Read are what `(save-facts)` writes and the constructs of programs, in any
-//! mixture; rules, functions, globals and the like are passed over and named.
+//! mixture; rules, functions and the like are passed over and named. Globals are passed over too, but facts behind
+//! them may use their values.
 //! Source: the CLIPS Basic Programming Guide, versions 6.30 and 6.40, checked
 //! against both.
 //!
 //! Texts are read word by word and lists are kept on explicit stacks, so that
 //! no nesting is too deep for the machine and no text too long.
 
+mod defglobal;
 mod deftemplate;
 mod expression;
+mod global;
 mod lexer;
 mod reader;
 mod template;
 mod value;
 mod writer;
 
+pub use global::Globals;
 pub use lexer::{is_instance, is_symbol};
 pub use reader::{Item, Reader, is_construct};
 pub use template::{Default, Slot, Template, Types};

@@ -1,9 +1,11 @@
 //! Text to facts and templates, one at a time.
 
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 
+use super::defglobal;
 use super::deftemplate::{self, local};
 use super::expression::{self, evaluate};
+use super::global::Globals;
 use super::lexer::{Lexer, Token, TokenKind};
 use super::template::Template;
 use super::value::{Body, Fact, Filled, Value};
@@ -76,6 +78,9 @@ pub fn is_construct(name: &str) -> bool {
 pub struct Reader<'a> {
     lexer: Lexer<'a>,
     templates: HashSet<String>,
+    globals: Globals,
+    /// What one construct held besides what was handed out of it.
+    ready: VecDeque<Item>,
     /// The `deffacts` or `assert` that is open.
     group: Option<Span>,
     /// Whether everything but templates is skipped.
@@ -88,17 +93,40 @@ pub struct Reader<'a> {
 impl<'a> Reader<'a> {
     /// A reader of a text; the names are of templates of other texts.
     pub fn new(source: &'a Source, templates: impl IntoIterator<Item = String>) -> Self {
-        let templates = templates.into_iter().collect();
-        Self { lexer: Lexer::new(source), templates, group: None, templates_only: false, program: false, done: false }
+        Self {
+            lexer: Lexer::new(source),
+            templates: templates.into_iter().collect(),
+            globals: Globals::default(),
+            ready: VecDeque::new(),
+            group: None,
+            templates_only: false,
+            program: false,
+            done: false,
+        }
     }
 
-    /// A reader that passes over everything but templates, whatever it holds.
+    /// The same reader, for a text whose facts may use global variables of other texts.
+    #[must_use]
+    pub fn with_globals(self, globals: Globals) -> Self {
+        Self { globals, ..self }
+    }
+
+    /// Returns the global variables that are known after what was read.
+    #[must_use]
+    pub fn into_globals(self) -> Globals {
+        self.globals
+    }
+
+    /// A reader that passes over everything but templates and global variables, whatever it holds.
     pub fn of_templates(source: &'a Source) -> Self {
         Self { templates_only: true, ..Self::new(source, []) }
     }
 
     fn step(&mut self) -> Result<Option<Item>, Diagnostic> {
         loop {
+            if let Some(item) = self.ready.pop_front() {
+                return Ok(Some(item));
+            }
             let token = self.lexer.next()?;
             match (token.kind, self.group) {
                 (TokenKind::End, None) => return Ok(None),
@@ -159,11 +187,20 @@ impl<'a> Reader<'a> {
         let head = self.lexer.peek(0)?;
         let name = if head.kind == TokenKind::Symbol { self.lexer.text(head) } else { "" };
         match name {
+            "defglobal" => {
+                self.lexer.next()?;
+                self.program = true;
+                let names = defglobal::read(&mut self.lexer, open, &mut self.globals)?;
+                let skipped = |name: &str| Item::Skipped { kind: "defglobal".to_owned(), name: name.to_owned() };
+                self.ready.extend(names.into_iter().map(skipped));
+                Ok(None)
+            }
             _ if self.templates_only && name != "deftemplate" => self.skip(open, name).map(Some),
             "deftemplate" => {
                 self.lexer.next()?;
                 self.program = true;
-                let template = deftemplate::read(&mut self.lexer).map_err(|error| self.opened(error, open))?;
+                let template =
+                    deftemplate::read(&mut self.lexer, &self.globals).map_err(|error| self.opened(error, open))?;
                 self.templates.insert(template.name.clone());
                 Ok(Some(Item::Template(template)))
             }
@@ -286,14 +323,17 @@ impl<'a> Reader<'a> {
                     return Ok((values, token.span));
                 }
                 TokenKind::End => return Err(self.unclosed(token, open, "a value or `)`")),
-                TokenKind::Open => values.extend(evaluate(&mut self.lexer)??),
+                TokenKind::Open => values.extend(evaluate(&mut self.lexer, &self.globals)??),
                 // `=(+ 1 2)` is another spelling of the call.
                 TokenKind::Symbol if self.lexer.text(token) == "=" && self.lexer.peek(1)?.kind == TokenKind::Open => {
                     self.lexer.next()?;
                 }
                 _ => {
                     self.lexer.next()?;
-                    values.push(self.lexer.value(token)?);
+                    match self.group {
+                        Some(_) => values.extend(self.globals.values(&self.lexer, token)?),
+                        None => values.push(self.lexer.value(token)?),
+                    }
                 }
             }
         }

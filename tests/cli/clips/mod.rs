@@ -1,5 +1,6 @@
 //! clips import, export: documents as facts and back.
 
+mod import;
 #[cfg(feature = "clips-engine")]
 mod plan;
 #[cfg(feature = "clips-engine")]

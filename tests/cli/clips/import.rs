@@ -1,0 +1,123 @@
+//! clips import: programs as they are, with globals, equal facts and keys.
+
+use super::lab;
+use crate::lab::assert_run;
+
+/// Globals of a game, in a file of their own.
+const GLOBALS: &str = "(defglobal MAIN ?*EAST* = 1.5 ?*COLORS* = (create$ RED BLACK)
+  ?*START* = (now))\n(defglobal ?*WEST* = (* ?*EAST* 2))\n";
+
+#[test]
+fn facts_have_the_values_of_globals() {
+    let lab = lab();
+    lab.write("globals.clp", GLOBALS);
+    lab.write(
+        "facts.clp",
+        "(defglobal ?*TEAM* = \"CYAN\" ?*NAME* = (str-cat ?*TEAM* \"-1\"))
+(deftemplate station (slot name) (slot x) (multislot colors) (slot team (default ?*TEAM*)))
+(deffacts stations
+  (station (name ?*NAME*) (x ?*EAST*) (colors ?*COLORS* WHITE))
+  (at ?*WEST* (+ 1 ?*EAST*)))\n",
+    );
+    assert_run!(lab.rmem(&["clips", "import", "facts.clp", "--deftemplates", "globals.clp"]), @r#"
+    {"inserted":2,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    passed over 2 defglobal: ?*TEAM*, ?*NAME*
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["clips", "export"]), @r#"
+    (station (name "CYAN-1") (x 1.5) (colors RED BLACK WHITE) (team "CYAN"))
+    (at 3.0 2.5)
+    ------- stderr -------
+    2 facts
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn a_global_without_a_known_value_is_an_error_where_it_is_used() {
+    let lab = lab();
+    lab.write("globals.clp", GLOBALS);
+    let import = ["clips", "import", "-", "--deftemplates", "globals.clp"];
+    assert_run!(lab.rmem_with(&import, "(deffacts f\n  (at ?*START*))"), @r"
+    ------- stderr -------
+    error: <stdin>:2:7: the value of `?*START*` is known only to a running CLIPS
+      |
+    2 |   (at ?*START*))
+      |       ^^^^^^^^
+      = hint: in its defglobal: expected `create$` or arithmetic, found the function `now`
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem_with(&import, "(deffacts f\n  (at ?*NORTH*))"), @r"
+    ------- stderr -------
+    error: <stdin>:2:7: expected a value, found the variable `?*NORTH*`
+      |
+    2 |   (at ?*NORTH*))
+      |       ^^^^^^^^
+      = hint: no defglobal before this place, or in --deftemplates, defines `?*NORTH*`
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem_with(&import, "(at ?*EAST*)"), @r"
+    ------- stderr -------
+    error: <stdin>:1:5: expected a value, found the variable `?*EAST*`
+      |
+    1 | (at ?*EAST*)
+      |     ^^^^^^^
+      = hint: a fact holds constants only
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn equal_facts_are_one_fact() {
+    let lab = lab();
+    let facts =
+        "(on a b)\n(t (x 1) (y \"a\"))\n(on a b)\n(t (y \"a\") (x 1))\n(t (x 1.0) (y \"a\"))\n(t (x 1) (y a))\n";
+    assert_run!(lab.rmem_with(&["clips", "import"], facts), @r#"
+    {"inserted":4,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    2 facts were in the text more than once; each was imported once
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem_with(&["clips", "import"], "(on a b)\n(t (y a) (x 1))\n(on a \"b\")\n(on a)"), @r#"
+    {"inserted":2,"replaced":0,"unchanged":2}
+    ------- stderr -------
+    2 facts were in robmem.worldmodel already
+    [exit code: 0]
+    "#);
+    let stored = "(on a b)\n(t (x 1) (y \"a\"))\n(t (x 1.0) (y \"a\"))\n(t (x 1) (y a))\n(on a \"b\")\n(on a)\n";
+    assert_eq!(lab.rmem(&["clips", "export"]).success(), stored);
+}
+
+#[test]
+fn several_keys_identify_facts_together() {
+    let lab = lab();
+    let import = ["clips", "import", "--key", "name,team"];
+    lab.rmem_with(&import, "(m (name A) (team C) (v 1))\n(m (name A) (team M) (v 1))").success();
+    let report = lab
+        .rmem_with(
+            &["clips", "import", "--key", "name", "--key", "team"],
+            "(m (name A) (team M) (v 2))\n(m (name B) (team M) (v 2))",
+        )
+        .success();
+    assert_eq!(report, "{\"inserted\":1,\"replaced\":1,\"unchanged\":0}\n");
+    let stored = "(m (name A) (team C) (v 1))\n(m (name A) (team M) (v 2))\n(m (name B) (team M) (v 2))\n";
+    assert_eq!(lab.rmem(&["clips", "export"]).success(), stored);
+    assert_run!(lab.rmem_with(&import, "(m (name A) (team C) (v 1))\n(n (name A) (team C))"), @r#"
+    ------- stderr -------
+    error: <stdin>:2:1: another fact has the key `name` "A", `team` "C"
+      |
+    2 | (n (name A) (team C))
+      | ^^^^^^^^^^^^^^^^^^^^^
+      = hint: the other fact is at 1:1
+    [exit code: 3]
+    "#);
+    assert_run!(lab.rmem_with(&import, "(m (name A))"), @r"
+    ------- stderr -------
+    error: <stdin>:1:1: expected the slot `team`, the key
+      |
+    1 | (m (name A))
+      | ^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+}
