@@ -41,28 +41,12 @@ fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> Resu
     if writers.is_empty() {
         context.output.note(&format!("no line of {} writes `({name} …)`", generated.template().name()));
     }
-    for (line, text) in writers {
-        context.output.note(&format!("{}:{line}: would be written by {text}", generated.template().name()));
-        if let Some(section) = above(line, generated) {
-            context.output.note(&asks(section));
-        }
+    for writer in writers {
+        let place = format!("{}:{}", generated.template().name(), writer.line);
+        context.output.note(&format!("{place}: would be written by {}", writer.text));
+        writer.reasons().iter().for_each(|reason| context.output.note(&format!("  {reason}")));
     }
     Ok(Exit::No)
-}
-
-/// The query that a line of the template is below: the last one before it.
-fn above(line: usize, generated: &Generated) -> Option<&SectionReport> {
-    generated.sections.iter().filter(|section| section.line <= line).max_by_key(|section| section.line)
-}
-
-/// Says what a section asks, and how many documents answer.
-fn asks(section: &SectionReport) -> String {
-    let plural = if section.matched == 1 { "document" } else { "documents" };
-    let query = shell::relaxed(&section.query);
-    format!(
-        "  line {}: {} asks {query} in {}: {} {plural}",
-        section.line, section.name, section.namespace, section.matched
-    )
 }
 
 fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> Result<Vec<String>> {
@@ -76,7 +60,7 @@ fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> R
     let mut lines =
         vec![format!("{}: {part}, line {line} of the problem", names::readable(text)), format!("  {place}: {written}")];
     if let Some(section) = asked(explanation, generated, memory)? {
-        lines.push(asks(section));
+        lines.push(format!("  {}", section.sentence()));
     }
     for (namespace, id) in documents {
         let document = document(namespace, id, memory)?;

@@ -2,8 +2,10 @@
 
 use bson::Bson;
 
+use super::minijinja;
 use super::names;
 use super::origin::{Generated, Origin};
+use super::request::SectionReport;
 use crate::formats::pddl::ast::{Atom, Condition, ConditionKind, Init, Problem, Term};
 use crate::formats::{Source, Span};
 use crate::store::Namespace;
@@ -34,6 +36,28 @@ pub struct Explanation {
     pub written: String,
     /// The documents that its values were read from.
     pub documents: Vec<(Namespace, Bson)>,
+}
+
+/// A line of a template that could write an atom.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Writer<'a> {
+    /// The line of the template, from 1.
+    pub line: usize,
+    /// The line as it is there.
+    pub text: String,
+    /// The query whose documents it is written for.
+    pub asked: Option<&'a SectionReport>,
+    /// The conditions under which it is written, the outermost first, each with its line.
+    pub conditions: Vec<(usize, String)>,
+}
+
+impl Writer<'_> {
+    /// What the line depends on: the query with its number of documents, and the conditions.
+    #[must_use]
+    pub fn reasons(&self) -> Vec<String> {
+        let conditions = self.conditions.iter().map(|(line, condition)| format!("line {line}: only {condition}"));
+        self.asked.map(SectionReport::sentence).into_iter().chain(conditions).collect()
+    }
 }
 
 impl Generated {
@@ -69,18 +93,41 @@ impl Generated {
         found
     }
 
-    /// The places of the template that write atoms of a predicate.
+    /// The places of the template that write atoms of a predicate, each line once.
     #[must_use]
-    pub fn writers(&self, predicate: &str) -> Vec<(usize, String)> {
-        let is_written = |line: &str| {
-            line.match_indices('(').any(|(at, _)| {
-                let rest = line.get(at + 1..).unwrap_or_default().trim_start();
-                let word = rest.split(|c: char| c.is_whitespace() || "(){<".contains(c)).next();
-                word.is_some_and(|word| word.eq_ignore_ascii_case(predicate))
-            })
+    pub fn writers(&self, predicate: &str) -> Vec<Writer<'_>> {
+        let mut writers: Vec<Writer<'_>> = Vec::new();
+        let text = self.template.text();
+        for (at, _) in text.match_indices('(') {
+            let rest = text.get(at + 1..).unwrap_or_default().trim_start_matches([' ', '\t']);
+            let word = rest.split(|c: char| c.is_whitespace() || "(){<".contains(c)).next();
+            let line = self.template.position(at).0;
+            let is_known = writers.iter().any(|writer| writer.line == line);
+            if !is_known && word.is_some_and(|word| word.eq_ignore_ascii_case(predicate)) {
+                writers.push(self.writer(line, at));
+            }
+        }
+        writers
+    }
+
+    fn writer(&self, line: usize, at: usize) -> Writer<'_> {
+        let line_of = |span: Span| self.template.position(span.start).0;
+        let around = minijinja::around(self.template.text(), at);
+        let conditions = around.iter().filter_map(|block| Some((line_of(block.span), block.condition.clone()?)));
+        // The query of a loop stands in its tag. In the marker spelling, the query before is that of the section.
+        let mut loops = around.iter().rev().filter(|block| block.is_loop);
+        let in_loop = |block: &minijinja::Around| {
+            let lines = line_of(block.span)..=self.template.position(block.span.end).0;
+            self.sections.iter().find(|section| lines.contains(&section.line))
         };
-        let lines = self.template.text().lines().zip(1..).filter(|(line, _)| is_written(line));
-        lines.map(|(line, number)| (number, line.trim().to_owned())).collect()
+        let is_marker = !self.template.text().contains("{%");
+        let above = || self.sections.iter().filter(|section| section.line <= line).max_by_key(|section| section.line);
+        Writer {
+            line,
+            text: self.template.text().lines().nth(line - 1).unwrap_or_default().trim().to_owned(),
+            asked: loops.find_map(in_loop).or_else(|| above().filter(|_| is_marker)),
+            conditions: conditions.collect(),
+        }
     }
 
     /// The template it was made from.

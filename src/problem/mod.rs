@@ -19,7 +19,7 @@ pub mod names;
 mod origin;
 mod request;
 
-pub use explain::{Explanation, Part};
+pub use explain::{Explanation, Part, Writer};
 pub use generate::generate;
 pub use origin::{Generated, Origin};
 pub use request::{ProblemError, Request, SectionReport, Syntax};

@@ -106,13 +106,20 @@ impl Generated {
     /// Where the byte at `offset` of the problem came from.
     #[must_use]
     pub fn locate(&self, offset: usize) -> Origin {
+        self.locate_span(Span::at(offset))
+    }
+
+    /// Where a stretch of the problem came from; of fixed text as far as the template has it in one piece.
+    fn locate_span(&self, stretch: Span) -> Origin {
+        let offset = stretch.start;
         let next = self.placed.partition_point(|placed| placed.output.end <= offset);
         if let Some(inside) = self.placed.get(next).filter(|placed| placed.output.start <= offset) {
             if inside.kind != StretchKind::Text {
                 return self.origin(inside.template, inside.document.as_ref());
             }
-            let span = Span::at(inside.template.start + offset - inside.output.start);
-            return self.origin(span, inside.document.as_ref());
+            let shift = |at: usize| inside.template.start + at - inside.output.start;
+            let span = Span::new(shift(offset), shift(stretch.end.clamp(offset, inside.output.end)));
+            return self.origin(span, inside.document.as_ref().or_else(|| self.on_line(next, offset)));
         }
         let before = next.checked_sub(1).and_then(|index| self.placed.get(index));
         let after = self.placed.get(next);
@@ -121,7 +128,7 @@ impl Generated {
             .same_after(start, at, offset)
             .or_else(|| self.same_before(after, offset))
             .unwrap_or_else(|| before.or(after).map_or(at, |placed| placed.template.start));
-        self.origin(Span::at(place), self.on_line(before, after, offset))
+        self.origin(Span::at(place), self.on_line(next, offset))
     }
 
     /// The template's offset if the text from `start` to `offset` is the template's from `at` on.
@@ -139,17 +146,13 @@ impl Generated {
         self.template.text().get(..at)?.ends_with(made).then(|| at - made.len())
     }
 
-    /// The document of a value on the same line of the problem.
-    fn on_line<'a>(
-        &self,
-        before: Option<&'a Placed>,
-        after: Option<&'a Placed>,
-        offset: usize,
-    ) -> Option<&'a DocumentId> {
-        let unbroken = |start, end| self.text.get(start..end).is_some_and(|text| !text.contains('\n'));
-        let after = after.filter(|placed| unbroken(offset, placed.output.start));
-        let before = before.filter(|placed| unbroken(placed.output.end, offset));
-        after.and_then(|placed| placed.document.as_ref()).or(before.and_then(|placed| placed.document.as_ref()))
+    /// The document of a value on the same line of the problem: of one that comes after `offset`, or of one before it. `next`
+    /// is the first stretch that ends behind `offset`.
+    fn on_line(&self, next: usize, offset: usize) -> Option<&DocumentId> {
+        let is_line = |start, end| self.text.get(start..end).is_none_or(|text| !text.contains('\n'));
+        let after = self.placed.iter().skip(next).take_while(|placed| is_line(offset, placed.output.start));
+        let before = self.placed.iter().take(next).rev().take_while(|placed| is_line(placed.output.end, offset));
+        after.chain(before).find_map(|placed| placed.document.as_ref())
     }
 
     fn origin(&self, span: Span, document: Option<&DocumentId>) -> Origin {
@@ -191,13 +194,14 @@ impl Generated {
 
     fn at_template(&self, complaint: &Diagnostic) -> Diagnostic {
         let offset = complaint.span().start.min(self.text.len());
-        let origin = self.locate(offset);
+        let origin = self.locate_span(Span::new(offset, complaint.span().end.max(offset)));
         let start = self.text.get(..offset).and_then(|text| text.rfind('\n')).map_or(0, |newline| newline + 1);
         let line = self.text.get(start..).and_then(|rest| rest.lines().next()).unwrap_or_default().trim();
         let short = excerpt(line);
         let number = self.source().position(offset).0;
         let diagnostic = Diagnostic::new(&self.template, origin.span, complaint.message());
-        let diagnostic = complaint.hints().iter().fold(diagnostic, |diagnostic, hint| diagnostic.hint(hint.as_str()));
+        let diagnostic =
+            complaint.hints().iter().fold(diagnostic, |diagnostic, hint| diagnostic.hint(self.at_places(hint)));
         let goal = self.goal_around(offset);
         let diagnostic = match goal {
             Some(goal) => diagnostic.hint(format!("the goal is {}", excerpt(goal))),
@@ -208,6 +212,32 @@ impl Generated {
             Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
             None => diagnostic,
         }
+    }
+}
+
+impl Generated {
+    /// A hint with the template's places, like `opened at 3:5`, instead of the problem's.
+    fn at_places(&self, hint: &str) -> String {
+        let mut parts = hint.split(" at ");
+        let mut text = parts.next().unwrap_or_default().to_owned();
+        for part in parts {
+            let end = part.find(|c: char| !c.is_ascii_digit() && c != ':').unwrap_or(part.len());
+            let (place, rest) = part.split_at(end);
+            let origin = self.offset(place).map(|offset| self.locate(offset));
+            let place = origin.map_or_else(|| place.to_owned(), |origin| format!("{}:{}", origin.line, origin.column));
+            text.push_str(&format!(" at {place}{rest}"));
+        }
+        text
+    }
+
+    /// The offset of a place of the problem, like `3:5`.
+    fn offset(&self, place: &str) -> Option<usize> {
+        let (line, column) = place.split_once(':')?;
+        let (line, column) = (line.parse::<usize>().ok()?.checked_sub(1)?, column.parse::<usize>().ok()?);
+        let lines = self.text.split_inclusive('\n');
+        let start = lines.take(line).map(str::len).sum::<usize>();
+        let before = self.text.get(start..)?.chars().take(column.checked_sub(1)?);
+        Some(start + before.map(char::len_utf8).sum::<usize>())
     }
 }
 

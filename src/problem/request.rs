@@ -3,7 +3,7 @@
 use bson::{Bson, Document};
 
 use crate::fault::{AtFault, Fault};
-use crate::formats::{Diagnostic, Source, Span};
+use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::store::{Namespace, StoreError};
 
 /// The spelling of a template.
@@ -51,6 +51,14 @@ pub struct SectionReport {
 }
 
 impl SectionReport {
+    /// Says what was asked, and how many documents answered.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        let Self { name, namespace, matched, line, .. } = self;
+        let plural = if *matched == 1 { "document" } else { "documents" };
+        format!("line {line}: {name} asks {} in {namespace}: {matched} {plural}", shell::relaxed(&self.query))
+    }
+
     /// Returns the filter that documents had to match; of a pipeline, the `$match` in front.
     #[must_use]
     pub fn filter(&self) -> Option<Document> {

@@ -225,7 +225,7 @@ fn the_check_against_a_domain_names_template_line_and_document() {
     error: typo.tmpl:7:8: predicate `on-tabel` is not declared
       |
     7 |       (on-tabel <<object>>) <</ONTABLE>>
-      |        ^
+      |        ^^^^^^^^
       = hint: did you mean `on-table`?
       = hint: it became line 7 of the problem: (on-tabel A)
       = hint: from document _id [ID] of robmem.worldmodel

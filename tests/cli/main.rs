@@ -43,6 +43,7 @@ mod repair;
 mod restore;
 mod scene;
 mod schema;
+mod templates;
 mod update;
 mod validate;
 mod view;

@@ -4,7 +4,7 @@ use bson::Bson;
 
 use crate::pddl::{Failure, Repair, Step};
 use crate::planning::PlanningTask;
-use crate::problem::{Explanation, Part, names};
+use crate::problem::{Explanation, Part, Writer, names};
 use crate::store::Namespace;
 
 /// What is wrong with the rest of a plan, in the memory's names.
@@ -33,6 +33,8 @@ pub struct Origin {
     pub template: String,
     /// The document that says it.
     pub document: Option<(Namespace, Bson)>,
+    /// Of a fact that is missing, what it depends on that the template writes it: a query and conditions.
+    pub reasons: Vec<String>,
 }
 
 impl Fault {
@@ -85,18 +87,19 @@ fn origins(condition: &str, task: &PlanningTask) -> Vec<Origin> {
     if negated.is_none() && found.is_empty() {
         let predicate = atom.trim_start_matches('(').split([' ', ')']).next().unwrap_or_default();
         let writers = generated.writers(predicate).into_iter();
-        return writers.map(|(line, text)| unwritten(&format!("{template}:{line}"), &text)).collect();
+        return writers.map(|writer| unwritten(template, &writer)).collect();
     }
     let reason = if negated.is_some() { "" } else { ", but no longer true after the steps before" };
     found.into_iter().map(|found| written(template, found, reason)).collect()
 }
 
-/// The line of the template that would write a fact.
-fn unwritten(template: &str, text: &str) -> Origin {
+/// The line of the template that would write a fact, and what that line depends on.
+fn unwritten(template: &str, writer: &Writer<'_>) -> Origin {
     Origin {
-        what: format!("nothing in the memory says so; it would be written by {text}"),
-        template: template.to_owned(),
+        what: format!("not in the problem; it would be written by {}", writer.text),
+        template: format!("{template}:{}", writer.line),
         document: None,
+        reasons: writer.reasons(),
     }
 }
 
@@ -106,5 +109,6 @@ fn written(template: &str, found: Explanation, reason: &str) -> Origin {
         what: format!("{} is in the memory{reason}", found.text),
         template: format!("{template}:{}:{}", found.origin.line, found.origin.column),
         document: found.documents.into_iter().next(),
+        reasons: Vec::new(),
     }
 }

@@ -28,6 +28,7 @@ impl Check {
         let mut lines = vec![format!("{id} does not hold: {step}{}", fault.message)];
         for origin in &fault.origins {
             lines.push(format!("  {}: {}", origin.template, origin.what));
+            lines.extend(origin.reasons.iter().map(|reason| format!("    {reason}")));
             if let Some((namespace, id)) = &origin.document {
                 lines.push(format!("  document _id {} of {namespace}", shell::relaxed_value(id)));
             }
@@ -73,6 +74,9 @@ impl Fault {
 
 fn origin(origin: &Origin) -> Bson {
     let mut entry = doc! { "what": &origin.what, "template": &origin.template };
+    if !origin.reasons.is_empty() {
+        entry.insert("reasons", origin.reasons.clone());
+    }
     if let Some((namespace, id)) = &origin.document {
         entry.insert("namespace", namespace.to_string());
         entry.insert("document", id.clone());

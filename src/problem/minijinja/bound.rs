@@ -5,7 +5,7 @@
 //! per link as well, and goes through it by recursion. So links are counted
 //! before it sees the template.
 
-use super::instrument::{next_tag, raw_end, tag_end, word};
+use super::tags::{TagKind, tags};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// The most links of one expression, over all the brackets that are open at once.
@@ -17,44 +17,28 @@ const WORDS: [&str; 7] = ["and", "or", "not", "if", "else", "is", "in"];
 
 /// Refuses a template whose expressions are too long for the engine, at the link that is too much.
 pub(super) fn check(template: &Source) -> Result<(), Diagnostic> {
-    let text = template.text();
     let mut branches: Vec<usize> = Vec::new();
-    let (mut offset, mut open) = (0, 0);
-    while let Some(start) = next_tag(text, offset) {
-        let rest = text.get(start..).unwrap_or_default();
-        offset = match text.as_bytes().get(start + 1) {
-            Some(b'#') => rest.find("#}").map_or(text.len(), |length| start + length + 2),
-            Some(b'%') => tag_end(text, start, b'%'),
-            _ => tag_end(text, start, b'}'),
-        };
-        let tag = text.get(start..offset).unwrap_or_default();
-        match tag.as_bytes().get(1) {
-            Some(b'#') => continue,
-            Some(b'%') if word(tag) == "raw" => {
-                offset = raw_end(text, offset);
-                continue;
+    let mut open = 0;
+    for tag in tags(template.text()) {
+        match (tag.kind, tag.word()) {
+            (TagKind::Comment | TagKind::Raw, _) => continue,
+            (TagKind::Statement, "if") => branches.push(0),
+            (TagKind::Statement, "elif") => {
+                open += 1;
+                branches.last_mut().into_iter().for_each(|count| *count += 1);
             }
-            Some(b'%') => match word(tag) {
-                "if" => branches.push(0),
-                "elif" => {
-                    open += 1;
-                    branches.last_mut().into_iter().for_each(|count| *count += 1);
-                }
-                "endif" => open -= branches.pop().unwrap_or(0).min(open),
-                _ => {}
-            },
+            (TagKind::Statement, "endif") => open -= branches.pop().unwrap_or(0).min(open),
             _ => {}
         }
         if open > BRANCHES {
             let message = format!("more than {BRANCHES} `elif` in one condition");
-            return Err(Diagnostic::new(template, Span::new(start, offset), message)
+            return Err(Diagnostic::new(template, tag.span, message)
                 .hint("look the value up in a map: {{ {'a': 1, 'b': 2}[x] }}"));
         }
-        if let Some(at) = too_long(tag) {
+        if let Some(at) = too_long(tag.text) {
             let message = format!("an expression has more than {LINKS} operators");
-            return Err(
-                Diagnostic::new(template, Span::at(start + at), message).hint("take it apart with {% set part = … %}")
-            );
+            return Err(Diagnostic::new(template, Span::at(tag.span.start + at), message)
+                .hint("take it apart with {% set part = … %}"));
         }
     }
     Ok(())

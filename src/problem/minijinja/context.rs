@@ -203,6 +203,7 @@ impl Context {
         pieces(text)
             .map(|piece| match piece {
                 Piece::Text(text) => text.to_owned(),
+                Piece::Mark(_) => String::new(),
                 Piece::Value(number) => emitted.get(number).map_or(String::new(), |value| value.text.clone()),
             })
             .collect()
@@ -289,6 +290,8 @@ pub(super) enum Piece<'a> {
     Text(&'a str),
     /// The number of a value.
     Value(usize),
+    /// The number of the fixed text that begins here.
+    Mark(usize),
 }
 
 /// Takes rendered text apart.
@@ -298,7 +301,10 @@ pub(super) fn pieces(text: &str) -> impl Iterator<Item = Piece<'_>> {
         if let Some(after) = rest.strip_prefix(OPEN) {
             let (number, after) = after.split_once(CLOSE).unwrap_or((after, ""));
             rest = after;
-            return Some(Piece::Value(number.parse().unwrap_or(usize::MAX)));
+            let parse = |number: &str| number.parse().unwrap_or(usize::MAX);
+            return Some(
+                number.strip_prefix('-').map_or_else(|| Piece::Value(parse(number)), |n| Piece::Mark(parse(n))),
+            );
         }
         let end = rest.find(OPEN).unwrap_or(rest.len());
         let (piece, after) = rest.split_at(end);

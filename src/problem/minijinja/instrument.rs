@@ -4,10 +4,11 @@
 //! template called it. So each `{{ x }}` becomes `{{( x )|_at(n)}}`, and each
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
-//!
-//! Tags are found by a scan of our own: minijinja gives its lexer only with the feature `unstable_machinery`, whose interface
-//! any release may change.
+//! Fixed text gets a mark, `OPEN-nCLOSE`, in front of its first character that is no white space.
 
+use super::fixed::stretches;
+use super::tags::{TagKind, tags};
+use super::value::{CLOSE, OPEN};
 use crate::formats::Span;
 
 /// The functions that get their place.
@@ -23,6 +24,8 @@ pub(super) struct Instrumented {
     pub(super) text: String,
     /// The places, in the original.
     pub(super) sites: Vec<Span>,
+    /// The stretches of fixed text that have a mark, in the original.
+    pub(super) texts: Vec<Span>,
     /// Where text was inserted, as offsets of the result, and how much.
     inserted: Vec<(usize, usize)>,
 }
@@ -53,78 +56,32 @@ impl Instrumented {
 
 /// Numbers the places of a template.
 pub(super) fn instrument(template: &str) -> Instrumented {
-    let mut result = Instrumented::default();
-    let mut offset = 0;
-    while let Some(start) = next_tag(template, offset) {
-        result.text.push_str(&template[offset..start]);
-        let kind = template.as_bytes().get(start + 1).copied();
-        let end = match kind {
-            Some(b'#') => template[start..].find("#}").map_or(template.len(), |length| start + length + 2),
-            Some(b'%') => tag_end(template, start, b'%'),
-            _ => tag_end(template, start, b'}'),
-        };
-        match kind {
-            Some(b'#') => result.text.push_str(&template[start..end]),
-            Some(b'%') if word(&template[start..end]) == "raw" => {
-                let end = raw_end(template, end);
-                result.text.push_str(&template[start..end]);
-                offset = end;
-                continue;
-            }
-            Some(b'%') => calls(template, Span::new(start, end), &mut result),
-            _ => expression(template, Span::new(start, end), &mut result),
+    let mut result = Instrumented { texts: stretches(template, &[template]), ..Instrumented::default() };
+    let (mut offset, mut marked) = (0, 0);
+    for tag in tags(template) {
+        marked = text(template, Span::new(offset, tag.span.start), marked, &mut result);
+        match tag.kind {
+            TagKind::Comment | TagKind::Raw => result.text.push_str(tag.text),
+            TagKind::Statement => calls(template, tag.span, &mut result),
+            TagKind::Expression => expression(template, tag.span, &mut result),
         }
-        offset = end;
+        offset = tag.span.end;
     }
-    result.text.push_str(&template[offset..]);
+    text(template, Span::new(offset, template.len()), marked, &mut result);
     result
 }
 
-pub(super) fn next_tag(template: &str, from: usize) -> Option<usize> {
-    let rest = &template.as_bytes()[from..];
-    rest.windows(2).position(|pair| pair[0] == b'{' && matches!(pair[1], b'{' | b'%' | b'#')).map(|at| from + at)
-}
-
-/// One past the end of the tag at `start`, past strings and brackets; `mark` stands before its last brace.
-pub(super) fn tag_end(template: &str, start: usize, mark: u8) -> usize {
-    let bytes = template.as_bytes();
-    let (mut at, mut depth, mut quote) = (start + 2, 0_usize, None);
-    while let Some(byte) = bytes.get(at).copied() {
-        match quote {
-            Some(_) if byte == b'\\' => at += 1,
-            Some(open) if byte == open => quote = None,
-            Some(_) => {}
-            None if depth == 0 && byte == mark && bytes.get(at + 1) == Some(&b'}') => return at + 2,
-            None => match byte {
-                b'"' | b'\'' => quote = Some(byte),
-                b'(' | b'[' | b'{' => depth += 1,
-                b')' | b']' | b'}' => depth = depth.saturating_sub(1),
-                _ => {}
-            },
-        }
-        at += 1;
+/// Copies fixed text, with the mark of the stretch in it, whose number may be `next`. Returns the number of the one after it.
+fn text(template: &str, span: Span, next: usize, result: &mut Instrumented) -> usize {
+    let stretch = result.texts.get(next).filter(|stretch| stretch.start < span.end).copied();
+    let at = stretch.map_or(span.end, |stretch| stretch.start);
+    result.text.push_str(&template[span.start..at]);
+    if stretch.is_none() {
+        return next;
     }
-    template.len()
-}
-
-/// The keyword of a tag.
-pub(super) fn word(tag: &str) -> &str {
-    let inner = tag[2..].trim_start_matches(['-', '+']).trim_start();
-    let end = inner.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(inner.len());
-    &inner[..end]
-}
-
-/// One past `{% endraw %}`.
-pub(super) fn raw_end(template: &str, from: usize) -> usize {
-    let mut offset = from;
-    while let Some(start) = template[offset..].find("{%").map(|at| offset + at) {
-        let end = template[start..].find("%}").map_or(template.len(), |length| start + length + 2);
-        if word(&template[start..end]) == "endraw" {
-            return end;
-        }
-        offset = start + 2;
-    }
-    template.len()
+    result.insert(&format!("{OPEN}-{next}{CLOSE}"));
+    result.text.push_str(&template[at..span.end]);
+    next + 1
 }
 
 /// `{{ x }}` to `{{( x )|_at(n)}}`.
@@ -208,7 +165,7 @@ mod tests {
     #[test]
     fn numbers_expressions_and_calls() {
         for (template, wanted) in [
-            ("a {{ x }} b", "a {{( x )|_at(0)}} b"),
+            ("a {{ x }} b", "<-0>a {{( x )|_at(0)}} <-1>b"),
             ("{{- x -}}", "{{-( x )|_at(0)-}}"),
             ("{% for d in query('a.b', {'x': {'y': 1}}) %}", "{% for d in query(0, 'a.b', {'x': {'y': 1}}) %}"),
             ("{% if doc.count (1) or x|count() %}", "{% if doc.count (1) or x|count() %}"),
@@ -217,8 +174,9 @@ mod tests {
             ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}} )|_at(0)}}"),
             ("{{ 'count(' }}", "{{( 'count(' )|_at(0)}}"),
             ("{{ }} {{", "{{ }} {{"),
+            ("{% if x -%} a\n{%- endif %}", "{% if x -%} <-0>a\n{%- endif %}"),
         ] {
-            assert_eq!(instrument(template).text, wanted);
+            assert_eq!(instrument(template).text.replace(OPEN, "<").replace(CLOSE, ">"), wanted);
         }
     }
 

@@ -1,14 +1,17 @@
 //! Renders minijinja templates.
 
+mod blocks;
 mod bound;
 mod call;
 mod context;
 mod documents;
+mod fixed;
 mod function;
 mod hint;
 mod instrument;
 mod method;
 mod signature;
+mod tags;
 mod value;
 
 use std::borrow::Cow;
@@ -20,10 +23,11 @@ use minijinja::value::Value;
 use minijinja::{AutoEscape, Environment, Error, ErrorKind, UndefinedBehavior};
 
 use super::answer;
-use super::assembly::{Assembled, Assembler};
+use super::assembly::{Assembled, Assembler, Literal};
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
+pub(super) use blocks::{Around, around};
 use context::{Context, Piece, pieces};
 use function::register;
 pub(super) use instrument::PLACED;
@@ -68,7 +72,7 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let rendered = rendered.map_err(|error| place(&format!("no thread to render it: {error}")))?;
     let rendered = rendered.map_err(|_| place("the template environment failed"))?;
     match rendered {
-        Ok(text) => assemble(request, &context, &text),
+        Ok(text) => assemble(request, &context, &instrumented, &text),
         Err(error) => Err(explain(template, &instrumented, &context, &error)),
     }
 }
@@ -126,13 +130,22 @@ fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Co
     template.render(Value::from_pairs(variables))
 }
 
-fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Generated, ProblemError> {
+fn assemble(
+    request: &Request,
+    context: &Context,
+    instrumented: &Instrumented,
+    rendered: &str,
+) -> Result<Generated, ProblemError> {
     let template = &request.template;
     let emitted = context.emitted();
     let mut assembler = Assembler::new(template);
+    // The fixed text that begins here.
+    let mut fixed = None;
     for piece in pieces(rendered) {
+        let place = fixed.take();
         match piece {
-            Piece::Text(text) => assembler.text(text)?,
+            Piece::Text(text) => written(text, place, template, &mut assembler)?,
+            Piece::Mark(number) => fixed = instrumented.texts.get(number).copied(),
             Piece::Value(number) => match emitted.get(number) {
                 Some(value) if value.goal => assembler.goal(&value.text, value.template)?,
                 Some(value) => assembler.value(Cow::Borrowed(value)),
@@ -158,6 +171,23 @@ fn assemble(request: &Request, context: &Context, rendered: &str) -> Result<Gene
     Ok(Generated { text, sections, namespaces: context.namespaces(), template: template.clone(), placed, values })
 }
 
+/// Adds text to the problem: that of a stretch of the template, and what follows it.
+fn written<'a>(
+    text: &'a str,
+    stretch: Option<Span>,
+    template: &Source,
+    assembler: &mut Assembler<'a>,
+) -> Result<(), Diagnostic> {
+    let length = stretch.map_or(0, |span| span.end - span.start);
+    match (stretch, text.get(..length), text.get(length..)) {
+        (Some(span), Some(head), Some(tail)) if head == template.slice(span) => {
+            assembler.literal(head, Literal { start: span.start, document: None })?;
+            assembler.text(tail)
+        }
+        _ => assembler.text(text),
+    }
+}
+
 /// What went wrong, at its place in the template as it was written.
 fn explain(template: &Source, instrumented: &Instrumented, context: &Context, error: &Error) -> ProblemError {
     // The innermost error knows the place; the ones around it say which block or macro it was in.
@@ -177,6 +207,13 @@ fn explain(template: &Source, instrumented: &Instrumented, context: &Context, er
     }
     if let Some(failure) = context.failure() {
         return ProblemError::store(template, span, failure);
+    }
+    let is_block = |detail: &str| detail.contains("end of input") || detail.contains("unknown statement end");
+    if innermost.kind() == ErrorKind::SyntaxError
+        && innermost.detail().is_some_and(is_block)
+        && let Some(unclosed) = blocks::unclosed(template)
+    {
+        return ProblemError::Template(unclosed);
     }
     let expression = template.slice(span).trim().trim_matches(['{', '}', '-']).trim();
     let detail = innermost.detail().unwrap_or_default();

@@ -14,15 +14,16 @@ fn a_plan_holds_until_the_world_changes_under_it() {
     ");
     // Its first step is (stack B C): done in the world and noted, the rest still holds.
     STACKED.iter().for_each(|line| drop(lab.shell(line).success()));
-    assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
+    assert_run!(lab.rmem(&["plan", "check", "last"]), @r#"
     [ID] does not hold: step 1: (stack B C) is not applicable: (holding B) is false
-      templates/blocksworld/problem.pddl.j2:24: nothing in the memory says so; it would be written by (holding {{ fact.object }})
+      templates/blocksworld/problem.pddl.j2:24: not in the problem; it would be written by (holding {{ fact.object }})
+        line 22: only if not (count(world, "{relation: 'holding'}") == 0)
       (holding B): false in the initial state
         (unstack B C) would make it true, and is applicable there
         (pickup B) would make it true, but needs (on-table B)
     ------- stderr -------
     [exit code: 1]
-    ");
+    "#);
     lab.rmem(&["plan", "step", "last", "1", "--done"]).success();
     assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
     [ID] holds: 4 of 5 steps are left
@@ -31,16 +32,17 @@ fn a_plan_holds_until_the_world_changes_under_it() {
     ");
     // A block is put where the next step needs a clear one.
     lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
-    assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
+    assert_run!(lab.rmem(&["plan", "check", "last"]), @r#"
     [ID] does not hold: step 2: (unstack D A) is not applicable: (clear D) is false
-      templates/blocksworld/problem.pddl.j2:18: nothing in the memory says so; it would be written by (clear {{ fact.object }})
+      templates/blocksworld/problem.pddl.j2:18: not in the problem; it would be written by (clear {{ fact.object }})
+        line 17: query(world, "{relation: 'clear'}", sort="{object: 1}") asks {"relation":"clear"} in robmem.worldmodel: 1 document
       (clear D): false in the initial state
         (unstack ?x D) would make it true, but is not applicable there
         (putdown D) would make it true, but needs (holding D)
         (stack D ?y) would make it true, but needs (holding D)
     ------- stderr -------
     [exit code: 1]
-    ");
+    "#);
     let json = lab.rmem(&["plan", "check", "last", "--format", "json"]).exits(1).stdout;
     let verdict: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(verdict["step"], 2);
@@ -128,4 +130,43 @@ fn a_plan_with_a_failed_step_does_not_hold_until_the_step_is_begun_again() {
     ");
     lab.rmem(&["plan", "step", "last", "1", "--started"]).success();
     lab.rmem(&["plan", "check", "last"]).success();
+}
+
+#[test]
+fn what_a_loop_left_out_is_said_with_its_query_and_its_condition() {
+    let lab = Lab::new();
+    lab.write("d.pddl", "(define (domain d) (:predicates (ready ?x) (done ?x)) (:action go :parameters (?x) :precondition (ready ?x) :effect (done ?x)))");
+    lab.write(
+        "p.j2",
+        "(define (problem p) (:domain d) (:objects a)
+ (:init
+{% for m in query('lab.machines') if m.state == 'up' %}
+  (ready {{ m.name }})
+{% endfor %})
+ (:goal (done a)))",
+    );
+    lab.rmem(&["insert", "-q", "lab.machines", "{_id: 1, name: 'a', state: 'up'}"]).success();
+    lab.rmem(&["plan", "-q", "-d", "d.pddl", "-t", "p.j2"]).success();
+    lab.rmem(&["update", "-q", "lab.machines", "{}", "{$set: {state: 'down'}}"]).success();
+    assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
+    [ID] does not hold: step 1: (go a) is not applicable: (ready a) is false
+      p.j2:4: not in the problem; it would be written by (ready {{ m.name }})
+        line 3: query('lab.machines') asks {} in lab.machines: 1 document
+        line 3: only if m.state == 'up'
+      (ready a): false in the initial state
+        no action makes it true; it has to hold in the initial state
+    ------- stderr -------
+    [exit code: 1]
+    ");
+    assert_run!(lab.rmem(&["gen-problem", "-t", "p.j2", "--explain", "(ready a)"]), @r"
+    ------- stderr -------
+    error: `(ready a)` is not in the problem
+    p.j2:4: would be written by (ready {{ m.name }})
+      line 3: query('lab.machines') asks {} in lab.machines: 1 document
+      line 3: only if m.state == 'up'
+    [exit code: 1]
+    ");
+    let json = lab.rmem(&["plan", "check", "last", "--format", "json"]).exits(1).stdout;
+    let verdict: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(verdict["sources"][0]["reasons"][1], "line 3: only if m.state == 'up'");
 }
