@@ -1,5 +1,6 @@
 //! Ctrl-C: ends the process at once, unless something has to be cleaned up first.
 
+use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Whether the user interrupted the process.
@@ -7,6 +8,16 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// How many guards there are.
 static GUARDS: AtomicUsize = AtomicUsize::new(0);
+
+thread_local! {
+    /// Whether long work of stores in this thread ends early where the user interrupts it.
+    static STOPS_WORK: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether long work in this thread is to end now, with what is done.
+pub(crate) fn stops_work() -> bool {
+    STOPS_WORK.get() && INTERRUPTED.load(Ordering::SeqCst)
+}
 
 /// Notes an interruption. Returns whether the process should end at once: it should not while a guard lives,
 /// unless the user interrupts again.
@@ -23,6 +34,12 @@ impl InterruptGuard {
     pub(crate) fn new() -> Self {
         GUARDS.fetch_add(1, Ordering::SeqCst);
         Self(())
+    }
+
+    /// A guard under which stores look at the flag: in this thread, a change of many documents ends early.
+    pub(crate) fn stopping() -> Self {
+        STOPS_WORK.set(true);
+        Self::new()
     }
 
     /// Ends the guard where the flag is not looked at any more. An interruption that came meanwhile is sent
@@ -43,6 +60,7 @@ impl InterruptGuard {
 
 impl Drop for InterruptGuard {
     fn drop(&mut self) {
+        STOPS_WORK.set(false);
         GUARDS.fetch_sub(1, Ordering::SeqCst);
     }
 }

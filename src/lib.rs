@@ -156,6 +156,8 @@ pub struct Process<'a> {
     pub stderr: &'a mut dyn Write,
     /// Whether stdout is a terminal: tables instead of JSON lines.
     pub stdout_is_terminal: bool,
+    /// Whether the reader of stdout has closed it.
+    pub stdout_is_closed: fn() -> bool,
     /// Whether stderr is a terminal: colours.
     pub stderr_is_terminal: bool,
     /// Width of the terminal that stdout is, in columns.
@@ -192,6 +194,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         return report(&error, &mut output);
     }
     output.on_terminal(process.stderr_is_terminal);
+    output.closed_by(process.stdout_is_closed);
     let mut context = Context::new(
         settings,
         output,

@@ -3,6 +3,8 @@
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
 fn main() -> ExitCode {
     // A supervisor, and what it becomes, has no thread beside it: it would take of the memory that is allowed.
     if std::env::args_os().nth(1).is_none_or(|word| word != rmem::process::supervisor::COMMAND) {
@@ -20,6 +22,7 @@ fn main() -> ExitCode {
             stdout: &mut std::io::stdout(),
             stderr: &mut std::io::stderr(),
             stdout_is_terminal: std::io::stdout().is_terminal(),
+            stdout_is_closed: is_closed,
             stderr_is_terminal: std::io::stderr().is_terminal(),
             // What is not UTF-8 keeps a mark of it, which the settings refuse.
             environment: std::env::vars_os()
@@ -31,6 +34,14 @@ fn main() -> ExitCode {
         },
     );
     ExitCode::from(exit.code())
+}
+
+/// Whether stdout is a pipe that nobody reads any more.
+fn is_closed() -> bool {
+    let stdout = std::io::stdout();
+    let mut pipes = [PollFd::new(&stdout, PollFlags::empty())];
+    let now = Timespec { tv_sec: 0, tv_nsec: 0 };
+    poll(&mut pipes, Some(&now)).is_ok_and(|ready| ready > 0) && pipes[0].revents().contains(PollFlags::ERR)
 }
 
 /// The width of the terminal that stdout is.

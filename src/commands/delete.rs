@@ -7,6 +7,7 @@ use super::query::{argument, blame};
 use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::store::{Find, Namespace};
 
@@ -49,7 +50,9 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
     let memory = context.memory()?;
     let is_many = args.many || args.all;
     let matching = if is_many { None } else { others(&args.namespace, &filter, &memory, context)? };
+    let guard = (is_many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
     let deleted = memory.delete(&args.namespace, &filter, !is_many);
+    drop(guard);
     let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&deleted.to_string())?;
     match matching {

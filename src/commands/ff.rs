@@ -74,7 +74,7 @@ pub(super) fn run(args: &FfArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     let domain = context.read(&prefixed(args, &args.domain))?;
     let problem = context.read(&prefixed(args, &args.problem))?;
-    let options = builtin::Options { anytime: args.anytime, ..builtin::Options::default() };
+    let options = builtin::Options { anytime: args.anytime, streamed: args.checked, ..builtin::Options::default() };
     let mut written = Ok(());
     // Each piece is passed on at once: a caller that stops this process has the plans found until then.
     let mut say = |text: &str| {

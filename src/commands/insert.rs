@@ -6,6 +6,7 @@
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use bson::{Bson, Document};
@@ -18,8 +19,9 @@ use crate::exit::Exit;
 use crate::formats::Source;
 use crate::formats::shell::{self, Reader};
 use crate::input::unreadable;
+use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::output::Format;
+use crate::output::{Format, amount};
 use crate::store::{Namespace, StoreError};
 
 /// What stands below the help of `insert`.
@@ -58,8 +60,11 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> 
     if let Some(progress) = &progress {
         memory = memory.with_meter(progress.meter());
     }
+    // An interruption ends the work between two batches; but reading from a pipe may wait for ever.
+    let guard = args.file.as_ref().filter(|path| path.is_file()).map(|_| InterruptGuard::new());
+    let is_interrupted = || guard.as_ref().is_some_and(|guard| guard.interrupted().load(Ordering::Relaxed));
     let mut batch = Batch::new(args, context.format(&formats::VALUES)?);
-    let read = read_all(args, &mut batch, &memory, context);
+    let read = read_all(args, &mut batch, &is_interrupted, &memory, context);
     // What was read before a mistake is stored all the same: the documents are stored in order.
     let stored = batch.store(&memory, context);
     if batch.format == Format::Json {
@@ -68,12 +73,23 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> 
     if let Err(error) = stored.and(read) {
         return Err(after(error, batch.stored));
     }
+    if is_interrupted() {
+        let count = amount(batch.stored as u64, "document");
+        context.output.error(&format!("interrupted; the first {count} of the file were stored in {}", args.namespace));
+        return Ok(Exit::Interrupted);
+    }
     context.output.note(&format!("{} stored in {}", batch.stored, args.namespace));
     Ok(Exit::Done)
 }
 
 /// Reads documents from the command line, a file, or stdin, and stores them but for the last batch.
-fn read_all(args: &InsertArgs, batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
+fn read_all(
+    args: &InsertArgs,
+    batch: &mut Batch<'_>,
+    is_interrupted: &dyn Fn() -> bool,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> Result<()> {
     for (index, text) in args.documents.iter().enumerate() {
         if text == "-" {
             read_stdin(batch, memory, context)?;
@@ -95,6 +111,9 @@ fn read_all(args: &InsertArgs, batch: &mut Batch<'_>, memory: &Memory, context: 
             let name = path.display().to_string();
             let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
             for document in Reader::new(name, BufReader::new(file)) {
+                if is_interrupted() {
+                    break;
+                }
                 batch.add(document?.1, memory, context)?;
             }
             Ok(())

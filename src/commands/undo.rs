@@ -5,10 +5,11 @@ use clap::Args;
 
 use super::history::ChangesArgs;
 use super::query::blame;
-use super::{Context, formats};
+use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
+use crate::memory::Memory;
 use crate::memory::history::Selection;
 use crate::memory::undo::{DEFAULT_LAST, Restoration, UndoPlan};
 use crate::store::{Entry, StoreError};
@@ -26,7 +27,7 @@ documents become what they were, with their metadata; what was dropped comes bac
 --by or --change, all changes that are selected are taken back; --last limits them.
 
 Where documents were changed again later, nothing is done, and the later changes are printed (exit code 5); --force \
-overwrites them. `undo` is itself in the history: after it, `undo` takes the undo back.";
+overwrites them. Exits with 1 where nothing is to be taken back. `undo` is itself in the history: after it, `undo` takes the undo back.";
 
 /// Take changes back, as the history has them
 #[derive(Debug, Args)]
@@ -54,6 +55,14 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
     let ns = &selection.namespace;
     let memory = context.memory()?;
     let query = [("<query>", args.changes.query.as_str())];
+    let unknown = unknown(&selection, &memory)?;
+    if !unknown.is_empty() {
+        let message = format!(
+            "the history of {ns} has no change at the position {}; rmem history {ns} lists the positions",
+            unknown.join(", ")
+        );
+        return Err(UsageError::new(message).into());
+    }
     let (mut plan, mut conflict) = (UndoPlan::default(), None);
     memory
         .as_one(ns, &mut || {
@@ -68,11 +77,26 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
     if let Some(what) = conflict.filter(|_| !args.dry_run) {
         return Err(StoreError::Held { what }.into());
     }
-    if plan.changes == 0 {
-        context.output.warn(&format!("no change of {ns} is to be taken back"));
-    }
     context.print_result(result(&plan))?;
+    if plan.changes == 0 {
+        context.output.error(&format!("no change of {ns} is to be taken back"));
+        return Ok(Exit::No);
+    }
     Ok(Exit::Done)
+}
+
+/// Returns the positions that no change has.
+fn unknown(selection: &Selection, memory: &Memory) -> Result<Vec<String>> {
+    let mut unknown = selection.positions.clone();
+    if !unknown.is_empty() {
+        let named =
+            Selection { filter: Document::new(), since: None, by: None, ..selection.clone() };
+        for entry in memory.history(&named)? {
+            let entry = entry?;
+            unknown.retain(|position| *position != entry.change.position);
+        }
+    }
+    Ok(unknown)
 }
 
 /// Returns how many runs are taken back; all that is selected where something is selected.

@@ -9,6 +9,7 @@ use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::interrupt::InterruptGuard;
 use crate::store::{Namespace, UpdateRequest, UpdateSpec};
 
 /// What stands below the help of `update`.
@@ -63,7 +64,10 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
     check(args, &request.update)?;
     let memory = context.memory()?;
     let matching = if args.many { None } else { others(&args.namespace, &request.filter, &memory, context)? };
+    // A server goes on with what it was asked, so that there is nothing to wait for.
+    let guard = (args.many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
     let updated = memory.update(&args.namespace, &request);
+    drop(guard);
     let updated = updated.map_err(|error| blame(error, &[("<update>", &args.update), ("<query>", &args.query)]))?;
     let is_missing = updated.matched == 0 && updated.upserted.is_none();
     let mut result = bson::doc! { "matched": count(updated.matched), "modified": count(updated.modified) };

@@ -196,6 +196,10 @@ impl Session<'_> {
                 self.watch.done()?;
                 return Ok(exit);
             }
+            if self.args.exec.is_none() && (context.output.closed())() {
+                self.watch.done()?;
+                return Ok(Exit::Done);
+            }
             let mut quiet = false;
             match self.next()? {
                 Next::Change(change) => {

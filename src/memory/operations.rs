@@ -100,6 +100,12 @@ impl Memory {
         }
     }
 
+    /// Whether a collection is in a file of this machine, so that work on it is done in this process.
+    #[must_use]
+    pub fn is_in_file(&self, ns: &Namespace) -> bool {
+        self.routes.is_in_file(ns)
+    }
+
     /// Stores documents in place of those with their `_id`s; see [`Store::put`].
     pub fn put(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Put, StoreError> {
         let count = length(&documents);

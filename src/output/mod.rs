@@ -48,6 +48,8 @@ pub struct Output<'a> {
     color: bool,
     log: Option<File>,
     is_closed: bool,
+    /// Whether the reader of stdout has closed it.
+    closed: fn() -> bool,
     /// Whether stderr is a terminal.
     is_terminal: bool,
     /// The line that shows progress.
@@ -64,6 +66,7 @@ impl<'a> Output<'a> {
             color: false,
             log: None,
             is_closed: false,
+            closed: || false,
             is_terminal: false,
             bar: None,
         }
@@ -92,6 +95,17 @@ impl<'a> Output<'a> {
     /// Says whether stderr is a terminal: progress is shown there.
     pub fn on_terminal(&mut self, is_terminal: bool) {
         self.is_terminal = is_terminal;
+    }
+
+    /// Takes a function that says whether the reader of stdout has closed it.
+    pub fn closed_by(&mut self, closed: fn() -> bool) {
+        self.closed = closed;
+    }
+
+    /// Returns what says whether nobody reads stdout any more, so that waiting for more to print is in vain.
+    #[must_use]
+    pub fn closed(&self) -> fn() -> bool {
+        self.closed
     }
 
     /// Shows that something is being done, once that takes more than a second: on stderr where that is a

@@ -30,6 +30,8 @@ pub struct Race {
     pub runs: Vec<Run>,
     /// Whose outcome counts, by its place among the runs.
     pub winner: usize,
+    /// Whether an interruption ended it: a plan is the best of those found until then.
+    pub is_interrupted: bool,
 }
 
 impl Race {
@@ -82,7 +84,8 @@ impl<'a> Portfolio<'a> {
     fn run(self, task: &Task<'_>, host: &Host<'_>, is_for_best: bool, meanwhile: impl FnOnce()) -> Option<Race> {
         let Self { planners, limits } = self;
         let pool = limits.memory.filter(|_| planners.len() > 1).map(|bytes| Pool::new(bytes, planners.len()));
-        let stopped = AtomicBool::new(host.is_interrupted());
+        let mut is_interrupted = host.is_interrupted();
+        let stopped = AtomicBool::new(is_interrupted);
         let (sender, ended) = mpsc::channel();
         let mut runs: Vec<Option<Run>> = planners.iter().map(|_| None).collect();
         let mut first = None;
@@ -92,7 +95,7 @@ impl<'a> Portfolio<'a> {
                 let host = Host { interrupted: &stopped, ..host.clone() };
                 let share = pool.as_ref().map(|pool| pool.share(place));
                 scope.spawn(move || {
-                    let mut run = planner.attempt(task, &host, share);
+                    let mut run = planner.attempt(task, &host, share, is_for_best);
                     run.simulate(task);
                     let _ = sender.send((place, run));
                 });
@@ -114,7 +117,10 @@ impl<'a> Portfolio<'a> {
                             *slot = Some(run);
                         }
                     }
-                    Err(RecvTimeoutError::Timeout) if host.is_interrupted() => stopped.store(true, Ordering::SeqCst),
+                    Err(RecvTimeoutError::Timeout) if host.is_interrupted() => {
+                        is_interrupted |= first.is_none();
+                        stopped.store(true, Ordering::SeqCst);
+                    }
                     Err(RecvTimeoutError::Timeout) => {}
                     Err(RecvTimeoutError::Disconnected) => break,
                 }
@@ -124,7 +130,7 @@ impl<'a> Portfolio<'a> {
         let runs: Vec<Run> = runs.into_iter().flatten().collect();
         let winner =
             first.filter(|place| *place < runs.len()).or_else(|| best(&runs, task)).or_else(|| most_telling(&runs))?;
-        Some(Race { runs, winner })
+        Some(Race { runs, winner, is_interrupted })
     }
 }
 

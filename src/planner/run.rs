@@ -187,7 +187,7 @@ fn spaced(plan: &Plan, task: &Task<'_>) -> Option<(Plan, Validation)> {
 /// Runs a planner on a task. What it cannot do is refused before the run.
 #[must_use]
 pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Run {
-    PreparedPlanner::new(planner, limits, host).attempt(task, host, None)
+    PreparedPlanner::new(planner, limits, host).attempt(task, host, None, false)
 }
 
 /// A planner whose program is there and waits for its task.
@@ -204,8 +204,15 @@ impl<'a> PreparedPlanner<'a> {
         Self { program: prepare(planner, &command, limits, host), planner, command, limits: *limits }
     }
 
-    /// Runs it on a task. Of several runs that share their limit of memory, each has a `share`.
-    pub(super) fn attempt(mut self, task: &Task<'_>, host: &Host<'_>, share: Option<Share<'_>>) -> Run {
+    /// Runs it on a task. Of several runs that share their limit of memory, each has a `share`. With `is_for_best`,
+    /// the best plan that a planner has when it is interrupted is its result.
+    pub(super) fn attempt(
+        mut self,
+        task: &Task<'_>,
+        host: &Host<'_>,
+        share: Option<Share<'_>>,
+        is_for_best: bool,
+    ) -> Run {
         let (planner, limits) = (self.planner, self.limits);
         if let Some(refusal) = refuse(planner, task) {
             return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
@@ -214,11 +221,13 @@ impl<'a> PreparedPlanner<'a> {
         let Some(sent) = portable::try_send(domain, problem, planner.requirements(), host.interrupted) else {
             return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
         };
-        let (mut ended, mut answer) = ask(planner, self.program, &sent, host, share);
+        let keeps = is_for_best && planner.is_anytime();
+        let kept = |program: Prepared| if keeps { program.kept() } else { program };
+        let (mut ended, mut answer) = ask(planner, kept(self.program), &sent, host, share, keeps);
         if let Some(other) = planner.again(&answer, &self.command) {
             let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..limits };
             let (first, cpu) = (ended.wall, ended.cpu);
-            (ended, answer) = ask(planner, prepare(planner, &other, &rest, host), &sent, host, share);
+            (ended, answer) = ask(planner, kept(prepare(planner, &other, &rest, host)), &sent, host, share, keeps);
             self.command = other;
             ended.wall += first;
             ended.cpu = ended.cpu.zip(cpu).map(|(one, other)| one + other);
@@ -275,6 +284,7 @@ fn ask(
     sent: &Sent,
     host: &Host<'_>,
     share: Option<Share<'_>>,
+    keeps: bool,
 ) -> (Ended, Transcript) {
     let mut ended = program.run(&[(DOMAIN_FILE, &sent.domain), (PROBLEM_FILE, &sent.problem)], share, host);
     let output = Output {
@@ -284,9 +294,11 @@ fn ask(
         plans: std::mem::take(&mut ended.files),
     };
     let reading = Instant::now();
-    // What a program left that was cut short counts for nothing, and may be endless.
+    // What a program left that was cut short counts for nothing, and may be endless; but a planner that looks for
+    // the best plan has whole plans before it is interrupted.
     let answer = match ended.end {
-        End::TooMuchOutput | End::Interrupted => Transcript::unclear(),
+        End::Interrupted if !keeps => Transcript::unclear(),
+        End::TooMuchOutput => Transcript::unclear(),
         _ => planner.read(&output),
     };
     ended.wall += reading.elapsed();
@@ -310,7 +322,7 @@ fn conclude(
         End::NoInterpreter(path) => {
             return (Outcome::NotFound, format!("its program is there, but not the interpreter `{path}` of it"));
         }
-        End::Interrupted => return (Outcome::Interrupted, String::new()),
+        End::Interrupted if !keeps => return (Outcome::Interrupted, String::new()),
         End::TooMuchOutput => {
             return (Outcome::Failed, format!("its program printed more than {} MiB", limits.output >> 20));
         }

@@ -1,6 +1,5 @@
 //! Watching the memory for changes that may break a plan.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use bson::{Document, doc};
@@ -93,13 +92,16 @@ impl<'a> Monitor<'a> {
         Ok(self.sources.len() > before)
     }
 
-    /// Waits until something has changed and nothing changes any more. Returns false where it was interrupted.
+    /// Waits until something has changed and nothing changes any more. Returns false where `is_over` becomes true.
     /// `retried` gets the errors of stores that are asked again.
     ///
     /// # Errors
     /// Where a store fails for good.
-    pub fn wait(&mut self, interrupted: &AtomicBool, retried: &mut dyn FnMut(&StoreError)) -> Result<bool, StoreError> {
-        let is_over = || interrupted.load(Ordering::Relaxed);
+    pub fn wait(
+        &mut self,
+        is_over: &dyn Fn() -> bool,
+        retried: &mut dyn FnMut(&StoreError),
+    ) -> Result<bool, StoreError> {
         while !self.changes_within(POLL_INTERVAL, retried)? {
             if is_over() {
                 return Ok(false);

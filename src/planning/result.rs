@@ -60,6 +60,12 @@ impl<'a> PlanResult<'a> {
         &self.run
     }
 
+    /// Whether an interruption ended the search; there is a plan where one was found until then.
+    #[must_use]
+    pub fn is_interrupted(&self) -> bool {
+        self.race.is_interrupted
+    }
+
     /// Wall time of the search.
     #[must_use]
     pub fn time(&self) -> Duration {
@@ -80,7 +86,10 @@ impl<'a> PlanResult<'a> {
         let unjudged = self.run.unjudged.as_ref();
         let unjudged = unjudged.map(|reason| Note::Warning(format!("the plan was not simulated: {reason}")));
         let spaced = || Note::Info(format!("{} lets actions touch; the plan has them apart", self.run.planner));
-        race.into_iter().chain(unjudged).chain(self.run.is_spaced.then(spaced)).chain(self.ended_early()).collect()
+        let cut_short = || Note::Info("interrupted; this is the best plan that was found until then".to_owned());
+        let notes = race.into_iter().chain(unjudged).chain(self.run.is_spaced.then(spaced)).chain(self.ended_early());
+        let is_cut_short = self.race.is_interrupted && self.run.outcome.plan().is_some();
+        notes.chain(is_cut_short.then(cut_short)).collect()
     }
 
     /// Where the time was for better plans, but a planner with a plan did not use it.
@@ -90,7 +99,7 @@ impl<'a> PlanResult<'a> {
         let early = self.race.runs.iter().filter(is_early);
         let names: Vec<String> =
             early.map(|run| format!("{} ended after {:.1} s", run.planner, run.time.as_secs_f64())).collect();
-        let is_told = options.anytime && !names.is_empty();
+        let is_told = options.anytime && !self.race.is_interrupted && !names.is_empty();
         is_told.then(|| Note::Info(format!("--anytime: {}; no better plan is looked for any more", names.join(", "))))
     }
 

@@ -91,9 +91,19 @@ fn become_program(
             Some(interpreter) => format!("interpreter {interpreter}"),
             None => "missing".to_owned(),
         },
+        // A folder of PATH that may not be read hides no program that is in another one.
+        io::ErrorKind::PermissionDenied if is_nowhere(&program) => "missing".to_owned(),
         io::ErrorKind::OutOfMemory | io::ErrorKind::ArgumentListTooLong if memory.is_some() => "starved".to_owned(),
         _ => failed(&error),
     })
+}
+
+/// Whether a program is named, not given by its path, and in no folder of `PATH` that may be read, not even as a file
+/// that may not be executed.
+fn is_nowhere(program: &OsStr) -> bool {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let is_there = || std::env::split_paths(&path).any(|folder| folder.join(program).is_file());
+    Path::new(program).components().count() == 1 && !is_there()
 }
 
 /// The interpreter of a script that is there.

@@ -151,11 +151,18 @@ pub(crate) struct Prepared {
     supervisor: io::Result<Supervisor>,
     limits: Limits,
     wanted: fn(&str) -> Option<u64>,
+    /// Whether its result is read also after an interruption.
+    is_kept: bool,
 }
 
 impl Prepared {
     pub(crate) fn new(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Self {
-        Self { supervisor: Supervisor::start(job, limits, host), limits: *limits, wanted: job.wanted }
+        Self { supervisor: Supervisor::start(job, limits, host), limits: *limits, wanted: job.wanted, is_kept: false }
+    }
+
+    /// The same program, whose result is read also where an interruption ends it.
+    pub(crate) fn kept(self) -> Self {
+        Self { is_kept: true, ..self }
     }
 
     /// Runs it to its end or its limits; the time counts from here. `share` is its part in a limit of memory
@@ -181,7 +188,9 @@ impl Prepared {
             share.release();
         }
         let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(COLLECT_TIMEOUT));
-        let reading = Reading { host, deadline: rest.map(|rest| Instant::now() + rest) };
+        let is_kept = self.is_kept && end == End::Interrupted;
+        let rest = if is_kept { Some(COLLECT_TIMEOUT) } else { rest };
+        let reading = Reading { host, is_kept, deadline: rest.map(|rest| Instant::now() + rest) };
         let most = if end == End::TooMuchOutput { SAMPLE } else { limits.output };
         let mut ended = supervisor.collect(most, &reading, self.wanted)?;
         ended.wall = started.elapsed();
@@ -483,6 +492,8 @@ fn stream(directory: &Path, name: &str) -> io::Result<Stdio> {
 /// How long there is to read what a program left.
 struct Reading<'a> {
     host: &'a Host<'a>,
+    /// Whether it goes on after an interruption.
+    is_kept: bool,
     deadline: Option<Instant>,
 }
 
@@ -490,7 +501,7 @@ impl Reading<'_> {
     /// Why nothing more is to be read.
     fn over(&self) -> Option<End> {
         match self.deadline {
-            _ if self.host.is_interrupted() => Some(End::Interrupted),
+            _ if self.host.is_interrupted() && !self.is_kept => Some(End::Interrupted),
             Some(deadline) if Instant::now() > deadline => Some(End::OutOfTime),
             _ => None,
         }

@@ -134,7 +134,7 @@ impl From<StoreError> for Failure {
                 Some(inner) => Self::new(inner, message),
                 None => Self::new(codes::FAILED, message),
             },
-            StoreError::Failed { .. } => Self::new(codes::FAILED, message),
+            StoreError::Interrupted { .. } | StoreError::Failed { .. } => Self::new(codes::FAILED, message),
         }
     }
 }

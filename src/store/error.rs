@@ -64,6 +64,12 @@ pub enum StoreError {
         /// What is at fault there.
         fault: Fault,
     },
+    /// The user interrupted a change of many documents.
+    #[error("interrupted{}", match done { 0 => "; nothing was changed".to_owned(), 1 => " after 1 document; what was done stays".to_owned(), done => format!(" after {done} documents; what was done stays") })]
+    Interrupted {
+        /// How many documents were changed.
+        done: u64,
+    },
     /// Anything else: disk full, no permission, a damaged file, a server's refusal.
     #[error("{address}: {reason}")]
     Failed {
@@ -79,6 +85,7 @@ impl AtFault for StoreError {
         match self {
             Self::Duplicate { .. } | Self::Held { .. } => Fault::Conflict,
             Self::Unfit { .. } => Fault::Usage,
+            Self::Interrupted { .. } => Fault::Interrupt,
             Self::Query(error) => error.fault(),
             Self::Stopped { source, .. } => source.fault(),
             Self::Computable { fault, .. } => *fault,

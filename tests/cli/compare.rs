@@ -1,6 +1,6 @@
 //! compare: planners side by side, their scores, and going on after an interruption.
 
-use crate::lab::Lab;
+use crate::lab::{Lab, assert_run};
 
 /// A planner that finds a plan with a useless step, one that finds none, and one that waits to be interrupted.
 const PLANNERS: &str = "memory = 'file:robot.rmem'\n\
@@ -140,4 +140,25 @@ fn what_cannot_be_compared_is_named() {
     let run = lab.rmem(&["compare", "tasks"]).exits(0);
     assert!(run.stderr.contains("lights/wrong is left out: tasks/lights/wrong.pddl:1:"), "{run}");
     refused(&["tasks/lights/domain.pddl", "tasks/lights/wrong.pddl"], 3, "wrong.pddl:1:");
+}
+
+#[test]
+fn all_problems_of_a_folder_are_compared() {
+    let lab = lab();
+    let problem = lab.read("tasks/lights/one.pddl");
+    let domain = lab.read("tasks/lights/domain.pddl");
+    lab.write("several/domain.pddl", &domain);
+    ["problem", "problem-2", "p01"].iter().for_each(|name| lab.write(&format!("several/{name}.pddl"), &problem));
+    let run = lab.rmem(&["compare", "several", "--planner", "builtin", "--format", "csv"]).success();
+    let names: Vec<&str> = run.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
+    assert_eq!(names, ["several/p01", "several/problem-2", "several/problem"], "{run}");
+}
+
+#[test]
+fn a_folder_that_is_not_there_is_named() {
+    assert_run!(Lab::empty().rmem(&["compare", "nowhere/"]), @r"
+    ------- stderr -------
+    error: there is no file or folder nowhere/
+    [exit code: 3]
+    ");
 }

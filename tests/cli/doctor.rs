@@ -52,6 +52,50 @@ fn doctor_tries_planners_and_computables() {
 }
 
 #[test]
+fn doctor_asks_the_programs_of_computables() {
+    let lab = Lab::empty();
+    lab.write("sum.sh", "read q; case $q in *'\"x\":2'*) echo '{sum: 3} {sum: 4}';; *) echo no x >&2; exit 7;; esac\n");
+    lab.write("chatty.sh", "echo 'this is no document'\n");
+    lab.write("slow.sh", "sleep 100\n");
+    lab.write(
+        "rmem.toml",
+        "memory = 'file:robot.rmem'\n\
+         [[computable]]\nname = 'sum'\ncollection = 'a.b'\nspec = '{compute: \"sum\", x: {$exists: true}}'\ncommand = ['sh', 'sum.sh']\n\
+         [[computable]]\nname = 'chatty'\ncollection = 'a.b'\nspec = '{chat: 1}'\ncommand = ['sh', 'chatty.sh']\n\
+         [[computable]]\nname = 'slow'\ncollection = 'a.b'\nspec = '{wait: true}'\ntimeout = '200ms'\ncommand = ['sh', 'slow.sh']\n\
+         [[computable]]\nname = 'odd'\ncollection = 'a.b'\nspec = '{$expr: {$gt: [\"$x\", \"$y\"]}}'\ncommand = ['sh', 'slow.sh']\n",
+    );
+    let found = lab.rmem(&["doctor"]).exits(1);
+    for part in [
+        "computable sum: does not answer {\"compute\":\"sum\",\"x\":1}: its command `sh sum.sh` failed with exit code 7\n  | no x\n  the query is made up; --ask QUERY asks another\n",
+        "computable chatty: does not answer {\"chat\":1}: its command `sh chatty.sh` did not print documents",
+        "computable slow: does not answer {\"wait\":true}: its command `sh slow.sh` was stopped after 200ms",
+        "computable odd: ok, /",
+    ] {
+        assert!(found.stdout.contains(part), "{part}: {found}");
+    }
+    let asked = lab.rmem(&["doctor", "--ask", "{compute: 'sum', x: 2}"]).exits(1);
+    assert!(asked.stdout.contains("computable sum: ok, answers {\"compute\":\"sum\",\"x\":2} with 2 documents"), "{asked}");
+    assert_eq!(lab.rmem(&["count", "a.b"]).stdout, "0\n", "nothing is stored");
+}
+
+#[test]
+fn a_folder_of_the_path_that_may_not_be_read_hides_nothing() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let lab = Lab::empty();
+    let closed = lab.path().join("closed");
+    std::fs::create_dir(&closed).unwrap();
+    std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o000)).unwrap();
+    // Who is root may read every folder; a file that may not be entered as one gives the same error.
+    lab.write("file", "");
+    let path = format!("{}:{}/file:/usr/bin:/bin", closed.display(), lab.path().display());
+    let lab = lab.env("PATH", &path);
+    let found = lab.rmem(&["doctor", "--memory", "mem:"]).exits(0);
+    assert!(found.stdout.contains("planner    ff: the program `ff` is not installed"), "{found}");
+    std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o700)).unwrap();
+}
+
+#[test]
 fn doctor_tries_domains_and_templates() {
     let lab = Lab::new();
     lab.write("wrong.pddl", "(define (domain x) (:predicates (on ?a))");

@@ -157,8 +157,12 @@ fn undo_that_would_overwrite_later_changes_says_which_and_needs_force() {
     assert_eq!(lab.rmem(&["query", NS, "{_id: 1}"]).success(), "{\"_id\":1,\"n\":2,\"m\":\"later\"}\n");
     lab.rmem(&["undo", NS, "--change", &position, "--force"]).success();
     assert_eq!(lab.rmem(&["query", NS, "{_id: 1}"]).success(), "{\"_id\":1,\"n\":1}\n");
-    let none = lab.rmem(&["undo", NS, "{_id: 77}"]).exits(0);
+    let none = lab.rmem(&["undo", NS, "{_id: 77}"]).exits(1);
     assert!(none.stderr.contains("no change of robmem.worldmodel is to be taken back"), "{none}");
+    let count = history(&lab, &[]).len();
+    let unknown = lab.rmem(&["undo", NS, "--change", "abc", "--change", &position]).exits(2);
+    assert!(unknown.stderr.contains("has no change at the position abc; rmem history robmem"), "{unknown}");
+    assert_eq!(history(&lab, &[]).len(), count, "nothing was done");
     let wrong = lab.rmem(&["undo", NS, "{_id: }"]).exits(3);
     assert!(wrong.stderr.contains("<query>:1:7"), "{wrong}");
 }

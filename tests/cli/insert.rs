@@ -85,3 +85,19 @@ fn loading_a_world_twice_changes_nothing() {
     let args = ["--load", "fixtures/blocksworld.json", "count", "robmem.worldmodel"];
     assert_eq!(lab.rmem(&args).success(), lab.rmem(&args).success());
 }
+
+#[test]
+fn an_interrupted_insert_says_how_many_documents_of_the_file_are_stored() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.write("many.jsonl", &(0..300_000).map(|n| format!("{{\"_id\": {n}}}\n")).collect::<String>());
+    let line = "rmem insert a.b --file many.jsonl > ids & until [ -s ids ]; do sleep 0.01; done; kill -INT $!; wait $!";
+    let run = lab.shell(line).exits(130);
+    let count = lab.rmem(&["count", "a.b"]).success();
+    let ids = lab.read("ids").lines().count();
+    assert_eq!(count.trim(), ids.to_string(), "{run}");
+    assert_eq!(
+        run.stderr,
+        format!("error: interrupted; the first {ids} documents of the file were stored in a.b\n"),
+        "{run}"
+    );
+}

@@ -1,6 +1,6 @@
 //! update and delete of one document or many; replacement.
 
-use crate::lab::{assert_run, three_documents};
+use crate::lab::{Lab, assert_run, three_documents};
 
 #[test]
 fn update_changes_the_first_match_or_all() {
@@ -94,4 +94,21 @@ fn a_whole_document_replaces_another_only_with_replace() {
       = hint: leave --replace out for operators and pipelines
     [exit code: 3]
     "#);
+}
+
+#[test]
+fn an_interrupted_change_of_many_documents_says_how_many_were_changed() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.write("many.jsonl", &(0..100_000).map(|n| format!("{{\"_id\": {n}}}\n")).collect::<String>());
+    lab.rmem(&["insert", "a.b", "--file", "many.jsonl"]).success();
+    // As soon as a part of the documents is changed.
+    let interrupted = |command: &str, changed: &str| {
+        lab.shell(&format!("{command} & until {changed}; do sleep 0.01; done; kill -INT $!; wait $!")).exits(130)
+    };
+    let updated = interrupted("rmem update a.b {} '{$set: {n: 1}}' --many", "[ $(rmem count a.b '{n: 1}') -gt 0 ]");
+    let count = lab.rmem(&["count", "a.b", "{n: 1}"]).success();
+    assert_eq!(updated.stderr, format!("error: interrupted after {} documents; what was done stays\n", count.trim()));
+    let deleted = interrupted("rmem delete a.b --all", "[ $(rmem count a.b) -lt 100000 ]");
+    let left: u64 = lab.rmem(&["count", "a.b"]).success().trim().parse().unwrap();
+    assert_eq!(deleted.stderr, format!("error: interrupted after {} documents; what was done stays\n", 100_000 - left));
 }

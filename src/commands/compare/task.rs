@@ -58,6 +58,9 @@ fn of_paths(paths: &[PathBuf]) -> Result<Vec<Named>> {
     let mut found = Vec::new();
     let mut domain: Option<&Path> = None;
     for path in paths {
+        if !path.exists() {
+            return Err(WrongInput::new(format!("there is no file or folder {}", path.display())).into());
+        }
         if path.is_dir() {
             let of_folder = tasks(path).with_context(|| format!("cannot read {}", path.display()))?;
             found.extend(

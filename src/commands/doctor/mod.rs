@@ -8,6 +8,7 @@ use bson::{Bson, doc};
 use clap::Args;
 
 use self::trial::Trial;
+use super::query::argument;
 use super::template::TemplateArgs;
 use super::{Context, formats};
 use crate::error::Result;
@@ -22,10 +23,12 @@ const HELP: &str = "\
 Examples:
   rmem doctor
   rmem doctor --domain domain.pddl --template problem.pddl.j2
+  rmem doctor --ask \"{compute: 'sum', x: 1, y: 2}\"
   rmem doctor --deep
 
-Runs each planner on a tiny task. Of computables, pipelines are run, and programs and their scripts looked for. Exits \
-with 1 if something that rmem.toml or the command line names does not work. Planners that are not installed are listed.
+Runs each planner on a tiny task, each pipeline of a computable, and each program of one: it is asked a query that the \
+spec matches, with made-up values where the spec leaves them open, or the query of --ask. A program has at most 10 s. What \
+it computes is not stored. Exits with 1 if something that rmem.toml or the command line names does not work. Planners that are not installed are listed.
 
 --deep checks all data in the file of the memory: SQLite's own check, the checksum of every document, every index \
 against the documents, and the log of changes. Each damage is a line on stdout, and the command exits with 4; rmem \
@@ -41,6 +44,9 @@ pub struct DoctorArgs {
     /// Read and check a domain (can be repeated)
     #[arg(long, value_name = "FILE")]
     pub domain: Vec<PathBuf>,
+    /// Query for the programs of computables whose spec matches it (can be repeated)
+    #[arg(long, value_name = "QUERY")]
+    pub ask: Vec<String>,
     /// Render a template from the memory (can be repeated)
     #[arg(long, value_name = "FILE")]
     pub template: Vec<PathBuf>,
@@ -50,6 +56,7 @@ pub struct DoctorArgs {
 }
 
 pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> {
+    let asked = args.ask.iter().map(|text| argument("<ask>", text)).collect::<Result<Vec<_>, _>>()?;
     let mut report = Report::new(context.format(&formats::TEXT)? == Format::Json);
     let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
@@ -74,7 +81,7 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
 
     let memory = if healthy { context.memory().ok() } else { None };
-    let computables = trial::computables(memory.as_ref(), context);
+    let computables = trial::computables(&asked, memory.as_ref(), context);
     let files = trial::files(&args.domain, &args.template, &args.options, memory.as_ref(), context)?;
     let planners = trial::planners(context)?;
     let mut is_fine = print("computable ", &computables, &mut report, context)?;

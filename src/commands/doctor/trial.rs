@@ -3,15 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use bson::Document;
+
 use crate::commands::template::{self, TemplateArgs, read_domain};
 use crate::commands::{Context, UsageError};
 use crate::error::Result;
 use crate::formats::Diagnostics;
 use crate::formats::Source;
 use crate::formats::pddl::Dialect;
+use crate::formats::shell;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::memory::computables::{BodyKind, Definition};
+use crate::output::amount;
 use crate::pddl::{Domain, Problem};
 use crate::planner::{Host, Limits, Outcome, Registry, Task, run};
 use crate::problem;
@@ -94,15 +98,23 @@ fn failure(outcome: &Outcome, message: &str, tail: &str) -> String {
     text
 }
 
-/// Tries each computable as far as that has no effect: pipelines run, programs are looked for.
-pub(super) fn computables(memory: Option<&Memory>, context: &Context<'_>) -> Vec<Trial> {
-    let tried = |definition: &Definition| Trial::of(&definition.name, computable(definition, memory, context));
+/// Tries each computable, without storing what it computes: pipelines and programs run.
+pub(super) fn computables(asked: &[Document], memory: Option<&Memory>, context: &Context<'_>) -> Vec<Trial> {
+    let tried = |definition: &Definition| Trial::of(&definition.name, computable(definition, asked, memory, context));
     context.settings.computables.iter().map(tried).collect()
 }
 
-fn computable(definition: &Definition, memory: Option<&Memory>, context: &Context<'_>) -> Result<String, String> {
+fn computable(
+    definition: &Definition,
+    asked: &[Document],
+    memory: Option<&Memory>,
+    context: &Context<'_>,
+) -> Result<String, String> {
     match &definition.body {
-        BodyKind::Command { words, folder, .. } => program(words, folder, context),
+        BodyKind::Command { words, folder, .. } => {
+            let found = program(words, folder, context)?;
+            Ok(ask(definition, asked, context)?.unwrap_or(found))
+        }
         BodyKind::Builtin { name, .. } => Ok(format!("builtin {name}")),
         BodyKind::Pipeline { from, stages } => {
             let Some(memory) = memory else {
@@ -118,6 +130,20 @@ fn computable(definition: &Definition, memory: Option<&Memory>, context: &Contex
                 .map_err(|error| error.to_string())
         }
     }
+}
+
+/// Asks the program of a computable: the first of the queries that its spec matches, else one that is made up. None
+/// where there is no such query.
+fn ask(definition: &Definition, asked: &[Document], context: &Context<'_>) -> Result<Option<String>, String> {
+    let given = asked.iter().find(|query| definition.answers(query)).cloned();
+    let is_given = given.is_some();
+    let Some(query) = given.or_else(|| definition.example()) else { return Ok(None) };
+    let Some(answer) = definition.ask_program(&query, TIMEOUT, &context.host()) else { return Ok(None) };
+    let text = shell::relaxed(&query);
+    answer.map(|count| Some(format!("answers {text} with {}", amount(count as u64, "document")))).map_err(|words| {
+        let hint = if is_given { "" } else { "\n  the query is made up; --ask QUERY asks another" };
+        format!("does not answer {text}: {words}{hint}")
+    })
 }
 
 /// Looks for a program and the scripts that its arguments name.

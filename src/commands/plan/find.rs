@@ -107,7 +107,7 @@ fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -
     if let Some(why) = result.why() {
         context.output.note(&why);
     }
-    let exit = Exit::from(&result.run().outcome);
+    let exit = if result.is_interrupted() { Exit::Interrupted } else { Exit::from(&result.run().outcome) };
     let format = context.format(&show::FORMATS)?;
     if format == Format::Json {
         let namespace = id.and(result.namespace());

@@ -38,7 +38,7 @@ pub struct LimitArgs {
     /// Time limit
     #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
     pub timeout: Duration,
-    /// Use all of the time to find better plans, and take the best
+    /// Use all of the time to find better plans, and take the best; an interruption (130) takes the best so far
     #[arg(long)]
     pub anytime: bool,
     /// Memory limit

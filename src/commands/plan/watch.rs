@@ -1,5 +1,7 @@
 //! `rmem plan --watch`: plans again when the memory has changed and the plan does not hold any more.
 
+use std::sync::atomic::Ordering;
+
 use super::find::{Found, find};
 use super::source::SectionCounts;
 use crate::commands::{Context, UsageError};
@@ -50,8 +52,8 @@ pub(super) fn run(
             }
             context.output.flush()?;
         }
-        if !wait(&mut monitor, context)? {
-            return Ok(Exit::Interrupted);
+        if let Some(exit) = wait(&mut monitor, context)? {
+            return Ok(exit);
         }
     }
 }
@@ -76,9 +78,13 @@ fn still_holds(current: Option<&str>, plans: &Namespace, memory: &Memory, contex
     Ok(false)
 }
 
-/// Waits for changes; returns false where the user interrupts.
-fn wait(monitor: &mut Monitor<'_>, context: &mut Context<'_>) -> Result<bool> {
+/// Waits for changes; returns how the watch ends where the user interrupts it, or nobody reads stdout any more.
+fn wait(monitor: &mut Monitor<'_>, context: &mut Context<'_>) -> Result<Option<Exit>> {
     let guard = InterruptGuard::new();
+    let is_interrupted = || guard.interrupted().load(Ordering::Relaxed);
+    let closed = context.output.closed();
     let mut retried = |error: &_| context.output.warn(&format!("{error}; trying again"));
-    Ok(monitor.wait(guard.interrupted(), &mut retried)?)
+    let is_changed = monitor.wait(&|| is_interrupted() || closed(), &mut retried)?;
+    let exit = if is_interrupted() { Exit::Interrupted } else { Exit::Done };
+    Ok((!is_changed).then_some(exit))
 }

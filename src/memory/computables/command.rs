@@ -32,9 +32,7 @@ pub(super) struct Command {
 
 impl Body for Command {
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError> {
-        let question = shell::relaxed(asked.query) + "\n";
-        let ended = self.run(&question);
-        self.read(&ended)
+        self.answer(asked.query)
     }
 
     fn sources(&self, _: &Namespace) -> Vec<Namespace> {
@@ -51,6 +49,13 @@ impl Body for Command {
 }
 
 impl Command {
+    /// The documents for a query.
+    pub(super) fn answer(&self, query: &Document) -> Result<Vec<Document>, ComputeError> {
+        let question = shell::relaxed(query) + "\n";
+        let ended = self.run(&question);
+        self.read(&ended)
+    }
+
     fn run(&self, question: &str) -> Ended {
         let program = self.program();
         let arguments: Vec<OsString> = self.words.iter().skip(1).map(OsString::from).collect();

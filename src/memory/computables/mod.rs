@@ -30,6 +30,7 @@ mod cache;
 mod check;
 mod command;
 mod definition;
+mod example;
 mod key;
 mod nearest;
 mod pipeline;

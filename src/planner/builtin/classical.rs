@@ -80,7 +80,7 @@ fn search(
     };
     let mut best = None;
     let end = solve(&task, Settings { improvement, memory, work: u64::MAX }, &mut |event| match event {
-        Event::Plan(plan) if improvement == Improvement::Unbounded => send(Message::Plan(&report(&task, plan))),
+        Event::Plan(plan) if options.says_each() => send(Message::Plan(&report(&task, plan))),
         Event::Plan(plan) => best = Some(report(&task, plan)),
         Event::States(count) => {
             states = count;

@@ -116,8 +116,7 @@ impl Planner for Builtin {
     }
 
     fn read(&self, output: &Output) -> Transcript {
-        let whole = if self.anytime { ff_output::whole(&output.stdout) } else { &output.stdout };
-        let answer = ff::read(whole, &output.stderr);
+        let answer = ff::read(ff_output::whole(&output.stdout), &output.stderr);
         match output.code {
             Some(22) if answer.verdict != Verdict::Plan => Transcript {
                 verdict: Verdict::OutOfMemory,
@@ -140,7 +139,8 @@ impl Planner for Builtin {
         self.anytime && !(is_temporal && is_for_engine)
     }
 
+    /// It says each plan that it finds, also where it looks for better ones for a while only.
     fn is_anytime(&self) -> bool {
-        self.anytime
+        true
     }
 }

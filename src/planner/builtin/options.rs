@@ -7,10 +7,19 @@ pub struct Options {
     pub optimize: bool,
     /// Say the first plan at once and every better one after it, for as long as there may be one.
     pub anytime: bool,
+    /// Say every plan as soon as it is found, the best one last: whoever stops the search has the best so far.
+    pub streamed: bool,
+}
+
+impl Options {
+    /// Whether plans are said before the search for better ones is over.
+    pub(super) fn says_each(self) -> bool {
+        self.anytime || self.streamed
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { optimize: true, anytime: false }
+        Self { optimize: true, anytime: false, streamed: false }
     }
 }

@@ -93,7 +93,7 @@ fn answer(
         };
     }
     let found = &mut |plan: &Plan| report(Message::Plan(plan));
-    if is_plain(&task, &instance) && temporal::plan(&task, &instance, options.anytime, classical::memory(), found) {
+    if is_plain(&task, &instance) && temporal::plan(&task, &instance, options, classical::memory(), found) {
         return Ok(None);
     }
     let mut reason = None;

@@ -10,6 +10,7 @@ use ferroplan::types::{Action, Domain, DurativeAction, Effect, Expr, Formula, Pr
 use ferroplan::{Plan, Step};
 
 use super::convert::convert;
+use super::options::Options;
 use super::search::makespan::{Timing, hasten};
 use super::search::task::{OperatorId, Task};
 use super::search::{End, Event, Ground, Improvement, Settings, ground, solve};
@@ -30,7 +31,7 @@ const HASTE: u64 = 100_000_000;
 pub(super) fn plan(
     domain: &Domain,
     problem: &Problem,
-    anytime: bool,
+    options: Options,
     memory: usize,
     found: &mut dyn FnMut(&Plan),
 ) -> bool {
@@ -49,19 +50,19 @@ pub(super) fn plan(
         }
     });
     let (Some(mut best), End::Solved) = (first, end) else { return false };
-    if anytime {
+    if options.says_each() {
         found(&report(&task, &timing, &best));
     }
     estimate(&mut task, &mut timing);
-    let work = if anytime { u64::MAX } else { HASTE };
+    let work = if options.anytime { u64::MAX } else { HASTE };
     let (_, end) = timing.schedule(&best);
     hasten(&task, &timing, end, work, memory, &mut |plan| {
         best = plan.to_vec();
-        if anytime {
+        if options.says_each() {
             found(&report(&task, &timing, plan));
         }
     });
-    if !anytime {
+    if !options.says_each() {
         found(&report(&task, &timing, &best));
     }
     true
@@ -321,7 +322,7 @@ mod tests {
     fn plans(domain: &str, problem: &str) -> Vec<Plan> {
         let (domain, problem) = (parse_domain(domain).unwrap(), parse_problem(problem).unwrap());
         let mut plans = Vec::new();
-        plan(&domain, &problem, false, 1 << 26, &mut |plan| plans.push(plan.clone()));
+        plan(&domain, &problem, Options::default(), 1 << 26, &mut |plan| plans.push(plan.clone()));
         plans
     }
 

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub struct TaskFiles {
     /// The folder of its domain.
     pub group: String,
-    /// Folder and problem; the folder alone where there is one problem called `problem.pddl`.
+    /// Folder and problem; the folder alone where its only problem is called `problem.pddl`.
     pub name: String,
     /// The domain.
     pub domain: PathBuf,
@@ -36,11 +36,7 @@ pub fn tasks(folder: &Path) -> io::Result<Vec<TaskFiles>> {
 
 /// The tasks of the folder of a domain.
 fn of_domain(folder: &Path) -> io::Result<Vec<TaskFiles>> {
-    let (group, domain) = (name(folder), folder.join("domain.pddl"));
-    let problem = folder.join("problem.pddl");
-    if problem.is_file() && domain.is_file() {
-        return Ok(vec![TaskFiles { group: group.clone(), name: group, domain, problem }]);
-    }
+    let group = name(folder);
     let is_problem =
         |path: &PathBuf| path.extension().is_some_and(|end| end == "pddl") && !name(path).contains("domain");
     let problems = entries(folder)?.into_iter().filter(is_problem);
@@ -49,7 +45,13 @@ fn of_domain(folder: &Path) -> io::Result<Vec<TaskFiles>> {
         let name = format!("{group}/{}", file.trim_end_matches(".pddl"));
         Some(TaskFiles { group: group.clone(), name, domain: domain_of(folder, &file)?, problem })
     };
-    Ok(problems.filter_map(task).collect())
+    let mut tasks: Vec<TaskFiles> = problems.filter_map(task).collect();
+    if let [only] = tasks.as_mut_slice()
+        && name(&only.problem) == "problem.pddl"
+    {
+        only.name.clone_from(&only.group);
+    }
+    Ok(tasks)
 }
 
 /// The domain of a problem: its own, or that of the folder.
@@ -92,6 +94,9 @@ mod tests {
             "blocks/README",
             "one/domain.pddl",
             "one/problem.pddl",
+            "several/domain.pddl",
+            "several/problem-2.pddl",
+            "several/problem.pddl",
             "own/domain_p1.pddl",
             "own/p1.pddl",
             "own/p2-domain.pddl",
@@ -111,6 +116,8 @@ mod tests {
             ("one", "domain.pddl"),
             ("own/p1", "domain_p1.pddl"),
             ("own/p2-large", "p2-domain.pddl"),
+            ("several/problem-2", "domain.pddl"),
+            ("several/problem", "domain.pddl"),
         ];
         assert_eq!(names, wanted.map(|(name, domain)| (name.to_owned(), domain.to_owned())));
         assert_eq!(tasks(&folder.path().join("blocks")).unwrap().len(), 2);

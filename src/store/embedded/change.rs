@@ -44,7 +44,11 @@ impl Embedded {
                 }
                 Ok(())
             },
-        )?;
+        );
+        let matched = matched.map_err(|error| match error {
+            StoreError::Interrupted { .. } => StoreError::Interrupted { done: modified },
+            error => error,
+        })?;
         Ok(Updated { matched, modified, upserted })
     }
 

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use super::Embedded;
 use super::catalog::Collection;
 use super::scan::{Found, Scan};
+use crate::interrupt::stops_work;
 use crate::query::Filter;
 use crate::store::{Namespace, StoreError};
 
@@ -23,7 +24,8 @@ type Work<'a> = &'a mut dyn FnMut(Collection, &Found) -> Result<(), StoreError>;
 
 impl Embedded {
     /// Does `work` with each match, of which there are at most `most`, or `otherwise` where there is none;
-    /// returns how many matched. Expired documents are removed before with `is_sweeping`. Within a
+    /// returns how many matched. Where the user interrupts it between two slices, it ends with [`StoreError::Interrupted`].
+    ///  Expired documents are removed before with `is_sweeping`. Within a
     /// transaction, everything is part of it.
     pub(super) fn each_match(
         &self,
@@ -67,6 +69,9 @@ impl Embedded {
             })?;
             if is_done {
                 return Ok(matched);
+            }
+            if stops_work() {
+                return Err(StoreError::Interrupted { done: matched });
             }
             std::thread::sleep(PAUSE);
         }

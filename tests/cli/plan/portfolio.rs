@@ -234,10 +234,9 @@ fn delivery(lab: &Lab) {
     }
 }
 
-#[test]
-fn anytime_uses_all_the_time_for_a_task_with_durations() {
-    let lab = Lab::new();
-    delivery(&lab);
+/// The same domain with three robots and 14 boxes.
+fn large_delivery(lab: &Lab) {
+    delivery(lab);
     let boxes: Vec<String> = (1..=14).map(|number| format!("b{number}")).collect();
     let each = |text: &str| boxes.iter().map(|name| text.replace('?', name)).collect::<Vec<_>>().join(" ");
     lab.write(
@@ -253,6 +252,12 @@ fn anytime_uses_all_the_time_for_a_task_with_durations() {
             each("(box-at ? desk)")
         ),
     );
+}
+
+#[test]
+fn anytime_uses_all_the_time_for_a_task_with_durations() {
+    let lab = Lab::new();
+    large_delivery(&lab);
     let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "3s", "--anytime"];
     let start = std::time::Instant::now();
     let found = lab.rmem(&words).exits(0);
@@ -306,4 +311,63 @@ fn anytime_is_refused_where_no_planner_improves_its_plan() {
     ");
     let found = lab.rmem(&words).success();
     assert!(found.contains("(go)"), "{found}");
+}
+
+/// A planner that writes a plan and goes on looking; the file `found` says that the plan is there.
+fn searching(lab: &Lab) -> String {
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :strips) (:predicates (there))
+         (:action jump :parameters () :precondition (and) :effect (there)))",
+    );
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (there)))");
+    let folder = lab.path().display();
+    lab.write(
+        "rmem.toml",
+        &format!(
+            "memory = 'file:robot.rmem'\n[planner.searcher]\noutput = 'downward'\n\
+             command = ['/bin/sh', '-c', \"printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {{plan}}; : > {folder}/found; sleep 100\"]\n"
+        ),
+    );
+    format!("{folder}/found")
+}
+
+#[test]
+fn an_interrupted_search_for_the_best_plan_stores_and_prints_the_best_so_far() {
+    for signal in ["INT", "TERM"] {
+        let lab = Lab::new();
+        let found = searching(&lab);
+        let words = "plan -d d.pddl -p p.pddl --anytime --planner searcher --planner builtin --format json";
+        let run = lab.shell(&format!(
+            "rmem {words} & until [ -e {found} ]; do sleep 0.05; done; sleep 0.2; kill -{signal} $!; wait $!"
+        ));
+        let run = run.exits(130);
+        let report: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        let fields = ["outcome", "exit", "cost"].map(|key| report[key].to_string());
+        assert_eq!(fields, ["\"success\"", "130", "1"], "{run}");
+        assert!(run.stderr.contains("interrupted; this is the best plan that was found until then"), "{run}");
+        assert!(!run.stderr.contains("no better plan is looked for"), "{run}");
+        assert!(row(&run, "searcher").contains("success"), "{run}");
+        assert_eq!(lab.rmem(&["plan", "show", "last"]).success(), "(jump)\n; cost = 1 (unit cost)\n");
+    }
+}
+
+#[test]
+fn an_interrupted_search_for_the_first_plan_takes_none() {
+    let lab = Lab::new();
+    let found = searching(&lab);
+    let run = lab.shell(&format!(
+        "rmem plan -d d.pddl -p p.pddl --planner searcher & until [ -e {found} ]; do sleep 0.05; done; kill -INT $!; wait $!"
+    ));
+    assert_eq!(run.exits(130).stdout, "");
+    lab.rmem(&["plan", "show", "last"]).exits(2);
+}
+
+#[test]
+fn a_plan_that_is_there_when_the_time_is_over_counts() {
+    let lab = Lab::new();
+    large_delivery(&lab);
+    // The first plan is there in a fraction of that; the search for one that ends earlier may take longer.
+    let found = lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "2s"]).exits(0);
+    assert!(found.stdout.contains("; makespan = "), "{found}");
 }

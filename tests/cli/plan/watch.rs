@@ -135,3 +135,12 @@ fn a_watch_waits_for_a_world_in_which_there_is_a_plan() {
     assert_eq!(watcher.plan().len(), 6);
     assert_eq!(watcher.interrupt(), 130);
 }
+
+#[test]
+fn a_watch_ends_where_nobody_reads_its_plans() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let words: Vec<String> = TASK[2..].iter().map(|word| format!("'{word}'")).collect();
+    let run = lab.shell(&format!("rmem plan --watch {} | head -n 1; echo ${{PIPESTATUS[0]}}", words.join(" ")));
+    assert_eq!(run.stdout, "(stack B C)\n0\n", "{run}");
+}
