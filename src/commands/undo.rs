@@ -89,8 +89,7 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
 fn unknown(selection: &Selection, memory: &Memory) -> Result<Vec<String>> {
     let mut unknown = selection.positions.clone();
     if !unknown.is_empty() {
-        let named =
-            Selection { filter: Document::new(), since: None, by: None, ..selection.clone() };
+        let named = Selection { filter: Document::new(), since: None, by: None, ..selection.clone() };
         for entry in memory.history(&named)? {
             let entry = entry?;
             unknown.retain(|position| *position != entry.change.position);

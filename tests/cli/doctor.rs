@@ -75,7 +75,10 @@ fn doctor_asks_the_programs_of_computables() {
         assert!(found.stdout.contains(part), "{part}: {found}");
     }
     let asked = lab.rmem(&["doctor", "--ask", "{compute: 'sum', x: 2}"]).exits(1);
-    assert!(asked.stdout.contains("computable sum: ok, answers {\"compute\":\"sum\",\"x\":2} with 2 documents"), "{asked}");
+    assert!(
+        asked.stdout.contains("computable sum: ok, answers {\"compute\":\"sum\",\"x\":2} with 2 documents"),
+        "{asked}"
+    );
     assert_eq!(lab.rmem(&["count", "a.b"]).stdout, "0\n", "nothing is stored");
 }
 

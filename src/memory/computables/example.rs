@@ -39,24 +39,28 @@ impl Definition {
 /// A document that a query matches, as far as its operators say which.
 fn example(spec: &Document) -> Option<Document> {
     let mut found = Document::new();
+    fill(spec, &mut found)?;
+    Some(found)
+}
+
+/// Adds to a document what a query wants.
+fn fill(spec: &Document, found: &mut Document) -> Option<()> {
     for (key, value) in spec {
         match (key.as_str(), value) {
             ("$and", Bson::Array(parts)) => {
-                for part in parts {
-                    found.extend(example(part.as_document()?)?);
-                }
+                parts.iter().try_for_each(|part| fill(part.as_document()?, found))?;
             }
-            ("$or", Bson::Array(parts)) => found.extend(example(parts.first()?.as_document()?)?),
+            ("$or", Bson::Array(parts)) => fill(parts.first()?.as_document()?, found)?,
             ("$comment", _) => {}
             (operator, _) if operator.starts_with('$') => return None,
             (path, value) => {
                 if let Some(value) = valued(value)? {
-                    put(&mut found, path, value)?;
+                    put(found, path, value)?;
                 }
             }
         }
     }
-    Some(found)
+    Some(())
 }
 
 /// A value that meets a condition; none inside where the key has to be absent, none at all where no value is known.

@@ -24,8 +24,8 @@ const FINENESS: u64 = 16;
 /// The work for a plan, after which the engine has its turn.
 const WORK: u64 = 2_000_000_000;
 
-/// The work for a plan that ends earlier, where improvement is bounded.
-const HASTE: u64 = 100_000_000;
+/// The work for a plan that ends earlier, where improvement is bounded: about a third of a second.
+const HASTE: u64 = 12_000_000;
 
 /// Finds plans, each ending before the one before; `false` where there is none, or the task is not one of these.
 pub(super) fn plan(
