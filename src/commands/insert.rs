@@ -1,4 +1,4 @@
-//! `rmem insert NS [DOC…|--file F|-]`: store documents; print their ids.
+//! `rmem insert NS [DOC…|--file F|-]`: store documents in JSON, YAML or CSV; print their ids.
 //!
 //! Documents are stored as they come, in batches that grow, so that a slow
 //! producer's documents are in the memory soon and a long file is read once.
@@ -10,14 +10,14 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use bson::{Bson, Document};
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::query::blame;
 use super::{Context, WrongInput, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
-use crate::formats::Source;
 use crate::formats::shell::{self, Reader};
+use crate::formats::{Diagnostic, Source, csv, yaml};
 use crate::input::unreadable;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
@@ -29,9 +29,15 @@ const HELP: &str = "\
 Examples:
   rmem insert robmem.worldmodel \"{relation: 'on-table', object: 'A'}\"
   rmem insert robmem.worldmodel --file objects.jsonl
+  rmem insert robmem.worldmodel --file objects.yaml
+  rmem insert robmem.worldmodel --file objects.csv
 
 Prints the _id of each stored document, one a line. Documents are stored in order; if one is refused, those before \
-it stay stored, and those after it are not stored.";
+it stay stored, and those after it are not stored.
+
+YAML is one mapping for each document, in a sequence or separated by ---. In CSV and TSV, the first row has the keys \
+('pose.x' is the key x of the document at pose); numbers, true, false, dates with time and zone and JSON in braces or \
+brackets are read as such, unless a key says the type of its values: 'code.string()', 'n.int64()', 'at.date()'.";
 
 /// Store documents and print their ids
 #[derive(Debug, Args)]
@@ -46,6 +52,22 @@ pub struct InsertArgs {
     /// Read documents from a file
     #[arg(short, long, value_name = "FILE", conflicts_with = "documents")]
     pub file: Option<PathBuf>,
+    /// Format of the file, or of stdin: json, yaml, csv, tsv (default: by the file's extension, else json)
+    #[arg(long = "type", value_name = "TYPE", conflicts_with = "documents", hide_possible_values = true)]
+    pub kind: Option<InputFormat>,
+}
+
+/// The formats of documents to store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InputFormat {
+    /// JSON, JSON lines, or shell syntax.
+    Json,
+    /// Mappings.
+    Yaml,
+    /// Rows of values, separated by commas.
+    Csv,
+    /// Rows of values, separated by tabs.
+    Tsv,
 }
 
 /// How many documents are stored, and acknowledged, at once at the most.
@@ -106,6 +128,11 @@ fn read_all(
             batch.add(document, memory, context)?;
         }
     }
+    if let Some(read) = reader(args) {
+        let source = context.read(args.file.as_deref().unwrap_or(Path::new("-")))?;
+        let mut documents = read(&source).take_while(|_| !is_interrupted());
+        return documents.try_for_each(|document| batch.add(document?, memory, context));
+    }
     match &args.file {
         Some(path) if path != Path::new("-") => {
             let name = path.display().to_string();
@@ -121,6 +148,26 @@ fn read_all(
         None if !args.documents.is_empty() => Ok(()),
         _ => read_stdin(batch, memory, context),
     }
+}
+
+/// Reads the documents of a text.
+type ReadDocuments = for<'a> fn(&'a Source) -> Box<dyn Iterator<Item = Result<Document, Diagnostic>> + 'a>;
+
+/// The reader of what is not JSON.
+fn reader(args: &InsertArgs) -> Option<ReadDocuments> {
+    let extension = args.file.as_ref().and_then(|path| path.extension()).and_then(|end| end.to_str());
+    let named = match extension.map(str::to_ascii_lowercase).as_deref() {
+        Some("yaml" | "yml") => Some(InputFormat::Yaml),
+        Some("csv") => Some(InputFormat::Csv),
+        Some("tsv") => Some(InputFormat::Tsv),
+        _ => None,
+    };
+    Some(match args.kind.or(named)? {
+        InputFormat::Json => return None,
+        InputFormat::Yaml => |source| Box::new(yaml::documents(source)),
+        InputFormat::Csv => |source| Box::new(csv::documents(source, b',')),
+        InputFormat::Tsv => |source| Box::new(csv::documents(source, b'\t')),
+    })
 }
 
 /// The error with how many documents were stored before it, behind the reason.
@@ -164,7 +211,7 @@ impl<'a> Batch<'a> {
         if self.documents.is_empty() {
             self.began = Instant::now();
         }
-        self.documents.push(document);
+        self.documents.push(shell::with_regexes(document));
         if self.documents.len() >= self.size || self.began.elapsed() > FLUSH_INTERVAL {
             self.size = (self.size * 2).min(LARGEST_BATCH);
             self.store(memory, context)?;

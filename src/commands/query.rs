@@ -122,7 +122,7 @@ fn why(diagnosis: &Diagnosis, memory: &Memory, context: &mut Context<'_>) -> Res
 
 /// A document given on the command line; `name` is what messages call it.
 pub(super) fn argument(name: &'static str, text: &str) -> Result<bson::Document, Diagnostic> {
-    shell::parse_document(&Source::new(name, text))
+    shell::parse_document(&Source::new(name, text)).map(shell::with_regexes_in_arrays)
 }
 
 /// Decodes a document of a store.

@@ -6,6 +6,7 @@
 //! complaint about a place in such a text.
 
 pub mod clips;
+pub mod csv;
 pub mod diagnostic;
 pub mod marker;
 #[cfg(feature = "views")]
@@ -20,6 +21,7 @@ pub mod shell;
 mod source;
 mod spelling;
 pub mod visible;
+pub mod yaml;
 
 pub use diagnostic::{Diagnostic, Diagnostics};
 pub use nearest::nearest;

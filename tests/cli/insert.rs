@@ -101,3 +101,101 @@ fn an_interrupted_insert_says_how_many_documents_of_the_file_are_stored() {
         "{run}"
     );
 }
+
+#[test]
+fn documents_come_from_yaml_and_from_rows_of_values() {
+    let lab = Lab::new();
+    lab.write(
+        "objects.yaml",
+        "- _id: cup\n  pose: {frame: map, x: 1.5}\n  seen: 2026-01-02T03:04:05Z\n- _id: jar\n  n: 3\n",
+    );
+    lab.write("objects.csv", "_id,pose.x,code.string(),n\nbox,2,007,3\nlid,,12,\n");
+    lab.write("objects.txt", "_id\tn\nbin\t4\n");
+    assert_run!(lab.rmem(&["insert", "robmem.objects", "--file", "objects.yaml"]), @r#"
+    "cup"
+    "jar"
+    ------- stderr -------
+    2 stored in robmem.objects
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["insert", "robmem.objects", "--file", "objects.csv"]), @r#"
+    "box"
+    "lid"
+    ------- stderr -------
+    2 stored in robmem.objects
+    [exit code: 0]
+    "#);
+    lab.rmem(&["insert", "robmem.objects", "--file", "objects.txt", "--type", "tsv"]).success();
+    lab.rmem_with(&["insert", "robmem.objects", "--type", "yaml"], "_id: pan\n---\n_id: pot\n").success();
+    assert_run!(lab.rmem(&["query", "robmem.objects"]), @r#"
+    {"_id":"cup","pose":{"frame":"map","x":1.5},"seen":{"$date":"[TIME]"}}
+    {"_id":"jar","n":3}
+    {"_id":"box","pose":{"x":2},"code":"007","n":3}
+    {"_id":"lid","code":"12"}
+    {"_id":"bin","n":4}
+    {"_id":"pan"}
+    {"_id":"pot"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    // What rmem writes as CSV comes back.
+    let rows = |ns| lab.rmem(&["query", ns, "{n: {$gte: 3}}", "--format", "csv"]).success();
+    lab.rmem_with(&["insert", "robmem.copies", "--type", "csv"], &rows("robmem.objects")).success();
+    assert_eq!(rows("robmem.copies"), rows("robmem.objects"));
+}
+
+#[test]
+fn what_stands_before_a_mistake_in_yaml_or_csv_is_stored() {
+    let lab = Lab::new();
+    lab.write("bad.yaml", "- {_id: 1}\n- {_id: 2}\n- three\n");
+    assert_run!(lab.rmem(&["insert", "robmem.objects", "-q", "--file", "bad.yaml"]), @r"
+    1
+    2
+    ------- stderr -------
+    error: bad.yaml:3:3: expected a document, which is a mapping: `key: value`
+      |
+    3 | - three
+      |   ^^^^^
+      2 documents were stored before it
+    [exit code: 3]
+    ");
+    lab.write("bad.csv", "_id,n.int32()\n3,1\n4,one\n");
+    assert_run!(lab.rmem(&["insert", "robmem.objects", "-q", "--file", "bad.csv"]), @r"
+    3
+    ------- stderr -------
+    error: bad.csv:3:3: expected an integer of 32 bits for `n`, found `one`
+      |
+    3 | 4,one
+      |   ^^^
+      1 document was stored before it
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["insert", "robmem.objects", "{_id: 5}", "--type", "csv"]), @r"
+    ------- stderr -------
+    error: the argument '[DOC]...' cannot be used with '--type <TYPE>'
+
+    Usage: rmem insert <NS> <DOC>...
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+}
+
+#[test]
+fn a_regular_expression_of_extended_json_1_is_stored_as_one() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.rules", r#"{_id: 1, "match": {"$regex": "^a", "$options": "i"}}"#]).success();
+    let canonical = lab.rmem(&["query", "robmem.rules", "--format", "canonical", "--fields", "{_id: 0}"]).success();
+    assert_eq!(canonical, "{\"match\":{\"$regularExpression\":{\"pattern\":\"^a\",\"options\":\"i\"}}}\n");
+    lab.rmem(&["insert", "robmem.names", "{_id: 'Anna'}", "{_id: 'Bert'}"]).success();
+    for query in ["{_id: {$in: [{$regex: '^a', $options: 'i'}]}}", "{_id: {$regex: '^a', $options: 'i'}}"] {
+        assert_eq!(lab.rmem(&["query", "robmem.names", query]).success(), "{\"_id\":\"Anna\"}\n");
+    }
+}
+
+#[test]
+fn a_key_with_hyphens_needs_no_quotes() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.machines", "{_id: 'CS1', cap-loaded: 'NONE'}"]).success();
+    assert_eq!(lab.rmem(&["count", "robmem.machines", "{cap-loaded: 'NONE'}"]).success(), "1\n");
+}

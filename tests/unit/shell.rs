@@ -29,6 +29,9 @@ fn reads_queries_as_they_are_typed_into_a_shell() {
         doc! { "relation": "on-table", "n": { "$gt": 3 }, "rings.0": { "$exists": true }, "_x$1": [1, 2.0] }
     );
     assert_eq!(document("/* all */ {}"), doc! {});
+    assert_eq!(document("{cap-loaded: 'NONE', a--b_1: -1}"), doc! { "cap-loaded": "NONE", "a--b_1": -1 });
+    let now = document("{at: Date.now()}").get_i64("at").unwrap();
+    assert!(DateTime::now().timestamp_millis() >= now && now > 1_700_000_000_000);
     assert_eq!(document(r#"{"a": "b\u00e9\n", 1: 2}"#), doc! { "a": "bé\n", "1": 2 });
 }
 
@@ -50,6 +53,12 @@ fn reads_every_constructor_of_the_shell() {
         ("NumberLong('9007199254740993')", Bson::Int64(9_007_199_254_740_993)),
         ("NumberLong(9007199254740993)", Bson::Int64(9_007_199_254_740_993)),
         ("Long(-3)", Bson::Int64(-3)),
+        ("Boolean(1)", Bson::Boolean(true)),
+        ("new Boolean('')", Bson::Boolean(false)),
+        ("Boolean(0.0)", Bson::Boolean(false)),
+        ("Boolean(NaN)", Bson::Boolean(false)),
+        ("Boolean([])", Bson::Boolean(true)),
+        ("Boolean()", Bson::Boolean(false)),
         ("NumberInt('7')", Bson::Int32(7)),
         ("Int32(7)", Bson::Int32(7)),
         ("Double(3)", Bson::Double(3.0)),
@@ -139,7 +148,10 @@ fn refuses_what_the_robot_memory_before_refused() {
         "{a: 1} {b: 2}",
         "{a: 'x}",
         "{a: 01x}",
-        "{cap-color: 1}",
+        "{cap-: 1}",
+        "{-cap: 1}",
+        "{a: cap-color}",
+        "{a: Date.then()}",
         "{a: new Robot()}",
         "{a: /x/g}",
     ] {
@@ -158,7 +170,10 @@ fn names_the_first_token_that_does_not_fit() {
         ("{a: [1", "1:7", "expected `,` or `]`, found the end of the text", "the `[` at 1:5 is not closed"),
         ("{a:1 b:2}", "1:6", "expected `,` or `}`, found `b`", ""),
         ("{a 1}", "1:4", "expected `:`, found `1`", ""),
-        ("{a-b:1}", "1:3", "expected `:`, found `-`", "quote the key: 'a-b'"),
+        ("{a-:1}", "1:3", "expected `:`, found `-`", "quote the key: 'a-'"),
+        ("{a-b.c:1}", "1:5", "expected `:`, found `.c`", "quote the key: 'a-b.c'"),
+        ("{a-b 1}", "1:6", "expected `:`, found `1`", ""),
+        ("{a: Date.now(}", "1:14", "expected a value or `)`, found `}`", "the `(` at 1:13 is not closed"),
         ("{rings.0:1}", "1:7", "expected `:`, found `.0`", "quote the key: 'rings.0'"),
         (
             "{x: {: 1}}",

@@ -27,7 +27,7 @@ pub(super) fn call(name: &str, arguments: &[Bson]) -> Result<Bson, String> {
     let Some((takes, make)) = constructor(name) else {
         return Err(format!(
             "there is no constructor `{name}`; there are ISODate, ObjectId, NumberLong, NumberInt, NumberDouble, \
-             NumberDecimal, BinData, HexData, UUID, Timestamp, RegExp, Code, Symbol, DBRef, MinKey and MaxKey"
+             NumberDecimal, Boolean, Date.now, BinData, HexData, UUID, Timestamp, RegExp, Code, Symbol, DBRef, MinKey and MaxKey"
         ));
     };
     if let ("RegExp", [Bson::String(pattern), Bson::String(options)]) = (name, arguments) {
@@ -47,6 +47,8 @@ type Make = fn(&[Bson]) -> Option<Bson>;
 fn constructor(name: &str) -> Option<(&'static str, Make)> {
     Some(match name {
         "ISODate" | "Date" => ("an ISO 8601 string or milliseconds since 1970", date),
+        "Date.now" => ("nothing", |arguments| arguments.is_empty().then(now)),
+        "Boolean" => ("a value, or nothing", boolean),
         "ObjectId" | "ObjectID" => ("a string of 24 hexadecimal digits", object_id),
         "NumberLong" | "Long" => ("a 64 bit integer, as a number or a string", long),
         "NumberInt" | "Int32" => ("a 32 bit integer, as a number or a string", int),
@@ -72,6 +74,27 @@ fn date(arguments: &[Bson]) -> Option<Bson> {
         [value] => extended::date(value),
         _ => None,
     }
+}
+
+/// Milliseconds since 1970.
+fn now() -> Bson {
+    Bson::Int64(DateTime::now().timestamp_millis())
+}
+
+/// What counts as true in JavaScript.
+fn boolean(arguments: &[Bson]) -> Option<Bson> {
+    let is_true = match arguments {
+        [] => false,
+        [value] => match value {
+            Bson::Boolean(value) => *value,
+            Bson::Null | Bson::Undefined => false,
+            Bson::String(text) => !text.is_empty(),
+            Bson::Double(number) => *number != 0.0 && !number.is_nan(),
+            value => extended::whole(value) != Some(0),
+        },
+        _ => return None,
+    };
+    Some(Bson::Boolean(is_true))
 }
 
 fn object_id(arguments: &[Bson]) -> Option<Bson> {

@@ -230,6 +230,10 @@ impl<'a> Checker<'a> {
             end = start + length(after);
             name = rest.get(start..end).unwrap_or_default();
         }
+        if name == "Date" && rest.get(end..).is_some_and(|after| after.starts_with(".now")) {
+            end += ".now".len();
+            name = "Date.now";
+        }
         let bracket = blank(end);
         let is_call = rest.get(bracket..).is_some_and(|after| after.starts_with('('));
         if is_call && (constructor::is_known(name) || foreign::hint(rest).is_none()) {
@@ -247,8 +251,9 @@ impl<'a> Checker<'a> {
             self.key = None;
             return self.string().map(|()| Next::Colon);
         }
-        let end = rest.find(|c| !is_name_part(c)).unwrap_or(rest.len());
-        let name = rest.get(..end).unwrap_or_default();
+        let end = rest.find(|c| !(is_name_part(c) || c == '-')).unwrap_or(rest.len());
+        let name = rest.get(..end).unwrap_or_default().trim_end_matches('-');
+        let end = name.len();
         let digits = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
         if name.is_empty() || (name.starts_with(char::is_numeric) && !digits) {
             let diagnostic = self.fault("a key or `}`");

@@ -245,7 +245,7 @@ fn diagnose(source: &Source, base: usize, error: &pest::error::Error<Rule>) -> D
 
 fn words(rule: Rule) -> &'static str {
     match rule {
-        Rule::member | Rule::key | Rule::name | Rule::digits => "a key",
+        Rule::member | Rule::key | Rule::bare | Rule::name | Rule::digits => "a key",
         Rule::end | Rule::EOI => "the end of the text",
         Rule::new => "`new`",
         _ => "a value",
