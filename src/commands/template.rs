@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
 use crate::memory::Memory;
 use crate::pddl::Domain;
-use crate::problem::{Generated, Request, SectionReport, Syntax};
+use crate::problem::{Generated, Request, SectionReport, Syntax, check_use, takes_goal};
 use crate::store::Namespace;
 
 /// The arguments of a template.
@@ -76,7 +76,7 @@ pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>)
 
 /// What a template is to be rendered with.
 pub(super) fn request(template: Source, options: &TemplateArgs, context: &Context<'_>) -> Result<Request, Diagnostic> {
-    Ok(Request {
+    let mut request = Request {
         template,
         syntax: match options.syntax {
             TemplateSyntax::Auto => Syntax::Auto,
@@ -87,7 +87,13 @@ pub(super) fn request(template: Source, options: &TemplateArgs, context: &Contex
         goal: options.goal.clone(),
         parameters: options.definitions.iter().map(parameter).collect::<Result<_, _>>()?,
         lenient: options.lenient,
-    })
+    };
+    check_use(&request, &[])?;
+    // What the template takes no notice of is not the goal of its problem.
+    if request.goal.is_some() && !takes_goal(&request) {
+        request.goal = None;
+    }
+    Ok(request)
 }
 
 fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {

@@ -203,7 +203,7 @@ fn reasons(why: &Why) -> Document {
     if why.is_unknown {
         return doc! { "unknown": true };
     }
-    let spelled = |text: &String| names::restore(text);
+    let spelled = |text: &String| names::readable(text);
     let obstacles = why.obstacles.iter().enumerate().map(|(place, obstacle)| {
         let achievers = obstacle.achievers.iter().map(|achiever| {
             let missing: Vec<String> = achiever.missing.iter().map(spelled).collect();

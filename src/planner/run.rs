@@ -157,11 +157,18 @@ impl Run {
         }
     }
 
-    /// Looks into why there is no plan, where the planner found that there is none or gave up.
+    /// Looks into why there is no plan, where the planner found that there is none or gave up. Where it gave up and a
+    /// condition of the goal can never hold, that is the proof.
     pub fn explain(&mut self, task: &Task<'_>) {
-        if matches!(self.outcome, Outcome::Unsolvable | Outcome::GaveUp) {
-            self.why = Some(why(task.domain, task.problem));
+        if !matches!(self.outcome, Outcome::Unsolvable | Outcome::GaveUp) {
+            return;
         }
+        let why = why(task.domain, task.problem);
+        if self.outcome == Outcome::GaveUp && why.is_proof() {
+            self.outcome = Outcome::Unsolvable;
+            self.message = "the planner gave up, but the goal can never hold".to_owned();
+        }
+        self.why = Some(why);
     }
 
     /// The last lines of what the planner printed, for messages.

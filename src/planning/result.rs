@@ -153,7 +153,7 @@ impl<'a> PlanResult<'a> {
             (outcome, "") => format!("{}: {}", run.planner, outcome.sentence()),
             (outcome, message) => format!("{}: {}: {message}", run.planner, outcome.sentence()),
         };
-        let text = names::restore(&text);
+        let text = names::readable(&text);
         let tail = run.tail();
         Some(match run.outcome {
             Outcome::Failed | Outcome::Invalid if !tail.is_empty() => {
@@ -166,7 +166,7 @@ impl<'a> PlanResult<'a> {
     /// What keeps the goal from being reached, in the memory's names, where that was found.
     #[must_use]
     pub fn why(&self) -> Option<String> {
-        self.run.why.as_ref().map(|why| names::restore(&why.to_string()))
+        self.run.why.as_ref().map(|why| names::readable(&why.to_string()))
     }
 }
 

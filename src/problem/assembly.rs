@@ -232,6 +232,7 @@ impl<'a> Assembler<'a> {
         match self.out.get(known.output.start..known.output.end).unwrap_or_default() {
             known if known == name => Ok(()),
             first => {
+                let (first, name) = (names::readable(first), names::readable(name));
                 let message = format!("`{first}` and `{name}` are one name to PDDL, which takes no notice of case");
                 let (line, column) = self.template.position(known.template.start);
                 let from = |document: &Option<DocumentId>| {

@@ -35,7 +35,7 @@ pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, Problem
 }
 
 /// The spelling by content; a template without any marker is fine in both.
-fn spelling(request: &Request) -> Result<Syntax, Diagnostic> {
+pub(super) fn spelling(request: &Request) -> Result<Syntax, Diagnostic> {
     if request.syntax != Syntax::Auto {
         return Ok(request.syntax);
     }

@@ -4,39 +4,29 @@ use super::names;
 use crate::formats::{Diagnostic, Source, Span};
 
 /// Checks that the text is one or more expressions in parentheses and nothing
-/// else. One stays as it is; several are joined by `and`. Comments are dropped.
+/// else. One stays as it is; several are joined by `and`. Comments are dropped. Names may be the memory's own.
 pub(super) fn parse(text: &str) -> Result<String, Diagnostic> {
-    let text = &names::spell(text);
-    let source = Source::new("<goal>", text.as_str());
+    let source = Source::new("<goal>", text);
     let complain = |offset: usize, message: &str| Err(Diagnostic::new(&source, Span::at(offset), message));
-    let (mut depth, mut expressions, mut comment) = (0_usize, 0, false);
+    let is_forbidden = |c: char| !c.is_whitespace() && (c.is_control() || ('\u{FDD0}'..='\u{FDEF}').contains(&c));
+    let (mut depth, mut expressions) = (0_usize, 0);
     let mut goal = String::with_capacity(text.len());
-    for (offset, c) in text.char_indices() {
-        if comment {
-            comment = c != '\n';
-            if comment {
-                continue;
-            }
-        }
-        match c {
-            ';' => {
-                comment = true;
-                continue;
-            }
-            '(' => {
+    for (offset, token) in names::tokens(text).filter(|(_, token)| !token.starts_with(';')) {
+        match token {
+            "(" => {
                 expressions += usize::from(depth == 0);
                 depth += 1;
             }
-            ')' if depth == 0 => return complain(offset, "`)` closes what is not open"),
-            ')' => depth -= 1,
-            _ if c.is_whitespace() => {}
-            _ if c.is_control() || ('\u{FDD0}'..='\u{FDEF}').contains(&c) => {
-                return complain(offset, "a goal cannot hold this character");
-            }
+            ")" if depth == 0 => return complain(offset, "`)` closes what is not open"),
+            ")" => depth -= 1,
+            _ if token.trim().is_empty() => {}
             _ if depth == 0 => return complain(offset, "expected a goal in parentheses, like `(on A B)`"),
             _ => {}
         }
-        goal.push(c);
+        if let Some(at) = token.find(is_forbidden) {
+            return complain(offset + at, "a goal cannot hold this character");
+        }
+        goal.push_str(&names::spell_token(token));
     }
     if depth > 0 {
         return complain(text.len(), "expected `)`, found the end of the goal");

@@ -18,8 +18,11 @@ mod minijinja;
 pub mod names;
 mod origin;
 mod request;
+mod taken;
+mod usage;
 
 pub use explain::{Explanation, Part, Writer};
 pub use generate::generate;
 pub use origin::{Generated, Origin};
 pub use request::{ProblemError, Request, SectionReport, Syntax};
+pub use usage::{check_use, takes_goal};

@@ -82,24 +82,35 @@ pub fn restore(name: &str) -> String {
     text
 }
 
-/// The text of a name as it can be written in an expression and read back by [`spell`]: in quotes where it has
-/// blanks, brackets or quotes.
+/// An expression, or a message with names in it, in the memory's spelling: each name as it can be written in an expression and
+/// read back by [`spell`]. Between backticks of a message it stays without quotes.
 #[must_use]
-pub fn readable(expression: &str) -> String {
-    let delimiter = |c: char| c.is_whitespace() || "()".contains(c);
-    let word = |word: &str| {
-        let name = word.trim_end_matches(delimiter);
-        format!("{}{}", quoted(name), word.get(name.len()..).unwrap_or_default())
-    };
-    expression.split_inclusive(delimiter).map(word).collect()
+pub fn readable(text: &str) -> String {
+    let is_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    let mut readable = String::with_capacity(text.len());
+    let (mut rest, mut before) = (text, ' ');
+    while let Some(first) = rest.chars().next() {
+        let length = rest.find(|c: char| !is_name(c)).unwrap_or(rest.len()).max(first.len_utf8());
+        let (token, after) = rest.split_at(length);
+        let restored = if is_name(first) { restore(token) } else { token.to_owned() };
+        match restored == token || before == '`' {
+            true => readable.push_str(&restored),
+            false => readable.push_str(&written(&restored)),
+        }
+        before = token.chars().next_back().unwrap_or(' ');
+        rest = after;
+    }
+    readable
 }
 
-fn quoted(name: &str) -> String {
-    let text = restore(name);
+/// A text of the memory as it is written in an expression: in quotes where it has blanks, brackets or quotes, or where PDDL would
+/// take it for an operator or a number.
+#[must_use]
+pub fn written(text: &str) -> String {
     let is_special = |c: char| c.is_whitespace() || c.is_control() || "()\";\\".contains(c);
-    match text != name && (text.is_empty() || text.contains(is_special) || is_operator(&text) || is_number(&text)) {
+    match text.is_empty() || text.contains(is_special) || is_operator(text) || is_number(text) {
         true => format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"")),
-        false => text,
+        false => text.to_owned(),
     }
 }
 
@@ -107,19 +118,27 @@ fn quoted(name: &str) -> String {
 /// blanks or brackets, like `(on "box #18" box#17)`. Comments stay.
 #[must_use]
 pub fn spell(expression: &str) -> String {
-    let mut spelled = String::with_capacity(expression.len());
-    let mut rest = expression;
-    while let Some(first) = rest.chars().next() {
-        let (token, after) = rest.split_at(token_length(rest));
-        match first {
-            '"' => spelled.push_str(&mangle(&unquoted(token))),
-            ';' => spelled.push_str(token),
-            _ if is_delimiter(first) || is_syntax(token) => spelled.push_str(token),
-            _ => spelled.push_str(&mangle(token)),
-        }
-        rest = after;
+    tokens(expression).map(|(_, token)| spell_token(token)).collect()
+}
+
+/// The tokens of an expression, each with its offset: a delimiter, a quoted text, a comment, or a word.
+pub(super) fn tokens(expression: &str) -> impl Iterator<Item = (usize, &str)> {
+    let mut offset = 0;
+    std::iter::from_fn(move || {
+        let rest = expression.get(offset..).filter(|rest| !rest.is_empty())?;
+        let start = offset;
+        offset += token_length(rest);
+        Some((start, expression.get(start..offset)?))
+    })
+}
+
+/// A token of an expression in names of PDDL.
+pub(super) fn spell_token(token: &str) -> String {
+    match token.chars().next() {
+        Some('"') => mangle(&unquoted(token)),
+        Some(first) if first == ';' || is_delimiter(first) || is_syntax(token) => token.to_owned(),
+        _ => mangle(token),
     }
-    spelled
 }
 
 /// Writes a plan in names of PDDL: on each line, what is in brackets is spelled as by [`spell`].
@@ -229,6 +248,8 @@ mod tests {
         let expression = format!("(on {} {}) ", mangle("box #18"), mangle("box#17"));
         assert_eq!(readable(&expression), "(on \"box #18\" box#17) ");
         assert_eq!(spell(&readable(&expression)), expression);
+        let message = format!("(go {}): object `{}` is unknown, {}.", mangle("ä"), mangle("box #18"), mangle("a b"));
+        assert_eq!(readable(&message), "(go ä): object `box #18` is unknown, \"a b\".");
         let number = format!("(at {})", mangle("3"));
         assert_eq!(spell(&readable(&number)), number);
     }

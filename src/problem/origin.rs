@@ -197,14 +197,16 @@ impl Generated {
         let origin = self.locate_span(Span::new(offset, complaint.span().end.max(offset)));
         let start = self.text.get(..offset).and_then(|text| text.rfind('\n')).map_or(0, |newline| newline + 1);
         let line = self.text.get(start..).and_then(|rest| rest.lines().next()).unwrap_or_default().trim();
-        let short = excerpt(line);
+        let short = excerpt(&names::readable(line));
         let number = self.source().position(offset).0;
-        let diagnostic = Diagnostic::new(&self.template, origin.span, complaint.message());
-        let diagnostic =
-            complaint.hints().iter().fold(diagnostic, |diagnostic, hint| diagnostic.hint(self.at_places(hint)));
+        let diagnostic = Diagnostic::new(&self.template, origin.span, names::readable(complaint.message()));
+        let diagnostic = complaint
+            .hints()
+            .iter()
+            .fold(diagnostic, |diagnostic, hint| diagnostic.hint(names::readable(&self.at_places(hint))));
         let goal = self.goal_around(offset);
         let diagnostic = match goal {
-            Some(goal) => diagnostic.hint(format!("the goal is {}", excerpt(goal))),
+            Some(goal) => diagnostic.hint(format!("the goal is {}", excerpt(&names::readable(goal)))),
             None => diagnostic,
         };
         let diagnostic = diagnostic.hint(format!("it became line {number} of the problem: {short}"));

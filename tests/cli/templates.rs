@@ -116,3 +116,92 @@ fn a_block_without_its_end_is_named_where_it_was_opened() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn what_a_template_does_not_use_is_refused_with_the_nearest_name_that_it_does() {
+    let template =
+        "(define (problem p) (:domain d) (:objects {{ robot }} {{ param('team', 'CYAN') }}) (:init) (:goal (and)))";
+    assert_run!(rendered(&lab(), template, &["-D", "robot=R1", "-D", "taem=CYAN"]), @r"
+    ------- stderr -------
+    error: <parameter>:1:1: the template does not use a parameter `taem`
+      |
+    1 | taem
+      | ^^^^
+      = hint: did you mean `team`?
+    [exit code: 3]
+    ");
+    assert_run!(rendered(&lab(), template, &["-D", "robot=R1", "-D", "speed:=3"]), @r"
+    ------- stderr -------
+    error: <parameter>:1:1: the template does not use a parameter `speed`
+      |
+    1 | speed
+      | ^^^^^
+      = hint: it uses robot, team
+    [exit code: 3]
+    ");
+    assert_run!(rendered(&lab(), template, &["-D", "robot=R1", "--goal", "(up R1)"]), @r"
+    ------- stderr -------
+    error: <goal>:1:1: t.j2 does not use the goal
+      |
+    1 | (up R1)
+      | ^^^^^^^
+      = hint: write (:goal {% if goal is defined %}{{ goal }}{% else %}(and …){% endif %}) in it, or leave --goal out
+    [exit code: 3]
+    ");
+    let lab = lab();
+    rendered(&lab, template, &["-D", "robot=R1", "--goal", "(up R1)", "--lenient"]).success();
+    lab.rmem(&["plan", "-q", "-t", "t.j2", "-d", "d.pddl", "-D", "robot=R1", "--goal", "(up R1)", "--lenient"])
+        .success();
+    let why = lab.rmem(&["plan", "why", "last"]).success();
+    assert!(why.contains("\ngoal        (and)\n"), "{why}");
+    let marker = "(define (problem p) (:domain d) (:objects <<robot>> <<pose_x>>) (:init) (:goal (and)))";
+    let given = ["-D", "robot=R1", "-D", "pose:={x: 'a'}"];
+    rendered(&lab, marker, &given).success();
+    assert_run!(rendered(&lab, marker, &[&given[..], &["-D", "robt=R1"]].concat()), @r"
+    ------- stderr -------
+    error: <parameter>:1:1: the template does not use a parameter `robt`
+      |
+    1 | robt
+      | ^^^^
+      = hint: did you mean `robot`?
+    [exit code: 3]
+    ");
+    assert_run!(rendered(&lab, marker, &[&given[..], &["--goal", "(up R1)"]].concat()), @r"
+    ------- stderr -------
+    error: <goal>:1:1: t.j2 does not use the goal
+      |
+    1 | (up R1)
+      | ^^^^^^^
+      = hint: write (:goal <<GOAL>>) in it, or leave --goal out
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn messages_have_names_as_the_memory_has_them() {
+    let template =
+        "(define (problem p) (:domain d) (:objects {{ 'ä' }}) (:init (idle {{ 'box #1' }})) (:goal {{ goal }}))";
+    assert_run!(rendered(&lab(), template, &["--goal", "(and (up \"box #18\") (up ä))"]), @r#"
+    ------- stderr -------
+    error: t.j2:1:67: object `box #1` is not declared
+      |
+    1 | (define (problem p) (:domain d) (:objects {{ 'ä' }}) (:init (idle {{ 'box #1' }})) (:goal {{ goal }}
+      |                                                                   ^^^^^^^^^^^^^^
+      = hint: it became line 1 of the problem: (define (problem p) (:domain d) (:objects ä) (:init (idle "box #1")) (:goal (and (up "box #18") (up ä))))
+    error: t.j2:1:91: object `box #18` is not declared
+      |
+    1 | …main d) (:objects {{ 'ä' }}) (:init (idle {{ 'box #1' }})) (:goal {{ goal }}))
+      |                                                                    ^^^^^^^^^^
+      = hint: the goal is (and (up "box #18") (up ä))
+      = hint: it became line 1 of the problem: (define (problem p) (:domain d) (:objects ä) (:init (idle "box #1")) (:goal (and (up "box #18") (up ä))))
+    [exit code: 3]
+    "#);
+    assert_run!(rendered(&lab(), template, &["--goal", "(up \"box #18\""]), @r#"
+    ------- stderr -------
+    error: <goal>:1:14: expected `)`, found the end of the goal
+      |
+    1 | (up "box #18"
+      |              ^
+    [exit code: 3]
+    "#);
+}

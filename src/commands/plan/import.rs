@@ -57,10 +57,10 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     match validate(&domain, &task.problem, &plan.steps) {
         Validation::Valid { value } => plan.cost = value.or(plan.cost),
         verdict => {
-            let reason = names::restore(&verdict.to_string());
+            let reason = names::readable(&verdict.to_string());
             context.output.error(&format!("{} is not stored: {reason}", file.name()));
             for repair in repair(&domain, &task.problem, &plan.steps) {
-                context.output.note(&names::restore(&repair.to_string()));
+                context.output.note(&names::readable(&repair.to_string()));
             }
             let exit = if matches!(verdict, Validation::Invalid(_)) { Exit::No } else { Exit::Unsupported };
             if is_json {

@@ -86,7 +86,7 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
     say("outcome", text("outcome"));
     say("length", text("length").map(|length| format!("{length} steps")));
     say("cost", text("cost"));
-    say("goal", text("goal").map(|goal| names::restore(&goal)));
+    say("goal", text("goal").map(|goal| names::readable(&goal)));
     let sources = lineage.get_document("sources").ok();
     for what in ["domain", "template", "problem"] {
         let kept = sources.and_then(|sources| sources.get_document(what).ok());

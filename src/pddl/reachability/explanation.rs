@@ -35,6 +35,14 @@ pub struct Achiever {
     pub missing: Vec<String>,
 }
 
+impl Why {
+    /// Whether it proves that there is no plan: a condition of the goal can never hold.
+    #[must_use]
+    pub fn is_proof(&self) -> bool {
+        !self.is_unknown && self.goals > 0
+    }
+}
+
 impl fmt::Display for Why {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_unknown {

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::page::PrintedPlan;
 use crate::pddl::Structure;
 use crate::plan::Status;
+use crate::problem::names;
 
 pub(super) fn graph(page: &PrintedPlan<'_>) -> String {
     let mut text =
@@ -40,7 +41,10 @@ fn partial_order(structure: &Structure, count: usize, text: &mut String) {
         let style = if facts.is_empty() {
             "style=dashed".to_owned()
         } else {
-            format!("label=\"{}\"", facts.iter().map(|fact| label(fact)).collect::<Vec<_>>().join("\\n"))
+            format!(
+                "label=\"{}\"",
+                facts.iter().map(|fact| label(&names::readable(fact))).collect::<Vec<_>>().join("\\n")
+            )
         };
         let _ = writeln!(text, "  s{} -> s{} [{style}];", from + 1, to + 1);
     }

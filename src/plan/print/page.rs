@@ -6,6 +6,7 @@ use bson::{Bson, Document};
 
 use crate::pddl::{Plan, Step, Structure};
 use crate::plan::Status;
+use crate::problem::names;
 
 /// A plan with what is printed along with it.
 #[derive(Clone, Copy)]
@@ -66,7 +67,7 @@ pub(super) fn time(time: f64) -> String {
 /// A value as people read it.
 fn readable(value: &Bson) -> String {
     match value {
-        Bson::String(text) => text.clone(),
+        Bson::String(text) => names::written(text),
         other => slot(other),
     }
 }

@@ -11,6 +11,7 @@ use bson::{Bson, Document};
 
 use super::page::PrintedPlan;
 use crate::plan::{Status, rounded};
+use crate::problem::names;
 
 /// The height of a lane, in pixels.
 const LANE: f64 = 64.0;
@@ -234,7 +235,7 @@ impl<'a> Drawing<'a> {
             if from.row != to.row {
                 marked.push(target);
                 let (x, y) = (to.left + 2.0 + beside, self.middle(to) - LANE / 2.0 + 8.0);
-                let facts = escaped(&facts.join(" "));
+                let facts = escaped(&names::readable(&facts.join(" ")));
                 let _ = writeln!(
                     text,
                     "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"9\" fill=\"#555\">← {step}<title>{facts}</title></text>"
@@ -250,7 +251,7 @@ impl<'a> Drawing<'a> {
                  stroke-opacity=\"0.75\" marker-end=\"url(#arrow)\"><title>{}</title></path>",
                 x1 + bend,
                 x2 - bend,
-                escaped(&facts.join(" "))
+                escaped(&names::readable(&facts.join(" ")))
             );
         }
     }

@@ -54,9 +54,9 @@ impl Fault {
         Self {
             step: step.and_then(|step| left.get(step)).map(|index| index + 1),
             action: step.and_then(|step| steps.get(step)).map(readable),
-            message: names::restore(&message),
+            message: names::readable(&message),
             origins: missing.iter().flat_map(|condition| origins(condition, task)).collect(),
-            missing: missing.iter().map(|condition| names::restore(condition)).collect(),
+            missing: missing.iter().map(|condition| names::readable(condition)).collect(),
             repairs: Vec::new(),
         }
     }
@@ -73,7 +73,7 @@ impl Fault {
 /// A step as PDDL, in the memory's names.
 fn readable(step: &Step) -> String {
     let words: Vec<&str> = std::iter::once(&step.action).chain(&step.arguments).map(String::as_str).collect();
-    names::restore(&format!("({})", words.join(" ")))
+    names::readable(&format!("({})", words.join(" ")))
 }
 
 /// Where the template would write a missing fact, or which document says what should not hold.
@@ -106,7 +106,7 @@ fn unwritten(template: &str, writer: &Writer<'_>) -> Origin {
 /// The place of the template that wrote a fact, and the document it is from.
 fn written(template: &str, found: Explanation, reason: &str) -> Origin {
     Origin {
-        what: format!("{} is in the memory{reason}", found.text),
+        what: format!("{} is in the memory{reason}", names::readable(&found.text)),
         template: format!("{template}:{}:{}", found.origin.line, found.origin.column),
         document: found.documents.into_iter().next(),
         reasons: Vec::new(),

@@ -34,7 +34,7 @@ impl Check {
             }
         }
         for repair in &fault.repairs {
-            lines.extend(names::restore(&repair.to_string()).lines().map(|line| format!("  {line}")));
+            lines.extend(names::readable(&repair.to_string()).lines().map(|line| format!("  {line}")));
         }
         lines
     }
@@ -86,7 +86,7 @@ fn origin(origin: &Origin) -> Bson {
 
 /// A repair; the step that undid the condition counts from 1.
 fn repaired(repair: &Repair) -> Bson {
-    let spelled = |text: &String| names::restore(text);
+    let spelled = |text: &String| names::readable(text);
     let all = |texts: &[String]| texts.iter().map(spelled).collect::<Vec<_>>();
     let mut document = doc! { "condition": spelled(&repair.condition) };
     if let Cause::Step { step, action } = &repair.cause {

@@ -12,9 +12,10 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::assembly::{Assembled, Assembler, Emitted, Literal};
 use super::origin::{DocumentId, document_id};
+use super::taken::Taken;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::marker::{self, Node, QueryKind, Section};
-use crate::formats::{Diagnostic, Span, shell};
+use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::memory::Memory;
 use crate::store::{Documents, Find, Namespace, StoreError};
 use value::{kind, resolve, spell};
@@ -47,6 +48,25 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let Assembled { text, placed, values } = expander.assembler.finish()?;
     let namespaces = expander.reports.first().map(|report| report.namespace.clone()).into_iter().collect();
     Ok(Generated { text, sections: expander.reports, namespaces, template: request.template.clone(), placed, values })
+}
+
+/// What the template takes from outside: keys of its markers may be those of documents, too.
+pub(super) fn taken(template: &Source) -> Taken {
+    fn note(nodes: &[Node], taken: &mut Taken) {
+        for node in nodes {
+            match node {
+                Node::Value { key, .. } if key == "GOAL" => taken.takes_goal = true,
+                Node::Value { key, .. } => drop(taken.names.insert(key.clone())),
+                Node::Section(section) => note(&section.body, taken),
+                Node::Separator(body) => note(body, taken),
+                Node::Text(_) => {}
+            }
+        }
+    }
+    let Ok(template) = marker::parse(template) else { return Taken::unknown() };
+    let mut taken = Taken::default();
+    note(&template.nodes, &mut taken);
+    taken
 }
 
 /// The sections whose documents are needed more than once: those inside of others, and those used again by name.

@@ -8,7 +8,7 @@ use crate::formats::nearest;
 use crate::problem::origin::from_document;
 
 /// The functions of templates.
-const FUNCTIONS: [&str; 9] =
+pub(super) const FUNCTIONS: [&str; 9] =
     ["aggregate", "count", "dict", "distinct", "find_one", "namespace", "param", "query", "range"];
 
 /// The filters of templates.

@@ -15,6 +15,7 @@ mod tags;
 mod value;
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread;
@@ -24,6 +25,7 @@ use minijinja::{AutoEscape, Environment, Error, ErrorKind, UndefinedBehavior};
 
 use super::answer;
 use super::assembly::{Assembled, Assembler, Literal};
+use super::taken::Taken;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
@@ -75,6 +77,30 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
         Ok(text) => assemble(request, &context, &instrumented, &text),
         Err(error) => Err(explain(template, &instrumented, &context, &error)),
     }
+}
+
+/// What the template takes from outside.
+pub(super) fn taken(request: &Request) -> Taken {
+    let text = request.template.text();
+    let environment = Environment::new();
+    let Ok(template) = environment.template_from_named_str(request.template.name(), text) else {
+        return Taken::unknown();
+    };
+    let mut names: BTreeSet<String> = template.undeclared_variables(false).into_iter().collect();
+    let takes_goal = names.remove("goal");
+    names.retain(|name| !hint::FUNCTIONS.contains(&name.as_str()));
+    let mut taken = Taken { names, takes_goal, is_unknown: false };
+    for tag in tags::tags(text) {
+        for (at, _) in tag.words().into_iter().filter(|(_, word)| *word == "param") {
+            let rest = tag.code().get(at + "param".len()..).unwrap_or_default().trim_start();
+            let argument = rest.strip_prefix('(').unwrap_or(rest).trim_start();
+            match argument.strip_prefix(['"', '\'']).and_then(|name| name.split(['"', '\'']).next()) {
+                Some(name) => drop(taken.names.insert(name.to_owned())),
+                None => taken.is_unknown = true,
+            }
+        }
+    }
+    taken
 }
 
 /// Ends the answering when it goes.

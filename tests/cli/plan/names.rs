@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::parsed;
-use crate::lab::Lab;
+use crate::lab::{Lab, assert_run};
 
 /// A memory with lamps whose names are no names of PDDL, and a plan to light them.
 fn lamps() -> Lab {
@@ -78,4 +78,62 @@ fn json_is_json_for_every_command_about_plans() {
         let help = lab.rmem(&[&command[..], &["--help"]].concat()).success();
         assert!(help.contains("Output format: ") && help.contains("json"), "{help}");
     }
+}
+
+#[test]
+fn explanations_checks_and_drawings_have_names_as_the_memory_has_them() {
+    let lab = lamps();
+    let task = ["plan", "-d", "domain.pddl", "-t", "p.j2", "-D", "lamp=box #18", "--goal"];
+    let words = |more: &[&'static str]| [&task[..], more].concat();
+    assert_run!(lab.rmem(&words(&["(lit \"box #18\")", "-q", "--format", "dot"])), @r#"
+    digraph "[ID]" {
+      node [shape=box];
+      init [shape=circle, label=""];
+      s1 [label="1: (light \"box #18\")"];
+      goal [shape=doublecircle, label=""];
+      init -> s1;
+      s1 -> goal;
+    }
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&words(&["(wick ä)"])), @r#"
+    ------- stderr -------
+    error: p.j2:2:99: object `ä` is not declared
+      |
+    2 | …y('a.b', {'name': lamp}) %}(wick {{ lamp }}) {% endfor %}) (:goal {{ goal }}))
+      |                                                                    ^^^^^^^^^^
+      = hint: the goal is (wick ä)
+      = hint: it became line 2 of the problem: (:init (wick "box #18") ) (:goal (wick ä)))
+    [exit code: 3]
+    "#);
+    lab.rmem(&["delete", "-q", "a.b", "{name: 'box #18'}"]).success();
+    lab.rmem(&["insert", "-q", "a.c", "{name: 'box #18'}"]).success();
+    lab.write("p.j2", &lab.read("p.j2").replacen("query('a.b'", "query('a.c'", 1));
+    lab.rmem(&["insert", "-q", "a.b", "{name: 'box #18'}"]).success();
+    lab.rmem(&words(&["(lit \"box #18\")", "-q"])).success();
+    lab.rmem(&["delete", "-q", "a.b", "{name: 'box #18'}"]).success();
+    assert_run!(lab.rmem(&["plan", "check", "last"]), @r#"
+    [ID] does not hold: step 1: (light "box #18") is not applicable: (wick "box #18") is false
+      p.j2:2: not in the problem; it would be written by (:init {% for l in query('a.b', {'name': lamp}) %}(wick {{ lamp }}) {% endfor %}) (:goal {{ goal }}))
+        line 2: query('a.b', {'name': lamp}) asks {"name":"box #18"} in a.b: 0 documents
+      (wick "box #18"): false in the initial state
+        no action makes it true; it has to hold in the initial state
+    ------- stderr -------
+    [exit code: 1]
+    "#);
+    assert_run!(lab.rmem(&words(&["(lit \"box #18\")", "--no-store"])), @r#"
+    ------- stderr -------
+    warning: line 2: query('a.b', {'name': lamp}) in a.b: 0 documents
+      a.b: 1 document, 0 match
+        alone  together  condition
+            0         0  {"name":"box #18"}
+                         {name: "box#17"} matches 1 document
+    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
+    why: the goal asks for (lit "box #18"), which can never hold
+           (light "box #18") would make it true, but needs (wick "box #18")
+         and (wick "box #18"), which can never hold: no action makes it true
+    never true, in the initial state or by an action: wick
+    [exit code: 11]
+    "#);
 }

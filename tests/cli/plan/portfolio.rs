@@ -371,3 +371,21 @@ fn a_plan_that_is_there_when_the_time_is_over_counts() {
     let found = lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "2s"]).exits(0);
     assert!(found.stdout.contains("; makespan = "), "{found}");
 }
+
+#[test]
+fn a_goal_that_can_never_hold_is_proof_although_the_planner_gave_up() {
+    let lab = Lab::new();
+    let run = race(&lab, "unreachable", &["quitter"], &[]);
+    assert_run!(run, @r"
+    ------- stderr -------
+    error: quitter: proven: no plan exists: the planner gave up, but the goal can never hold
+    why: the goal asks for (lit), which can never hold
+           (switch-on ?s) would make it true, but needs (on-stool)
+         and (on-stool), which can never hold
+           (climb ?s) would make it true, but needs (stool-at ?s)
+         and (stool-at ?s), which can never hold
+           (push ?from ?to) would make it true, but needs (stool-at ?from)
+    never true, in the initial state or by an action: stool-at, on-stool
+    [exit code: 11]
+    ");
+}

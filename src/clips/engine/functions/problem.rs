@@ -9,7 +9,7 @@ use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::planning::{self, PlanCall};
 use crate::clips::engine::state::State;
 use crate::formats::Source;
-use crate::problem::{Request, Syntax};
+use crate::problem::{Request, Syntax, check_use};
 
 pub(super) const FUNCTIONS: &[Function] = &[open(&["rm-gen-problem"], 1, generate), function(&["rm-plan"], 2, 4, plan)];
 
@@ -36,6 +36,7 @@ fn generate(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Res
         parameters,
         lenient: false,
     };
+    check_use(&request, &[]).map_err(Failure::declined)?;
     let text = state.planning.generate(request, state.memory).map_err(Failure::declined)?;
     Ok(Value::Text(text))
 }
