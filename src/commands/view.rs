@@ -1,16 +1,20 @@
 //! `rmem view [NS]`: a browser of the memory in the terminal.
 
 use std::io::{self, IsTerminal as _, Write};
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
 use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
-use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode};
+use ratatui::crossterm::terminal::{
+    Clear, ClearType, EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+};
 use ratatui::crossterm::{cursor, execute};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use signal_hook::consts::{SIGQUIT, SIGTSTP};
 
 use super::{Context, UsageError};
 use crate::error::Result;
@@ -24,7 +28,7 @@ use crate::views::browser::{Browser, Key, draw};
 #[command(after_help = "Example:\n  rmem view robmem.worldmodel\n\n\
 Arrow keys (or j, k) move, Enter opens what is selected, Esc goes back, / asks for a query, s for a sort order,\n\
 e explains how the query is answered, p shows the plan that is selected (or the plans), c the computables,\n\
-r reads again, q quits. A collection that is open is read again as it changes. The first 1000 documents are shown.")]
+r reads again, q quits, Ctrl-Z suspends. A collection that is open is read again as it changes. The first 1000 documents are shown.")]
 pub struct ViewArgs {
     /// Begin with this collection (default: the list of collections)
     #[arg(value_name = "NS")]
@@ -43,20 +47,44 @@ pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let mut browser = Browser::new(&memory, args.namespace.clone())?;
     // A signal sets a flag, so that the terminal is put right before the end.
-    let guard = InterruptGuard::new();
+    let signals = Signals::new()?;
     end_with_terminal();
     let screen = Screen::enter(context.output.stdout())?;
-    browse(&mut browser, screen, &guard)
+    browse(&mut browser, screen, &signals)
 }
 
-fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard) -> Result<Exit> {
+/// What other programs ask for by signals.
+struct Signals {
+    guard: InterruptGuard,
+    quit: Arc<AtomicBool>,
+    suspend: Arc<AtomicBool>,
+}
+
+impl Signals {
+    fn new() -> io::Result<Self> {
+        let signals = Self { guard: InterruptGuard::new(), quit: Arc::default(), suspend: Arc::default() };
+        signal_hook::flag::register(SIGQUIT, Arc::clone(&signals.quit))?;
+        signal_hook::flag::register(SIGTSTP, Arc::clone(&signals.suspend))?;
+        Ok(signals)
+    }
+
+    fn is_end(&self) -> bool {
+        self.guard.interrupted().load(Ordering::Relaxed) || self.quit.load(Ordering::Relaxed)
+    }
+}
+
+fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, signals: &Signals) -> Result<Exit> {
     let mut terminal = Terminal::new(CrosstermBackend::new(screen))?;
     terminal.draw(|frame| draw(browser, frame))?;
     while !browser.is_over() {
-        if guard.interrupted().load(Ordering::Relaxed) {
+        if signals.is_end() {
             return Ok(Exit::Interrupted);
         }
-        let mut is_changed = browser.refresh()?;
+        let mut is_changed = signals.suspend.swap(false, Ordering::Relaxed);
+        if is_changed {
+            suspend(&mut terminal)?;
+        }
+        is_changed |= browser.refresh()?;
         if is_hung_up(TICK) {
             return Ok(Exit::Interrupted);
         }
@@ -65,10 +93,13 @@ fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard)
             let height = terminal.size()?.height.saturating_sub(4);
             match event::read()? {
                 Event::Key(key) if key.kind != KeyEventKind::Release => {
-                    if key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL) {
-                        return Ok(Exit::Interrupted);
-                    }
-                    if let Some(key) = meaning(key.code) {
+                    if key.modifiers.contains(KeyModifiers::CONTROL) {
+                        match key.code {
+                            KeyCode::Char('c' | '\\') => return Ok(Exit::Interrupted),
+                            KeyCode::Char('z') => signals.suspend.store(true, Ordering::Relaxed),
+                            _ => {}
+                        }
+                    } else if let Some(key) = meaning(key.code) {
                         browser.press(key, usize::from(height));
                     }
                 }
@@ -80,6 +111,19 @@ fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, guard: &InterruptGuard)
         }
     }
     Ok(Exit::Done)
+}
+
+/// Stops the program until it is told to continue; meanwhile the terminal is as it was.
+fn suspend(terminal: &mut Terminal<CrosstermBackend<Screen<'_>>>) -> Result<()> {
+    execute!(terminal.backend_mut(), LeaveAlternateScreen, cursor::Show)?;
+    disable_raw_mode()?;
+    signal_hook::low_level::emulate_default_handler(SIGTSTP)?;
+    enable_raw_mode()?;
+    execute!(terminal.backend_mut(), EnterAlternateScreen, cursor::Hide, Clear(ClearType::All))?;
+    // Both of what was drawn and what is to be drawn are forgotten, so that all is drawn again.
+    terminal.swap_buffers();
+    terminal.swap_buffers();
+    Ok(())
 }
 
 /// Ends the program soon after its terminal is gone, whatever it does then: where the terminal goes between a look at

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use bson::{Document, doc};
 
 use crate::formats::scene::Pose;
-use crate::formats::scene::document::numbers;
+use crate::formats::scene::document;
 use crate::formats::shell;
 use crate::query::QueryError;
 use crate::store::{Documents, Find, Namespace, StoreError};
@@ -20,18 +20,6 @@ pub struct Frames {
 
 /// A frame and those around it, each with the pose of the first in it.
 type Ancestors<'a> = Vec<(&'a str, Pose)>;
-
-/// The pose under `translation` and `rotation` in a document. A quaternion of any
-/// length but 0 is one of rotation.
-///
-/// # Errors
-/// Where they are not three and four numbers.
-pub fn pose(document: &Document) -> Result<Pose, String> {
-    let translation = numbers(document, "translation")?;
-    let rotation: [f64; 4] = numbers(document, "rotation")?;
-    Pose::new(translation, rotation)
-        .ok_or_else(|| format!("its `rotation` {rotation:?} is no rotation; expected a unit quaternion [x, y, z, w]"))
-}
 
 impl Frames {
     /// Reads the frames of a collection with `find`, which queries it.
@@ -54,7 +42,7 @@ impl Frames {
         let (Ok(frame), Ok(parent)) = (document.get_str("frame"), document.get_str("parent")) else { return Ok(()) };
         let place = &self.namespace;
         let id = || document.get("_id").map(shell::relaxed_value).unwrap_or_default();
-        let pose = pose(document)
+        let pose = document::pose(document)
             .map_err(|wrong| format!("the frame `{frame}` of {place} (_id {}) has no pose: {wrong}", id()))?;
         if self.frames.insert(frame.to_owned(), (parent.to_owned(), pose)).is_some() {
             return Err(format!("the frame `{frame}` is in {place} twice (_id {}); a frame has one parent", id()));
@@ -150,7 +138,6 @@ impl Frames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bson::Bson;
 
     fn way(frames: &[(&str, &str, Pose)], way: &str) -> Result<Pose, String> {
         let namespace = Namespace::parse("robmem.frames").unwrap();
@@ -182,22 +169,6 @@ mod tests {
         ] {
             let wrong = way(&frames, name).unwrap_err();
             assert!(wrong.contains(words), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn a_pose_needs_numbers_and_a_rotation() {
-        let read = |translation: Bson, rotation: Bson| pose(&doc! { "translation": translation, "rotation": rotation });
-        let (zero, one) = (Bson::from(vec![0, 0, 0]), Bson::from(vec![0, 0, 0, 2]));
-        assert_eq!(read(zero.clone(), one.clone()), Ok(Pose::IDENTITY));
-        for (translation, rotation) in [
-            (Bson::from(vec![0, 0]), one.clone()),
-            (Bson::from(vec!["0", "0", "0"]), one.clone()),
-            (Bson::from(vec![f64::NAN, 0.0, 0.0]), one),
-            (zero.clone(), Bson::from(vec![0, 0, 0, 0])),
-            (zero, Bson::Null),
-        ] {
-            assert!(read(translation, rotation).is_err());
         }
     }
 }

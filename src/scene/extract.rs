@@ -227,7 +227,7 @@ fn object(
 ) -> Result<(Object, String, Pose), String> {
     let key = kind.map_or(NAME, |kind| &kind.name_key);
     let name = match document.get(key) {
-        Some(Bson::String(name)) => name.clone(),
+        Some(Bson::String(name)) if !name.is_empty() => name.clone(),
         Some(other) => return Err(format!("its `{key}` is {other}; expected a name as text")),
         None => {
             return Err(format!(

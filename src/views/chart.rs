@@ -120,9 +120,10 @@ impl Chart {
         span(self.points().map(|point| point.x).chain(ends))
     }
 
-    /// From the least to the greatest y of points.
+    /// From the least to the greatest y of points and bars.
     pub(super) fn span_y(&self) -> Option<(f64, f64)> {
-        span(self.points().map(|point| point.y))
+        let bars = self.series.iter().flat_map(|series| series.bars.iter().map(|(_, y)| *y));
+        span(self.points().map(|point| point.y).chain(bars))
     }
 
     /// The points of all series.

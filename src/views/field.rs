@@ -17,6 +17,9 @@ pub fn lookup<'a>(document: &'a Document, path: &str) -> Option<&'a Bson> {
     Some(value)
 }
 
+/// The greatest number that is drawn: the length of an axis has to be a number, too.
+const MAX: f64 = 1e300;
+
 /// A value on an axis: a number, or a date as seconds since 1970.
 #[must_use]
 pub fn number(value: &Bson) -> Option<f64> {
@@ -30,7 +33,7 @@ pub fn number(value: &Bson) -> Option<f64> {
         Bson::Decimal128(decimal) => decimal.to_string().parse().ok()?,
         _ => return None,
     };
-    number.is_finite().then_some(number)
+    (number.abs() <= MAX).then_some(number)
 }
 
 /// A value as people read it.

@@ -50,6 +50,8 @@ fn x_axis(chart: &Chart, mut layout: Layout) -> Layout {
     layout = layout.with_x_label(label(&chart.x, zone));
     if chart.x.log {
         layout = layout.with_log_x().with_x_tick_format(TickFormat::Custom(Arc::new(power)));
+    } else if chart.span_x().is_some_and(is_long) {
+        layout = layout.with_x_tick_format(TickFormat::Custom(Arc::new(scientific)));
     }
     if let Some((least, greatest)) = chart.x.range {
         layout = layout.with_x_axis_min(least).with_x_axis_max(greatest);
@@ -66,6 +68,8 @@ fn y_axis(chart: &Chart, mut layout: Layout) -> Layout {
     layout = layout.with_y_label(label(&chart.y, zone));
     if chart.y.log {
         layout = layout.with_log_y().with_y_tick_format(TickFormat::Custom(Arc::new(power)));
+    } else if chart.span_y().is_some_and(is_long) {
+        layout = layout.with_y_tick_format(TickFormat::Custom(Arc::new(scientific)));
     }
     if let Some((least, greatest)) = chart.y.range {
         layout = layout.with_y_axis_min(least).with_y_axis_max(greatest);
@@ -96,6 +100,21 @@ fn power(value: f64) -> String {
         return text.trim_end_matches('0').trim_end_matches('.').to_owned();
     }
     format!("{value:.0e}")
+}
+
+/// Whether ticks of an axis would have more digits than a double is exact to.
+fn is_long((least, greatest): (f64, f64)) -> bool {
+    least.abs().max(greatest.abs()) >= 1e15
+}
+
+/// A tick with the digits that differ between ticks, and an exponent.
+fn scientific(value: f64) -> String {
+    let text = format!("{value:.3e}");
+    match text.split_once('e') {
+        Some((digits, "0")) => digits.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        Some((digits, exponent)) => format!("{}e{exponent}", digits.trim_end_matches('0').trim_end_matches('.')),
+        None => text,
+    }
 }
 
 /// Turned names need no more room than a line has; where they are too many even so, some are left out.

@@ -4,6 +4,8 @@ use kuva::backend::png::PngBackend;
 use kuva::backend::svg::SvgBackend;
 use kuva::render::render::{Primitive, Scene};
 
+use crate::formats::visible;
+
 /// Pixels of a PNG for each unit of the SVG.
 const DENSITY: f32 = 2.0;
 
@@ -14,11 +16,11 @@ pub struct Picture {
 
 impl Picture {
     /// The drawing of a charting crate's scene. Texts are shown as they are: to the crate, what is between two `$`
-    /// would be a formula.
+    /// would be a formula. Control characters, which XML cannot express, are shown as escapes.
     pub(super) fn new(mut scene: Scene) -> Self {
         for element in &mut scene.elements {
             if let Primitive::Text { content, .. } = element {
-                *content = content.replace('$', "\\$");
+                *content = visible::line(content).replace(['\u{fffe}', '\u{ffff}'], "\u{fffd}").replace('$', "\\$");
             }
         }
         Self { scene }

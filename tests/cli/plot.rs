@@ -25,6 +25,24 @@ fn documents_are_drawn_as_svg_and_png() {
 }
 
 #[test]
+fn odd_names_and_huge_numbers_leave_a_drawing_that_can_be_read() {
+    let lab = Lab::new();
+    let documents = [r"{x: 'a\u0007<b', y: 1}", "{x: 'c', y: 9e299}", "{x: 'd', y: 2e300}"];
+    lab.rmem(&[&["insert", "a.b"], &documents[..]].concat()).success();
+    let plot = ["plot", "a.b", "--x", "x", "--y", "y", "--kind", "bars", "--title", "t\u{1}\u{202e}", "-o", "out.svg"];
+    assert_run!(lab.rmem(&plot), @r"
+    ------- stderr -------
+    1 of 3 documents lack what is drawn and are left out
+    [exit code: 0]
+    ");
+    let svg = lab.read("out.svg");
+    roxmltree::Document::parse(&svg).unwrap();
+    for part in [r">a\u{7}&lt;b<", r">t\u{1}\u{202e}<", ">2e299<", ">0<"] {
+        assert!(svg.contains(part), "no {part} in {svg}");
+    }
+}
+
+#[test]
 fn what_cannot_be_drawn_is_refused_and_leaves_no_file() {
     let lab = Lab::new();
     let plot = |args: &[&str]| kitchen(&lab, &[&["plot", "robmem.worldmodel", "-o", "out.svg"], args].concat());

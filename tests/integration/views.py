@@ -1,5 +1,6 @@
 """Drives `rmem view` in a pseudo-terminal. Arguments: rmem, the memory, how it ends, and a collection to begin with, if any.
-It ends by the key q, by a signal (TERM, INT or HUP), or by a terminal that is gone (gone; gone-session, where the
+It ends by the key q, by a signal (TERM, INT, HUP or QUIT), by q after it was suspended and continued (TSTP: by a
+signal, ctrl-z: by that key), or by a terminal that is gone (gone; gone-session, where the
 terminal is that of its session). Prints the exit code; fails where something is not seen, or the terminal is not left as it was."""
 import codecs
 import fcntl
@@ -138,8 +139,10 @@ wait("sorted by {name: -1}")
 places = [screen.text().index(name) for name in ("elsewhere", "cup 2", "cup 1")]
 assert places == sorted(places), screen.text()
 press(b"e")
-wait("explain")
+wait("keys_examined")
 press(b"\x1b")
+while "keys_examined" in screen.text():
+    assert read(60), screen.text()
 wait("3 documents")
 assert termios.tcgetattr(slave) != before, "the terminal is not in raw mode"
 if end.startswith("gone"):
@@ -147,6 +150,18 @@ if end.startswith("gone"):
     os.close(master)
     print(child.wait(timeout=60))
     sys.exit()
+suspends = {"TSTP": lambda: child.send_signal(signal.SIGTSTP), "ctrl-z": lambda: press(b"\x1a")}
+if end in suspends:
+    suspends[end]()
+    assert os.WIFSTOPPED(os.waitpid(child.pid, os.WUNTRACED)[1]), "it is not suspended"
+    while read(0.2):
+        pass
+    assert termios.tcgetattr(slave) == before, "the terminal of a suspended browser is not as it was"
+    screen.clear()
+    child.send_signal(signal.SIGCONT)
+    wait("3 documents")
+    assert termios.tcgetattr(slave) != before, "the terminal is not in raw mode again"
+    end = "q"
 if end == "q":
     press(b"q")
 else:

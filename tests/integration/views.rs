@@ -16,6 +16,9 @@ pub(crate) fn trials() -> Vec<Trial> {
         ("leaves_the_terminal_as_it_was_after_TERM", "TERM", 130),
         ("leaves_the_terminal_as_it_was_after_INT", "INT", 130),
         ("leaves_the_terminal_as_it_was_after_HUP", "HUP", 130),
+        ("leaves_the_terminal_as_it_was_after_QUIT", "QUIT", 130),
+        ("leaves_the_terminal_as_it_was_while_it_is_suspended", "TSTP", 0),
+        ("is_suspended_by_its_key", "ctrl-z", 0),
         ("ends_when_its_terminal_is_gone", "gone", 130),
         ("ends_when_the_terminal_of_its_session_is_gone", "gone-session", 130),
     ];

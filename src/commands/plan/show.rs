@@ -85,8 +85,20 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
         structure: structure.as_ref(),
         lanes: args.lanes.as_deref(),
     };
+    if let (Format::Svg, Some(lanes)) = (format, &args.lanes) {
+        check_lanes(lanes, &printed)?;
+    }
     print(&printed, context)?;
     Ok(Exit::Done)
+}
+
+/// Refuses a parameter that no step has.
+fn check_lanes(lanes: &str, printed: &PrintedPlan<'_>) -> Result<(), WrongInput> {
+    let known = printed.possible_lanes();
+    if known.contains(&lanes) {
+        return Ok(());
+    }
+    Err(WrongInput::new(format!("--lanes: no step has a `{lanes}`; expected one of {}", known.join(", "))))
 }
 
 /// Prints the report of a plan or a failure, for programs.

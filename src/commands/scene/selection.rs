@@ -11,7 +11,7 @@ use crate::commands::query::{argument, blame};
 use crate::commands::{Context, UsageError, WrongInput, missing};
 use crate::error::Result;
 use crate::formats::scene::{Content, Kind, Spelling, by_name, recognize};
-use crate::formats::{Diagnostic, Source};
+use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
 use crate::memory::computables::BodyKind;
 use crate::memory::frames::Frames;
@@ -216,11 +216,21 @@ pub(super) fn read_file(
     let source: Source = context.read(path)?;
     let spelling = match from {
         Some(name) => by_name(name).ok_or_else(|| UsageError::new(format!("`{name}` is no format of scenes")))?,
-        None => recognize(source.text()),
+        None => recognize(source.text()).ok_or_else(|| unknown(&source))?,
     };
     let content = (spelling.read)(&source)?;
     check_names(path, &content)?;
     Ok((content, spelling))
+}
+
+/// That a file looks like no format of scenes.
+fn unknown(source: &Source) -> Diagnostic {
+    let formats = FORMATS.map(Format::name).join(", ");
+    let message = format!(
+        "this looks like no format of scenes (in MoveIt's, the second line is `* NAME` or `.`); name its format with --from: {formats}"
+    );
+    let first = source.text().lines().next().unwrap_or_default();
+    Diagnostic::new(source, Span::new(0, first.len()), message)
 }
 
 /// Refuses a scene with two objects of one name: which of them is meant is not known.

@@ -49,6 +49,6 @@ pub fn by_name(name: &str) -> Option<&'static Spelling> {
 
 /// The format that a text looks like.
 #[must_use]
-pub fn recognize(text: &str) -> &'static Spelling {
-    SPELLINGS.iter().rev().copied().find(|spelling| (spelling.recognizes)(text)).unwrap_or(&moveit::SPELLING)
+pub fn recognize(text: &str) -> Option<&'static Spelling> {
+    SPELLINGS.iter().rev().copied().find(|spelling| (spelling.recognizes)(text))
 }

@@ -15,8 +15,9 @@ use bson::{Bson, Document, doc};
 
 use super::body::{Asked, Body, Builtin, ComputeError, Options, Source, WrongOption};
 use crate::formats::scene::Pose;
+use crate::formats::scene::document::pose;
 use crate::formats::shell;
-use crate::memory::frames::{self, Frames};
+use crate::memory::frames::Frames;
 use crate::store::{Find, Namespace, NamespaceError, StoreError};
 
 /// The keys of the query that are not about the documents as they are.
@@ -101,7 +102,7 @@ fn transform(
                 way
             }
         };
-        let pose = way.around(&frames::pose(&document).map_err(wrong)?);
+        let pose = way.around(&pose(&document).map_err(wrong)?);
         document.insert("frame", target);
         document.insert("translation", pose.translation.to_vec());
         document.insert("rotation", pose.rotation.to_vec());

@@ -29,6 +29,12 @@ pub enum Format {
 }
 
 impl PrintedPlan<'_> {
+    /// What the lanes of its drawing can be: the values of a parameter of the steps, or their actions.
+    #[must_use]
+    pub fn possible_lanes(&self) -> Vec<&str> {
+        svg::lanes(self)
+    }
+
     /// Prints the plan; the text ends with a line break.
     ///
     /// # Errors

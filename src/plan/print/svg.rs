@@ -341,23 +341,33 @@ fn colors(status: Status) -> (&'static str, &'static str) {
 }
 
 /// The document of a step, where it is one with names of parameters.
-fn record<'a>(page: &'a PrintedPlan<'_>, index: usize) -> Option<&'a Document> {
+fn record<'a>(page: &PrintedPlan<'a>, index: usize) -> Option<&'a Document> {
     page.document.get_document((index + 1).to_string()).ok()
+}
+
+/// The parameters of steps, and how many steps have each, in the order of their first step.
+fn counted<'a>(page: &PrintedPlan<'a>) -> Vec<(&'a str, usize)> {
+    let mut counts: Vec<(&str, usize)> = Vec::new();
+    let records = (0..page.plan.steps.len()).filter_map(|index| record(page, index));
+    for key in records.flat_map(Document::keys).filter(|key| *key != "action" && !key.starts_with('_')) {
+        match counts.iter_mut().find(|(other, _)| other == key) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((key, 1)),
+        }
+    }
+    counts
+}
+
+/// What the lanes can be.
+pub(super) fn lanes<'a>(page: &PrintedPlan<'a>) -> Vec<&'a str> {
+    counted(page).into_iter().map(|(name, _)| name).chain(["action"]).collect()
 }
 
 /// The parameter that the most steps have; of several, the first.
 fn shared_parameter(page: &PrintedPlan<'_>) -> Option<String> {
-    let mut counts: Vec<(&String, usize)> = Vec::new();
-    for index in 0..page.plan.steps.len() {
-        for key in record(page, index)?.keys().filter(|key| *key != "action" && !key.starts_with('_')) {
-            match counts.iter_mut().find(|(other, _)| *other == key) {
-                Some((_, count)) => *count += 1,
-                None => counts.push((key, 1)),
-            }
-        }
-    }
+    let counts = counted(page);
     let most = counts.iter().map(|(_, count)| *count).max()?;
-    counts.into_iter().find(|(_, count)| *count == most).map(|(key, _)| key.clone())
+    counts.into_iter().find(|(_, count)| *count == most).map(|(key, _)| key.to_owned())
 }
 
 fn lane_name(page: &PrintedPlan<'_>, index: usize, parameter: Option<&str>) -> String {

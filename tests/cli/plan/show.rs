@@ -82,6 +82,11 @@ fn a_plan_is_drawn_in_lanes_with_its_causal_links() {
     }
     // Block B is put on C once: three blocks are moved, and each has a lane.
     assert_eq!(svg.matches("font-weight=\"bold\">A<").count(), 1, "{svg}");
+    assert_run!(lab.rmem(&["plan", "show", "last", "--format", "svg", "--lanes", "nope"]), @r"
+    ------- stderr -------
+    error: --lanes: no step has a `nope`; expected one of x, y, action
+    [exit code: 3]
+    ");
     let lanes = lab.rmem(&["plan", "show", "last", "--format", "svg", "--lanes", "action"]).success();
     assert!(lanes.contains("font-weight=\"bold\">unstack<"), "{lanes}");
     let timeline = lab.rmem(&["plan", "show", "last", "--format", "timeline"]).success();

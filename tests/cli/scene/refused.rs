@@ -35,6 +35,7 @@ fn what_is_no_object_is_an_error_with_its_id_and_nothing_is_written() {
         ("frame: 'nowhere'", "json"),
         ("frame: 7", "json"),
         ("name: 5", "json"),
+        ("name: ''", "json"),
         ("name: 'red cup'", "openrave"),
         ("name: 'a::b'", "sdf"),
         ("name: 'map'", "sdf"),
@@ -99,6 +100,40 @@ fn frames_that_a_format_cannot_name_are_refused_before_anything_is_written() {
     }
     let refused = kitchen.rmem(&["scene", "export", OBJECTS, "--frame", "map", "--name", "a\u{7}"]).exits(2);
     assert!(refused.stderr.contains("the character \\u{7} cannot be in a name of a scene"), "{refused}");
+}
+
+#[test]
+fn frames_that_are_not_turned_by_a_unit_quaternion_are_refused() {
+    let kitchen = Kitchen::new();
+    kitchen.update("robmem.frames", "gripper", "{$set: {rotation: [0, 0, 0, 2]}}");
+    assert_run!(kitchen.rmem(&["scene", "export", OBJECTS, "--frame", "map"]), @r#"
+    ------- stderr -------
+    error: the frame `gripper` of robmem.frames (_id "gripper") has no pose: its `rotation` [0.0, 0.0, 0.0, 2.0] has the length 2.000000; expected a unit quaternion [x, y, z, w]
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn a_file_that_looks_like_no_scene_is_not_taken_for_one() {
+    let lab = Lab::new();
+    lab.write("world.yaml", "objects:\n  - name: cup\n");
+    assert_run!(lab.rmem(&["scene", "diff", "world.yaml", "world.yaml"]), @r"
+    ------- stderr -------
+    error: world.yaml:1:1: this looks like no format of scenes (in MoveIt's, the second line is `* NAME` or `.`); name its format with --from: json, moveit, moveit-msg, mjcf, sdf, urdf, openrave
+      |
+    1 | objects:
+      | ^^^^^^^^
+    [exit code: 3]
+    ");
+    lab.write("empty", "");
+    assert_run!(lab.rmem(&["scene", "diff", "empty", "empty"]), @r"
+    ------- stderr -------
+    error: empty:1:1: this looks like no format of scenes (in MoveIt's, the second line is `* NAME` or `.`); name its format with --from: json, moveit, moveit-msg, mjcf, sdf, urdf, openrave
+      |
+    1 | 
+      | ^
+    [exit code: 3]
+    ");
 }
 
 #[test]
