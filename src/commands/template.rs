@@ -128,6 +128,7 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
             warned.push(&section.namespace);
         }
     }
+    generated.respelled.iter().for_each(|name| context.output.note(name));
     for namespace in &generated.namespaces {
         if !warned.contains(&namespace) && !generated.sections.iter().any(|section| section.namespace == *namespace) {
             missing::warn(namespace, memory, context);

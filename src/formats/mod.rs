@@ -26,4 +26,4 @@ pub mod yaml;
 pub use diagnostic::{Diagnostic, Diagnostics};
 pub use nearest::nearest;
 pub use source::{Source, Span};
-pub use spelling::{alike, is_alike};
+pub use spelling::{Respelled, alike, is_alike};

@@ -2,6 +2,30 @@
 //!
 //! CLIPS and PDDL write `param-values`, templates of Fawkes and most programming languages `param_values`.
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+/// The names that were found by another spelling, for messages.
+#[derive(Debug, Default)]
+pub struct Respelled(Mutex<BTreeMap<String, String>>);
+
+impl Respelled {
+    /// Keeps that `wanted` was asked for, and `found` is there.
+    pub fn add(&self, wanted: &str, found: &str) {
+        let mut names = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !names.contains_key(wanted) {
+            names.insert(wanted.to_owned(), found.to_owned());
+        }
+    }
+
+    /// Returns a sentence for each name, and forgets the names.
+    #[must_use]
+    pub fn take(&self) -> Vec<String> {
+        let names = std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
+        names.into_iter().map(|(wanted, found)| format!("`{wanted}` was found as `{found}`")).collect()
+    }
+}
+
 /// Whether two names are the same, or differ only in that one has a hyphen where the other has an underscore.
 #[must_use]
 pub fn is_alike(one: &str, other: &str) -> bool {

@@ -62,6 +62,8 @@ pub struct Generated {
     pub sections: Vec<SectionReport>,
     /// All namespaces that the template asked, for whatever, in the order in which they were first asked.
     pub namespaces: Vec<Namespace>,
+    /// Keys that documents have in another spelling than the template: sentences for the user.
+    pub respelled: Vec<String>,
     pub(super) template: Source,
     /// In the order of the output, without overlaps.
     pub(super) placed: Vec<Placed>,

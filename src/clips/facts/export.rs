@@ -64,7 +64,10 @@ impl Exporter<'_> {
             if !is_symbol(name) {
                 return Err(FactError::new(key, "is not a symbol, and cannot be the name of a slot"));
             }
-            let slot = template.map(|template| known(template, name)).transpose()?;
+            let is_given = |slot: &str| document.contains_key(slot);
+            let slot = template
+                .map(|template| known(self.schema.slot(template, name, is_given), template, name))
+                .transpose()?;
             let values = match value {
                 Bson::Array(values) => self.values(name, values, record, slot)?,
                 value => vec![self.value(name, None, value, record, slot)?],
@@ -73,6 +76,7 @@ impl Exporter<'_> {
                 slot.check(&values).map_err(|message| FactError::new(key, format!("does not fit: {message}")))?;
             }
             let multiple = slot.is_none() && matches!(value, Bson::Array(_));
+            let name = slot.map_or(name, |slot| &slot.name);
             slots.push(Filled { name: name.clone(), values, multiple, span: Span::default() });
         }
         let missing =
@@ -147,8 +151,8 @@ fn ordered(document: &Document) -> Option<&[Bson]> {
     }
 }
 
-fn known<'t>(template: &'t Template, name: &str) -> Result<&'t Slot, FactError> {
-    template.slot(name).ok_or_else(|| {
+fn known<'t>(slot: Option<&'t Slot>, template: &Template, name: &str) -> Result<&'t Slot, FactError> {
+    slot.ok_or_else(|| {
         let names: Vec<&str> = template.slots.iter().map(|slot| slot.name.as_str()).collect();
         let message = format!("is no slot of `{}`; expected {}", template.name, names.join(", "));
         FactError::new(name, message)

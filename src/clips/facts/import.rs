@@ -1,5 +1,7 @@
 //! Facts to documents.
 
+use std::borrow::Cow;
+
 use bson::{Bson, Document, doc};
 
 use super::export::looks_like_a_symbol;
@@ -50,6 +52,7 @@ impl Importer<'_> {
                 document.insert(VALUES, array(VALUES, values, &mut record));
             }
             (Body::Slots(slots), _) => {
+                let slots = &*self.spelled(slots, template);
                 slots_of(slots, template, &mut document, &mut record)?;
                 if let Some(template) = template {
                     fill(template, slots, &mut document, &mut record).map_err(wrong)?;
@@ -61,6 +64,22 @@ impl Importer<'_> {
             document.insert(metadata::INFO, doc! { record::KEY: clips });
         }
         Ok(document)
+    }
+}
+
+impl Importer<'_> {
+    /// The slots with the names that their template has for them.
+    fn spelled<'s>(&self, slots: &'s [Filled], template: Option<&Template>) -> Cow<'s, [Filled]> {
+        let Some(template) = template else { return Cow::Borrowed(slots) };
+        let mut spelled = Cow::Borrowed(slots);
+        for (nth, filled) in slots.iter().enumerate().filter(|(_, filled)| template.slot(&filled.name).is_none()) {
+            let is_given = |name: &str| slots.iter().any(|other| other.name == name);
+            let Some(slot) = self.schema.slot(template, &filled.name, is_given) else { continue };
+            if let Some(filled) = spelled.to_mut().get_mut(nth) {
+                filled.name.clone_from(&slot.name);
+            }
+        }
+        spelled
     }
 }
 

@@ -7,7 +7,7 @@ use bson::{Bson, Document, doc};
 use super::key::RELATION;
 use super::schema::INITIAL;
 use crate::fault::{AtFault, Fault};
-use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::formats::{Diagnostic, Respelled, Source, Span, alike, shell};
 use crate::memory::Memory;
 use crate::query::{QueryError, key as canonical};
 use crate::store::{Find, Namespace, StoreError};
@@ -44,6 +44,21 @@ impl AtFault for KeyError {
             Self::Store(error) => error.fault(),
         }
     }
+}
+
+/// Returns the keys as the documents spell them: one that no document has is taken for one that differs from it only in
+/// hyphens and underscores.
+#[must_use]
+pub fn spelled(keys: &[String], documents: &Found, respelled: &Respelled) -> Vec<String> {
+    let names = || documents.iter().flat_map(|(_, document)| document.keys().map(String::as_str));
+    let spelled = |key: &String| {
+        let found = alike(key, names()).unwrap_or(key);
+        if found != key {
+            respelled.add(key, found);
+        }
+        found.to_owned()
+    };
+    keys.iter().map(spelled).collect()
 }
 
 /// Gives each document the `_id` of the stored document that has the same values under all `keys`.

@@ -34,7 +34,7 @@ pub use error::FactError;
 pub use export::Exporter;
 pub use import::{Importer, Misfit};
 pub use key::{RELATION, VALUES};
-pub use keyed::{Found, KeyError, give_ids};
+pub use keyed::{Found, KeyError, give_ids, spelled};
 pub use nested::Nested;
 pub use schema::{INITIAL, Schema};
 pub use trigger::{TRIGGER, now, trigger};

@@ -2,13 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use crate::formats::clips::{Globals, Template};
+use crate::formats::clips::{Globals, Slot, Template};
+use crate::formats::{Respelled, alike};
 
 /// Templates by name, and the global variables of the texts that they are from.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Default)]
 pub struct Schema {
     /// The global variables.
     pub globals: Globals,
+    /// The slots that were found by another spelling.
+    pub respelled: Respelled,
     templates: BTreeMap<String, Template>,
 }
 
@@ -23,6 +26,22 @@ impl Schema {
     pub fn get(&self, name: &str) -> Option<&Template> {
         let local = name.rsplit_once("::").map_or(name, |(_, local)| local);
         self.templates.get(name).or_else(|| self.templates.get(local))
+    }
+
+    /// The slot of this name, or one whose name differs from it only in hyphens and underscores and is not among those
+    /// that are `given`.
+    pub(super) fn slot<'t>(
+        &self,
+        template: &'t Template,
+        name: &str,
+        given: impl Fn(&str) -> bool,
+    ) -> Option<&'t Slot> {
+        template.slot(name).or_else(|| {
+            let others = template.slots.iter().map(|slot| slot.name.as_str()).filter(|other| !given(other));
+            let found = alike(name, others)?;
+            self.respelled.add(name, found);
+            template.slot(found)
+        })
     }
 
     /// The names, sorted.

@@ -103,6 +103,7 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     text.push_str(form.closing());
     context.output.write_file(&args.output, text.as_bytes())?;
+    schema.respelled.take().iter().for_each(|name| context.output.note(name));
     context.output.note(&format!("{count} {}", plural(count, "fact", "facts")));
     Ok(Exit::Done)
 }

@@ -7,7 +7,7 @@ use bson::doc;
 use clap::Args;
 
 use super::schema;
-use crate::clips::facts::{Found, Importer, Schema, give_ids, remove_repeated, remove_stored};
+use crate::clips::facts::{Found, Importer, Schema, give_ids, remove_repeated, remove_stored, spelled};
 use crate::commands::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -49,16 +49,17 @@ pub struct ImportArgs {
 const NAMES: usize = 10;
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let schema = schema::read(&args.deftemplates, context)?;
+    let mut schema = schema::read(&args.deftemplates, context)?;
     let progress = context.output.progress("importing facts");
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
-    let (mut found, skipped) = documents(&source, schema, args)?;
+    let (mut found, skipped) = documents(&source, &mut schema, args)?;
     let repeated = remove_repeated(&mut found);
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
     let stored = match args.key.as_slice() {
         [] => remove_stored(&mut found, &memory, &namespace)?,
         keys => {
+            let keys = &spelled(keys, &found, &schema.respelled);
             give_ids(keys, &source, &mut found, &memory, &namespace)?;
             0
         }
@@ -70,6 +71,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let result =
         doc! { "inserted": count(put.inserted), "replaced": count(put.replaced), "unchanged": count(unchanged) };
     context.print_result(result)?;
+    schema.respelled.take().iter().for_each(|name| context.output.note(name));
     if repeated > 0 {
         context.output.note(&format!("{} in the text more than once; each was imported once", facts(repeated)));
     }
@@ -89,7 +91,7 @@ fn facts(count: usize) -> String {
 type Skipped = BTreeMap<String, Vec<String>>;
 
 /// The documents of a text.
-fn documents(source: &Source, mut schema: Schema, args: &ImportArgs) -> Result<(Found, Skipped), Diagnostic> {
+fn documents(source: &Source, schema: &mut Schema, args: &ImportArgs) -> Result<(Found, Skipped), Diagnostic> {
     let names: Vec<String> = schema.names().map(str::to_owned).collect();
     let (mut documents, mut skipped) = (Vec::new(), Skipped::new());
     for item in Reader::new(source, names).with_globals(std::mem::take(&mut schema.globals)) {
@@ -97,7 +99,7 @@ fn documents(source: &Source, mut schema: Schema, args: &ImportArgs) -> Result<(
             Item::Template(template) => schema.add(template),
             Item::Skipped { kind, name } => skipped.entry(kind).or_default().push(name),
             Item::Fact(fact) => {
-                let importer = Importer { schema: &schema, strict: args.strict };
+                let importer = Importer { schema, strict: args.strict };
                 let document =
                     importer.document(&fact).map_err(|error| Diagnostic::new(source, error.span, error.message))?;
                 documents.push((fact.span, document));

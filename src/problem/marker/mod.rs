@@ -15,10 +15,10 @@ use super::origin::{DocumentId, document_id};
 use super::taken::Taken;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::marker::{self, Node, QueryKind, Section};
-use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::formats::{Diagnostic, Respelled, Source, Span, shell};
 use crate::memory::Memory;
 use crate::store::{Documents, Find, Namespace, StoreError};
-use value::{kind, resolve, spell};
+use value::{kind, resolve, resolve_alike, spell};
 
 /// What Fawkes writes for a value that it has no text for.
 const INVALID: &str = "INVALID_VALUE_TYPE";
@@ -43,11 +43,13 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
         kept,
         answered: HashMap::new(),
         latest: HashMap::new(),
+        respelled: Respelled::default(),
     };
     expander.nodes(&template.nodes, None)?;
     let Assembled { text, placed, values } = expander.assembler.finish()?;
     let namespaces = expander.reports.first().map(|report| report.namespace.clone()).into_iter().collect();
-    Ok(Generated { text, sections: expander.reports, namespaces, template: request.template.clone(), placed, values })
+    let (sections, respelled) = (expander.reports, expander.respelled.take());
+    Ok(Generated { text, sections, namespaces, respelled, template: request.template.clone(), placed, values })
 }
 
 /// What the template takes from outside: keys of its markers may be those of documents, too.
@@ -106,6 +108,8 @@ struct Expander<'a> {
     answered: HashMap<usize, Rc<Vec<RawDocumentBuf>>>,
     /// The same, by the section's name.
     latest: HashMap<String, Rc<Vec<RawDocumentBuf>>>,
+    /// Keys that were found in another spelling.
+    respelled: Respelled,
 }
 
 impl<'a> Expander<'a> {
@@ -223,6 +227,12 @@ impl<'a> Expander<'a> {
         let parameters = self.parameters.clone();
         if let Some(value) = resolve(&parameters, key) {
             return self.emit(key, value, span, None);
+        }
+        let scoped = scope.and_then(|scope| Some((resolve_alike(scope.document, key)?, scope.id)));
+        let given = || resolve_alike(&parameters, key).map(|found| (found, None));
+        if let Some(((found, value), id)) = scoped.or_else(given) {
+            self.respelled.add(key, &found);
+            return self.emit(key, value, span, id);
         }
         if self.request.lenient {
             return Ok(());

@@ -3,6 +3,8 @@
 use bson::RawDocument;
 use bson::raw::RawBsonRef;
 
+use crate::formats::is_alike;
+
 /// The value of a flattened key: `position_translation_0` is `position.translation[0]`.
 /// A key that is there as it is goes before one that is put together. The key's length bounds the depth.
 pub(super) fn resolve<'a>(document: &'a RawDocument, key: &str) -> Option<RawBsonRef<'a>> {
@@ -32,6 +34,26 @@ fn inside<'a>(value: RawBsonRef<'a>, key: &str) -> Option<RawBsonRef<'a>> {
         }
         _ => None,
     }
+}
+
+/// The value of a key that differs from this one only in hyphens and underscores, with that key.
+pub(super) fn resolve_alike<'a>(document: &'a RawDocument, key: &str) -> Option<(String, RawBsonRef<'a>)> {
+    for (name, value) in document.iter().filter_map(Result::ok) {
+        let name = name.as_str();
+        if is_alike(name, key) && !matches!(value, RawBsonRef::Document(_)) {
+            return Some((name.to_owned(), value));
+        }
+        let Some((first, rest)) = key.split_at_checked(name.len()) else { continue };
+        let Some(rest) = rest.strip_prefix('_').filter(|_| is_alike(name, first)) else { continue };
+        let found = match value {
+            RawBsonRef::Document(inner) => resolve_alike(inner, rest),
+            value => inside(value, rest).map(|found| (rest.to_owned(), found)),
+        };
+        if let Some((rest, value)) = found {
+            return Some((format!("{name}_{rest}"), value));
+        }
+    }
+    None
 }
 
 /// A scalar as the marker spelling writes it, and whether it is a number.

@@ -194,7 +194,8 @@ fn assemble(
         }
     });
     let sections = sections.collect();
-    Ok(Generated { text, sections, namespaces: context.namespaces(), template: template.clone(), placed, values })
+    let (namespaces, respelled) = (context.namespaces(), context.looked.respelled.take());
+    Ok(Generated { text, sections, namespaces, respelled, template: template.clone(), placed, values })
 }
 
 /// Adds text to the problem: that of a stretch of the template, and what follows it.

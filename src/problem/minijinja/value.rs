@@ -10,7 +10,7 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use minijinja::value::{DynObject, Enumerator, Object, ObjectRepr, Value, ValueKind};
 use minijinja::{Error, ErrorKind};
 
-use crate::formats::shell;
+use crate::formats::{Respelled, is_alike, shell};
 use crate::problem::origin::{DocumentId, document_id};
 use crate::store::{Namespace, metadata};
 
@@ -30,6 +30,8 @@ pub(super) struct Looked {
     last: Mutex<Option<Arc<Root>>>,
     longs: Mutex<HashSet<i64>>,
     missed: Mutex<Option<Missed>>,
+    /// Keys that were found in another spelling.
+    pub(super) respelled: Respelled,
 }
 
 /// A key that a document was asked for and does not have.
@@ -133,6 +135,14 @@ impl Doc {
         self.inner.as_ref().unwrap_or(&self.root.raw)
     }
 
+    /// The value of a key that differs from this one only in hyphens and underscores.
+    fn alike(&self, key: &str) -> Option<RawBsonRef<'_>> {
+        let mut entries = self.raw().iter().filter_map(Result::ok);
+        let (found, value) = entries.find(|(name, _)| is_alike(name.as_str(), key))?;
+        self.looked.respelled.add(key, found.as_str());
+        Some(value)
+    }
+
     fn document(&self) -> Result<Document, Error> {
         Document::try_from(self.raw()).map_err(|error| Error::new(ErrorKind::InvalidOperation, error.to_string()))
     }
@@ -169,7 +179,7 @@ impl Object for Doc {
         if self.root.namespace.is_some() {
             self.looked.at(&self.root);
         }
-        let value = self.raw().get(key).ok().flatten().map(|value| self.convert(value));
+        let value = self.raw().get(key).ok().flatten().or_else(|| self.alike(key)).map(|value| self.convert(value));
         if value.is_none() {
             self.looked.miss(self, key);
         }

@@ -5,6 +5,7 @@ mod import;
 mod plan;
 #[cfg(feature = "clips-engine")]
 mod run;
+mod spelling;
 
 use crate::lab::{Lab, assert_run};
 
