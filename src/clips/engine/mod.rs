@@ -13,6 +13,7 @@ mod message;
 mod model;
 mod native;
 mod planning;
+mod program;
 mod session;
 mod state;
 mod stop;
@@ -20,6 +21,7 @@ mod subscription;
 mod subscriptions;
 mod table;
 mod thread;
+mod trace;
 mod world;
 
 #[cfg(test)]

@@ -1,12 +1,14 @@
 //! Programs from their loading to their end.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use super::job::{Ended, Job};
 use super::message::Sender;
-use super::native::{Environment, Running};
+use super::native::{Environment, Running, Stream};
+use super::program::{self, Part};
 use super::state::State;
 use super::stop::Stop;
 use super::{exchange, functions, subscription};
@@ -25,18 +27,22 @@ const MAX_DEPTH: usize = 10_000;
 pub(super) fn run(job: &Job, deadline: Option<Instant>, memory: &Memory, sender: &Sender) -> Result<Ended> {
     let state = Rc::new(State::new(memory, sender, job, Stop::new(job.interrupted, deadline)));
     let mut clips = Running::new(Rc::clone(&state) as Rc<_>).ok_or_else(|| WrongInput::new("CLIPS does not start"))?;
-    functions::define(&mut clips, &state).map_err(WrongInput::new)?;
+    let own = program::functions(&job.programs);
+    functions::define(&mut clips, &state, &|name| own.iter().any(|(own, _)| own == name)).map_err(WrongInput::new)?;
+    replace(&own, &clips, sender);
     clips.load(subscription::TEMPLATE);
     let deep = AtomicBool::new(false);
     let stop = Rc::clone(&state);
     let stop = stop.stop();
     let ended = clips.watched(&|| stop.is_due(), &deep, || {
-        load(&job.programs, &clips, &state)?;
-        clips.reset();
+        if !load(&job.programs, &clips, &state)? {
+            clips.reset();
+        }
         assert(&job.facts, &clips)?;
         state.begin(&clips)?;
         follow(job.cycles, &clips, &state)
     });
+    state.finish();
     if deep.load(Ordering::Relaxed) {
         clips.complain("[RMEM2] Functions call themselves too deeply; the run was ended.");
     }
@@ -45,29 +51,84 @@ pub(super) fn run(job: &Job, deadline: Option<Instant>, memory: &Memory, sender:
     ended
 }
 
-/// Loads the programs, all of them, so that all mistakes are reported.
-fn load(programs: &[Source], clips: &Environment, state: &State<'_>) -> Result<()> {
-    let mut complaints = Vec::new();
+/// Lets functions of programs take the place of those that have their names: of rmem's, and of those that CLIPS 6.40 has
+/// and the CLIPS of the program had not.
+fn replace(own: &BTreeSet<(String, String)>, clips: &Environment, sender: &Sender) {
+    let mut replaced: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (name, program) in own {
+        let is_new = program::NEW.contains(&name.as_str());
+        if is_new {
+            clips.remove_function(name);
+        }
+        if is_new || functions::is_defined(name) {
+            replaced.entry(program).or_default().push(name);
+        }
+    }
+    for (program, names) in replaced {
+        sender.note(format!("{program} has functions of its own in place of rmem's and CLIPS': {}", names.join(", ")));
+    }
+}
+
+/// Loads the programs, all of them, so that all mistakes are reported; returns whether one of them resets CLIPS.
+fn load(programs: &[Source], clips: &Environment, state: &State<'_>) -> Result<bool> {
+    let (mut complaints, mut is_reset) = (Vec::new(), false);
     for program in programs {
         if let Some(place) = too_deep(program.text()) {
             let message = format!("expected lists nested at most {MAX_DEPTH} deep");
             complaints.push(Diagnostic::new(program, Span::at(place), message));
             continue;
         }
-        let good = state.while_loading(|| clips.load(program.text()));
-        for (line, doubtful, text) in state.take_mistakes() {
-            let complaint = Diagnostic::new(program, line_span(program.text(), line), sentence(&text));
-            if doubtful {
-                state.sender().note(complaint.to_string());
-            } else {
-                complaints.push(complaint);
+        for part in program::parts(program.text()) {
+            match part {
+                Part::Constructs(span) => complaints.extend(constructs(program, span, clips, state)),
+                Part::Command(span) => {
+                    is_reset |= program.slice(span).trim_start_matches('(').trim_start().starts_with("reset");
+                    complaints.extend(command(program, span, clips, state));
+                }
+            }
+            if state.stop().is_due() {
+                break;
             }
         }
-        if !good && complaints.is_empty() && !state.stop().is_due() {
-            complaints.push(Diagnostic::new(program, Span::at(0), "expected constructs that CLIPS can load"));
+    }
+    if complaints.is_empty() { Ok(is_reset) } else { Err(Diagnostics(complaints).into()) }
+}
+
+/// Loads constructs; returns what is wrong with them.
+fn constructs(program: &Source, span: Span, clips: &Environment, state: &State<'_>) -> Vec<Diagnostic> {
+    let mut complaints = Vec::new();
+    // CLIPS counts the lines of what it is given.
+    let before = program.text().get(..span.start).unwrap_or_default().matches('\n').count();
+    let text = format!("{}{}", "\n".repeat(before), program.slice(span));
+    let good = state.while_loading(|| clips.load(&text));
+    for (line, doubtful, text) in state.take_mistakes() {
+        let complaint = Diagnostic::new(program, line_span(program.text(), line), sentence(&text));
+        if doubtful {
+            state.sender().note(complaint.to_string());
+        } else {
+            complaints.push(complaint);
         }
     }
-    if complaints.is_empty() { Ok(()) } else { Err(Diagnostics(complaints).into()) }
+    if !good && complaints.is_empty() && !state.stop().is_due() {
+        complaints.push(Diagnostic::new(program, Span::at(span.start), "expected constructs that CLIPS can load"));
+    }
+    complaints
+}
+
+/// Runs a command; returns what is wrong with it.
+fn command(program: &Source, span: Span, clips: &Environment, state: &State<'_>) -> Option<Diagnostic> {
+    let (good, printed) = state.while_commanding(|| clips.command(program.slice(span)));
+    let failed = !good || clips.has_failed();
+    if state.stop().is_due() {
+        return None;
+    }
+    clips.recover();
+    if failed {
+        let first = printed.lines().find(|line| !line.trim().is_empty()).unwrap_or("CLIPS cannot run this command");
+        return Some(Diagnostic::new(program, span, first.trim()));
+    }
+    state.sender().write(Stream::Err, printed.as_bytes());
+    None
 }
 
 /// The message of CLIPS on a mistake, without the construct that it repeats.

@@ -10,6 +10,7 @@ use super::native::{Host, Stream};
 use super::stop::Stop;
 use super::subscriptions::Subscriptions;
 use super::table::Table;
+use super::trace::Trace;
 use crate::memory::Memory;
 
 /// A mistake in a text that is being loaded: its line, whether it is only doubtful, the message of CLIPS.
@@ -28,6 +29,9 @@ pub(super) struct State<'m> {
     exited: Cell<Option<i32>>,
     loading: Cell<bool>,
     mistakes: RefCell<Vec<Mistake>>,
+    /// What a command complains about, while one is run.
+    complaints: RefCell<Option<Vec<u8>>>,
+    trace: Trace,
 }
 
 impl<'m> State<'m> {
@@ -44,6 +48,8 @@ impl<'m> State<'m> {
             exited: Cell::new(None),
             loading: Cell::new(false),
             mistakes: RefCell::default(),
+            complaints: RefCell::default(),
+            trace: Trace::default(),
         }
     }
 
@@ -68,6 +74,22 @@ impl<'m> State<'m> {
         done
     }
 
+    /// Runs a command; returns also what CLIPS printed on stderr meanwhile, which is not printed.
+    pub(super) fn while_commanding<T>(&self, work: impl FnOnce() -> T) -> (T, String) {
+        *self.complaints.borrow_mut() = Some(Vec::new());
+        let done = work();
+        let complaints = self.complaints.borrow_mut().take().unwrap_or_default();
+        (done, String::from_utf8_lossy(&complaints).into_owned())
+    }
+
+    /// Prints what is left of a trace.
+    pub(super) fn finish(&self) {
+        let rest = self.trace.finish();
+        if !rest.is_empty() {
+            self.sender.write(Stream::Err, &rest);
+        }
+    }
+
     /// The mistakes found since the last call.
     pub(super) fn take_mistakes(&self) -> Vec<Mistake> {
         std::mem::take(&mut self.mistakes.borrow_mut())
@@ -79,8 +101,19 @@ impl Host for State<'_> {
         // Mistakes in a loaded text are reported with their place instead; and after (exit) CLIPS
         // prints an error that is none.
         let is_kept = self.loading.get() && stream == Stream::Err;
-        if !is_kept && self.exited.get().is_none() {
-            self.sender.write(stream, bytes);
+        if is_kept || self.exited.get().is_some() {
+            return;
+        }
+        if stream != Stream::Err {
+            return self.sender.write(stream, bytes);
+        }
+        if let Some(complaints) = self.complaints.borrow_mut().as_mut() {
+            complaints.extend_from_slice(bytes);
+            return;
+        }
+        let passed = self.trace.pass(bytes);
+        if !passed.is_empty() {
+            self.sender.write(stream, &passed);
         }
     }
 

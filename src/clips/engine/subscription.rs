@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bson::{Document, doc};
+use bson::{Bson, Document, doc};
 
 use super::exchange;
 use super::native::{Environment, Value};
@@ -174,9 +174,15 @@ impl<'m> State<'m> {
     }
 }
 
-/// The change with the keys that MongoDB's log has for it, which Fawkes' agents read.
+/// The change with the keys that MongoDB's log and its change streams have for it, which Fawkes' agents read. They know
+/// insert, update and delete only, and a document that took the place of another one as an update.
 fn with_oplog(event: &Document, kind: ChangeKind) -> Document {
     let mut document = event.clone();
+    document.insert("operationType", if kind == ChangeKind::Replace { "update" } else { kind.name() });
+    for (key, original) in [("clusterTime", "time"), ("fullDocument", "after")] {
+        document.extend(event.get(original).map(|value| (key.to_owned(), value.clone())));
+    }
+    document.extend(event.get("_id").map(|id| ("documentKey".to_owned(), Bson::Document(doc! { "_id": id.clone() }))));
     let letter = match kind {
         ChangeKind::Insert => "i",
         ChangeKind::Update | ChangeKind::Replace => "u",

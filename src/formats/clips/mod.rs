@@ -9,6 +9,7 @@
 //! Texts are read word by word and lists are kept on explicit stacks, so that
 //! no nesting is too deep for the machine and no text too long.
 
+mod command;
 mod defglobal;
 mod deftemplate;
 mod expression;
@@ -16,6 +17,7 @@ mod global;
 mod lexer;
 mod reader;
 mod template;
+mod top_level;
 mod value;
 mod writer;
 
@@ -23,5 +25,6 @@ pub use global::Globals;
 pub use lexer::{is_instance, is_symbol};
 pub use reader::{Item, Reader, is_construct};
 pub use template::{Default, Slot, Template, Types};
+pub use top_level::{TopLevel, top_level};
 pub use value::{Body, Fact, Filled, Value};
 pub use writer::{write_fact, write_operand, write_remark, write_value};

@@ -2,6 +2,7 @@
 
 use std::collections::{HashSet, VecDeque};
 
+use super::command::{self, Content};
 use super::defglobal;
 use super::deftemplate::{self, local};
 use super::expression::{self, evaluate};
@@ -22,30 +23,6 @@ const SKIPPED: [&str; 9] = [
     "defmessage-handler",
     "defgeneric",
     "defmethod",
-];
-
-/// Commands that stand among constructs in batch files, and are skipped there.
-const COMMANDS: [&str; 20] = [
-    "batch",
-    "batch*",
-    "bind",
-    "bload",
-    "clear",
-    "exit",
-    "focus",
-    "load",
-    "load*",
-    "load-facts",
-    "path-add",
-    "path-add-subst",
-    "path-load",
-    "printout",
-    "reset",
-    "run",
-    "set-strategy",
-    "undefrule",
-    "unwatch",
-    "watch",
 ];
 
 /// Something that a text holds.
@@ -85,8 +62,8 @@ pub struct Reader<'a> {
     group: Option<Span>,
     /// Whether everything but templates is skipped.
     templates_only: bool,
-    /// Whether a construct was seen: then this is a program.
-    program: bool,
+    /// What the whole text consists of, once that was asked.
+    content: Option<Content>,
     done: bool,
 }
 
@@ -100,7 +77,7 @@ impl<'a> Reader<'a> {
             ready: VecDeque::new(),
             group: None,
             templates_only: false,
-            program: false,
+            content: None,
             done: false,
         }
     }
@@ -189,16 +166,19 @@ impl<'a> Reader<'a> {
         match name {
             "defglobal" => {
                 self.lexer.next()?;
-                self.program = true;
                 let names = defglobal::read(&mut self.lexer, open, &mut self.globals)?;
                 let skipped = |name: &str| Item::Skipped { kind: "defglobal".to_owned(), name: name.to_owned() };
                 self.ready.extend(names.into_iter().map(skipped));
                 Ok(None)
             }
+            _ if !self.templates.contains(local(name)) && command::meant(name).is_some() => {
+                let meant = command::meant(name).unwrap_or_default();
+                let error = self.lexer.wrong(head, "a fact or a construct");
+                Err(error.hint(format!("did you mean `{meant}`?")))
+            }
             _ if self.templates_only && name != "deftemplate" => self.skip(open, name).map(Some),
             "deftemplate" => {
                 self.lexer.next()?;
-                self.program = true;
                 let template =
                     deftemplate::read(&mut self.lexer, &self.globals).map_err(|error| self.opened(error, open))?;
                 self.templates.insert(template.name.clone());
@@ -219,26 +199,39 @@ impl<'a> Reader<'a> {
                 self.lexer.next()?;
                 self.begin(open)
             }
-            _ if SKIPPED.contains(&name) => self.skip(open, name).map(Some),
-            _ if self.program && COMMANDS.contains(&name) && !self.templates.contains(name) => {
-                self.skip(open, name).map(Some)
-            }
+            _ if SKIPPED.contains(&name) || self.is_command(name) => self.skip(open, name).map(Some),
             _ => self.fact(open).map(|fact| Some(Item::Fact(fact))),
         }
     }
 
+    /// Whether CLIPS would run a list with this head, and not take it for a fact.
+    fn is_command(&mut self, name: &str) -> bool {
+        if name.is_empty() || self.templates.contains(local(name)) {
+            return false;
+        }
+        if command::is_unmistakable(name) {
+            return true;
+        }
+        let text = self.lexer.source.text();
+        match *self.content.get_or_insert_with(|| Content::of(text)) {
+            Content::Facts => false,
+            Content::Constructs => command::is_command(name),
+            Content::Program => true,
+        }
+    }
+
     fn begin(&mut self, open: Span) -> Result<Option<Item>, Diagnostic> {
-        self.program = true;
         self.group = Some(open);
         Ok(None)
     }
 
     /// Passes over a list whose head is the next word.
     fn skip(&mut self, open: Span, kind: &str) -> Result<Item, Diagnostic> {
-        self.program |= SKIPPED.contains(&kind);
         let first = self.lexer.peek(1)?;
+        let is_named = SKIPPED.contains(&kind) || command::is_named(kind);
         let name = match first.kind {
             TokenKind::Open | TokenKind::Close => String::new(),
+            _ if !is_named => String::new(),
             _ => self.lexer.text(first).to_owned(),
         };
         let mut depth = 1_usize;

@@ -121,3 +121,65 @@ fn several_keys_identify_facts_together() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn commands_of_a_program_are_skipped_and_counted() {
+    let program = "(load* \"utils.clp\")
+(printout t \"loading\" crlf)
+(deftemplate t (slot a))
+(defglobal MAIN ?*A* = 1 ?*B* = (now))
+(do-for-fact ((?f t)) (eq ?f:a ?*A*) (retract ?f))
+(if (not (member$ X (get-defglobal-list))) then (build \"(defglobal ?*X* = 1)\"))
+(deffunction init (?x) ?x)
+(init 3)
+(blackboard-open-reading \"SkillerInterface\" \"Skiller\")
+(t (a 1))
+(assert (at r1 ?*A*))
+(reset)
+(run)\n";
+    assert_run!(lab().rmem_with(&["clips", "import"], program), @r#"
+    {"inserted":2,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    passed over 1 blackboard-open-reading
+    passed over 1 deffunction: init
+    passed over 2 defglobal: ?*A*, ?*B*
+    passed over 1 do-for-fact
+    passed over 1 if
+    passed over 1 init
+    passed over 1 load*: "utils.clp"
+    passed over 1 printout
+    passed over 1 reset
+    passed over 1 run
+    [exit code: 0]
+    "#);
+    // Without constructs these are facts.
+    assert_run!(lab().rmem_with(&["clips", "import"], "(run 1)\n(watch r1 c1)"), @r#"
+    {"inserted":2,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn a_misspelt_construct_is_an_error() {
+    let lab = lab();
+    assert_run!(lab.rmem_with(&["clips", "import"], "(defrule a => )\n(defffunction f (?x) ?x)"), @r"
+    ------- stderr -------
+    error: <stdin>:2:2: expected a fact or a construct, found `defffunction`
+      |
+    2 | (defffunction f (?x) ?x)
+      |  ^^^^^^^^^^^^
+      = hint: did you mean `deffunction`?
+    [exit code: 3]
+    ");
+    lab.write("t.clp", "(deftemplat t (slot a (type FLOAT)))");
+    assert_run!(lab.rmem_with(&["clips", "import", "--deftemplates", "t.clp"], "(t (a 1))"), @r"
+    ------- stderr -------
+    error: t.clp:1:2: expected a fact or a construct, found `deftemplat`
+      |
+    1 | (deftemplat t (slot a (type FLOAT)))
+      |  ^^^^^^^^^^
+      = hint: did you mean `deftemplate`?
+    [exit code: 3]
+    ");
+}

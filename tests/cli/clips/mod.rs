@@ -1,5 +1,7 @@
 //! clips import, export: documents as facts and back.
 
+#[cfg(feature = "clips-engine")]
+mod fawkes;
 mod import;
 #[cfg(feature = "clips-engine")]
 mod plan;

@@ -18,6 +18,11 @@ impl<'a> Arguments<'a> {
         Self(values)
     }
 
+    /// All of them.
+    pub(super) fn values(self) -> &'a [Value] {
+        self.0
+    }
+
     pub(super) fn get(self, nth: u32) -> Option<&'a Value> {
         self.0.get(usize::try_from(nth).ok()?.checked_sub(1)?)
     }

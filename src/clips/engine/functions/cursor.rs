@@ -9,9 +9,9 @@ use crate::clips::engine::state::State;
 use crate::clips::engine::table::Thing;
 
 pub(super) const FUNCTIONS: &[Function] = &[
-    function(&["rm-cursor-more", "robmem-cursor-more"], 1, 1, more),
-    function(&["rm-cursor-next", "robmem-cursor-next"], 1, 1, next),
-    function(&["rm-cursor-destroy", "robmem-cursor-destroy"], 1, 1, destroy),
+    function(&["rm-cursor-more", "robmem-cursor-more", "mongodb-cursor-more"], 1, 1, more),
+    function(&["rm-cursor-next", "robmem-cursor-next", "mongodb-cursor-next"], 1, 1, next),
+    function(&["rm-cursor-destroy", "robmem-cursor-destroy", "mongodb-cursor-destroy"], 1, 1, destroy),
 ];
 
 const CURSOR: &str = "cursor (external address)";

@@ -14,7 +14,7 @@ use crate::formats::shell;
 pub(super) const FUNCTIONS: &[Function] = &[
     function(&["bson-create"], 0, 0, |state, _, _| Ok(given(state, Thing::Document(Document::new())))),
     function(&["bson-parse"], 1, 1, read),
-    function(&["bson-destroy"], 1, 1, destroy),
+    function(&["bson-destroy", "bson-builder-destroy"], 1, 1, destroy),
     function(&["bson-tostring"], 1, 1, write),
     function(&["bson-append"], 3, 3, append),
     open(&["bson-append-array"], 2, append_array),

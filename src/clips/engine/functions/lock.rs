@@ -29,7 +29,7 @@ fn mutex(state: &State<'_>, arguments: Arguments<'_>) -> Result<Mutex, Failure> 
     Ok(Mutex { namespace: state.job.mutexes.clone(), name: arguments.text(1)?.to_owned(), owner: owner.to_owned() })
 }
 
-fn create(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+pub(super) fn create(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let mutex = mutex(state, arguments)?;
     match state.memory.insert(&mutex.namespace, vec![doc! { "_id": &mutex.name, "locked": false }]) {
         // It exists already.
@@ -38,14 +38,14 @@ fn create(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Resul
     }
 }
 
-fn destroy(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+pub(super) fn destroy(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let mutex = mutex(state, arguments)?;
     let deleted = state.memory.delete(&mutex.namespace, &doc! { "_id": &mutex.name }, true);
     Ok(Value::truth(deleted.map_err(Failure::declined)? > 0))
 }
 
 /// To renew is to lock again what one has.
-fn lock(state: &State<'_>, arguments: Arguments<'_>, again: bool) -> Result<Value, Failure> {
+pub(super) fn lock(state: &State<'_>, arguments: Arguments<'_>, again: bool) -> Result<Value, Failure> {
     let mutex = mutex(state, arguments)?;
     if again {
         let mine = doc! { "_id": &mutex.name, "locked": true, "locked-by": &mutex.owner };
@@ -58,7 +58,7 @@ fn lock(state: &State<'_>, arguments: Arguments<'_>, again: bool) -> Result<Valu
 }
 
 /// Locks it whichever owner has it.
-fn force(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+pub(super) fn force(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let mutex = mutex(state, arguments)?;
     let mine = doc! { "locked": true, "locked-by": { "$literal": &mutex.owner }, "lock-time": "$$NOW" };
     let update = UpdateSpec::Pipeline(vec![doc! { "$set": mine }, doc! { "$unset": "lock-until" }]);
@@ -68,7 +68,7 @@ fn force(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result
     Ok(Value::truth(true))
 }
 
-fn unlock(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+pub(super) fn unlock(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let tried = mutex(state, arguments)?.unlock(state.memory).map_err(Failure::declined)?;
     Ok(Value::truth(matches!(tried, Tried::Done(_))))
 }
@@ -81,7 +81,7 @@ fn setup(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result
 }
 
 /// Frees mutexes that were locked longer ago than so many seconds; returns how many.
-fn expire(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+pub(super) fn expire(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let age = Duration::from_secs(u64::try_from(arguments.integer(1)?).unwrap_or_default());
     let age = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
     let filter = doc! { "locked": true, "$expr": { "$lte": ["$lock-time", { "$subtract": ["$$NOW", age] }] } };

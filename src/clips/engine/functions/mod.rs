@@ -5,6 +5,8 @@
 //! text that is no query) is printed on `stderr`, and the function returns FALSE.
 
 mod arguments;
+mod asynchronous;
+mod clips;
 mod cursor;
 mod document;
 mod dump;
@@ -13,7 +15,9 @@ mod failure;
 mod function;
 mod lock;
 mod operation;
+mod pipeline;
 mod problem;
+mod refbox;
 mod synced;
 mod trigger;
 
@@ -34,6 +38,10 @@ fn all() -> impl Iterator<Item = &'static Function> {
         fact::FUNCTIONS,
         trigger::FUNCTIONS,
         lock::FUNCTIONS,
+        asynchronous::FUNCTIONS,
+        pipeline::FUNCTIONS,
+        refbox::FUNCTIONS,
+        clips::FUNCTIONS,
         dump::FUNCTIONS,
         problem::FUNCTIONS,
         synced::FUNCTIONS,
@@ -41,10 +49,17 @@ fn all() -> impl Iterator<Item = &'static Function> {
     groups.into_iter().flatten()
 }
 
-/// Makes all functions known.
-pub(super) fn define<'m: 'h, 'h>(clips: &mut Running<'h>, state: &Rc<State<'m>>) -> Result<(), String> {
+/// Makes all functions known but those that a program replaces by its own.
+///
+/// # Errors
+/// Where CLIPS has one of their names already.
+pub(super) fn define<'m: 'h, 'h>(
+    clips: &mut Running<'h>,
+    state: &Rc<State<'m>>,
+    is_replaced: &dyn Fn(&str) -> bool,
+) -> Result<(), String> {
     for function in all() {
-        for name in function.names {
+        for name in function.names.iter().filter(|name| !is_replaced(name)) {
             let state = Rc::clone(state);
             clips.define(name, function.least, function.most, move |clips, values| {
                 match (function.body)(&state, clips, Arguments::new(values)) {
@@ -59,6 +74,11 @@ pub(super) fn define<'m: 'h, 'h>(clips: &mut Running<'h>, state: &Rc<State<'m>>)
         }
     }
     Ok(())
+}
+
+/// Whether there is a function of this name.
+pub(super) fn is_defined(name: &str) -> bool {
+    all().any(|function| function.names.contains(&name))
 }
 
 /// Returns the names of all functions.

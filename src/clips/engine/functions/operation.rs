@@ -33,7 +33,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
 ];
 
 /// Returns the `_id`.
-fn insert(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+pub(super) fn insert(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let (ns, document) = (arguments.namespace(1)?, arguments.document(2, state)?);
     let inserted = state.memory.insert(&ns, vec![document]).map_err(Failure::declined)?;
     let id = inserted.ids.first().unwrap_or(&Bson::Null);
@@ -41,7 +41,7 @@ fn insert(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Resul
 }
 
 /// Gives a cursor.
-fn query(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+pub(super) fn query(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let ns = arguments.namespace(1)?;
     let optional = |nth: u32| arguments.get(nth).map(|_| arguments.document(nth, state)).transpose();
     let find =
@@ -62,22 +62,23 @@ fn count(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Replacement {
+pub(super) enum Replacement {
     Set,
     Replace,
     Upsert,
+    SetOrInsert,
 }
 
 /// Changes the first match; returns how many there were, with an upsert always 1.
-fn change(state: &State<'_>, arguments: Arguments<'_>, replacement: Replacement) -> Result<Value, Failure> {
+pub(super) fn change(state: &State<'_>, arguments: Arguments<'_>, replacement: Replacement) -> Result<Value, Failure> {
     let ns = arguments.namespace(1)?;
     let (document, filter) = (arguments.document(2, state)?, arguments.document(3, state)?);
     let has_operators = document.keys().next().is_some_and(|key| key.starts_with('$'));
     let update = match replacement {
-        Replacement::Set if !has_operators => doc! { "$set": document },
+        Replacement::Set | Replacement::SetOrInsert if !has_operators => doc! { "$set": document },
         _ => document,
     };
-    let upsert = replacement == Replacement::Upsert;
+    let upsert = matches!(replacement, Replacement::Upsert | Replacement::SetOrInsert);
     let request =
         UpdateRequest { filter, update: UpdateSpec::Document(update), array_filters: Vec::new(), many: false, upsert };
     let updated = state.memory.update(&ns, &request).map_err(Failure::declined)?;

@@ -13,10 +13,14 @@ pub(super) const FUNCTIONS: &[Function] = &[
     function(&["rm-trigger-destroy", "robmem-trigger-destroy"], 1, 1, destroy),
 ];
 
-fn register(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+/// Returns the address of the trigger, and tells rules that wait for it, as those of Fawkes' executive do.
+fn register(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let (ns, filter) = (arguments.namespace(1)?, arguments.document(2, state)?);
     let number = state.subscribe_trigger(&ns, filter, arguments.text(3)?.to_owned()).map_err(Failure::declined)?;
-    Ok(given(state, Thing::Trigger(number)))
+    let trigger = given(state, Thing::Trigger(number));
+    let done = [Value::Symbol("SUCCESS".to_owned()), Value::Text(arguments.text(3)?.to_owned()), trigger.clone()];
+    clips.assert_mentioned("mutex-trigger-register-feedback", &done);
+    Ok(trigger)
 }
 
 fn destroy(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {

@@ -41,6 +41,27 @@ impl Environment {
         unsafe { sys::LoadFromString(self.raw, text.as_ptr().cast::<c_char>(), size(text.len())) }
     }
 
+    /// Runs a command as a batch file does; returns whether it was one.
+    pub(crate) fn command(&self, text: &str) -> bool {
+        // SAFETY: the environment is alive; the text is copied.
+        unsafe { sys::RouteCommand(self.raw, c_text(&format!("{text}\n")).as_ptr(), false) }
+    }
+
+    /// Forgets that an evaluation ended with an error.
+    pub(crate) fn recover(&self) {
+        // SAFETY: the environment is alive.
+        unsafe {
+            sys::SetEvaluationError(self.raw, false);
+            sys::SetHaltExecution(self.raw, false);
+        }
+    }
+
+    /// Removes a function of CLIPS, so that a program can define one of that name. Nothing may call it yet.
+    pub(crate) fn remove_function(&self, name: &str) {
+        // SAFETY: the environment is alive; the text is only read.
+        unsafe { sys::RemoveUDF(self.raw, c_text(name).as_ptr()) };
+    }
+
     /// Removes all facts and asserts those of `deffacts`.
     pub(crate) fn reset(&self) {
         // SAFETY: the environment is alive.

@@ -17,6 +17,21 @@ impl Environment {
         (!fact.is_null()).then(|| unsafe { FactRef::new(fact, self.alive()) })
     }
 
+    /// Asserts an ordered fact of a template that rules mention; returns whether they do.
+    pub(crate) fn assert_mentioned(&self, template: &str, values: &[Value]) -> bool {
+        // SAFETY: the environment is alive; the values are copied into the fact, which CLIPS owns once it is asserted.
+        unsafe {
+            let found = sys::FindDeftemplate(self.raw(), c_text(template).as_ptr());
+            if found.is_null() || !sys::DeftemplatePPForm(found).is_null() {
+                return false;
+            }
+            let fact = sys::CreateFact(found);
+            let mut native = self.to_native(&Value::Many(values.to_vec()));
+            let is_put = !fact.is_null() && sys::PutFactSlot(fact, std::ptr::null(), &raw mut native);
+            is_put && !sys::Assert(fact).is_null()
+        }
+    }
+
     /// Asserts a fact with slots; slots that are not given have their defaults.
     ///
     /// # Errors

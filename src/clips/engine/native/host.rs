@@ -9,7 +9,7 @@ use std::rc::Rc;
 pub(crate) enum Stream {
     /// `stdout`, or `t`.
     Out,
-    /// `stderr` and `stdwrn`.
+    /// `stderr`, and the names under which warnings and logs go there.
     Err,
 }
 
@@ -18,6 +18,12 @@ impl Stream {
         match name.to_bytes() {
             b"stdout" => Some(Self::Out),
             b"stderr" | b"stdwrn" => Some(Self::Err),
+            // As CLIPS 6.30 calls them.
+            b"werror" | b"wwarning" | b"wtrace" | b"wdialog" => Some(Self::Err),
+            // The logs of Fawkes, of the executive and of the referee box.
+            b"error" | b"warn" | b"info" | b"debug" | b"logerror" | b"logwarn" | b"loginfo" | b"logdebug" => {
+                Some(Self::Err)
+            }
             _ => None,
         }
     }

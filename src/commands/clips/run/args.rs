@@ -14,7 +14,7 @@ Examples:
   rmem clips run agent.clp
   rmem clips run templates.clp agent.clp --facts world.txt --timeout 10m --sync
 
-Loads the programs, resets, asserts the facts of --facts, and fires rules until no rule can fire. A program with \
+Loads the programs, runs the commands among their constructs, resets, asserts the facts of --facts, and fires rules until no rule can fire. A program with \
 triggers or a synchronized world model then waits for changes, until (exit), (halt), --timeout or an interrupt. \
 Its output goes to stdout.
 
@@ -29,8 +29,10 @@ program.
   (rm-update NS DOC QUERY) sets the fields of the first match, or applies operators to it
   (rm-replace NS DOC QUERY) (rm-upsert NS DOC QUERY) (rm-delete NS QUERY), also called rm-remove
   (rm-create-index NS KEYS) (rm-create-unique-index NS KEYS)
+  (rm-aggregate NS PIPELINE), a cursor; PIPELINE is a text, or made by (rm-pipeline-create)
+     (rm-pipeline-append PIPELINE STAGE) (rm-pipeline-destroy PIPELINE)
   (rm-cursor-next C), a document or FALSE, (rm-cursor-more C) (rm-cursor-destroy C)
-  (rm-fact-to-bson FACT) (rm-structured-fact-to-bson FACT) (rm-ordered-fact-to-bson FACT)
+  (rm-fact-to-bson FACT [RELATION]) (rm-structured-fact-to-bson FACT [RELATION]) (rm-ordered-fact-to-bson FACT)
   (rm-assert-from-bson DOC)
   (rm-trigger-register NS QUERY NAME) (rm-trigger-destroy T); each change asserts
      (robmem-trigger (name \"NAME\") (rcvd-at SEC USEC) (ptr DOC) (operation insert) (namespace \"NS\")
@@ -51,7 +53,18 @@ robmem-mutex-destroy (robmem-mutex-try-lock NAME OWNER) robmem-mutex-renew-lock 
 robmem-mutex-unlock (robmem-mutex-setup-ttl SEC) (robmem-mutex-expire-locks SEC)
 bson-create bson-parse bson-destroy bson-tostring bson-append bson-append-array bson-append-time
 bson-append-regex bson-array-start bson-array-append bson-array-finish bson-field-names bson-has-field
-bson-get bson-get-array bson-get-time";
+bson-get bson-get-array bson-get-time robmem-aggregate robmem-pipeline-create robmem-pipeline-append
+robmem-pipeline-destroy now now-systime
+(robmem-mutex-create-async NAME) robmem-mutex-destroy-async (robmem-mutex-try-lock-async NAME OWNER)
+robmem-mutex-renew-lock-async robmem-mutex-force-lock-async robmem-mutex-unlock-async
+(robmem-mutex-expire-locks-async SEC), which assert (mutex-op-feedback OPERATION OK|FAIL NAME) as there
+
+As in the RCLL referee box, a collection without a database is one of the database of --collection:
+mongodb-insert mongodb-query mongodb-query-sort mongodb-update mongodb-replace mongodb-upsert
+mongodb-cursor-next mongodb-cursor-more mongodb-cursor-destroy bson-builder-destroy
+
+As in CLIPS 6.30: length. A function that a program defines itself takes the place of one of this list, and of one
+that is new in CLIPS 6.40, such as str-replace.";
 
 /// Run CLIPS programs with functions for the memory
 #[derive(Debug, Args)]

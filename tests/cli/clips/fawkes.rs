@@ -1,0 +1,196 @@
+//! clips run: programs of Fawkes, of its executive, of the referee box, and of CLIPS 6.30.
+
+use super::lab;
+use crate::lab::{Lab, assert_run};
+
+/// Runs programs that were written to these files.
+fn run(lab: &Lab, programs: &[(&str, &str)], more: &[&str]) -> crate::lab::Finished {
+    programs.iter().for_each(|(name, text)| lab.write(name, text));
+    let names: Vec<&str> = programs.iter().map(|(name, _)| *name).collect();
+    lab.rmem(&[&["clips", "run"], &names[..], more].concat())
+}
+
+#[test]
+fn functions_of_a_program_take_the_place_of_those_with_their_names() {
+    let own = "(deftemplate robmem-trigger (slot name (type STRING)) (slot ptr (type EXTERNAL-ADDRESS)))
+(deffunction str-replace (?in ?what ?with) (str-cat \"own \" ?in))
+(deffunction rm-structured-fact-to-bson (?fact $?relation) (bind ?doc (bson-create)) (bson-append ?doc own ?relation) ?doc)
+(deffunction MAIN::length (?values) own)\n";
+    let agent = "(deftemplate t (slot a)) (deffacts f (t))
+(defrule go ?f <- (t) =>
+  (printout t (str-replace x y z) \" \" (length (create$ a)) \" \" (bson-tostring (rm-structured-fact-to-bson ?f \"r\")) crlf))\n";
+    assert_run!(run(&lab(), &[("own.clp", own), ("agent.clp", agent)], &[]), @r#"
+    own x own {"own":["r"]}
+    ------- stderr -------
+    own.clp has functions of its own in place of rmem's and CLIPS': length, rm-structured-fact-to-bson, str-replace
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn programs_of_clips_6_30_find_their_functions_and_streams() {
+    let program = "(defrule go =>
+  (printout t (length (create$ a b)) (length \"äbc\") (length sym) (length (now)) (< 1600000000 (nth$ 1 (now-systime))) crlf)
+  (printout warn \"a warning\" crlf) (printout wwarning \"another\" crlf) (printout logerror \"a third\" crlf))\n";
+    assert_run!(run(&lab(), &[("p.clp", program)], &[]), @"
+    2332TRUE
+    ------- stderr -------
+    a warning
+    another
+    a third
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn a_structured_fact_becomes_a_document_of_another_relation() {
+    let program =
+        "(deftemplate mapped (slot name) (multislot param-values)) (deffacts f (mapped (name at) (param-values r1 c1)))
+(defrule go ?f <- (mapped) =>
+  (rm-insert robmem.clipswm (rm-structured-fact-to-bson ?f))
+  (rm-insert robmem.clipswm (rm-structured-fact-to-bson ?f \"domain-fact\")))\n";
+    let lab = lab();
+    run(&lab, &[("p.clp", program)], &[]).success();
+    let stored = "{\"relation\":\"mapped\",\"name\":\"at\",\"param-values\":[\"r1\",\"c1\"]}
+{\"relation\":\"domain-fact\",\"name\":\"at\",\"param-values\":[\"r1\",\"c1\"]}\n";
+    assert_eq!(lab.rmem(&["query", "robmem.clipswm", "--fields", "{_id: 0}"]).success(), stored);
+}
+
+#[test]
+fn pipelines_are_put_together_stage_by_stage() {
+    let lab = lab();
+    lab.rmem(&["insert", "a.b", "{k: 'x', n: 1}", "{k: 'y', n: 2}", "{k: 'x', n: 4}"]).success();
+    let program = "(deffunction show (?cursor)
+  (while (bind ?d (rm-cursor-next ?cursor)) (printout t (bson-get ?d _id) \" \" (bson-get ?d sum) crlf)))
+(defrule go =>
+  (bind ?p (robmem-pipeline-create))
+  (robmem-pipeline-append ?p \"{$match: {k: 'x'}}\")
+  (robmem-pipeline-append ?p (bson-parse \"{$group: {_id: '$k', sum: {$sum: '$n'}}}\"))
+  (show (robmem-aggregate a.b ?p))
+  (robmem-pipeline-destroy ?p)
+  (show (rm-aggregate a.b \"[{$group: {_id: '$k', sum: {$sum: '$n'}}}, {$sort: {_id: 1}}]\"))
+  (rm-aggregate a.b \"[{$nostage: 1}]\")
+  (rm-aggregate a.b ?p))\n";
+    assert_run!(run(&lab, &[("p.clp", program)], &[]), @"
+    x 5
+    x 5
+    y 2
+    ------- stderr -------
+    [RMEM5] Function 'rm-aggregate': unrecognized pipeline stage name: '$nostage'
+    [RMEM1] Function 'rm-aggregate': the address is of something that was destroyed
+    [PRCCODE4] Execution halted during the actions of defrule 'go'.
+    [exit code: 1]
+    ");
+}
+
+#[test]
+fn the_functions_of_the_referee_box_use_the_database_of_the_collection() {
+    let lab = lab();
+    let program = "(defrule go =>
+  (bind ?doc (bson-create)) (bson-append ?doc points 3)
+  (mongodb-upsert game_report ?doc \"{name: 'g1'}\")
+  (bson-append ?doc points 5)
+  (mongodb-update game_report ?doc \"{name: 'g1'}\")
+  (mongodb-update game_report ?doc \"{name: 'g2'}\")
+  (bson-builder-destroy ?doc)
+  (mongodb-insert other.clients (bson-parse \"{c: 1}\"))
+  (bind ?c (mongodb-query-sort game_report (bson-create) (bson-parse \"{name: 1}\")))
+  (while (bind ?d (mongodb-cursor-next ?c)) (printout t (bson-get ?d name) \" \" (bson-get ?d points) crlf))
+  (mongodb-cursor-destroy ?c))\n";
+    let report = run(&lab, &[("p.clp", program)], &["--collection", "rcll.worldmodel"]).success();
+    assert_eq!(report, "g1 5\n");
+    assert_eq!(lab.rmem(&["count", "rcll.game_report"]).success(), "1\n");
+    assert_eq!(lab.rmem(&["count", "other.clients"]).success(), "1\n");
+}
+
+#[test]
+fn mutexes_answer_by_facts() {
+    let program = "(defrule go =>
+  (printout t (robmem-mutex-create-async M1) (robmem-mutex-try-lock-async M1 r1) (robmem-mutex-try-lock-async M1 r2) crlf)
+  (robmem-mutex-renew-lock-async M1 r1) (robmem-mutex-renew-lock-async M1 r2)
+  (robmem-mutex-unlock-async M1 r1) (robmem-mutex-try-lock-async M1 r2) (robmem-mutex-force-lock-async M1 r1)
+  (robmem-mutex-expire-locks-async 0.0)
+  (robmem-mutex-destroy-async M1)
+  (facts))\n";
+    assert_run!(run(&lab(), &[("p.clp", program)], &[]), @"
+    (TRUE)(TRUE)(TRUE)
+    f-1     (mutex-op-feedback try-lock-async FAIL M1)
+    f-2     (mutex-op-feedback renew-lock-async OK M1)
+    f-3     (mutex-op-feedback renew-lock-async FAIL M1)
+    f-4     (mutex-op-feedback expire-locks-async OK)
+    For a total of 4 facts.
+    ------- stderr -------
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn a_trigger_tells_what_a_change_stream_of_mongodb_tells() {
+    let program = "(defrule go => (rm-trigger-register a.b \"{}\" changes))
+(defrule registered ?f <- (mutex-trigger-register-feedback SUCCESS \"changes\" ?trigger)
+  => (retract ?f)
+  (rm-insert a.b \"{_id: 1, v: 'a'}\") (rm-upsert a.b \"{_id: 1, v: 'b'}\" \"{_id: 1}\") (rm-delete a.b \"{_id: 1}\"))
+(defrule changed ?f <- (robmem-trigger (name \"changes\") (ptr ?doc) (operation ?operation))
+  => (retract ?f)
+  (printout t ?operation \" \" (bson-get ?doc operationType) \" \" (bson-get ?doc documentKey._id) \" \"
+    (if (bson-has-field ?doc fullDocument) then (bson-get ?doc fullDocument.v) else none) \" \"
+    (length$ (bson-get-time ?doc clusterTime)) crlf)
+  (if (eq ?operation delete) then (exit)))\n";
+    assert_run!(run(&lab(), &[("p.clp", program)], &["--timeout", "20s"]), @"
+    insert insert 1 a 2
+    replace update 1 b 2
+    delete delete 1 none 2
+    ------- stderr -------
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn commands_among_constructs_run_where_they_stand() {
+    let lab = lab();
+    lab.write("rules.clp", "(defrule loaded (go ?x) => (printout t \"loaded \" ?x crlf))\n");
+    let program = "(printout t \"starting\" crlf)
+(load* \"rules.clp\")
+(defglobal ?*x* = 1)
+(deffacts f (go deffacts))
+(build \"(defrule built (go ?x) => (printout t \\\"built \\\" ?x crlf))\")
+(bind ?*x* 2) ; a command
+(reset)
+(assert (go (+ ?*x* 1)))\n";
+    let text = run(&lab, &[("p.clp", program)], &[]).success();
+    let mut lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.remove(0), "starting");
+    lines.sort_unstable();
+    assert_eq!(lines, ["built 2", "built deffacts", "loaded 2", "loaded deffacts"]);
+    let program =
+        "(defrule a => )\n(path-load rules.clp)\n(defrule b (x ?) => (nofunction))\n(printout t \"on\" crlf)\n";
+    assert_run!(run(&lab, &[("p.clp", program)], &[]), @r"
+    on
+    ------- stderr -------
+    error: p.clp:2:1: [EXPRNPSR3] Missing function declaration for 'path-load'.
+      |
+    2 | (path-load rules.clp)
+      | ^^^^^^^^^^^^^^^^^^^^^
+    error: p.clp:3:1: [EXPRNPSR3] Missing function declaration for 'nofunction'.
+      |
+    3 | (defrule b (x ?) => (nofunction))
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    assert_eq!(run(&lab, &[("p.clp", "(exit 7)\n(printout t not)")], &[]).exits(7).stdout, "");
+}
+
+#[test]
+fn the_trace_of_an_endless_recursion_is_short() {
+    let program = "(deffunction f (?n) (+ 1 (f (+ ?n 1)))) (defrule go => (f 0))";
+    let run = run(&lab(), &[("p.clp", program)], &[]).exits(1);
+    let lines: Vec<&str> = run.stderr.lines().collect();
+    let frame = "[PRCCODE4] Execution halted during the actions of deffunction 'f'.";
+    assert_eq!(lines.iter().filter(|line| **line == frame).count(), 10);
+    assert!(
+        lines.iter().any(|line| line.starts_with("… and ") && line.ends_with(" more lines like these")),
+        "{lines:?}"
+    );
+    assert_eq!(lines.last(), Some(&"[RMEM2] Functions call themselves too deeply; the run was ended."));
+    assert!(lines.len() < 40, "{lines:?}");
+}
