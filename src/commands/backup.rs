@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use bson::doc;
 use clap::Args;
 
-use super::Context;
+use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 
@@ -15,6 +16,7 @@ The copy is the memory as it is at one moment; other programs read and write mea
 itself: use it with --memory file:FILE. Do not copy the file of a memory that is in use with cp: its\n\
 latest writes are in FILE-wal beside it until they are folded into the file, which happens at the latest\n\
 when the last program closes it. A MongoDB server is backed up with `rmem dump --all`.")]
+#[command(arg = formats::argument(&formats::TEXT))]
 pub struct BackupArgs {
     /// The new file; it must not exist
     #[arg(value_name = "FILE")]
@@ -22,8 +24,11 @@ pub struct BackupArgs {
 }
 
 pub(super) fn run(args: &BackupArgs, context: &mut Context<'_>) -> Result<Exit> {
+    context.format(&formats::TEXT)?;
     let memory = context.memory()?;
     memory.backup(&args.file)?;
+    let file = args.file.display().to_string();
+    context.print_report([], doc! { "memory": memory.describe(), "file": file })?;
     context.output.note(&format!("copied {} to {}", memory.describe(), args.file.display()));
     Ok(Exit::Done)
 }

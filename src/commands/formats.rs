@@ -12,9 +12,13 @@ pub(crate) const DOCUMENTS: [Format; 6] =
 /// The formats of values, such as ids.
 pub(super) const VALUES: [Format; 3] = [Format::Jsonl, Format::Json, Format::Canonical];
 /// The formats of the one document that is the result of a command.
-pub(super) const RESULT: [Format; 2] = [Format::Jsonl, Format::Json];
+pub(crate) const RESULT: [Format; 2] = [Format::Jsonl, Format::Json];
 /// The formats of lines for people.
 pub(crate) const TEXT: [Format; 2] = [Format::Text, Format::Json];
+/// The formats of a generated problem: PDDL; or with what its sections matched.
+pub(super) const PROBLEM: [Format; 2] = [Format::Text, Format::Json];
+/// The formats of CLIPS facts.
+pub(crate) const FACTS: [Format; 1] = [Format::Clips];
 /// The formats of plans.
 pub(crate) const PLAN: [Format; 7] =
     [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
@@ -35,6 +39,9 @@ pub(crate) const SCENE: [Format; SPELLINGS.len()] = scenes();
 
 /// The formats of operations on a scene.
 pub(crate) const SCENE_OPERATIONS: [Format; 2] = [Format::Jsonl, Format::MOVEIT_MESSAGE];
+
+/// The formats of the difference of two scenes.
+pub(crate) const SCENE_DIFFERENCE: [Format; 3] = [Format::Jsonl, Format::Json, Format::MOVEIT_MESSAGE];
 
 /// The formats of scenes, the first of which, JSON, is one of documents as well.
 const fn scenes() -> [Format; SPELLINGS.len()] {

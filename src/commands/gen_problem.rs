@@ -1,24 +1,30 @@
 //! `rmem gen-problem --template T`: a PDDL problem from a template whose sections are queries.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::at::AtArgs;
 use super::template::{TemplateArgs, read_domain, report, request};
-use super::{Context, explanation};
+use super::{Context, explanation, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::{Diagnostics, pddl::Dialect};
-use crate::problem;
+use crate::formats::{Diagnostics, pddl::Dialect, shell};
+use crate::output::Format;
+use crate::problem::{self, Generated, SectionReport};
+use crate::settings::Origin;
 
 /// Generate a PDDL problem from a template with queries
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  rmem gen-problem --template problem.pddl.j2 --domain domain.pddl --goal '(on A B)' -o problem.pddl\n  rmem gen-problem --template problem.pddl.j2 --explain '(on A B)'\n\n\
 --explain names the line of the template, the query and the document behind each place where the\n\
-problem contains the atom; if there is none, the lines that could write it and their queries, and exits with 1."
+problem contains the atom; if there is none, the lines that could write it and their queries, and exits with 1.\n\n\
+--format json prints the problem's text and the sections of the template with their queries and how many documents\n\
+matched; with --output, the text is in the file only."
 )]
+#[command(arg = formats::argument(&formats::PROBLEM))]
 pub struct GenProblemArgs {
     /// The template; - is stdin
     #[arg(short, long, value_name = "FILE")]
@@ -36,11 +42,14 @@ pub struct GenProblemArgs {
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
     /// Print where an atom like '(on A B)', a number, or an object comes from, instead of the problem
-    #[arg(long, value_name = "ATOM", conflicts_with = "output")]
+    #[arg(long, value_name = "ATOM", conflicts_with_all = ["output", "format"])]
     pub explain: Option<String>,
 }
 
 pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Exit> {
+    // Where it is not asked for by the flag, a problem is PDDL: programs read it.
+    let is_asked = matches!(context.settings.format.origin, Origin::Flag(_));
+    let is_json = context.format(&formats::PROBLEM)? == Format::Json && is_asked;
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.options.lenient, context)).transpose()?;
     let template = context.read(&args.template)?;
     let memory = args.past.memory(context)?;
@@ -53,6 +62,29 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     if let Some(atom) = &args.explain {
         return explanation::print(atom, &generated, Dialect { lenient: args.options.lenient }, &memory, context);
     }
-    context.output.write_file(&args.output, generated.text.as_bytes())?;
+    let is_file = args.output != Path::new("-");
+    if !is_json || is_file {
+        context.output.write_file(&args.output, generated.text.as_bytes())?;
+    }
+    if is_json {
+        let text = (!is_file).then(|| generated.text.clone());
+        context.output.line(&shell::pretty(&Bson::Document(summary(&generated, text))))?;
+    }
     Ok(Exit::Done)
+}
+
+/// The text of a problem, and what the sections of its template matched.
+fn summary(generated: &Generated, text: Option<String>) -> Document {
+    let section = |section: &SectionReport| {
+        doc! {
+            "line": i64::try_from(section.line).unwrap_or(i64::MAX),
+            "name": &section.name,
+            "namespace": section.namespace.to_string(),
+            "query": shell::relaxed(&section.query),
+            "documents": i64::try_from(section.matched).unwrap_or(i64::MAX),
+        }
+    };
+    let mut summary: Document = text.map(|text| ("problem".to_owned(), text.into())).into_iter().collect();
+    summary.insert("sections", generated.sections.iter().map(section).collect::<Vec<_>>());
+    summary
 }

@@ -6,7 +6,7 @@ use bson::{Document, doc};
 use clap::Args;
 
 use super::template::read_domain;
-use super::{Context, WrongInput};
+use super::{Context, WrongInput, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::Diagnostics;
@@ -34,7 +34,7 @@ documents already is refused; --replace replaces them.";
 
 /// Turn a PDDL problem into documents and a template
 #[derive(Debug, Args)]
-#[command(after_help = HELP)]
+#[command(after_help = HELP, arg = formats::argument(&formats::TEXT))]
 pub struct ImportProblemArgs {
     /// The problem; - is stdin
     #[arg(value_name = "PROBLEM")]
@@ -57,6 +57,7 @@ pub struct ImportProblemArgs {
 }
 
 pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> Result<Exit> {
+    context.format(&formats::TEXT)?;
     let dialect = Dialect { lenient: args.lenient };
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.lenient, context)).transpose()?;
     let source = context.read(&args.problem)?;
@@ -72,6 +73,9 @@ pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> Result
         memory.insert(&args.into, batch.to_vec())?;
     }
     context.output.note(&format!("{count} stored in {}", args.into));
+    let template = args.template.as_ref().map(|path| path.display().to_string());
+    let stored = i64::try_from(count).unwrap_or(i64::MAX);
+    context.print_report([], doc! { "ns": args.into.to_string(), "stored": stored, "template": template })?;
     if let Some(path) = &args.template {
         context.output.write_file(path, imported.template(&args.into).as_bytes())?;
     }

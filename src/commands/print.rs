@@ -110,6 +110,17 @@ impl Context<'_> {
         Ok(())
     }
 
+    /// Prints lines for people, or a document that says the same.
+    ///
+    /// # Errors
+    /// Where stdout fails.
+    pub fn print_report(&mut self, lines: impl IntoIterator<Item = String>, report: Document) -> Result<()> {
+        if self.format(&formats::TEXT)? == Format::Json {
+            return Ok(self.output.line(&shell::pretty(&report.into()))?);
+        }
+        Ok(lines.into_iter().try_for_each(|line| self.output.line(&line))?)
+    }
+
     /// Prints lines for people, or what they say as one array.
     ///
     /// # Errors

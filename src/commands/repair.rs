@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use bson::doc;
 use clap::Args;
 
-use super::{Context, UsageError};
+use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::output::amount;
@@ -18,6 +19,7 @@ Without -o, all indexes are rebuilt from the documents, in the file itself; a da
 that and nothing is changed. With -o, every document that can be read and whose checksum fits is copied\n\
 into a new memory, with the indexes, the names of watches and the log of changes; what is lost is listed,\n\
 which exits with 1. The damaged file stays as it is.")]
+#[command(arg = formats::argument(&formats::TEXT))]
 pub struct RepairArgs {
     /// Copy what can be read into this new file
     #[arg(short, long, value_name = "FILE")]
@@ -25,6 +27,7 @@ pub struct RepairArgs {
 }
 
 pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> {
+    context.format(&formats::TEXT)?;
     let uri = context.settings.memory.value.as_deref().map(StoreUri::parse).transpose()?;
     let path = uri
         .as_ref()
@@ -41,9 +44,15 @@ pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> 
     };
     let Repaired { collections, documents, indexes, lost } = &repaired;
     let counts = [(*collections, "collection"), (*documents, "document"), (*indexes, "index")];
-    context.output.line(&counts.map(|(number, what)| amount(number, what)).join(", "))?;
-    for lost in lost {
-        context.output.line(&format!("lost: {lost}"))?;
-    }
+    let counts = counts.map(|(number, what)| amount(number, what)).join(", ");
+    let lines = std::iter::once(counts).chain(lost.iter().map(|lost| format!("lost: {lost}")));
+    let number = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let report = doc! {
+        "collections": number(*collections),
+        "documents": number(*documents),
+        "indexes": number(*indexes),
+        "lost": lost.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    };
+    context.print_report(lines, report)?;
     Ok(if lost.is_empty() { Exit::Done } else { Exit::No })
 }

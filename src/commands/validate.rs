@@ -5,22 +5,22 @@ use std::path::PathBuf;
 use bson::{Bson, Document, doc};
 use clap::Args;
 
-use super::Context;
 use super::template::read_domain;
+use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_plan, shell};
 use crate::output::Format;
 use crate::pddl::{Domain, Happening, Plan, Problem, Repair, Validation, repair, trace, validate};
-use crate::plan::rounded;
+use crate::plan::{reported, rounded};
 use crate::problem::names;
 
 /// Check a domain and a problem, and simulate a plan
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plan.txt -v\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nWith -v, what happens at each moment is printed first: what becomes true (+) and false (-), and the numbers that change.\n\nExits with 1 if any plan is invalid."
+    after_help = "Examples:\n  rmem validate domain.pddl problem.pddl plan.txt\n  rmem validate domain.pddl problem.pddl plan.txt -v\n  rmem validate domain.pddl problem.pddl plans/*.txt --format json\n\nWith -v, what happens at each moment is printed first: what becomes true (+) and false (-), and the numbers that change.\n\nWith --format json, prints an array with a document for each plan, or for the problem, or the domain, that was checked.\n\nExits with 1 if any plan is invalid."
 )]
-#[command(arg = crate::commands::formats::argument(&crate::commands::formats::TEXT))]
+#[command(arg = formats::argument(&formats::TEXT))]
 pub struct ValidateArgs {
     /// The domain
     #[arg(value_name = "DOMAIN")]
@@ -37,32 +37,50 @@ pub struct ValidateArgs {
 }
 
 pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let format = context.format(&[Format::Text, Format::Json])?;
+    let format = context.format(&formats::TEXT)?;
     let domain = read_domain(&args.domain, args.lenient, context)?;
     let Some(problem) = &args.problem else {
-        context.output.line(&format!("domain {} is valid", domain.name()))?;
+        let valid = doc! { "domain": domain.name(), "valid": true };
+        print(&[format!("domain {} is valid", domain.name())], vec![valid], format, context)?;
         return Ok(Exit::Done);
     };
     let source = context.read(problem)?;
     let problem = Problem::read(&source, &domain, Dialect { lenient: args.lenient }).map_err(Diagnostics)?;
     if args.plans.is_empty() {
-        context.output.line(&format!("problem {} is valid", problem.name()))?;
+        let valid = doc! { "domain": domain.name(), "problem": problem.name(), "valid": true };
+        print(&[format!("problem {} is valid", problem.name())], vec![valid], format, context)?;
+        return Ok(Exit::Done);
     }
-    let mut exits = Vec::new();
+    let (mut exits, mut reports) = (Vec::new(), Vec::new());
     for path in &args.plans {
         let mut checked = CheckedPlan::new(&context.read(path)?, &domain, &problem)?;
         if context.output.is_verbose() {
             checked.trace = Some(trace(&domain, &problem, &checked.plan.steps));
         }
         match format {
-            Format::Json => context.output.line(&shell::relaxed(&checked.to_document()))?,
-            _ => checked.lines(args.plans.len() > 1).iter().try_for_each(|line| context.output.line(line))?,
+            Format::Json => reports.push(checked.to_document()),
+            _ => print(&checked.lines(args.plans.len() > 1), vec![checked.to_document()], format, context)?,
         }
         exits.push(checked.exit());
+    }
+    if format == Format::Json {
+        print(&[], reports, format, context)?;
     }
     // Of several plans, the worst counts.
     let worst = [Exit::No, Exit::Unsupported].into_iter().find(|exit| exits.contains(exit));
     Ok(worst.unwrap_or(Exit::Done))
+}
+
+/// Prints lines for people, or documents.
+fn print(lines: &[String], reports: Vec<Document>, format: Format, context: &mut Context<'_>) -> Result<()> {
+    match format {
+        Format::Json => {
+            let reports = reports.into_iter().map(Bson::Document).collect();
+            context.output.line(&shell::pretty(&Bson::Array(reports)))?;
+        }
+        _ => lines.iter().try_for_each(|line| context.output.line(line))?,
+    }
+    Ok(())
 }
 
 /// A plan, and what its simulation shows.
@@ -140,7 +158,7 @@ impl CheckedPlan {
     /// The verdict for programs.
     fn to_document(&self) -> Document {
         let value = match self.verdict {
-            Validation::Valid { value } => value.map(rounded),
+            Validation::Valid { value } => value.map(reported),
             _ => None,
         };
         let (step, message) = match &self.verdict {
@@ -155,7 +173,7 @@ impl CheckedPlan {
                 ref verdict => Bson::Boolean(matches!(verdict, Validation::Valid { .. })),
             },
             "value": value,
-            "makespan": self.plan.makespan().map(rounded),
+            "makespan": self.plan.makespan().map(reported),
             "steps": i64::try_from(self.plan.steps.len()).unwrap_or(i64::MAX),
             "step": step.and_then(|step| i64::try_from(step + 1).ok()),
             "message": message.map(|message| names::readable(&message)),
@@ -176,10 +194,10 @@ impl CheckedPlan {
 fn to_document(happening: &Happening) -> Document {
     let restored = |texts: &[String]| texts.iter().map(|text| names::readable(text)).collect::<Vec<_>>();
     let value = |(fluent, before, after): &(String, Option<f64>, f64)| {
-        doc! { "fluent": names::readable(fluent), "before": before.map(rounded), "after": rounded(*after) }
+        doc! { "fluent": names::readable(fluent), "before": before.map(reported), "after": reported(*after) }
     };
     doc! {
-        "time": rounded(happening.time),
+        "time": reported(happening.time),
         "events": happening.events.iter().map(|event| names::readable(&event.to_string())).collect::<Vec<_>>(),
         "true": restored(&happening.becomes_true),
         "false": restored(&happening.becomes_false),

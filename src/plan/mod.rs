@@ -16,6 +16,6 @@ pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to
 pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};
 pub use print::{Format, PrintError, PrintedPlan};
 pub use progress::{Progress, Status};
-pub use report::rounded;
+pub use report::{reported, rounded};
 pub use repository::{LAST, Record, Repository, RepositoryError, spelled};
 pub use source::{Input, SourceError, TaskSource};

@@ -21,6 +21,7 @@ impl Record {
         let millis = lineage.and_then(|lineage| lineage.get_document("times").ok()?.get_f64("plan").ok());
         let id = namespace.and_then(|_| self.document.get("_id")).map(|_| self.id());
         let steps = self.steps();
+        let ends = steps.iter().filter_map(end);
         doc! {
             "id": id,
             "namespace": namespace,
@@ -29,7 +30,7 @@ impl Record {
             "planner": of("planner"),
             "cost": number(&of("cost")),
             "metric": of("metric"),
-            "makespan": steps.iter().filter_map(end).reduce(f64::max).map(|end| rounded(end).into()).unwrap_or(Bson::Null),
+            "makespan": ends.reduce(f64::max).map_or(Bson::Null, reported),
             "seconds": millis.map(|millis| rounded(millis / 1000.0)),
             "steps": steps,
             "why": of("why"),
@@ -96,25 +97,35 @@ fn step(index: usize, entry: &Document, is_listed: bool, progress: &Progress) ->
     };
     doc! {
         "index": i64::try_from(index + 1).unwrap_or(i64::MAX), "action": of(name), "args": args, "list": list,
-        "start": of(start), "duration": of(duration), "status": progress.status.word(),
+        "start": number(&of(start)), "duration": number(&of(duration)), "status": progress.status.word(),
     }
 }
 
 /// When a step ends.
 fn end(step: &Bson) -> Option<f64> {
     let step = step.as_document()?;
-    Some(step.get_f64("start").ok()? + step.get_f64("duration").unwrap_or_default())
+    let number = |key: &str| match step.get(key)? {
+        Bson::Double(number) => Some(*number),
+        Bson::Int32(number) => Some(f64::from(*number)),
+        Bson::Int64(number) => Some(*number as f64),
+        _ => None,
+    };
+    Some(number("start")? + number("duration").unwrap_or_default())
 }
 
-/// A number with at most six decimals, an integer where it is one.
+/// A stored number as it is reported.
 fn number(value: &Bson) -> Bson {
     match value {
-        Bson::Double(number) if rounded(*number).fract() == 0.0 && number.abs() < 1e15 => {
-            Bson::Int64(rounded(*number) as i64)
-        }
-        Bson::Double(number) => Bson::Double(rounded(*number)),
+        Bson::Double(value) => reported(*value),
         other => other.clone(),
     }
+}
+
+/// Returns a number as reports have it: with at most six decimals, an integer where it is one.
+#[must_use]
+pub fn reported(number: f64) -> Bson {
+    let rounded = rounded(number);
+    if rounded.fract() == 0.0 && rounded.abs() < 1e15 { Bson::Int64(rounded as i64) } else { Bson::Double(rounded) }
 }
 
 /// Returns a number with at most six decimals: sums of costs have errors beyond them.

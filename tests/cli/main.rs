@@ -40,6 +40,7 @@ mod plot;
 mod progress;
 mod query;
 mod repair;
+mod reports;
 mod restore;
 mod scene;
 mod schema;

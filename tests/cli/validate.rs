@@ -89,15 +89,27 @@ fn a_trace_says_what_each_step_makes_true_and_false() {
     let report = crate::plan::parsed(
         &lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "-v", "--format", "json"]).success(),
     );
+    let report = &report[0];
     assert_eq!((&report["value"], &report["makespan"]), (&json!(11.9), &Value::Null));
     assert_eq!(
         report["trace"][1],
-        json!({"time": 2.0, "events": ["(go b c)"], "true": ["(at c)"], "false": ["(at b)"],
+        json!({"time": 2, "events": ["(go b c)"], "true": ["(at c)"], "false": ["(at b)"],
             "values": [{"fluent": "(walked)", "before": 8.6, "after": 11.9}]})
     );
     let plain =
         crate::plan::parsed(&lab.rmem(&["validate", "d.pddl", "p.pddl", "good.txt", "--format", "json"]).success());
-    assert!(plain.get("trace").is_none(), "{plain}");
+    assert!(plain[0].get("trace").is_none(), "{plain}");
+    // One shape, whatever is checked.
+    let all = |words: &[&str]| {
+        let run = lab.rmem(&[&["validate", "d.pddl"], words, &["--format", "json"]].concat());
+        crate::plan::parsed(&run.stdout).as_array().unwrap().clone()
+    };
+    let of = |report: &Value, keys: &[&str]| keys.iter().map(|key| report[*key].clone()).collect::<Vec<_>>();
+    assert_eq!(all(&[])[0], json!({"domain": "d", "valid": true}));
+    assert_eq!(all(&["p.pddl"])[0], json!({"domain": "d", "problem": "p", "valid": true}));
+    let both = all(&["p.pddl", "good.txt", "bad.txt"]);
+    assert_eq!(of(&both[0], &["plan", "valid", "steps"]), [json!("good.txt"), json!(true), json!(2)]);
+    assert_eq!(of(&both[1], &["plan", "valid", "step"]), [json!("bad.txt"), json!(false), json!(2)]);
     // Durative actions happen at two moments.
     lab.write(
         "t.pddl",

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::schema;
 use crate::clips::facts::{Exporter, FactError, Nested};
 use crate::commands::query::{argument, owned};
-use crate::commands::{Context, UsageError, WrongInput};
+use crate::commands::{Context, UsageError, WrongInput, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::clips::{Fact, is_symbol, write_fact, write_operand, write_remark, write_value};
@@ -25,7 +25,7 @@ Forms: facts is for (load-facts), deffacts NAME for (load), assert for (batch)."
 
 /// Write documents as CLIPS facts
 #[derive(Debug, Args)]
-#[command(after_help = HELP)]
+#[command(after_help = HELP, arg = formats::argument(&formats::FACTS))]
 pub struct ExportArgs {
     /// Collection, as DATABASE.COLLECTION (default: --collection)
     #[arg(value_name = "NS")]

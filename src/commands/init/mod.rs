@@ -4,9 +4,10 @@ use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use bson::doc;
 use clap::Args;
 
-use super::{Context, WrongInput};
+use super::{Context, WrongInput, formats};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 
@@ -31,7 +32,7 @@ Makes rmem.toml (the settings), domain.pddl, problem.pddl.j2 (a template whose q
 
 /// Make a project: settings, domain, template, world
 #[derive(Debug, Args)]
-#[command(after_help = HELP)]
+#[command(after_help = HELP, arg = formats::argument(&formats::TEXT))]
 pub struct InitArgs {
     /// Folder of the project, made if it is missing
     #[arg(value_name = "DIR", default_value = ".")]
@@ -39,6 +40,7 @@ pub struct InitArgs {
 }
 
 pub(super) fn run(args: &InitArgs, context: &mut Context<'_>) -> Result<Exit> {
+    context.format(&formats::TEXT)?;
     let folder = &args.folder;
     refuse(folder)?;
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
@@ -52,9 +54,8 @@ pub(super) fn run(args: &InitArgs, context: &mut Context<'_>) -> Result<Exit> {
         }
         made.push(path);
     }
-    for path in &made {
-        context.output.line(&path.display().to_string())?;
-    }
+    let made: Vec<String> = made.iter().map(|path| path.display().to_string()).collect();
+    context.print_report(made.clone(), doc! { "files": made })?;
     let enter = if folder == Path::new(".") { String::new() } else { format!("cd {} && ", folder.display()) };
     context.output.note(&format!(
         "a plan: {enter}rmem restore world.json && rmem plan --domain domain.pddl --template problem.pddl.j2"

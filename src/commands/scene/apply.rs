@@ -7,12 +7,12 @@ use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
 use super::selection::{More, names, read_file, sources};
-use crate::commands::{Context, UsageError, WrongInput};
+use crate::commands::{Context, UsageError, WrongInput, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::scene::json::line;
+use crate::formats::scene::json::{array, line};
 use crate::formats::scene::{Content, Operation, Scene};
-use crate::output::amount;
+use crate::output::{Format, amount};
 use crate::scene::apply::{Change, Effect, Target, commit};
 use crate::scene::extract::{Reading, extract};
 use crate::scene::mesh::Meshes;
@@ -33,7 +33,7 @@ change, or none.";
 
 /// Write a scene, or operations, back into documents
 #[derive(Debug, Args)]
-#[command(after_help = HELP)]
+#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct ApplyArgs {
     /// A scene file, or operations; - is stdin
     #[arg(value_name = "FILE")]
@@ -61,6 +61,7 @@ pub struct ApplyArgs {
 }
 
 pub(super) fn run(args: &ApplyArgs, context: &mut Context<'_>) -> Result<Exit> {
+    context.format(&formats::RESULT)?;
     let (content, spelling) = read_file(&args.file, args.from.as_deref(), context)?;
     let frame = frame(&content, args)?;
     let kinds = context.settings.object_kinds.clone();
@@ -127,7 +128,7 @@ fn single(queries: &[(Namespace, Document)]) -> Option<Namespace> {
 }
 
 fn report(changes: &[Change], context: &mut Context<'_>) -> Result<()> {
-    let mut kept = 0;
+    let (mut kept, mut lines) = (0, Vec::new());
     for change in changes {
         let mut written =
             doc! { "operation": change.words.join("+"), "name": &change.name, "ns": change.namespace.to_string() };
@@ -144,7 +145,11 @@ fn report(changes: &[Change], context: &mut Context<'_>) -> Result<()> {
             }
             Effect::Delete { id } => drop(written.insert("_id", id)),
         }
-        context.output.line(&line(&written))?;
+        lines.push(line(&written));
+    }
+    match context.format(&formats::RESULT)? {
+        Format::Json => context.output.line(&array(&lines))?,
+        _ => lines.iter().try_for_each(|line| context.output.line(line))?,
     }
     if kept > 0 {
         context

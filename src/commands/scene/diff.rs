@@ -6,10 +6,11 @@ use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
 use super::selection::{More, names, read_file, sources};
+use crate::commands::formats::SCENE_DIFFERENCE;
 use crate::commands::{Context, UsageError, WrongInput};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::scene::json::line;
+use crate::formats::scene::json::{array, line};
 use crate::formats::scene::message::write_operations;
 use crate::formats::scene::{Content, Operation, Scene, Spelling};
 use crate::output::Format;
@@ -22,14 +23,14 @@ Examples:
   rmem scene diff world.json robmem.objects --frame map --format moveit-msg
 
 A and B are scene files in any format, or collections of the memory. Prints a line for each operation
-that leads from A to B: add, remove, move, attach, detach, reshape; with --format moveit-msg one
+that leads from A to B: add, remove, move, attach, detach, reshape; with --format json one array, with moveit-msg one
 PlanningScene with is_diff. Exits with 0 where nothing differs, else with 1. What a file's format cannot
 express is not compared.";
 
 /// Compare two scenes, as operations
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
-#[command(arg = crate::commands::formats::argument(&crate::commands::formats::SCENE_OPERATIONS))]
+#[command(arg = crate::commands::formats::argument(&SCENE_DIFFERENCE))]
 pub struct DiffArgs {
     /// A scene file, or a collection
     #[arg(value_name = "A")]
@@ -54,7 +55,7 @@ pub struct DiffArgs {
 type Side = (Scene, Option<&'static Spelling>);
 
 pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let format = context.format(&crate::commands::formats::SCENE_OPERATIONS)?;
+    let format = context.format(&SCENE_DIFFERENCE)?;
     let mut sides = [file(&args.first, args, context)?, file(&args.second, args, context)?];
     let known = args.frame.clone().or_else(|| sides.iter().flatten().find_map(|(scene, _)| scene.frame.clone()));
     for (side, name) in sides.iter_mut().zip([&args.first, &args.second]) {
@@ -78,6 +79,10 @@ fn print(
 ) -> std::io::Result<()> {
     if format == Format::MOVEIT_MESSAGE {
         return context.output.stdout().write_all(write_operations(operations, frame).as_bytes());
+    }
+    if format == Format::Json {
+        let operations: Vec<String> = operations.iter().map(|operation| line(&operation.to_document(frame))).collect();
+        return context.output.line(&array(&operations));
     }
     operations.iter().try_for_each(|operation| context.output.line(&line(&operation.to_document(frame))))
 }

@@ -63,6 +63,12 @@ pub fn line(document: &Document) -> String {
     serde_json::to_string(&document).unwrap_or_default()
 }
 
+/// Lines of JSON as one array.
+#[must_use]
+pub fn array(lines: &[String]) -> String {
+    if lines.is_empty() { "[]".to_owned() } else { format!("[\n  {}\n]", lines.join(",\n  ")) }
+}
+
 /// A scene as it is written; objects are read one by one, each with its place.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

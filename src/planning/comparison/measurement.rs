@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, doc};
 
-use crate::plan::{hash, rounded};
+use crate::plan::{hash, reported};
 use crate::planner::{Host, Limits, Outcome, Planner, Task, run};
 
 /// A run to be measured: what makes it the same as another.
@@ -113,7 +113,7 @@ impl Measurement {
             "seconds": millis(self.seconds),
             "cpu": self.cpu.map(millis),
             "memory": self.memory,
-            "cost": self.cost.map(number),
+            "cost": self.cost.map(reported),
             "steps": self.steps,
             "message": (!self.message.is_empty()).then_some(&self.message),
         }
@@ -152,13 +152,6 @@ impl Measurement {
             message: text("message").unwrap_or_default(),
         })
     }
-}
-
-/// A number without the errors of sums, whole ones without a decimal point.
-fn number(number: f64) -> Bson {
-    let rounded = rounded(number);
-    #[expect(clippy::cast_possible_truncation, reason = "a whole number below 10^15")]
-    if rounded.fract() == 0.0 && rounded.abs() < 1e15 { Bson::Int64(rounded as i64) } else { Bson::Double(rounded) }
 }
 
 /// The word for a plan.

@@ -139,6 +139,13 @@ fn an_operation_is_printed_for_each_difference() {
     let expected =
         [("remove", "counter"), ("attach", "blue-cup"), ("reshape", "red-cup"), ("move", "red-cup"), ("add", "ball")];
     assert_eq!(operations(&diff.stdout), expected.map(|(word, name)| named(word, name)), "{diff}");
+    let array = kitchen.rmem(&["scene", "diff", "before.json", OBJECTS, "--format", "json"]).exits(1);
+    let array: Vec<serde_json::Value> = serde_json::from_str(&array.stdout).unwrap();
+    let lines: Vec<serde_json::Value> = diff.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(array, lines);
+    let applied = kitchen.rmem(&["scene", "apply", "before.json", "--into", OBJECTS, "--dry-run", "--format", "json"]);
+    let applied: serde_json::Value = serde_json::from_str(&applied.success()).unwrap();
+    assert!(applied.as_array().is_some_and(|changes| changes.len() > 1), "{applied}");
     let message = kitchen.rmem(&["scene", "diff", "before.json", OBJECTS, "--format", "moveit-msg"]).exits(1);
     assert!(
         message.stdout.contains("\"is_diff\":true") && message.stdout.contains("\"id\":\"counter\",\"operation\":1"),
