@@ -3,6 +3,12 @@
 //! It is written here because BSON's dates reach 292 million years to either side of 1970; the dates of jiff, chrono
 //! and time end at the years 9999, 262,142 and 999,999.
 
+/// Returns `2026-11-22 08:12:36`, with milliseconds where there are some, in UTC; takes milliseconds since 1970.
+pub(crate) fn day_and_time(millis: i64) -> String {
+    let text = bson::DateTime::from_millis(millis).try_to_rfc3339_string().unwrap_or_else(|_| millis.to_string());
+    text.trim_end_matches('Z').replacen('T', " ", 1)
+}
+
 /// Milliseconds of a day.
 pub(crate) const DAY: i64 = 86_400_000;
 

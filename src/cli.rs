@@ -4,7 +4,6 @@
 //! layered over the environment and `rmem.toml` is decided in [`crate::settings`].
 
 mod help;
-mod mongosh;
 mod tips;
 
 use std::ffi::OsString;

@@ -3,11 +3,11 @@
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-use super::mongosh;
+use crate::commands::mongosh;
 use crate::store::Namespace;
 
 /// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
-const TIPS: [(&[&str], &str); 21] = [
+const TIPS: [(&[&str], &str); 23] = [
     (&["find", "get", "select", "search", "findone"], "'rmem query NS [QUERY]' prints documents"),
     (&["save", "write"], "'rmem dump' writes collections, 'rmem clips export' writes CLIPS facts"),
     (
@@ -38,10 +38,18 @@ const TIPS: [(&[&str], &str); 21] = [
         &["replan", "execute", "run"],
         "'rmem plan rerun last' plans again, 'rmem plan step' notes execution, 'rmem clips run' runs CLIPS",
     ),
+    (&["use", "db"], TIP_OF_USE),
+    (
+        &["findoneandupdate", "findandmodify", "findoneandreplace"],
+        "'rmem update NS QUERY UPDATE' changes the first match",
+    ),
     (&["describe", "stats", "fields"], "'rmem schema NS' prints the fields of documents"),
     (&["why", "explain"], "'rmem plan why' says where a plan is from, 'rmem gen-problem --explain ATOM' an atom"),
     (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),
 ];
+
+/// The tip for `use DATABASE` in one word.
+const TIP_OF_USE: &str = "a collection is named with its database, as in 'rmem query robmem.worldmodel'";
 
 /// Adds a tip to the error for an unknown command, or for a line of mongosh.
 pub(super) fn with_tip(mut error: Error) -> Error {
@@ -55,6 +63,7 @@ pub(super) fn with_tip(mut error: Error) -> Error {
     let is_command = error.kind() == ErrorKind::InvalidSubcommand;
     let known = || TIPS.iter().find(|(words, _)| is_command && words.contains(&lower.as_str()));
     let tip = mongosh::command(word).map(|command| format!("write: {command}"));
+    let tip = tip.or_else(|| lower.starts_with("use ").then(|| TIP_OF_USE.to_owned()));
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
     if let Some(tip) = tip.or_else(|| known().map(|(_, tip)| (*tip).to_owned())).or_else(documents) {
         error.remove(value);

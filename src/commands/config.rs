@@ -1,14 +1,14 @@
 //! `rmem config`: the settings in force, and where each came from.
 
-use bson::{Bson, doc};
+use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::shell;
+use crate::formats::{quantity, shell};
 use crate::output::Format;
-use crate::settings::Origin;
+use crate::settings::{Origin, Settings};
 use crate::store::{HistoryRule, Scope, StoreUri};
 
 /// Print the settings in force and the origin of each
@@ -19,6 +19,7 @@ pub struct ConfigArgs {}
 pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
     let settings = &context.settings;
     let file = settings.file.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
+    let [keep_history, history_size] = histories(settings);
     let mut rows = vec![
         row(format!("# settings file: {file}"), "file", settings.file.as_ref().map(|_| file.clone()), None),
         setting("memory", settings.memory.value.as_deref().map(address), &settings.memory.origin),
@@ -26,12 +27,8 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         setting("shared_databases", Some(settings.shared_databases.value.clone()), &settings.shared_databases.origin),
         setting("collection", Some(settings.collection.value.to_string()), &settings.collection.origin),
         setting("format", settings.format.value.map(Format::name), &settings.format.origin),
-        setting(
-            "keep_history",
-            (!settings.histories.value.is_empty())
-                .then(|| settings.histories.value.iter().map(history).collect::<Vec<_>>()),
-            &settings.histories.origin,
-        ),
+        keep_history,
+        history_size,
         setting("log", settings.log.value.as_ref().map(|path| path.display().to_string()), &settings.log.origin),
     ];
     rows.extend(settings.planners.iter().map(|planner| {
@@ -69,17 +66,39 @@ fn setting<T: Into<Bson> + std::fmt::Debug>(key: &str, value: Option<T>, origin:
     row(line, key, value, Some(origin))
 }
 
-/// A rule of the history, as `robmem for 24h`.
-fn history(rule: &HistoryRule) -> String {
-    let scope = match &rule.scope {
+/// The lines for `keep_history` and `history_size` as they would be written in `rmem.toml`.
+fn histories(settings: &Settings) -> [(String, Bson); 2] {
+    let (rules, origin) = (&settings.histories.value, &settings.histories.origin);
+    let (text, value) = match rules.as_slice() {
+        [] => {
+            return [setting("keep_history", None::<String>, origin), setting("history_size", None::<String>, origin)];
+        }
+        [rule] if rule.scope == Scope::All => (format!("{:?}", age(rule)), age(rule).into()),
+        rules => {
+            let of = |rule: &HistoryRule| (scope(rule), age(rule));
+            let pairs: Vec<(String, String)> = rules.iter().map(of).collect();
+            let text: Vec<String> = pairs.iter().map(|(scope, age)| format!("{scope:?} = {age:?}")).collect();
+            let value: Document = pairs.into_iter().map(|(scope, age)| (scope, age.into())).collect();
+            (format!("{{ {} }}", text.join(", ")), Bson::Document(value))
+        }
+    };
+    let size = rules.first().map(|rule| quantity::write_size(rule.size));
+    [
+        row(format!("keep_history = {text}  # {origin}"), "keep_history", Some(value), Some(origin)),
+        setting("history_size", size, origin),
+    ]
+}
+
+fn scope(rule: &HistoryRule) -> String {
+    match &rule.scope {
         Scope::All => "all".to_owned(),
         Scope::Database(database) => database.clone(),
         Scope::Collection(ns) => ns.to_string(),
-    };
-    match rule.age.as_secs() {
-        0 if rule.age.is_zero() => format!("{scope} off"),
-        seconds => format!("{scope} for {seconds} s, up to {} bytes", rule.size),
     }
+}
+
+fn age(rule: &HistoryRule) -> String {
+    if rule.age.is_zero() { "off".to_owned() } else { quantity::write_duration(rule.age) }
 }
 
 /// Returns a URI without credentials.

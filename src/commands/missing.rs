@@ -1,6 +1,6 @@
 //! The message about a collection that does not exist.
 
-use super::{Context, WrongInput};
+use super::{Context, WrongInput, mongosh};
 use crate::formats::nearest;
 use crate::memory::Memory;
 use crate::store::Namespace;
@@ -31,6 +31,9 @@ pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> 
     let name = namespace.to_string();
     if names.contains(&name) {
         return None;
+    }
+    if let Some(command) = mongosh::command(&name) {
+        return Some(format!("no collection {name}; write: {command}"));
     }
     let known = || names.iter().map(String::as_str);
     let elsewhere = || known().find(|known| known.ends_with(&format!(".{}", namespace.collection)));

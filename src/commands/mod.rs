@@ -36,6 +36,7 @@ mod lock;
 mod man;
 mod map_reduce;
 mod missing;
+pub(crate) mod mongosh;
 mod plan;
 mod plot;
 mod print;

@@ -6,7 +6,7 @@ use bson::Document;
 use clap::{Args, ValueEnum};
 
 use super::query::{argument, blame, owned};
-use super::{Context, UsageError, WrongInput};
+use super::{Context, UsageError, WrongInput, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Source, shell};
@@ -121,6 +121,8 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     chart.y.label = args.y_label.clone().unwrap_or(chart.y.label);
     let chart = chart.positive();
     if chart.series.is_empty() {
+        // What is not there has no fields either.
+        missing::refuse(&args.namespace, &memory)?;
         return Err(WrongInput::new(format!(
             "no document of {} has what is drawn; see the fields with rmem schema {0}",
             args.namespace

@@ -135,10 +135,12 @@ pub(super) fn owned(document: bson::RawDocumentBuf) -> Result<bson::Document, St
 /// in the first of the texts that has it; the kind of any other error stays.
 pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error {
     let StoreError::Query(query) = &error else { return error.into() };
+    // The default of a query was not typed.
+    let texts: Vec<(&'static str, &str)> = texts.iter().copied().filter(|(_, text)| *text != "{}").collect();
     let place = query
         .operators()
         .find_map(|word| texts.iter().find_map(|(name, text)| Some((*name, *text, text.find(word)?, word.len()))));
-    match (place, texts) {
+    match (place, texts.as_slice()) {
         (Some((name, text, start, length)), _) => {
             let source = Source::new(name, text);
             Diagnostic::new(&source, Span::new(start, start + length), query.message.clone()).into()

@@ -5,6 +5,7 @@ use std::io::Write;
 use bson::{Bson, Document};
 use unicode_width::{UnicodeWidthChar as _, UnicodeWidthStr as _};
 
+use crate::calendar::day_and_time;
 use crate::formats::{shell, visible};
 
 /// The key whose value tells kinds of documents apart.
@@ -155,7 +156,7 @@ fn cell(value: &Bson) -> String {
 fn nested(value: &Bson) -> String {
     match value {
         Bson::ObjectId(id) => id.to_hex(),
-        Bson::DateTime(date) => day_and_time(*date),
+        Bson::DateTime(date) => day_and_time(date.timestamp_millis()),
         Bson::Decimal128(number) => number.to_string(),
         Bson::Array(elements) => format!("[{}]", elements.iter().map(nested).collect::<Vec<_>>().join(", ")),
         Bson::Document(document) => {
@@ -167,12 +168,6 @@ fn nested(value: &Bson) -> String {
         }
         other => visible::line(&shell::relaxed_value(other)).into_owned(),
     }
-}
-
-/// `2026-11-22 08:12:36`, with milliseconds where there are some, in UTC.
-fn day_and_time(date: bson::DateTime) -> String {
-    let text = date.try_to_rfc3339_string().unwrap_or_else(|_| date.timestamp_millis().to_string());
-    text.trim_end_matches('Z').replacen('T', " ", 1)
 }
 
 #[cfg(test)]

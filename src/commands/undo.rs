@@ -6,6 +6,7 @@ use clap::Args;
 use super::history::ChangesArgs;
 use super::query::blame;
 use super::{Context, UsageError, formats};
+use crate::calendar::day_and_time;
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
@@ -134,8 +135,8 @@ fn overwritten(document: &Restoration) -> Vec<String> {
 
 fn later(entry: &Entry) -> String {
     let by = entry.author.as_ref().map(|author| format!(" by {author}")).unwrap_or_default();
-    let time = entry.change.time.try_to_rfc3339_string().unwrap_or_default();
-    format!("{}{by} at {time} (position {})", entry.change.kind.name(), entry.change.position)
+    let time = day_and_time(entry.change.time.timestamp_millis());
+    format!("{}{by} at {time} UTC (position {})", entry.change.kind.name(), entry.change.position)
 }
 
 fn described(document: &Restoration) -> String {

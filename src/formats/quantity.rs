@@ -25,6 +25,23 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(seconds).map_err(|_| wrong())
 }
 
+/// Writes a duration as it is read, in its largest unit without a remainder.
+#[must_use]
+pub fn write_duration(duration: Duration) -> String {
+    let millis = duration.as_millis();
+    let units = [(86_400_000, "d"), (3_600_000, "h"), (60_000, "m"), (1000, "s"), (1, "ms")];
+    let unit = units.iter().find(|(length, _)| millis.is_multiple_of(*length));
+    unit.map_or_else(|| format!("{millis}ms"), |(length, name)| format!("{}{name}", millis / length))
+}
+
+/// Writes a size as it is read, in its largest unit without a remainder.
+#[must_use]
+pub fn write_size(bytes: u64) -> String {
+    let units = [(40, "T"), (30, "G"), (20, "M"), (10, "K")];
+    let unit = units.iter().find(|(power, _)| bytes > 0 && bytes.is_multiple_of(1 << power));
+    unit.map_or_else(|| bytes.to_string(), |(power, name)| format!("{}{name}", bytes >> power))
+}
+
 /// Reads a time: `14:03:20` (the last time it was that late, in UTC), a date as in ISO 8601, or a duration before `now`.
 ///
 /// # Errors

@@ -12,6 +12,7 @@ use super::clock::Clock;
 use super::computables;
 use super::route::{Lazy, Routes};
 use super::{Memory, journal::Journal};
+use crate::calendar::day_and_time;
 use crate::query::QueryError;
 use crate::store::{
     Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest,
@@ -165,6 +166,6 @@ impl Store for Past {
     }
 
     fn describe(&self) -> String {
-        format!("{} as of {}", self.source.describe(), self.at.try_to_rfc3339_string().unwrap_or_default())
+        format!("{} as of {}", self.source.describe(), day_and_time(self.at.timestamp_millis()))
     }
 }

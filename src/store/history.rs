@@ -7,6 +7,7 @@ use bson::DateTime;
 use super::error::StoreError;
 use super::namespace::Namespace;
 use super::watch::{Change, Scope};
+use crate::calendar::day_and_time;
 
 /// How long, and how much of, the history of a scope is kept. Of several rules for a collection, that
 /// of the smallest scope counts.
@@ -69,8 +70,8 @@ pub fn not_kept(ns: &Namespace) -> StoreError {
 /// The error where the history of a collection does not reach back to a time.
 #[must_use]
 pub fn too_old(ns: &Namespace, at: DateTime, since: DateTime) -> StoreError {
-    let text = |time: DateTime| time.try_to_rfc3339_string().unwrap_or_else(|_| time.to_string());
-    let reason = format!("the history begins at {}; what was there at {} is not known", text(since), text(at));
+    let text = |time: DateTime| day_and_time(time.timestamp_millis());
+    let reason = format!("the history begins at {} UTC; what was there at {} is not known", text(since), text(at));
     StoreError::Unfit { address: ns.to_string(), reason }
 }
 

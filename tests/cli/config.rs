@@ -14,6 +14,7 @@ fn later_layers_win_and_origins_are_printed() {
     collection = "a.file"  # $LAB/rmem.toml:2
     # format is not set
     # keep_history is not set
+    # history_size is not set
     # log is not set
     ------- stderr -------
     [exit code: 0]
@@ -87,4 +88,26 @@ fn a_variable_that_is_not_utf_8_is_refused() {
     error: the environment variable RMEM_MEMORY is not valid UTF-8
     [exit code: 2]
     ");
+}
+
+#[test]
+fn a_history_is_printed_as_it_is_written() {
+    for (written, printed) in [
+        ("keep_history = '24h'\n", "keep_history = \"1d\""),
+        ("keep_history = '90m'\nhistory_size = '3M'\n", "keep_history = \"90m\""),
+        (
+            "[keep_history]\nrobmem = '1h'\n'robmem.camera' = 'off'\n",
+            "keep_history = { \"robmem\" = \"1h\", \"robmem.camera\" = \"off\" }",
+        ),
+    ] {
+        let lab = Lab::empty();
+        lab.write("rmem.toml", written);
+        let shown = lab.rmem(&["config"]).success();
+        let lines: Vec<&str> =
+            shown.lines().filter(|line| line.starts_with("keep_history") || line.starts_with("history_size")).collect();
+        assert!(lines[0].starts_with(printed) && lines.len() == 2, "{shown}");
+        // What is printed is read again, and is the same.
+        lab.write("rmem.toml", &lines.join("\n"));
+        assert!(lab.rmem(&["config"]).success().contains(printed), "{shown}");
+    }
 }

@@ -71,6 +71,7 @@ fn a_help_has_arguments_options_examples_and_what_is_printed() {
           --config <FILE>    Settings file (default: the nearest rmem.toml upwards, then the user's)
                              [env: RMEM_CONFIG]
           --load <WORLD>     Load a world file into the memory first (can be repeated)
+          --format <FORMAT>  Output format: text, json (default: text) [env: RMEM_FORMAT]
           --collection <NS>  Default collection (default: robmem.worldmodel) [env: RMEM_COLLECTION]
       -q, --quiet            Print errors only
       -v, --verbose          Print each operation and its duration

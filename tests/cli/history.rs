@@ -270,3 +270,17 @@ fn a_history_for_one_database_or_collection_takes_over_what_was_kept_for_all() {
     lab.rmem(&["undo", NS]).success();
     assert_eq!(lab.rmem(&["count", NS]).success(), "0\n");
 }
+
+#[test]
+fn a_history_that_does_not_reach_back_says_when_it_begins() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1}"]).success();
+    let early = lab.rmem(&["query", NS, "--at", "2001-02-03T04:05:06Z"]).exits(2).stderr;
+    assert!(
+        early.contains("the history begins at 20") && early.contains("what was there at 2001-02-03 04:05:06 is"),
+        "{early}"
+    );
+    // What was not typed is not pointed at.
+    let none = with_settings("").rmem(&["history", NS]).exits(2).stderr;
+    assert!(!none.contains("{}"), "{none}");
+}

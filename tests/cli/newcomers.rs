@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::lab::{Lab, assert_run};
+use crate::lab::{Lab, assert_run, three_documents};
 
 fn lab() -> Lab {
     let lab = Lab::new().env("RMEM_MEMORY", "file:m.rmem");
@@ -224,4 +224,86 @@ fn a_listing_of_facts_is_imported() {
     assert_eq!(imported.success(), "{\"inserted\":2,\"replaced\":0,\"unchanged\":0}\n");
     let blocks = lab.rmem(&["query", "robmem.facts", "{relation: 'block'}", "--fields", "{_id: 0, name: 1}"]);
     assert_eq!(blocks.success(), "{\"name\":\"A\"}\n");
+}
+
+#[test]
+fn why_explains_documents_inside_documents() {
+    let lab = Lab::new();
+    let poses = ["{pose: {x: 1, y: 2}}", "{pose: {x: 1, y: 3}}", "{pose: [1, 2]}", "{name: 'cup'}"];
+    lab.rmem(&[&["insert", "robmem.things"], &poses[..]].concat()).success();
+    let why = |query: &str| lab.rmem(&["query", "robmem.things", query, "--why"]);
+    assert_run!(why("{pose: {x: 1}}"), @r#"
+    robmem.things: 4 documents, 0 match
+      alone  together  condition
+          0         0  {"pose":{"x":1}}
+                       pose is compared as a whole, with all its keys in their order; {'pose.x': 1} matches 2 documents
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(why("{pose: {x: '1'}}"), @r#"
+    robmem.things: 4 documents, 0 match
+      alone  together  condition
+          0         0  {"pose":{"x":"1"}}
+                       pose.x is a number in all 2 documents; you compare with a string
+                       {'pose.x': 1} matches 2 documents
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(why("{'pose.x': '1'}"), @r#"
+    robmem.things: 4 documents, 0 match
+      alone  together  condition
+          0         0  {"pose.x":"1"}
+                       pose.x is a number in all 2 documents; you compare with a string
+                       {'pose.x': 1} matches 2 documents
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(why("{'pose.orientation': 1}"), @r#"
+    robmem.things: 4 documents, 0 match
+      alone  together  condition
+          0         0  {"pose.orientation":1}
+                       no document has the key `pose.orientation`; pose is a document in 2 documents, an array in 1 document, with the keys x, y
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn what_is_drawn_or_exported_of_no_collection_names_the_nearest_one() {
+    let lab = three_documents();
+    assert_run!(lab.rmem(&["plot", "robmem.worldmodl", "--x", "n", "--y", "n", "-o", "a.svg"]), @r"
+    ------- stderr -------
+    error: no collection robmem.worldmodl; did you mean robmem.worldmodel?
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["export", "mcap", "robmem.worldmodl", "--time", "at", "-o", "a.mcap"]), @r"
+    ------- stderr -------
+    error: no collection robmem.worldmodl; did you mean robmem.worldmodel?
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["clips", "export", "robmem.worldmodl"]), @r"
+    ------- stderr -------
+    warning: no collection robmem.worldmodl; did you mean robmem.worldmodel?
+    0 facts
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn habits_of_mongosh_are_answered() {
+    let lab = three_documents();
+    for line in [
+        "rmem query db.orders.find",
+        "rmem show collections",
+        "rmem 'show dbs'",
+        "rmem use robmem",
+        "rmem 'use robmem'",
+    ] {
+        let run = lab.shell(line);
+        let tip =
+            run.stderr.lines().find(|line| line.contains("write: ") || line.contains("tip: ")).unwrap_or_default();
+        assert!(tip.contains("rmem collections") || tip.contains("rmem query robmem."), "{line}: {run}");
+    }
+    let line = "rmem \"db['worldmodel'].findOneAndUpdate({n: 3}, {\\$set: {n: 4}})\"";
+    assert!(lab.shell(line).stderr.contains("rmem update robmem.worldmodel \"{n: 3}\" "), "{}", lab.shell(line));
 }

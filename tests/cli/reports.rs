@@ -48,6 +48,10 @@ fn a_generated_problem_as_json_has_the_sections_of_its_template() {
 fn facts_have_the_format_of_clips_only() {
     assert_run!(three_documents().rmem(&["clips", "export", "--format", "json"]), @r"
     ------- stderr -------
+    error: invalid value 'json' for '--format <FORMAT>'
+      [possible values: clips]
+
+    For more information, try '--help'.
     [exit code: 2]
     ");
 }

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::schema;
 use crate::clips::facts::{Exporter, FactError, Nested};
 use crate::commands::query::{argument, owned};
-use crate::commands::{Context, UsageError, WrongInput, formats};
+use crate::commands::{Context, UsageError, WrongInput, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::clips::{Fact, is_symbol, write_fact, write_operand, write_remark, write_value};
@@ -99,6 +99,9 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
             let fact = exporter.fact(&document).map_err(|error| refuse(&namespace, &document, &error))?;
             form.write(&fact, &mut text);
             count += 1;
+        }
+        if count == 0 {
+            missing::warn(&namespace, &memory, context);
         }
     }
     text.push_str(form.closing());

@@ -7,7 +7,7 @@ use bson::{Bson, Document, doc};
 use clap::Args;
 
 use crate::commands::query::{argument, blame, owned};
-use crate::commands::{Context, WrongInput};
+use crate::commands::{Context, WrongInput, missing};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::formats::mcap::{Channel, Log};
@@ -96,6 +96,7 @@ pub(super) fn run(args: &McapArgs, context: &mut Context<'_>) -> Result<Exit> {
         }
     }
     if written.documents == 0 {
+        missing::refuse(&args.namespace, &memory)?;
         let field = &args.time;
         return Err(WrongInput::new(format!("no document of {name} has a date or seconds under `{field}`")).into());
     }

@@ -129,6 +129,9 @@ impl Examiner<'_> {
             let nearest = sample.nearest_path(path);
             let of = |nearest: &str| self.count(&doc! { nearest: { "$exists": true } });
             let nearest = nearest.map(|nearest| Ok::<_, StoreError>((nearest.to_owned(), of(nearest)?))).transpose()?;
+            if let (None, Some(inner)) = (&nearest, self.inner(path, sample)?) {
+                return Ok(vec![inner]);
+            }
             let known = if nearest.is_none() { sample.keys() } else { Vec::new() };
             return Ok(vec![Remark::NoKey { path: path.to_owned(), nearest, known }]);
         }
@@ -139,7 +142,41 @@ impl Examiner<'_> {
             remarks.push(Remark::OtherType { path: path.to_owned(), documents, types, wanted });
         }
         for value in test.values.iter().filter(|_| test.is_equality).take(MOST_VALUES) {
-            remarks.extend(self.other(path, value, sample)?);
+            match value {
+                Bson::Document(parts) if !parts.is_empty() => remarks.extend(self.parts(path, parts, sample)?),
+                value => remarks.extend(self.other(path, value, sample)?),
+            }
+        }
+        Ok(remarks)
+    }
+
+    /// What there is instead of a key in a document inside.
+    fn inner(&self, path: &str, sample: &Sample) -> Result<Option<Remark>, StoreError> {
+        let Some((parent, _)) = path.rsplit_once('.') else { return Ok(None) };
+        let mut types = self.types(parent)?;
+        // The elements of an array count as values, too.
+        if types.iter().any(|(name, _)| *name == "an array") {
+            types.retain(|(name, _)| ["a document", "an array"].contains(name));
+        }
+        if types.is_empty() {
+            return Ok(None);
+        }
+        let (path, parent) = (path.to_owned(), parent.to_owned());
+        Ok(Some(Remark::NoInner { keys: sample.keys_in(&parent), path, parent, types }))
+    }
+
+    /// What keeps a document inside from being equal: its parts may match, or one of them keeps it from that.
+    fn parts(&self, path: &str, parts: &Document, sample: &Sample) -> Result<Vec<Remark>, StoreError> {
+        let dotted: Document = parts.iter().map(|(key, value)| (format!("{path}.{key}"), value.clone())).collect();
+        let documents = self.count(&dotted)?;
+        if documents > 0 {
+            return Ok(vec![Remark::Whole { path: path.to_owned(), parts: dotted, documents }]);
+        }
+        let mut remarks = Vec::new();
+        for (path, value) in dotted {
+            if self.count(&doc! { &path: value.clone() })? == 0 {
+                remarks.extend(self.examine(&Test { path, values: vec![value], is_equality: true }, sample)?);
+            }
         }
         Ok(remarks)
     }

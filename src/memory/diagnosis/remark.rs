@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use bson::Bson;
+use bson::{Bson, Document, doc};
 
 use crate::formats::shell;
 
@@ -17,6 +17,26 @@ pub enum Remark {
         nearest: Option<(String, u64)>,
         /// Keys that documents have, where none is like it.
         known: Vec<String>,
+    },
+    /// No document has the key in the document, or other value, that it would be in.
+    NoInner {
+        /// The dotted path.
+        path: String,
+        /// The path before its last key.
+        parent: String,
+        /// The types of the values there, and how many documents have each.
+        types: Vec<(&'static str, u64)>,
+        /// The keys of documents there.
+        keys: Vec<String>,
+    },
+    /// A document is compared as a whole; its parts would match.
+    Whole {
+        /// The key, or a dotted path.
+        path: String,
+        /// The query for the parts.
+        parts: Document,
+        /// How many documents match that.
+        documents: u64,
     },
     /// The documents have values of other types.
     OtherType {
@@ -81,11 +101,22 @@ impl fmt::Display for Remark {
             Self::NoKey { path, nearest: None, known } => {
                 write!(f, "no document has the key `{path}`; there are {}", known.join(", "))
             }
+            Self::NoInner { path, parent, types, keys } => {
+                let types = types.iter().map(|(name, number)| format!("{name} in {}", count(*number)));
+                let types = types.collect::<Vec<_>>().join(", ");
+                write!(f, "no document has the key `{path}`; {parent} is {types}")?;
+                if keys.is_empty() { Ok(()) } else { write!(f, ", with the keys {}", keys.join(", ")) }
+            }
+            Self::Whole { path, parts, documents } => {
+                write!(f, "{path} is compared as a whole, with all its keys in their order; ")?;
+                write!(f, "{} matches {}", people(&Bson::Document(parts.clone())), count(*documents))
+            }
             Self::OtherType { path, documents, types, wanted } => {
                 write!(f, "{path} is {}; you compare with {wanted}", types_text(types, *documents))
             }
             Self::OtherValue { path, value, documents } => {
-                write!(f, "{{{path}: {}}} matches {}", shell::relaxed_value(value), count(*documents))
+                let query = doc! { path: value.clone() };
+                write!(f, "{} matches {}", people(&Bson::Document(query)), count(*documents))
             }
         }
     }
@@ -101,6 +132,27 @@ fn types_text(types: &[(&str, u64)], documents: u64) -> String {
         };
     }
     types.iter().map(|(name, number)| format!("{name} in {}", count(*number))).collect::<Vec<_>>().join(", ")
+}
+
+/// A query as a person would type it: keys bare where they may be, texts and dates in the shell's spelling.
+fn people(value: &Bson) -> String {
+    let is_bare =
+        |key: &str| key.chars().all(|c| c.is_alphanumeric() || c == '_') && !key.starts_with(|c: char| c.is_numeric());
+    match value {
+        Bson::Document(document) => {
+            let pairs = document.iter().map(|(key, value)| match is_bare(key) {
+                true => format!("{key}: {}", people(value)),
+                false => format!("'{key}': {}", people(value)),
+            });
+            format!("{{{}}}", pairs.collect::<Vec<_>>().join(", "))
+        }
+        Bson::DateTime(date) => match date.try_to_rfc3339_string() {
+            Ok(text) => format!("ISODate('{text}')"),
+            Err(_) => shell::relaxed_value(value),
+        },
+        Bson::ObjectId(id) => format!("ObjectId('{id}')"),
+        other => shell::relaxed_value(other),
+    }
 }
 
 pub(super) fn count(documents: u64) -> String {

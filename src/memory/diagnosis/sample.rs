@@ -41,6 +41,13 @@ impl Sample {
         if keys.len() > MOST_KEYS { Vec::new() } else { keys }
     }
 
+    /// The keys of the documents under a path, unless there are too many for a message.
+    pub(super) fn keys_in(&self, path: &str) -> Vec<String> {
+        let inside = |known: &String| known.strip_prefix(path)?.strip_prefix('.').map(str::to_owned);
+        let keys: Vec<String> = self.paths.iter().filter_map(inside).filter(|key| !key.contains('.')).collect();
+        if keys.len() > MOST_KEYS { Vec::new() } else { keys }
+    }
+
     /// The text under a key that is most like one which no document has.
     pub(super) fn nearest_text(&self, path: &str, wanted: &str) -> Option<String> {
         let mut texts: BTreeSet<&str> = BTreeSet::new();

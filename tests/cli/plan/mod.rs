@@ -350,7 +350,7 @@ fn names_are_written_as_the_memory_has_them() {
     let files = ["validate", "domain.pddl", "p.pddl", "plan.txt", "plan.txt"];
     assert_eq!(lab.rmem(&files).success(), "plan.txt: the plan is valid, value 2\n".repeat(2));
     let verdict = parsed(&lab.rmem(&[&files[..4], &["--format", "json"]].concat()).success());
-    assert_eq!((&verdict["valid"], &verdict["steps"]), (&json!(true), &json!(2)));
+    assert_eq!((&verdict[0]["valid"], &verdict[0]["steps"]), (&json!(true), &json!(2)));
     let explain = ["gen-problem", "-t", "p.j2", "--goal", goal, "--explain", "(wick \"box #18\")"];
     assert_run!(lab.rmem(&explain), @r#"
     (wick "box #18"): in the initial state, line 2 of the problem

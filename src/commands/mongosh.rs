@@ -10,13 +10,23 @@ struct Segment<'a> {
 }
 
 /// Returns the command for a line; none where it is no such line, or rmem has no such command.
-pub(super) fn command(line: &str) -> Option<String> {
+pub(crate) fn command(line: &str) -> Option<String> {
     let line = line.trim().trim_end_matches(';');
+    let shown: Vec<&str> = line.split_whitespace().collect();
+    if let ["show", "collections" | "tables" | "dbs" | "databases"] = shown.as_slice() {
+        return Some("rmem collections".to_owned());
+    }
     let segments = segments(line.strip_prefix("await ").unwrap_or(line).trim())?;
     let mut segments = segments.into_iter().peekable();
     let is_db = segments.next_if(|segment| segment.name == "db" && segment.arguments.is_none()).is_some();
     let mut database = is_db.then(|| DATABASE.to_owned());
     let mut path: Vec<String> = Vec::new();
+    // `db.orders.find` without brackets asks for all documents.
+    let mut segments = segments.collect::<Vec<_>>();
+    if let Some(last) = segments.last_mut().filter(|last| is_db && last.arguments.is_none() && is_bare(last.name)) {
+        last.arguments = Some(Vec::new());
+    }
+    let mut segments = segments.into_iter();
     for segment in segments.by_ref() {
         match (segment.name, &segment.arguments) {
             ("getSiblingDB" | "getDB", Some(arguments)) => database = Some(unquoted(arguments.first()?)),
@@ -30,6 +40,11 @@ pub(super) fn command(line: &str) -> Option<String> {
         }
     }
     None
+}
+
+/// Whether a method is one that is called without arguments, and hardly the name of a collection.
+fn is_bare(name: &str) -> bool {
+    ["find", "findOne", "countDocuments", "estimatedDocumentCount", "getIndexes", "drop", "watch"].contains(&name)
 }
 
 fn namespace(database: Option<String>, path: &[String]) -> Option<String> {
@@ -52,10 +67,11 @@ fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) 
     let command = |name: &str| vec!["rmem".to_owned(), name.to_owned(), ns.to_owned()];
     let is_counted = modifiers.iter().any(|segment| ["count", "size", "length", "itcount"].contains(&segment.name));
     let with = |name: &str, more: Vec<Option<String>>| [command(name), more.into_iter().flatten().collect()].concat();
-    let update = |more: &[Option<String>]| {
+    let change = |name: &str, more: &[Option<String>]| {
         let rest = [vec![Some(quoted(arguments.first()?)), Some(quoted(arguments.get(1)?))], more.to_vec()].concat();
-        Some(with("update", rest))
+        Some(with(name, rest))
     };
+    let update = |more: &[Option<String>]| change("update", more);
     let upsert = flag("--upsert", arguments.len() > 2 && has("upsert"));
     if !is_understood(method, arguments, modifiers) {
         return None;
@@ -78,6 +94,9 @@ fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) 
         "deleteMany" | "remove" if given(0).is_none() => with("delete", vec![Some("--all".to_owned())]),
         "deleteMany" | "remove" => with("delete", vec![word(0), Some("--many".to_owned())]),
         "deleteOne" => with("delete", vec![word(0)]),
+        "findOneAndUpdate" => change("update", &[upsert])?,
+        "findOneAndReplace" => change("update", &[Some("--replace".to_owned()), upsert])?,
+        "findOneAndDelete" => with("delete", vec![word(0)]),
         "countDocuments" | "count" | "estimatedDocumentCount" => with("count", vec![word(0)]),
         "aggregate" if arguments.len() > 1 && !arguments.first()?.starts_with('[') => {
             with("aggregate", vec![Some(quoted(&format!("[{}]", arguments.join(", "))))])
@@ -100,7 +119,7 @@ fn is_understood(method: &str, arguments: &[&str], modifiers: &[Segment<'_>]) ->
     // How many arguments there are, and which options the last of them may have.
     let (most, known): (usize, &[&str]) = match method {
         "find" | "findOne" | "distinct" => (2, &[]),
-        "updateOne" | "updateMany" | "replaceOne" => (3, &["upsert"]),
+        "updateOne" | "updateMany" | "replaceOne" | "findOneAndUpdate" | "findOneAndReplace" => (3, &["upsert"]),
         "update" => (3, &["upsert", "multi"]),
         "createIndex" | "ensureIndex" => (2, &["unique"]),
         "aggregate" => (usize::MAX, &[]),
@@ -111,7 +130,7 @@ fn is_understood(method: &str, arguments: &[&str], modifiers: &[Segment<'_>]) ->
     let are_known = options.is_none_or(|text| members(text).all(|(key, _)| known.contains(&key)));
     // One document of all, and a replacement without --replace, have no command.
     let is_refused = match method {
-        "deleteOne" => arguments.first().is_none_or(|query| is_empty(query)),
+        "deleteOne" | "findOneAndDelete" => arguments.first().is_none_or(|query| is_empty(query)),
         "update" => arguments.get(1).is_none_or(|change| !change.contains('$')),
         "distinct" => arguments.first().is_none_or(|field| field.contains(['\\', '$', '`', '!', ' '])),
         _ => false,
@@ -152,7 +171,16 @@ fn options(modifiers: &[Segment<'_>]) -> Vec<String> {
 
 /// Takes a line apart at the dots outside of brackets and quotes.
 fn segments(line: &str) -> Option<Vec<Segment<'_>>> {
-    split(line, b'.')?.into_iter().map(parsed).collect()
+    let parts = split(line, b'.')?.into_iter().map(|part| match part.split_once('[') {
+        // `db["orders"]` is `db.orders`.
+        Some((name, key)) if !name.contains('(') => {
+            let key = key.trim().strip_suffix(']').map(str::trim).filter(|key| is_text(key))?;
+            let key = key.trim_matches(['"', '\'', '`']);
+            Some(vec![parsed(name)?, Segment { name: key, arguments: None }])
+        }
+        _ => Some(vec![parsed(part)?]),
+    });
+    Some(parts.collect::<Option<Vec<_>>>()?.into_iter().flatten().collect())
 }
 
 fn parsed(part: &str) -> Option<Segment<'_>> {
@@ -265,6 +293,21 @@ mod tests {
             ("db.orders.aggregate([{$match: {n: 1}}])", "rmem aggregate robmem.orders '[{$match: {n: 1}}]'"),
             ("db.orders.drop()", "rmem drop robmem.orders"),
             ("db.orders.createIndex({n: 1}, {unique: true})", "rmem index robmem.orders \"{n: 1}\" --unique"),
+            (
+                "db.orders.findOneAndUpdate({n: 1}, {$set: {n: 2}})",
+                "rmem update robmem.orders \"{n: 1}\" '{$set: {n: 2}}'",
+            ),
+            (
+                "db.orders.findOneAndReplace({n: 1}, {n: 2})",
+                "rmem update robmem.orders \"{n: 1}\" \"{n: 2}\" --replace",
+            ),
+            ("db.orders.findOneAndDelete({n: 1})", "rmem delete robmem.orders \"{n: 1}\""),
+            ("db['orders'].find({n: 1})", "rmem query robmem.orders \"{n: 1}\""),
+            ("db[\"shop.orders\"].find()", "rmem query robmem.shop.orders"),
+            ("db.orders.find", "rmem query robmem.orders"),
+            ("db.orders.countDocuments", "rmem count robmem.orders"),
+            ("show collections", "rmem collections"),
+            ("show dbs;", "rmem collections"),
             ("db.getSiblingDB('lab').getCollection('orders').find()", "rmem query lab.orders"),
         ] {
             assert_eq!(command(line).as_deref(), Some(wanted), "{line}");
@@ -295,6 +338,10 @@ mod tests {
             "db.x.find({a: 1}).collation({locale: 'de'}).forEach(printjson)",
             "é.(",
             "f()",
+            "db[0].find()",
+            "robmem.find",
+            "show",
+            "db.x.findOneAndUpdate({a: 1}, {$set: {b: 1}}, {returnDocument: 'after'})",
         ] {
             assert_eq!(command(text), None, "{text}");
         }
