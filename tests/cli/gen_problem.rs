@@ -215,6 +215,38 @@ fn mistakes_are_shown_at_the_templates_line() {
 }
 
 #[test]
+fn a_filter_that_would_make_more_than_any_memory_holds_is_refused() {
+    let (lab, mut refusals) = (Lab::new(), String::new());
+    for expression in [
+        "'%0999999999d'|format(1)",
+        "'%d %.100001f'|format(1, 1.5)",
+        "'a\\nb'|indent(999999999)",
+        "[1]|batch(999999999, 0)",
+        "[1]|slice(999999999)",
+        "('a' * 99999)|replace('a', 'b' * 99999)",
+    ] {
+        lab.write("t.j2", &format!("{{{{ {expression} }}}}\n"));
+        let refused = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2"]).exits(3);
+        refusals += refused.stderr.lines().next().unwrap_or_default();
+        refusals += "\n";
+    }
+    insta::assert_snapshot!(refusals, @r"
+    error: t.j2:1:19: 0999999999 is too large; expected at most 100000
+    error: t.j2:1:19: 100001 is too large; expected at most 100000
+    error: t.j2:1:11: 999999999 is too large; expected at most 100000
+    error: t.j2:1:8: 999999999 is too large; expected at most 100000
+    error: t.j2:1:8: 999999999 is too large; expected at most 100000
+    error: t.j2:1:18: the replaced text would have 9999800001 bytes; expected at most 67108864
+    ");
+    lab.write("t.j2", "{{ '%05.1f'|format(1.25)|replace('.', '-')|indent(2) }} {{ [1, 2]|batch(2)|list|length }}\n");
+    assert_run!(lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2"]), @r"
+    x--001_2d2--x 1
+    ------- stderr -------
+    [exit code: 0]
+    ");
+}
+
+#[test]
 fn the_check_against_a_domain_names_template_line_and_document() {
     let lab = lab();
     lab.write("typo.tmpl", &MARKER.replace("(on-table <<object>>)", "(on-tabel <<object>>)"));

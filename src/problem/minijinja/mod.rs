@@ -9,6 +9,7 @@ mod fixed;
 mod function;
 mod hint;
 mod instrument;
+mod limits;
 mod method;
 mod signature;
 mod tags;
@@ -151,6 +152,7 @@ fn run(name: &str, text: &str, variables: Vec<(String, Value)>, context: &Arc<Co
         shared.emit(value, out)
     });
     let given = variables.iter().filter(|(name, _)| name != "goal").cloned().collect();
+    limits::register(&mut environment);
     register(&mut environment, context, given);
     let template = environment.template_from_named_str(name, text)?;
     template.render(Value::from_pairs(variables))
