@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::Syntax;
+use crate::formats::alike;
 
 /// What a template takes from outside.
 #[derive(Debug, Default)]
@@ -24,6 +25,6 @@ impl Taken {
     pub(super) fn takes(&self, name: &str, syntax: Syntax) -> bool {
         let is_key = |taken: &str| taken.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
         let has_keys = || syntax == Syntax::Marker && self.names.iter().any(|taken| is_key(taken));
-        self.is_unknown || self.names.contains(name) || has_keys()
+        self.is_unknown || alike(name, self.names.iter().map(String::as_str)).is_some() || has_keys()
     }
 }

@@ -12,11 +12,11 @@ pub(super) struct Planning {
 }
 
 impl Planning {
-    /// Generates a problem; returns its text.
-    pub(super) fn generate(&self, request: Request, memory: &Memory) -> Result<String, ProblemError> {
+    /// Generates a problem; returns its text, and what is worth a note.
+    pub(super) fn generate(&self, request: Request, memory: &Memory) -> Result<(String, Vec<String>), ProblemError> {
         let generated = problem::generate(&request, memory)?;
-        let text = generated.text.clone();
+        let (text, notes) = (generated.text.clone(), generated.respelled.clone());
         *self.last.borrow_mut() = Some((request, generated));
-        Ok(text)
+        Ok((text, notes))
     }
 }

@@ -12,9 +12,13 @@ use super::subscriptions::Subscriptions;
 use super::table::Table;
 use super::trace::Trace;
 use crate::memory::Memory;
+use crate::store::Namespace;
 
 /// A mistake in a text that is being loaded: its line, whether it is only doubtful, the message of CLIPS.
 pub(super) type Mistake = (usize, bool, String);
+
+/// Where Fawkes has its mutexes.
+const MUTEXES: &str = "robmem_coordination.mutex";
 
 /// What the functions of one run share.
 pub(super) struct State<'m> {
@@ -31,6 +35,8 @@ pub(super) struct State<'m> {
     mistakes: RefCell<Vec<Mistake>>,
     /// What a command complains about, while one is run.
     complaints: RefCell<Option<Vec<u8>>>,
+    /// Where mutexes are.
+    mutexes: RefCell<Namespace>,
     trace: Trace,
 }
 
@@ -49,7 +55,20 @@ impl<'m> State<'m> {
             loading: Cell::new(false),
             mistakes: RefCell::default(),
             complaints: RefCell::default(),
+            mutexes: RefCell::new(job.mutexes.clone()),
             trace: Trace::default(),
+        }
+    }
+
+    /// Where mutexes are: a program that follows those of Fawkes has them there.
+    pub(super) fn mutexes(&self) -> Namespace {
+        self.mutexes.borrow().clone()
+    }
+
+    /// Notes which collection a program follows.
+    pub(super) fn follows(&self, namespace: &Namespace) {
+        if namespace.to_string() == MUTEXES {
+            self.mutexes.replace(namespace.clone());
         }
     }
 

@@ -30,10 +30,10 @@ fn functions_of_a_program_take_the_place_of_those_with_their_names() {
 #[test]
 fn programs_of_clips_6_30_find_their_functions_and_streams() {
     let program = "(defrule go =>
-  (printout t (length (create$ a b)) (length \"äbc\") (length sym) (length (now)) (< 1600000000 (nth$ 1 (now-systime))) crlf)
+  (printout t (length (create$ a b)) (length \"äbc\") (length sym) (length (now)) (length$ resource-) (length$ (create$)) (< 1600000000 (nth$ 1 (now-systime))) crlf)
   (printout warn \"a warning\" crlf) (printout wwarning \"another\" crlf) (printout logerror \"a third\" crlf))\n";
     assert_run!(run(&lab(), &[("p.clp", program)], &[]), @"
-    2332TRUE
+    233290TRUE
     ------- stderr -------
     a warning
     another
@@ -122,6 +122,17 @@ fn mutexes_answer_by_facts() {
     ------- stderr -------
     [exit code: 0]
     ");
+}
+
+#[test]
+fn a_program_that_follows_the_mutexes_of_fawkes_has_them_there() {
+    let program = "(defrule go => (robmem-trigger-register robmem_coordination.mutex (bson-create) mutex)
+  (robmem-mutex-try-lock-async M1 r1))
+(defrule changed (robmem-trigger (name \"mutex\") (ptr ?doc)) (test (bson-get ?doc fullDocument.locked))
+  => (printout t (bson-get ?doc documentKey._id) \" \" (bson-get ?doc fullDocument.locked-by) crlf) (exit))\n";
+    let lab = lab();
+    assert_eq!(run(&lab, &[("p.clp", program)], &["--timeout", "20s"]).success(), "M1 r1\n");
+    assert_eq!(lab.rmem(&["count", "robmem_coordination.mutex", "{locked: true}"]).success(), "1\n");
 }
 
 #[test]

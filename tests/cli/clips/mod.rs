@@ -7,6 +7,7 @@ mod import;
 mod plan;
 #[cfg(feature = "clips-engine")]
 mod run;
+mod scenario;
 mod spelling;
 
 use crate::lab::{Lab, assert_run};

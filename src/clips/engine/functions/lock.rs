@@ -26,7 +26,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
 
 fn mutex(state: &State<'_>, arguments: Arguments<'_>) -> Result<Mutex, Failure> {
     let owner = arguments.get(2).map(|_| arguments.text(2)).transpose()?.unwrap_or_default();
-    Ok(Mutex { namespace: state.job.mutexes.clone(), name: arguments.text(1)?.to_owned(), owner: owner.to_owned() })
+    Ok(Mutex { namespace: state.mutexes(), name: arguments.text(1)?.to_owned(), owner: owner.to_owned() })
 }
 
 pub(super) fn create(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
@@ -76,7 +76,7 @@ pub(super) fn unlock(state: &State<'_>, _: &Environment, arguments: Arguments<'_
 /// Lets mutexes expire so many seconds after they were locked.
 fn setup(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let index = Index { expire_after: Some(arguments.integer(1)?), ..Index::on(doc! { "lock-time": 1 }) };
-    let made = state.memory.create_index(&state.job.mutexes, &index);
+    let made = state.memory.create_index(&state.mutexes(), &index);
     made.map(|_| Value::truth(true)).map_err(Failure::declined)
 }
 
@@ -88,6 +88,6 @@ pub(super) fn expire(state: &State<'_>, _: &Environment, arguments: Arguments<'_
     let free = doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } };
     let update = UpdateSpec::Document(free);
     let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert: false };
-    let updated = state.memory.update(&state.job.mutexes, &request).map_err(Failure::declined)?;
+    let updated = state.memory.update(&state.mutexes(), &request).map_err(Failure::declined)?;
     Ok(operation::number(updated.modified))
 }

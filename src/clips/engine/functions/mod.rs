@@ -54,14 +54,17 @@ fn all() -> impl Iterator<Item = &'static Function> {
 /// # Errors
 /// Where CLIPS has one of their names already.
 pub(super) fn define<'m: 'h, 'h>(
-    clips: &mut Running<'h>,
+    engine: &mut Running<'h>,
     state: &Rc<State<'m>>,
     is_replaced: &dyn Fn(&str) -> bool,
 ) -> Result<(), String> {
+    for name in clips::LENGTHS.iter().filter(|name| !is_replaced(&name.to_string_lossy())) {
+        engine.define_length(name)?;
+    }
     for function in all() {
         for name in function.names.iter().filter(|name| !is_replaced(name)) {
             let state = Rc::clone(state);
-            clips.define(name, function.least, function.most, move |clips, values| {
+            engine.define(name, function.least, function.most, move |clips, values| {
                 match (function.body)(&state, clips, Arguments::new(values)) {
                     Ok(value) => Ok(value),
                     Err(Failure::CallError(error)) => Err(error),
@@ -79,6 +82,7 @@ pub(super) fn define<'m: 'h, 'h>(
 /// Whether there is a function of this name.
 pub(super) fn is_defined(name: &str) -> bool {
     all().any(|function| function.names.contains(&name))
+        || clips::LENGTHS.iter().any(|length| length.to_bytes() == name.as_bytes())
 }
 
 /// Returns the names of all functions.

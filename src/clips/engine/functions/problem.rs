@@ -37,7 +37,8 @@ fn generate(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Res
         lenient: false,
     };
     check_use(&request, &[]).map_err(Failure::declined)?;
-    let text = state.planning.generate(request, state.memory).map_err(Failure::declined)?;
+    let (text, notes) = state.planning.generate(request, state.memory).map_err(Failure::declined)?;
+    notes.into_iter().for_each(|note| state.sender().note(note));
     Ok(Value::Text(text))
 }
 

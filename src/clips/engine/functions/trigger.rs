@@ -17,6 +17,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
 fn register(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let (ns, filter) = (arguments.namespace(1)?, arguments.document(2, state)?);
     let number = state.subscribe_trigger(&ns, filter, arguments.text(3)?.to_owned()).map_err(Failure::declined)?;
+    state.follows(&ns);
     let trigger = given(state, Thing::Trigger(number));
     let done = [Value::Symbol("SUCCESS".to_owned()), Value::Text(arguments.text(3)?.to_owned()), trigger.clone()];
     clips.assert_mentioned("mutex-trigger-register-feedback", &done);

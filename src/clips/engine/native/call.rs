@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use clips_sys as sys;
 
 use super::environment::Environment;
-use super::text::{c_text, size};
+use super::text::{c_text, size, text};
 use super::value::Value;
 
 /// Why a function has no value. The evaluation that called it ends.
@@ -56,6 +56,33 @@ pub(super) unsafe extern "C" fn called(
             (*returned).begin = 0;
             (*returned).range = size(values.len());
         }
+    }
+}
+
+/// `(length VALUE)` and `(length$ VALUE)` as CLIPS 6.30 has them: how many values a multifield has, or characters a text.
+/// They are called often, and take no copy of the value.
+pub(super) unsafe extern "C" fn length(
+    raw: *mut sys::Environment,
+    context: *mut sys::UDFContext,
+    returned: *mut sys::UDFValue,
+) {
+    const TAKEN: u32 = sys::CLIPSType_MULTIFIELD_BIT | sys::CLIPSType_SYMBOL_BIT | sys::CLIPSType_STRING_BIT;
+    // SAFETY: `context` is that of this call; the value stays while it is looked at, and `returned` is where CLIPS wants
+    // the result.
+    unsafe {
+        let mut value = sys::UDFValue::default();
+        let mut length = -1;
+        if sys::UDFNthArgument(context, 1, TAKEN, &raw mut value) {
+            let header = value.__bindgen_anon_1.header;
+            length = match u32::from((*header).type_) {
+                sys::MULTIFIELD_TYPE => i64::try_from(value.range).unwrap_or(i64::MAX),
+                _ => {
+                    let text = text((*header.cast::<sys::CLIPSLexeme>()).contents);
+                    i64::try_from(text.chars().count()).unwrap_or(i64::MAX)
+                }
+            };
+        }
+        (*returned).__bindgen_anon_1.integerValue = sys::CreateInteger(raw, length);
     }
 }
 

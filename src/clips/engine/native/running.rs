@@ -1,14 +1,14 @@
 //! An environment with the functions that it can call.
 
 use std::cell::Cell;
-use std::ffi::{c_char, c_ushort, c_void};
+use std::ffi::{CStr, c_char, c_ushort, c_void};
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 
 use clips_sys as sys;
 
-use super::call::{CallError, Function, called};
+use super::call::{CallError, Function, called, length};
 use super::environment::Environment;
 use super::handle::Alive;
 use super::host::{Host, Shared};
@@ -85,6 +85,25 @@ impl<'h> Running<'h> {
         }
         self.keep(function);
         Ok(())
+    }
+}
+
+impl Running<'_> {
+    /// Makes `length` known, which CLIPS 6.40 has no more, and lets `length$` take texts again.
+    ///
+    /// # Errors
+    /// Where CLIPS has a function of that name.
+    pub(crate) fn define_length(&mut self, name: &'static CStr) -> Result<(), String> {
+        // SAFETY: the names are there as long as the program, and nothing that would call the removed function is loaded.
+        let error = unsafe {
+            sys::RemoveUDF(self.raw(), name.as_ptr());
+            let (own, one) = (c"length".as_ptr(), c"msy".as_ptr());
+            sys::AddUDF(self.raw(), name.as_ptr(), c"l".as_ptr(), 1, 1, one, Some(length), own, std::ptr::null_mut())
+        };
+        match error {
+            sys::AddUDFError_AUE_NO_ERROR => Ok(()),
+            _ => Err(format!("CLIPS has a function `{}` already", name.to_string_lossy())),
+        }
     }
 }
 

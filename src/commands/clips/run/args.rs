@@ -57,13 +57,14 @@ bson-get bson-get-array bson-get-time robmem-aggregate robmem-pipeline-create ro
 robmem-pipeline-destroy now now-systime
 (robmem-mutex-create-async NAME) robmem-mutex-destroy-async (robmem-mutex-try-lock-async NAME OWNER)
 robmem-mutex-renew-lock-async robmem-mutex-force-lock-async robmem-mutex-unlock-async
-(robmem-mutex-expire-locks-async SEC), which assert (mutex-op-feedback OPERATION OK|FAIL NAME) as there
+(robmem-mutex-expire-locks-async SEC), which assert (mutex-op-feedback OPERATION OK|FAIL NAME) as there.
+Mutexes are those of rmem lock, or after a trigger on robmem_coordination.mutex those of that collection
 
 As in the RCLL referee box, a collection without a database is one of the database of --collection:
 mongodb-insert mongodb-query mongodb-query-sort mongodb-update mongodb-replace mongodb-upsert
 mongodb-cursor-next mongodb-cursor-more mongodb-cursor-destroy bson-builder-destroy
 
-As in CLIPS 6.30: length. A function that a program defines itself takes the place of one of this list, and of one
+As in CLIPS 6.30: length, and length$ of texts. A function that a program defines itself takes the place of one of this list, and of one
 that is new in CLIPS 6.40, such as str-replace.";
 
 /// Run CLIPS programs with functions for the memory
