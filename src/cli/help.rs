@@ -14,6 +14,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "aggregate",
             "map-reduce",
             "update",
+            "find-and-modify",
             "delete",
             "index",
             "collections",

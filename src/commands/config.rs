@@ -31,6 +31,10 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         history_size,
         setting("log", settings.log.value.as_ref().map(|path| path.display().to_string()), &settings.log.origin),
     ];
+    rows.extend(settings.most_documents.iter().map(|(namespace, most)| {
+        let key = format!("most_documents.{namespace}");
+        row(format!("{key} = {most}"), &key, Some(i64::try_from(*most).unwrap_or(i64::MAX)), None)
+    }));
     rows.extend(settings.planners.iter().map(|planner| {
         let line = format!("planner.{} = {:?}", planner.name, planner.command);
         row(line, &format!("planner.{}", planner.name), Some(planner.command.clone()), None)

@@ -16,10 +16,12 @@ use crate::store::{Namespace, NamespaceError};
 const HELP: &str = "\
 Examples:
   rmem lock table --owner r1 --ttl 30s
+  rmem lock table --owner r1 --force
   rmem lock table --owner r1 --wait 1m && { pick-up; rmem unlock table --owner r1; }
 
 Exits with 5 if another owner holds the lock. The owner of a lock may lock it again, which renews it: two processes \
-with the same owner do not exclude each other.
+with the same owner do not exclude each other. --force takes the lock from another owner, and prints who had it: for \
+a lock without --ttl whose robot is gone.
 
 Locks are documents {_id: NAME, locked, \"locked-by\", \"lock-time\", \"lock-until\"} in the collection mutexes of the \
 first of shared_databases (default: robmem.mutexes). Their times are those of the store: of the MongoDB primary, or \
@@ -41,6 +43,9 @@ pub struct LockArgs {
     /// Wait at most this long for another owner (default: do not wait)
     #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
     pub wait: Option<Duration>,
+    /// Take the lock even if another owner holds it
+    #[arg(long, conflicts_with = "wait")]
+    pub force: bool,
 }
 
 /// The owner of a lock, and its collection.
@@ -62,6 +67,14 @@ const DATABASE: &str = "robmem";
 pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mutex = mutex(&args.name, &args.holder, context)?;
     let memory = context.memory_to_fill()?;
+    if args.force {
+        let (former, document) = mutex.force(&memory, args.ttl)?;
+        if let Some(former) = former {
+            context.output.note(&format!("{} was {former}", args.name));
+        }
+        context.print_result(document)?;
+        return Ok(Exit::Done);
+    }
     match mutex.lock(&memory, args.ttl, args.wait.unwrap_or(Duration::ZERO))? {
         Tried::Done(document) => {
             context.print_result(document)?;
@@ -86,8 +99,13 @@ pub(super) fn mutex(name: &str, options: &HolderOptions, context: &Context<'_>) 
             return Err(UsageError::new(text).into());
         }
     };
-    let namespace = options.into.clone().map_or_else(|| mutexes(context), Ok)?;
+    let namespace = collection(options, context)?;
     Ok(Mutex { namespace, name: name.to_owned(), owner })
+}
+
+/// The collection of mutexes.
+pub(super) fn collection(options: &HolderOptions, context: &Context<'_>) -> Result<Namespace, NamespaceError> {
+    options.into.clone().map_or_else(|| mutexes(context), Ok)
 }
 
 /// The collection of mutexes, where none is named.

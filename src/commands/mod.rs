@@ -25,6 +25,7 @@ mod explanation;
 #[cfg(feature = "views")]
 mod export;
 mod ff;
+mod find_and_modify;
 pub(crate) mod formats;
 mod gen_problem;
 mod history;
@@ -81,6 +82,7 @@ pub enum Command {
     Aggregate(aggregate::AggregateArgs),
     MapReduce(map_reduce::MapReduceArgs),
     Update(update::UpdateArgs),
+    FindAndModify(find_and_modify::FindAndModifyArgs),
     Delete(delete::DeleteArgs),
     Index(index::IndexArgs),
     Collections(collections::CollectionsArgs),
@@ -174,6 +176,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Undo(args) => undo::run(args, context),
         Command::Unlock(args) => unlock::run(args, context),
         Command::Update(args) => update::run(args, context),
+        Command::FindAndModify(args) => find_and_modify::run(args, context),
         Command::Validate(args) => validate::run(args, context),
         #[cfg(feature = "views")]
         Command::View(args) => view::run(args, context),

@@ -94,9 +94,9 @@ fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) 
         "deleteMany" | "remove" if given(0).is_none() => with("delete", vec![Some("--all".to_owned())]),
         "deleteMany" | "remove" => with("delete", vec![word(0), Some("--many".to_owned())]),
         "deleteOne" => with("delete", vec![word(0)]),
-        "findOneAndUpdate" => change("update", &[upsert])?,
-        "findOneAndReplace" => change("update", &[Some("--replace".to_owned()), upsert])?,
-        "findOneAndDelete" => with("delete", vec![word(0)]),
+        "findOneAndUpdate" => change("find-and-modify", &[upsert])?,
+        "findOneAndReplace" => change("find-and-modify", &[Some("--replace".to_owned()), upsert])?,
+        "findOneAndDelete" => with("find-and-modify", vec![word(0), Some("--remove".to_owned())]),
         "countDocuments" | "count" | "estimatedDocumentCount" => with("count", vec![word(0)]),
         "aggregate" if arguments.len() > 1 && !arguments.first()?.starts_with('[') => {
             with("aggregate", vec![Some(quoted(&format!("[{}]", arguments.join(", "))))])
@@ -295,13 +295,13 @@ mod tests {
             ("db.orders.createIndex({n: 1}, {unique: true})", "rmem index robmem.orders \"{n: 1}\" --unique"),
             (
                 "db.orders.findOneAndUpdate({n: 1}, {$set: {n: 2}})",
-                "rmem update robmem.orders \"{n: 1}\" '{$set: {n: 2}}'",
+                "rmem find-and-modify robmem.orders \"{n: 1}\" '{$set: {n: 2}}'",
             ),
             (
                 "db.orders.findOneAndReplace({n: 1}, {n: 2})",
-                "rmem update robmem.orders \"{n: 1}\" \"{n: 2}\" --replace",
+                "rmem find-and-modify robmem.orders \"{n: 1}\" \"{n: 2}\" --replace",
             ),
-            ("db.orders.findOneAndDelete({n: 1})", "rmem delete robmem.orders \"{n: 1}\""),
+            ("db.orders.findOneAndDelete({n: 1})", "rmem find-and-modify robmem.orders \"{n: 1}\" --remove"),
             ("db['orders'].find({n: 1})", "rmem query robmem.orders \"{n: 1}\""),
             ("db[\"shop.orders\"].find()", "rmem query robmem.shop.orders"),
             ("db.orders.find", "rmem query robmem.orders"),

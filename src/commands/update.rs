@@ -61,7 +61,7 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
         many: args.many,
         upsert: args.upsert,
     };
-    check(args, &request.update)?;
+    check(&args.update, args.replace, &request.update)?;
     let memory = context.memory()?;
     let matching = if args.many { None } else { others(&args.namespace, &request.filter, &memory, context)? };
     // A server goes on with what it was asked, so that there is nothing to wait for.
@@ -86,9 +86,9 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
 }
 
 /// Refuses a whole document without `--replace`, and anything else with it.
-fn check(args: &UpdateArgs, update: &UpdateSpec) -> Result<(), Diagnostic> {
+pub(super) fn check(text: &str, is_replacement: bool, update: &UpdateSpec) -> Result<(), Diagnostic> {
     let is_whole = matches!(update, UpdateSpec::Document(update) if !update.keys().any(|key| key.starts_with('$')));
-    let (message, hint) = match (is_whole, args.replace) {
+    let (message, hint) = match (is_whole, is_replacement) {
         (true, false) => (
             "expected update operators, found a whole document",
             "write {$set: {…}} to change fields, or --replace to replace the document as a whole",
@@ -96,12 +96,12 @@ fn check(args: &UpdateArgs, update: &UpdateSpec) -> Result<(), Diagnostic> {
         (false, true) => ("expected a whole document for --replace", "leave --replace out for operators and pipelines"),
         _ => return Ok(()),
     };
-    let source = Source::new("<update>", args.update.as_str());
+    let source = Source::new("<update>", text);
     Err(Diagnostic::new(&source, Span::new(0, source.text().len()), message).hint(hint))
 }
 
 /// An update is a document, or a pipeline in brackets.
-fn specification(source: &Source) -> Result<UpdateSpec, Diagnostic> {
+pub(super) fn specification(source: &Source) -> Result<UpdateSpec, Diagnostic> {
     match shell::parse_value(source)? {
         Bson::Document(document) => Ok(UpdateSpec::Document(document)),
         Bson::Array(stages) => {

@@ -1,5 +1,6 @@
 //! `rmem watch NS [QUERY]`: triggers.
 
+mod condition;
 mod delivery;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,14 +9,15 @@ use std::time::{Duration, Instant};
 use bson::{Document, doc};
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
+use condition::{Condition, Counting};
 use delivery::{Delivered, Delivery};
 
 use super::query::{argument, blame};
-use super::{Context, formats};
+use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
-use crate::memory::watch::{Trigger, Watch};
+use crate::memory::watch::{Trigger, Watch, event};
 use crate::output::Format;
 use crate::store::{Name, Namespace, Next, StoreError};
 
@@ -28,6 +30,7 @@ Examples:
   rmem watch robmem.worldmodel \"{relation: 'on'}\"
   rmem watch robmem.plans \"{plan: 'success'}\" --resume executive --exec ./execute-plan.sh
   rmem watch robmem.orders --count 1 --timeout 30s
+  rmem watch robmem.orders \"{state: 'open'}\" --when \"count > 3\"
   rmem watch --names
   rmem watch robmem.plans --resume executive --forget
 
@@ -41,6 +44,10 @@ missed. After a crash, the last changes may be delivered again. Only one process
 5). Changes are kept until they are delivered: in a file up to 256 MiB, on MongoDB as long as the oplog; a watch that \
 missed changes reports it. --names lists the names and what waits for each, --forget removes one. On MongoDB, the \
 positions are in the collection rmem.watchers of the watched database.
+
+--when prints an event when the number of documents that match the query begins to meet a condition (>, >=, <, <=, ==, \
+!=), also at the start: {operation: 'count', ns, count, when, time}. The documents are counted when the collection \
+has changed, after changes in quick succession once.
 
 --exec runs CMD with sh -c for each change, one at a time, with the line on stdin and RMEM_OPERATION, RMEM_NAMESPACE \
 and RMEM_POSITION in the environment. If CMD fails, rmem reports it and continues; with --resume it exits with the \
@@ -87,6 +94,9 @@ pub struct WatchArgs {
     /// List the names of --resume, the process that uses each, and what waits for it
     #[arg(long, conflicts_with_all = ["namespace", "query", "exec", "resume", "count", "timeout", "computed", "meta"])]
     pub names: bool,
+    /// Deliver an event when the number of matching documents begins to meet a condition, e.g. \"count > 3\"
+    #[arg(long, value_name = "CONDITION", value_parser = Condition::parse, conflicts_with_all = ["resume", "computed", "meta", "names"])]
+    pub when: Option<Condition>,
     /// Exit after N changes
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
@@ -121,7 +131,11 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         deadline: args.timeout.and_then(|timeout| Instant::now().checked_add(timeout)),
         format: context.format(&FORMATS)?,
     };
-    let trigger = trigger(args, namespace)?;
+    if args.when.is_some() && delivery.format == Format::Clips {
+        return Err(UsageError::new("--when has no facts; expected --format jsonl, json or canonical").into());
+    }
+    let filter = argument("<query>", &args.query)?;
+    let trigger = trigger(args, namespace, &filter);
     let memory = context.memory()?;
     if let (true, Some(name)) = (args.forget, &args.resume) {
         let is_known = memory.forget_watch(namespace, name)?;
@@ -129,6 +143,8 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         return Ok(if is_known { Exit::Done } else { Exit::No });
     }
     let timeout = crate::interrupt::InterruptGuard::new();
+    let counting =
+        args.when.map(|condition| Counting { condition, memory: &memory, filter: &filter, changed: None, held: false });
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.report_operations();
     context.output.note(&format!("watching {namespace}"));
@@ -141,6 +157,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         delivered: 0,
         behind: false,
         kept: None,
+        counting,
     };
     session.follow(context)
 }
@@ -164,14 +181,15 @@ fn listed(name: &Name) -> Document {
     }
 }
 
-fn trigger(args: &WatchArgs, namespace: &Namespace) -> Result<Trigger> {
-    Ok(Trigger {
+/// What is watched: the documents of the query; where they are counted, all, since one may stop to match.
+fn trigger(args: &WatchArgs, namespace: &Namespace, filter: &Document) -> Trigger {
+    Trigger {
         namespace: namespace.clone(),
-        filter: argument("<query>", &args.query)?,
+        filter: if args.when.is_some() { Document::new() } else { filter.clone() },
         name: args.resume.clone(),
         computed: args.computed,
         metadata: args.meta,
-    })
+    }
 }
 
 /// What is followed, and how far it is.
@@ -185,12 +203,18 @@ struct Session<'a> {
     /// Whether something was delivered since the position was kept.
     behind: bool,
     kept: Option<Instant>,
+    /// What is counted, where counts are delivered instead of changes.
+    counting: Option<Counting<'a>>,
 }
 
 impl Session<'_> {
     /// Delivers changes until there were enough, the time is over, or an interrupt.
     fn follow(mut self, context: &mut Context<'_>) -> Result<Exit> {
         let mut lost = false;
+        if let Some(counting) = &mut self.counting {
+            // What is there at the start may meet the condition.
+            counting.changed = Some(Instant::now());
+        }
         loop {
             if let Some(exit) = self.verdict() {
                 self.watch.done()?;
@@ -203,15 +227,14 @@ impl Session<'_> {
             let mut quiet = false;
             match self.next()? {
                 Next::Change(change) => {
-                    (self.delivered, self.behind) = (self.delivered + 1, true);
-                    match self.delivery.deliver(&change, &mut self.watch, self.stop, context)? {
-                        Delivered::Well if self.args.exec.is_some() => self.watch.done()?,
-                        Delivered::Well => {}
-                        Delivered::Badly(code) if self.args.resume.is_some() => return Ok(Exit::Passed(code)),
-                        Delivered::Badly(_) => {}
-                        Delivered::Interrupted => {
-                            self.delivered -= 1;
-                            return Ok(self.verdict().unwrap_or(Exit::Interrupted));
+                    self.behind = true;
+                    match &mut self.counting {
+                        Some(counting) => drop(counting.changed.get_or_insert_with(Instant::now)),
+                        None => {
+                            let event = event(self.namespace, &change)?;
+                            if let Some(exit) = self.deliver(&event, context)? {
+                                return Ok(exit);
+                            }
                         }
                     }
                 }
@@ -224,8 +247,34 @@ impl Session<'_> {
             if std::mem::take(&mut lost) {
                 context.output.note(&format!("watching {} again", self.namespace));
             }
+            let count = |counting: &mut Counting<'_>| {
+                let is_due = counting.changed.is_some_and(|changed| quiet || changed.elapsed() >= LAG);
+                if is_due { counting.event(self.namespace) } else { Ok(None) }
+            };
+            let event = self.counting.as_mut().map(count).transpose();
+            let event = event.map_err(|error| blame(error, &[("<query>", &self.args.query)]))?.flatten();
+            if let Some(event) = event
+                && let Some(exit) = self.deliver(&event, context)?
+            {
+                return Ok(exit);
+            }
             self.keep(quiet)?;
         }
+    }
+
+    /// Delivers an event; returns how the watch ends, where it does.
+    fn deliver(&mut self, event: &Document, context: &mut Context<'_>) -> Result<Option<Exit>> {
+        self.delivered += 1;
+        match self.delivery.deliver(event, &mut self.watch, self.stop, context)? {
+            Delivered::Well if self.args.exec.is_some() => self.watch.done()?,
+            Delivered::Badly(code) if self.args.resume.is_some() => return Ok(Some(Exit::Passed(code))),
+            Delivered::Well | Delivered::Badly(_) => {}
+            Delivered::Interrupted => {
+                self.delivered -= 1;
+                return Ok(Some(self.verdict().unwrap_or(Exit::Interrupted)));
+            }
+        }
+        Ok(None)
     }
 
     fn next(&mut self) -> Result<Next> {

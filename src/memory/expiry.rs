@@ -4,10 +4,15 @@
 //! whose cache time is over, documents that a TTL index has expired and, at a restart,
 //! documents that are not persistent.
 
-use bson::{DateTime, Document, doc};
+use bson::raw::RawBsonRef;
+use bson::{Bson, DateTime, Document, doc};
 
 use super::Memory;
-use crate::store::{Index, Namespace, StoreError, index, metadata};
+use crate::query::QueryError;
+use crate::store::{Find, Index, Namespace, StoreError, index, metadata};
+
+/// How many documents are removed at once.
+const BATCH: u64 = 1_000;
 
 /// How many documents of a collection were removed, and why.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -20,6 +25,8 @@ pub struct Expired {
     pub due: u64,
     /// They were not to outlive a restart.
     pub not_persistent: u64,
+    /// The collection had more than the most documents that it keeps.
+    pub surplus: u64,
 }
 
 impl Memory {
@@ -37,6 +44,34 @@ impl Memory {
             }
         }
         Ok(all)
+    }
+
+    /// Removes the oldest stored documents of a collection, by the date of their insertion, until it has at most so many.
+    /// Returns how many were removed.
+    ///
+    /// # Errors
+    /// Where a store fails; what was removed before stays removed.
+    pub fn expire_surplus(&self, ns: &Namespace, most: u64) -> Result<u64, StoreError> {
+        let mut removed = 0;
+        loop {
+            let surplus = self.count_stored(ns, &Document::new())?.saturating_sub(most);
+            if surplus == 0 {
+                return Ok(removed);
+            }
+            let sort = doc! { metadata::info_path(metadata::INSERTED): 1, "_id": 1 };
+            let find = Find { sort, limit: surplus.min(BATCH), projection: doc! { "_id": 1 }, ..Find::default() };
+            let ids: Vec<Bson> = self
+                .stored(ns, &find)?
+                .map(|document| {
+                    Ok(Bson::try_from(document?.get("_id").map_err(QueryError::from)?.unwrap_or(RawBsonRef::Null))
+                        .map_err(QueryError::from)?)
+                })
+                .collect::<Result<_, StoreError>>()?;
+            match self.delete(ns, &doc! { "_id": { "$in": ids } }, false)? {
+                0 => return Ok(removed),
+                count => removed += count,
+            }
+        }
     }
 
     fn expire_collection(&self, ns: &Namespace, restart: bool) -> Result<Expired, StoreError> {

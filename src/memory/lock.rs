@@ -8,11 +8,12 @@
 
 use std::time::{Duration, Instant};
 
-use bson::{Bson, DateTime, Document, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::Memory;
+use super::modify::Modification;
 use crate::query::QueryError;
-use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec};
+use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// How long a waiting process sleeps at first …
 const SHORTEST: Duration = Duration::from_millis(5);
@@ -76,6 +77,23 @@ impl Mutex {
         }
     }
 
+    /// Locks, even if another owner holds the lock; returns that owner.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn force(&self, memory: &Memory, ttl: Option<Duration>) -> Result<(Option<Holder>, Document), StoreError> {
+        self.create(memory)?;
+        let sort = Document::new();
+        let change = Modification::Update { update: self.taken(ttl), array_filters: Vec::new(), upsert: false };
+        let modified = memory.find_and_modify(&self.namespace, &doc! { "_id": &self.name }, &sort, &change)?;
+        let decode = |raw: RawDocumentBuf| Document::try_from(&*metadata::hide(raw)?).map_err(QueryError::from);
+        let before = modified.before.map(decode).transpose()?.unwrap_or_default();
+        let is_others =
+            before.get_bool("locked").unwrap_or(false) && before.get_str("locked-by").ok() != Some(self.owner.as_str());
+        let after = modified.after.map(decode).transpose()?.unwrap_or_default();
+        Ok((is_others.then(|| Holder::of(&before)), after))
+    }
+
     /// Tries to lock until it is done or `timeout` is over.
     ///
     /// # Errors
@@ -98,9 +116,8 @@ impl Mutex {
     /// # Errors
     /// Where the store fails.
     pub fn unlock(&self, memory: &Memory) -> Result<Tried, StoreError> {
-        let free = doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } };
         let filter = doc! { "_id": &self.name, "locked": true, "locked-by": &self.owner };
-        if memory.update(&self.namespace, &request(filter, UpdateSpec::Document(free), false))?.matched > 0 {
+        if memory.update(&self.namespace, &request(filter, free(), false))?.matched > 0 {
             return Ok(Tried::Done(doc! { "_id": &self.name, "locked": false }));
         }
         Ok(match self.read(memory)? {
@@ -111,11 +128,15 @@ impl Mutex {
 
     /// The update that takes the mutex where it is free, this owner's, or expired.
     fn taking(&self, ttl: Option<Duration>) -> UpdateRequest {
-        let expired = doc! { "lock-until": { "$type": "date" }, "$expr": { "$lte": ["$lock-until", "$$NOW"] } };
         let filter = doc! {
             "_id": &self.name,
-            "$or": [{ "locked": { "$ne": true } }, { "locked-by": &self.owner }, expired],
+            "$or": [{ "locked": { "$ne": true } }, { "locked-by": &self.owner }, expired()],
         };
+        request(filter, self.taken(ttl), false)
+    }
+
+    /// How the mutex is when this owner holds it.
+    fn taken(&self, ttl: Option<Duration>) -> UpdateSpec {
         let until = match ttl {
             Some(ttl) => {
                 let milliseconds = i64::try_from(ttl.as_millis()).unwrap_or(i64::MAX);
@@ -126,7 +147,7 @@ impl Mutex {
         let taken = doc! {
             "locked": true, "locked-by": { "$literal": &self.owner }, "lock-time": "$$NOW", "lock-until": until,
         };
-        request(filter, UpdateSpec::Pipeline(vec![doc! { "$set": taken }]), false)
+        UpdateSpec::Pipeline(vec![doc! { "$set": taken }])
     }
 
     /// Creates the mutex where there is none; returns whether it did. Of several processes
@@ -181,6 +202,41 @@ fn boot_time() -> Option<DateTime> {
     let stat = std::fs::read_to_string("/proc/stat").ok()?;
     let line = stat.lines().find_map(|line| line.strip_prefix("btime "))?;
     Some(DateTime::from_millis(line.trim().parse::<i64>().ok()?.checked_mul(1_000)?))
+}
+
+/// Releases the expired locks of a collection, or the one of that name if it has expired; returns them as they were.
+///
+/// # Errors
+/// Where the store fails.
+pub fn release_expired(
+    memory: &Memory,
+    namespace: &Namespace,
+    name: Option<&str>,
+) -> Result<Vec<(Bson, Holder)>, StoreError> {
+    let mut filter = doc! { "locked": true, "$and": [expired()] };
+    if let Some(name) = name {
+        filter.insert("_id", name);
+    }
+    let change = Modification::Update { update: free(), array_filters: Vec::new(), upsert: false };
+    let mut released = Vec::new();
+    // One after another, so that a lock that its owner renews meanwhile stays.
+    while let Some(before) = memory.find_and_modify(namespace, &filter, &doc! { "_id": 1 }, &change)?.before {
+        let before = Document::try_from(&*before).map_err(QueryError::from)?;
+        released.push((before.get("_id").cloned().unwrap_or(Bson::Null), Holder::of(&before)));
+    }
+    Ok(released)
+}
+
+/// The condition that a lock has expired, by the store's clock.
+fn expired() -> Document {
+    doc! { "lock-until": { "$type": "date" }, "$expr": { "$lte": ["$lock-until", "$$NOW"] } }
+}
+
+/// How a mutex is that nobody holds.
+fn free() -> UpdateSpec {
+    UpdateSpec::Document(
+        doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } },
+    )
 }
 
 fn request(filter: Document, update: UpdateSpec, upsert: bool) -> UpdateRequest {

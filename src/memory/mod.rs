@@ -17,6 +17,7 @@ pub mod history;
 mod index;
 mod journal;
 pub mod lock;
+pub mod modify;
 mod operations;
 mod past;
 mod route;

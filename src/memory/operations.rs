@@ -239,6 +239,22 @@ impl Memory {
         self.journal.note("drop", Some(ns), |found| u64::from(*found), work)
     }
 
+    /// Removes all collections of a database, also rmem's own; returns those of applications.
+    pub fn drop_database(&self, database: &str) -> Result<Vec<Namespace>, StoreError> {
+        let any = Namespace { database: database.to_owned(), collection: "any".to_owned() };
+        let work = || {
+            let mut found = self.routes.collections_beside(&any)?;
+            found.retain(|ns| ns.database == database);
+            let namespaces: Vec<&Namespace> = found.iter().collect();
+            let store = self.routes.reading(&any)?;
+            let drop_all = |_| namespaces.iter().try_for_each(|ns| store.drop(ns).map(drop));
+            self.atomically(&namespaces, |error| error, drop_all)?;
+            found.retain(|ns| !ns.is_own());
+            Ok(found)
+        };
+        self.journal.note("drop database", None, |found: &Vec<Namespace>| length(found), work)
+    }
+
     /// The filter, for documents that may be changed.
     fn visible(&self, filter: &Document) -> Document {
         self.computables.view(self.clock.now()).filter(filter)

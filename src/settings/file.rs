@@ -38,6 +38,9 @@ pub struct File {
     pub keep_history: Option<Spanned<toml::Value>>,
     /// The most bytes of changes that are kept.
     pub history_size: Option<Spanned<String>>,
+    /// The most documents that a collection keeps, by its name.
+    #[serde(default)]
+    most_documents: BTreeMap<Spanned<String>, u64>,
     /// `[planner.NAME]`
     #[serde(default)]
     planner: BTreeMap<Spanned<String>, PlannerTable>,
@@ -109,6 +112,9 @@ impl File {
                 .filter(|namespace| namespace.database == *name)
                 .ok_or_else(|| (database.span(), format!("`{name}` is not a database name")))?;
         }
+        for name in self.most_documents.keys() {
+            name.get_ref().parse::<Namespace>().map_err(|error| (name.span(), error.to_string()))?;
+        }
         for (name, table) in &self.planner {
             if crate::planner::Registry::is_own(name.get_ref()) {
                 return Err((
@@ -149,6 +155,14 @@ impl File {
     pub fn computables(&self, folder: &Path) -> Vec<Definition> {
         // `parse` has checked them.
         computable::definitions(&self.computables, folder, &self.text).unwrap_or_default()
+    }
+
+    /// The most documents that collections keep.
+    #[must_use]
+    pub fn most_documents(&self) -> BTreeMap<Namespace, u64> {
+        // The names were checked when the file was read.
+        let known = self.most_documents.iter();
+        known.filter_map(|(name, most)| Some((name.get_ref().parse().ok()?, *most))).collect()
     }
 
     /// Whose history is kept.
@@ -278,6 +292,8 @@ mod tests {
     #[test]
     fn a_history_that_cannot_be_kept_is_an_error_at_its_place() {
         for (text, wanted) in [
+            ("[most_documents]\nrobmem = 3", "2:1: `robmem` is not a namespace"),
+            ("[most_documents]\n'a.b' = -3", "2:9: "),
             ("keep_history = 'for ever'", "1:16: `for ever` is not a duration"),
             ("keep_history = 24", "1:16: expected a duration, like \"24h\", or a table"),
             ("[keep_history]\nrobmem = '24'", "1:1: `robmem`: `24` is not a duration"),

@@ -161,6 +161,8 @@ pub struct Settings {
     pub computables: Vec<Definition>,
     /// Whose history is kept.
     pub histories: Setting<Vec<HistoryRule>>,
+    /// The most documents that collections keep.
+    pub most_documents: BTreeMap<Namespace, u64>,
     /// Kinds of objects in scenes, by configuration.
     pub object_kinds: Vec<ObjectKind>,
     /// The mongod processes of this robot.
@@ -237,6 +239,7 @@ impl Settings {
             backends: file.backends(folder),
             computables: file.computables(folder),
             histories,
+            most_documents: file.most_documents(),
             object_kinds: file.object_kinds(),
             file: path,
         })

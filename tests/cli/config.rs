@@ -43,7 +43,7 @@ fn a_mistake_in_the_file_is_shown_at_its_place() {
     lab.write("rmem.toml", "memory = \"mem:\"\ncollektion = \"a.b\"\n");
     assert_run!(lab.rmem(&["collections"]), @r#"
     ------- stderr -------
-    error: $LAB/rmem.toml:2:1: unknown field `collektion`, expected one of `memory`, `shared`, `shared_databases`, `collection`, `format`, `log`, `keep_history`, `history_size`, `planner`, `computable`, `backend`, `scene`
+    error: $LAB/rmem.toml:2:1: unknown field `collektion`, expected one of `memory`, `shared`, `shared_databases`, `collection`, `format`, `log`, `keep_history`, `history_size`, `most_documents`, `planner`, `computable`, `backend`, `scene`
       |
     2 | collektion = "a.b"
       | ^^^^^^^^^^

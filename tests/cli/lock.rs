@@ -145,3 +145,46 @@ fn of_many_processes_one_at_a_time_holds_the_lock() {
     lab.shell(&script).success();
     assert_eq!(lab.rmem(&["distinct", "robmem.counter", "n"]).success(), format!("{}\n", ROUNDS * ROBOTS));
 }
+
+#[test]
+fn a_lock_of_a_robot_that_is_gone_is_taken_by_force() {
+    let lab = Lab::new();
+    lock(&lab, "gone", &[]).success();
+    lock(&lab, "r2", &[]).exits(5);
+    assert_run!(lock(&lab, "r2", &["--force"]), @r#"
+    {"_id":"table","locked":true,"locked-by":"r2","lock-time":{"$date":"[TIME]"}}
+    ------- stderr -------
+    table was held by gone since [TIME], with no end
+    [exit code: 0]
+    "#);
+    lock(&lab, "gone", &[]).exits(5);
+    // Of an owner's own lock, there is nothing to say; so of a free one.
+    assert_eq!(lock(&lab, "r2", &["--force"]).stderr, "");
+    lab.rmem(&["lock", "free", "--owner", "r2", "--force"]).success();
+    lab.rmem(&["unlock", "table", "--owner", "r2"]).success();
+}
+
+#[test]
+fn expired_locks_are_released_and_the_others_stay() {
+    let lab = Lab::new();
+    lab.rmem(&["lock", "door", "--owner", "r1", "--ttl", "1ms"]).success();
+    lab.rmem(&["lock", "shelf", "--owner", "r1", "--ttl", "1h"]).success();
+    lab.rmem(&["lock", "table", "--owner", "r1"]).success();
+    std::thread::sleep(std::time::Duration::from_millis(20));
+    lab.rmem(&["unlock", "shelf", "--expired"]).exits(1);
+    assert_run!(lab.rmem(&["unlock", "--expired"]), @r#"
+    {"_id":"door","locked":false,"was-locked-by":"r1","lock-until":{"$date":"[TIME]"}}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["unlock", "--expired"]), @r"
+    ------- stderr -------
+    no lock has expired
+    [exit code: 0]
+    ");
+    for name in ["shelf", "table"] {
+        lab.rmem(&["lock", name, "--owner", "r2"]).exits(5);
+    }
+    lab.rmem(&["lock", "door", "--owner", "r2"]).success();
+    lab.rmem(&["unlock"]).exits(2);
+}

@@ -20,6 +20,7 @@ mod exit_codes;
 mod expire;
 mod export;
 mod ff;
+mod find_and_modify;
 mod gen_problem;
 mod help;
 mod history;

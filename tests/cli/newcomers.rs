@@ -305,5 +305,9 @@ fn habits_of_mongosh_are_answered() {
         assert!(tip.contains("rmem collections") || tip.contains("rmem query robmem."), "{line}: {run}");
     }
     let line = "rmem \"db['worldmodel'].findOneAndUpdate({n: 3}, {\\$set: {n: 4}})\"";
-    assert!(lab.shell(line).stderr.contains("rmem update robmem.worldmodel \"{n: 3}\" "), "{}", lab.shell(line));
+    assert!(
+        lab.shell(line).stderr.contains("rmem find-and-modify robmem.worldmodel \"{n: 3}\" "),
+        "{}",
+        lab.shell(line)
+    );
 }

@@ -363,3 +363,41 @@ fn each_trigger_is_logged_with_its_duration() {
     let log = lab.read("log");
     assert!(log.contains(r#"{"operation":"trigger","subject":"a.b","detail":"insert 1","milliseconds":"#), "{log}");
 }
+
+#[test]
+fn a_count_is_delivered_when_it_begins_to_meet_the_condition() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "a.b", "{_id: 1, open: true}", "{_id: 2, open: true}", "{_id: 3}"]).success();
+    let watch = start(&lab, &["a.b", "{open: true}", "--when", "count > 2"]);
+    let event = |count: u32| format!(r#"{{"operation":"count","ns":"a.b","count":{count},"when":"count > 2"}}"#);
+    lab.rmem(&["insert", "a.b", "{_id: 4, open: true}"]).success();
+    assert_eq!(watch.next(), event(3));
+}
+
+#[test]
+fn a_count_that_meets_the_condition_at_the_start_is_delivered_at_once() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    let run = ["watch", "a.b", "--when", "count == 1", "--count", "1", "--timeout", "1m"];
+    assert_run!(lab.rmem(&[&run[..], &["--exec", "cut -d , -f 1-4; echo $RMEM_OPERATION"]].concat()), @r#"
+    {"operation":"count","ns":"a.b","count":1,"when":"count == 1"
+    count
+    ------- stderr -------
+    watching a.b
+    [exit code: 0]
+    "#);
+    lab.rmem(&["watch", "a.b", "--when", "count > 1", "--timeout", "1ms"]).exits(1);
+    assert_run!(lab.rmem(&["watch", "a.b", "--when", "counts > 1"]), @r#"
+    ------- stderr -------
+    error: invalid value 'counts > 1' for '--when <CONDITION>': expected a condition on the number of documents, like "count > 3"
+
+    For more information, try '--help'.
+    [exit code: 2]
+    "#);
+    assert_run!(lab.rmem(&["watch", "a.b", "--when", "count > 1", "--format", "clips"]), @r"
+    ------- stderr -------
+    error: --when has no facts; expected --format jsonl, json or canonical
+    [exit code: 2]
+    ");
+    lab.rmem(&["watch", "a.b", "--when", "count > 1", "--resume", "x"]).exits(2);
+}

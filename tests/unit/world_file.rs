@@ -342,7 +342,7 @@ fn expire_removes_what_is_over_and_says_what() {
     memory.insert(&ns("a.untouched"), vec![doc! { "_id": 1 }]).unwrap();
     assert_eq!(memory.expire(false).unwrap(), [], "nothing is over yet");
     let memory = memory.with_clock(Clock::Stopped(minutes(20)));
-    let expired = Expired { decayed: 1, computed: 1, due: 1, not_persistent: 0 };
+    let expired = Expired { decayed: 1, computed: 1, due: 1, not_persistent: 0, surplus: 0 };
     assert_eq!(memory.expire(false).unwrap(), [(blocks.clone(), expired)]);
     let expired = Expired { not_persistent: 1, ..Expired::default() };
     assert_eq!(memory.expire(true).unwrap(), [(blocks.clone(), expired)]);

@@ -13,10 +13,10 @@ use crate::commands::{Context, WrongInput};
 use crate::error::{Error, Result};
 use crate::formats::clips::{write_fact, write_value};
 use crate::formats::shell;
-use crate::memory::watch::{Watch, event};
+use crate::memory::watch::Watch;
 use crate::output::Format;
 use crate::process::{self, End, Host, INPUT, Job, Limits, Mode};
-use crate::store::{Change, Namespace, StoreError};
+use crate::store::{Namespace, StoreError};
 
 /// How often a running command is looked after.
 const SLICE: Duration = Duration::from_millis(100);
@@ -44,35 +44,34 @@ pub(super) enum Delivered {
 }
 
 impl<'a> Delivery<'a> {
-    /// Delivers one change, and reports how long that took.
+    /// Delivers an event, and reports how long that took.
     pub(super) fn deliver(
         &self,
-        change: &Change,
+        event: &Document,
         watch: &mut Watch<'_>,
         stop: &AtomicBool,
         context: &mut Context<'_>,
     ) -> Result<Delivered> {
         let start = Instant::now();
-        let event = event(self.namespace, change)?;
-        let text = self.text(&event)?;
+        let operation = event.get_str("operation").unwrap_or_default();
+        let text = self.text(event)?;
         let delivered = match self.exec {
             None => {
                 context.output.stdout().write_all(text.as_bytes())?;
                 context.output.flush()?;
                 Delivered::Well
             }
-            Some(line) => self.run(line, change, &text, watch, stop, &context.host())?,
+            Some(line) => self.run(line, event, &text, watch, stop, &context.host())?,
         };
         let id = event.get("_id").map(shell::relaxed_value).unwrap_or_default();
         let outcome = match delivered {
             Delivered::Badly(code) => {
-                let operation = change.kind.name();
                 context.output.warn(&format!("the command for {operation} {id} ended with {code}"));
                 format!(" failed with {code}")
             }
             _ => String::new(),
         };
-        let detail = format!("{} {id}{outcome}", change.kind.name());
+        let detail = format!("{operation} {id}{outcome}");
         context.output.operation("trigger", &self.namespace.to_string(), &detail, start.elapsed());
         Ok(delivered)
     }
@@ -100,7 +99,7 @@ impl<'a> Delivery<'a> {
     fn run(
         &self,
         line: &str,
-        change: &Change,
+        event: &Document,
         text: &str,
         watch: &mut Watch<'_>,
         stop: &AtomicBool,
@@ -108,9 +107,9 @@ impl<'a> Delivery<'a> {
     ) -> Result<Delivered> {
         let namespace = self.namespace.to_string();
         let variables = [
-            ("RMEM_OPERATION", change.kind.name()),
+            ("RMEM_OPERATION", event.get_str("operation").unwrap_or_default()),
             ("RMEM_NAMESPACE", &namespace),
-            ("RMEM_POSITION", &change.position),
+            ("RMEM_POSITION", event.get_str("position").unwrap_or_default()),
         ];
         let job = Job {
             program: OsStr::new("sh"),
