@@ -132,6 +132,7 @@ pub(crate) fn template(bytes: &[u8]) {
     for syntax in [Syntax::Minijinja, Syntax::Marker] {
         let request = Request {
             template: source.clone(),
+            parts: Vec::new(),
             syntax,
             collection: ns.clone(),
             goal: Some("(done)".to_owned()),

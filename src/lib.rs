@@ -50,6 +50,7 @@
 //! let template = "{% for b in query('robmem.blocks', '{on: {$exists: true}}') %}(on {{ b.name }} {{ b.on }}){% endfor %}";
 //! let request = Request {
 //!     template: Source::new("example.j2", template),
+//!     parts: Vec::new(),
 //!     syntax: Syntax::Auto,
 //!     collection: blocks,
 //!     goal: None,

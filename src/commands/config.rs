@@ -26,6 +26,11 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         setting("shared", settings.shared.value.as_deref().map(address), &settings.shared.origin),
         setting("shared_databases", Some(settings.shared_databases.value.clone()), &settings.shared_databases.origin),
         setting("collection", Some(settings.collection.value.to_string()), &settings.collection.origin),
+        setting(
+            "template_path",
+            Some(settings.template_path.value.iter().map(|path| path.display().to_string()).collect::<Vec<_>>()),
+            &settings.template_path.origin,
+        ),
         setting("format", settings.format.value.map(Format::name), &settings.format.origin),
         keep_history,
         history_size,

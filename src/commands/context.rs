@@ -21,6 +21,9 @@ use crate::process::{Host, Listener, search};
 use crate::settings::{Environment, Origin, Settings};
 use crate::store::StoreUri;
 
+/// The name of stdin in messages.
+pub(super) const STDIN: &str = "<stdin>";
+
 /// The context of a command.
 pub struct Context<'a> {
     /// The settings in force.
@@ -179,7 +182,7 @@ impl<'a> Context<'a> {
         let mut bytes = Vec::new();
         let name = if path == Path::new("-") {
             self.take_stdin()?.read_to_end(&mut bytes).map_err(|error| unreadable("stdin", &error))?;
-            "<stdin>".to_owned()
+            STDIN.to_owned()
         } else {
             let name = path.display().to_string();
             bytes = std::fs::read(path).map_err(|error| unreadable(&name, &error))?;

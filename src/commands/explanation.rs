@@ -42,7 +42,7 @@ fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> Resu
         context.output.note(&format!("no line of {} writes `({name} …)`", generated.template().name()));
     }
     for writer in writers {
-        let place = format!("{}:{}", generated.template().name(), writer.line);
+        let place = format!("{}:{}", writer.name, writer.line);
         context.output.note(&format!("{place}: would be written by {}", writer.text));
         writer.reasons().iter().for_each(|reason| context.output.note(&format!("  {reason}")));
     }
@@ -50,15 +50,17 @@ fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> Resu
 }
 
 fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> Result<Vec<String>> {
-    let Explanation { part, text, line, origin, written, documents } = explanation;
+    let Explanation { part, text, line, origin, documents } = explanation;
     let part = match part {
         Part::Objects => "an object",
         Part::Init => "in the initial state",
         Part::Goal => "in the goal",
     };
-    let place = format!("{}:{}:{}", generated.template().name(), origin.line, origin.column);
-    let mut lines =
-        vec![format!("{}: {part}, line {line} of the problem", names::readable(text)), format!("  {place}: {written}")];
+    let place = format!("{}:{}:{}", origin.name, origin.line, origin.column);
+    let mut lines = vec![
+        format!("{}: {part}, line {line} of the problem", names::readable(text)),
+        format!("  {place}: {}", origin.written),
+    ];
     if let Some(section) = asked(explanation, generated, memory)? {
         lines.push(format!("  {}", section.sentence()));
     }
@@ -78,10 +80,16 @@ fn asked<'g>(
     generated: &'g Generated,
     memory: &Memory,
 ) -> Result<Option<&'g SectionReport>> {
-    let is_value = ["{{", "<<"].iter().any(|mark| explanation.written.contains(mark));
+    let is_value = ["{{", "<<"].iter().any(|mark| explanation.origin.written.contains(mark));
     let document = explanation.documents.first();
+    let part = Some(&explanation.origin.name).filter(|name| *name != generated.template().name());
+    // What a template is included by asks before it.
+    let is_before = |section: &SectionReport| match section.part.as_ref() == part {
+        true => section.line <= explanation.origin.line,
+        false => section.part.is_none(),
+    };
     let mut before: Vec<&SectionReport> =
-        generated.sections.iter().filter(|section| is_value && section.line <= explanation.origin.line).collect();
+        generated.sections.iter().filter(|section| is_value && is_before(section)).collect();
     before.sort_by_key(|section| std::cmp::Reverse(section.line));
     let Some((namespace, id)) = document else {
         // What no document is behind comes from distinct values, or from no query at all.

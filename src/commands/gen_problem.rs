@@ -6,12 +6,13 @@ use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::at::AtArgs;
-use super::template::{TemplateArgs, read_domain, report, request};
+use super::template::{TemplateArgs, is_template, read_domain, render_domain, report, request};
 use super::{Context, explanation, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect, shell};
 use crate::output::Format;
+use crate::pddl::Domain;
 use crate::problem::{self, Generated, SectionReport};
 use crate::settings::Origin;
 
@@ -29,7 +30,7 @@ pub struct GenProblemArgs {
     /// The template; - is stdin
     #[arg(short, long, value_name = "FILE")]
     pub template: PathBuf,
-    /// Check the problem against this domain
+    /// Check the problem against this domain; one that ends in .j2 or .tmpl is a template, too
     #[arg(short, long, value_name = "FILE")]
     pub domain: Option<PathBuf>,
     /// The template's arguments.
@@ -50,17 +51,24 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     // Where it is not asked for by the flag, a problem is PDDL: programs read it.
     let is_asked = matches!(context.settings.format.origin, Origin::Flag(_));
     let is_json = context.format(&formats::PROBLEM)? == Format::Json && is_asked;
-    let domain = args.domain.as_deref().map(|path| read_domain(path, args.options.lenient, context)).transpose()?;
+    let dialect = Dialect { lenient: args.options.lenient };
+    let rendered = args.domain.as_deref().filter(|path| is_template(path));
+    let plain = args.domain.as_deref().filter(|path| !is_template(path));
+    let mut domain = plain.map(|path| read_domain(path, args.options.lenient, context)).transpose()?;
     let template = context.read(&args.template)?;
     let memory = args.past.memory(context)?;
-    let request = request(template, &args.options, context)?;
+    let rendered = rendered.map(|path| render_domain(path, &args.options, &memory, context)).transpose()?;
+    if let Some((text, _)) = &rendered {
+        domain = Some(Domain::read(text, dialect).map_err(Diagnostics)?);
+    }
+    let request = request(template, &args.options, rendered.as_ref().map(|(_, request)| request), context)?;
     let generated = problem::generate(&request, &memory)?;
     report(&generated, args.options.strict, &memory, context)?;
     if let Some(domain) = &domain {
-        generated.check(domain, Dialect { lenient: args.options.lenient }).map_err(Diagnostics)?;
+        generated.check(domain, dialect).map_err(Diagnostics)?;
     }
     if let Some(atom) = &args.explain {
-        return explanation::print(atom, &generated, Dialect { lenient: args.options.lenient }, &memory, context);
+        return explanation::print(atom, &generated, dialect, &memory, context);
     }
     let is_file = args.output != Path::new("-");
     if !is_json || is_file {
@@ -76,13 +84,15 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
 /// The text of a problem, and what the sections of its template matched.
 fn summary(generated: &Generated, text: Option<String>) -> Document {
     let section = |section: &SectionReport| {
-        doc! {
+        let mut part: Document = section.part.iter().map(|part| ("part".to_owned(), part.into())).collect();
+        part.extend(doc! {
             "line": i64::try_from(section.line).unwrap_or(i64::MAX),
             "name": &section.name,
             "namespace": section.namespace.to_string(),
             "query": shell::relaxed(&section.query),
             "documents": i64::try_from(section.matched).unwrap_or(i64::MAX),
-        }
+        });
+        part
     };
     let mut summary: Document = text.map(|text| ("problem".to_owned(), text.into())).into_iter().collect();
     summary.insert("sections", generated.sections.iter().map(section).collect::<Vec<_>>());

@@ -1,16 +1,17 @@
 //! Templates on the command line: what they are given, and what is reported of their sections.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bson::{Bson, Document};
 use clap::{Args, ValueEnum};
 
+use super::context::STDIN;
 use super::{Context, WrongInput, missing};
 use crate::error::Result;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
 use crate::memory::Memory;
 use crate::pddl::Domain;
-use crate::problem::{Generated, Request, SectionReport, Syntax, check_use, takes_goal};
+use crate::problem::{self, Generated, Request, SectionReport, Syntax, check_use, read_parts, takes_goal};
 use crate::store::Namespace;
 
 /// The arguments of a template.
@@ -22,6 +23,9 @@ pub struct TemplateArgs {
     /// A parameter: NAME=TEXT, or NAME:=JSON for other types (can be repeated)
     #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = definition)]
     pub definitions: Vec<Definition>,
+    /// Folder of templates that the template includes, extends or imports, after its own folder (can be repeated)
+    #[arg(long, value_name = "DIR")]
+    pub template_path: Vec<PathBuf>,
     /// Syntax of the template: auto, minijinja, marker
     #[arg(long, value_name = "SYNTAX", default_value = "auto", hide_possible_values = true)]
     pub syntax: TemplateSyntax,
@@ -74,10 +78,48 @@ pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>)
     Ok(Domain::read(&source, Dialect { lenient }).map_err(Diagnostics)?)
 }
 
-/// What a template is to be rendered with.
-pub(super) fn request(template: Source, options: &TemplateArgs, context: &Context<'_>) -> Result<Request, Diagnostic> {
+/// Whether a domain is a template, by the end of its name.
+pub(super) fn is_template(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "j2" || extension == "tmpl")
+}
+
+/// Renders a domain that is a template, with the parameters of the problem's, and checks it. Returns its text, which goes by the
+/// template's name, and what it was rendered with.
+pub(super) fn render_domain(
+    path: &Path,
+    options: &TemplateArgs,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> Result<(Source, Request)> {
+    let template = context.read(path)?;
+    let request = unchecked(template, &TemplateArgs { goal: None, ..options.clone() }, context)?;
+    let generated = problem::generate(&request, memory)?;
+    report(&generated, options.strict, memory, context)?;
+    let dialect = Dialect { lenient: options.lenient };
+    Domain::read(&generated.source(), dialect).map_err(|wrong| Diagnostics(generated.explain(wrong)))?;
+    Ok((Source::new(request.template.name(), generated.text), request))
+}
+
+/// What a template is to be rendered with. `domain` is that of a domain which is a template, too, and has the same parameters.
+pub(super) fn request(
+    template: Source,
+    options: &TemplateArgs,
+    domain: Option<&Request>,
+    context: &Context<'_>,
+) -> Result<Request, Diagnostic> {
+    let mut request = unchecked(template, options, context)?;
+    check_use(&request, domain.as_slice())?;
+    // What the template takes no notice of is not the goal of its problem.
+    if request.goal.is_some() && !takes_goal(&request) {
+        request.goal = None;
+    }
+    Ok(request)
+}
+
+fn unchecked(template: Source, options: &TemplateArgs, context: &Context<'_>) -> Result<Request, Diagnostic> {
     let mut request = Request {
         template,
+        parts: Vec::new(),
         syntax: match options.syntax {
             TemplateSyntax::Auto => Syntax::Auto,
             TemplateSyntax::Minijinja => Syntax::Minijinja,
@@ -88,12 +130,15 @@ pub(super) fn request(template: Source, options: &TemplateArgs, context: &Contex
         parameters: options.definitions.iter().map(parameter).collect::<Result<_, _>>()?,
         lenient: options.lenient,
     };
-    check_use(&request, &[])?;
-    // What the template takes no notice of is not the goal of its problem.
-    if request.goal.is_some() && !takes_goal(&request) {
-        request.goal = None;
-    }
+    request.parts = read_parts(&request, &folders(&request.template, options, context))?;
     Ok(request)
+}
+
+/// The folders of the templates that a template names: its own, those of `--template-path`, those of the settings.
+fn folders(template: &Source, options: &TemplateArgs, context: &Context<'_>) -> Vec<PathBuf> {
+    let own = (template.name() != STDIN).then(|| Path::new(template.name()).parent().map(Path::to_path_buf));
+    let settings = context.settings.template_path.value.iter().cloned();
+    own.flatten().into_iter().chain(options.template_path.iter().cloned()).chain(settings).collect()
 }
 
 fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
@@ -113,13 +158,13 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
     for section in &generated.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };
         let line =
-            format!("line {}: {} in {}: {} {plural}", section.line, section.name, section.namespace, section.matched);
+            format!("{}: {} in {}: {} {plural}", section.place(), section.name, section.namespace, section.matched);
         if section.matched > 0 {
             context.output.detail(&line);
             continue;
         }
         context.output.warn(&line);
-        empty.push(format!("line {}: {}", section.line, section.name));
+        empty.push(format!("{}: {}", section.place(), section.name));
         let is_warned = warned.contains(&&section.namespace);
         if !is_warned && context.output.shows_notes() {
             why(section, memory, context);

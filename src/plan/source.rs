@@ -4,11 +4,11 @@
 //! machine, and the files may have changed since. Under `_robmem_info.lineage.sources`:
 //!
 //! ```text
-//! { domain: {name, text}, template: {name, text}, syntax, collection, goal, parameters: {…}, lenient }
+//! { domain: {name, text}, template: {name, text}, parts: [{as, part: {name, text}}], syntax, collection, goal, parameters: {…}, lenient }
 //! { domain: {name, text}, problem: {name, text}, lenient }
 //! ```
 //!
-//! `goal` is there where one was given, and `name` says where a text was read. The address
+//! `parts` are the templates that the template names, by the names it has for them. `goal` is there where one was given, and `name` says where a text was read. The address
 //! of the memory, which may hold credentials, is not part of it.
 
 use bson::{Bson, Document, doc};
@@ -17,7 +17,7 @@ use crate::fault::{AtFault, Fault};
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostics, Source};
 use crate::pddl::Domain;
-use crate::problem::{Request, Syntax};
+use crate::problem::{Request, Syntax, TemplatePart};
 use crate::store::Namespace;
 
 /// The longest text that is kept, in bytes; a document has 16 MiB at most.
@@ -96,6 +96,10 @@ impl TaskSource {
             }
             Input::Template(request) => {
                 document.insert("template", kept(&request.template));
+                if !request.parts.is_empty() {
+                    let part = |part: &TemplatePart| doc! { "as": &part.name, "part": kept(&part.source) };
+                    document.insert("parts", request.parts.iter().map(part).collect::<Vec<_>>());
+                }
                 document.insert("syntax", word(request.syntax));
                 document.insert("collection", request.collection.to_string());
                 if let Some(goal) = &request.goal {
@@ -122,6 +126,7 @@ impl TaskSource {
         let parameters = document.get_document("parameters").map_err(|_| SourceError::Missing("parameters"))?;
         let request = Request {
             template: read(document, "template")?,
+            parts: document.get_array("parts").into_iter().flatten().map(part).collect::<Result<_, _>>()?,
             syntax: document.get_str("syntax").ok().and_then(syntax).ok_or(SourceError::Missing("syntax"))?,
             collection: collection.ok_or(SourceError::Missing("collection"))?,
             goal: document.get_str("goal").ok().map(str::to_owned),
@@ -147,6 +152,13 @@ fn read(document: &Document, what: &'static str) -> Result<Source, SourceError> 
     Ok(Source::new(name, text))
 }
 
+/// A template that another one names.
+fn part(part: &Bson) -> Result<TemplatePart, SourceError> {
+    let part = part.as_document().ok_or(SourceError::Missing("parts"))?;
+    let name = part.get_str("as").map_err(|_| SourceError::Missing("parts"))?;
+    Ok(TemplatePart { name: name.to_owned(), source: read(part, "part")? })
+}
+
 const SYNTAXES: [(Syntax, &str); 3] =
     [(Syntax::Auto, "auto"), (Syntax::Minijinja, "minijinja"), (Syntax::Marker, "marker")];
 
@@ -166,6 +178,7 @@ mod tests {
     fn what_is_kept_reads_back_the_same() {
         let request = Request {
             template: Source::new("t.j2", "{{ goal }}"),
+            parts: vec![TemplatePart { name: "m.j2".to_owned(), source: Source::new("lib/m.j2", "{# macros #}") }],
             syntax: Syntax::Minijinja,
             collection: Namespace::parse("lab.world").unwrap(),
             goal: Some("(on A B)".to_owned()),

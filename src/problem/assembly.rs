@@ -7,7 +7,8 @@ use bson::Bson;
 
 use super::names;
 use super::origin::{DocumentId, Placed, StretchKind, from_document};
-use crate::formats::{Diagnostic, Source, Span};
+use super::texts::Texts;
+use crate::formats::{Diagnostic, Span};
 
 /// A value on its way into the problem.
 #[derive(Debug, Clone)]
@@ -63,7 +64,7 @@ struct Spelling {
 
 /// Collects the problem token by token.
 pub(super) struct Assembler<'a> {
-    template: &'a Source,
+    template: &'a Texts,
     out: String,
     placed: Vec<Placed>,
     /// The token under way; it holds a value, or is the text right before the end.
@@ -88,7 +89,7 @@ fn is_delimiter(c: char) -> bool {
 }
 
 impl<'a> Assembler<'a> {
-    pub(super) fn new(template: &'a Source) -> Self {
+    pub(super) fn new(template: &'a Texts) -> Self {
         Self {
             template,
             out: String::new(),
@@ -234,14 +235,16 @@ impl<'a> Assembler<'a> {
             first => {
                 let (first, name) = (names::readable(first), names::readable(name));
                 let message = format!("`{first}` and `{name}` are one name to PDDL, which takes no notice of case");
-                let (line, column) = self.template.position(known.template.start);
+                let place = self.template.place(known.template.start);
                 let from = |document: &Option<DocumentId>| {
                     document
                         .as_deref()
                         .map_or(String::new(), |(namespace, id)| format!(" {}", from_document(namespace, id)))
                 };
-                Err(Diagnostic::new(self.template, template, message)
-                    .hint(format!("`{first}` comes{} at {line}:{column}", from(&known.document)))
+                Err(self
+                    .template
+                    .complain(template, message)
+                    .hint(format!("`{first}` comes{} at {place}", from(&known.document)))
                     .hint(format!("`{name}` comes{}", from(&document))))
             }
         }
@@ -272,8 +275,8 @@ mod tests {
 
     /// Text as itself, values between braces; a `#` makes one a number.
     fn assemble(text: &str) -> Result<String, String> {
-        let source = Source::new("t", text);
-        let mut assembler = Assembler::new(&source);
+        let texts = Texts::new(&crate::formats::Source::new("t", text), []);
+        let mut assembler = Assembler::new(&texts);
         let mut rest = text;
         while let Some((before, after)) = rest.split_once('{') {
             assembler.text(before).map_err(|error| error.to_string())?;

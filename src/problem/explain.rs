@@ -32,8 +32,6 @@ pub struct Explanation {
     pub line: usize,
     /// The place in the template.
     pub origin: Origin,
-    /// The line of the template as it is there.
-    pub written: String,
     /// The documents that its values were read from.
     pub documents: Vec<(Namespace, Bson)>,
 }
@@ -41,6 +39,8 @@ pub struct Explanation {
 /// A line of a template that could write an atom.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Writer<'a> {
+    /// The name of the template.
+    pub name: String,
     /// The line of the template, from 1.
     pub line: usize,
     /// The line as it is there.
@@ -97,34 +97,40 @@ impl Generated {
     #[must_use]
     pub fn writers(&self, predicate: &str) -> Vec<Writer<'_>> {
         let mut writers: Vec<Writer<'_>> = Vec::new();
-        let text = self.template.text();
-        for (at, _) in text.match_indices('(') {
-            let rest = text.get(at + 1..).unwrap_or_default().trim_start_matches([' ', '\t']);
-            let word = rest.split(|c: char| c.is_whitespace() || "(){<".contains(c)).next();
-            let line = self.template.position(at).0;
-            let is_known = writers.iter().any(|writer| writer.line == line);
-            if !is_known && word.is_some_and(|word| word.eq_ignore_ascii_case(predicate)) {
-                writers.push(self.writer(line, at));
+        for (_, source) in self.template.iter() {
+            let text = source.text();
+            for (at, _) in text.match_indices('(') {
+                let rest = text.get(at + 1..).unwrap_or_default().trim_start_matches([' ', '\t']);
+                let word = rest.split(|c: char| c.is_whitespace() || "(){<".contains(c)).next();
+                if !word.is_some_and(|word| word.eq_ignore_ascii_case(predicate)) {
+                    continue;
+                }
+                let line = source.position(at).0;
+                if !writers.iter().any(|writer| writer.line == line && writer.name == source.name()) {
+                    writers.push(self.writer(source, line, at));
+                }
             }
         }
         writers
     }
 
-    fn writer(&self, line: usize, at: usize) -> Writer<'_> {
-        let line_of = |span: Span| self.template.position(span.start).0;
-        let around = minijinja::around(self.template.text(), at);
+    fn writer(&self, source: &Source, line: usize, at: usize) -> Writer<'_> {
+        let line_of = |span: Span| source.position(span.start).0;
+        let around = minijinja::around(source.text(), at);
+        let part = Some(source.name()).filter(|name| *name != self.template().name());
         let conditions = around.iter().filter_map(|block| Some((line_of(block.span), block.condition.clone()?)));
         // The query of a loop stands in its tag. In the marker spelling, the query before is that of the section.
         let mut loops = around.iter().rev().filter(|block| block.is_loop);
         let in_loop = |block: &minijinja::Around| {
-            let lines = line_of(block.span)..=self.template.position(block.span.end).0;
-            self.sections.iter().find(|section| lines.contains(&section.line))
+            let lines = line_of(block.span)..=source.position(block.span.end).0;
+            self.sections.iter().find(|section| section.part.as_deref() == part && lines.contains(&section.line))
         };
-        let is_marker = !self.template.text().contains("{%");
+        let is_marker = !source.text().contains("{%");
         let above = || self.sections.iter().filter(|section| section.line <= line).max_by_key(|section| section.line);
         Writer {
+            name: source.name().to_owned(),
             line,
-            text: self.template.text().lines().nth(line - 1).unwrap_or_default().trim().to_owned(),
+            text: source.text().lines().nth(line - 1).unwrap_or_default().trim().to_owned(),
             asked: loops.find_map(in_loop).or_else(|| above().filter(|_| is_marker)),
             conditions: conditions.collect(),
         }
@@ -133,7 +139,7 @@ impl Generated {
     /// The template it was made from.
     #[must_use]
     pub fn template(&self) -> &Source {
-        &self.template
+        self.template.at(0).0
     }
 
     fn explanation(&self, part: Part, text: String, spans: &[Span]) -> Explanation {
@@ -147,9 +153,8 @@ impl Generated {
             }
         }
         documents.extend(origin.document.clone().filter(|_| documents.is_empty()));
-        let written = self.template.text().lines().nth(origin.line.saturating_sub(1)).unwrap_or_default();
         let line = self.source().position(start).0;
-        Explanation { part, text, line, origin, written: written.trim().to_owned(), documents }
+        Explanation { part, text, line, origin, documents }
     }
 }
 

@@ -17,12 +17,15 @@ mod marker;
 mod minijinja;
 pub mod names;
 mod origin;
+mod parts;
 mod request;
 mod taken;
+mod texts;
 mod usage;
 
 pub use explain::{Explanation, Part, Writer};
 pub use generate::generate;
 pub use origin::{Generated, Origin};
-pub use request::{ProblemError, Request, SectionReport, Syntax};
+pub use parts::read_parts;
+pub use request::{ProblemError, Request, SectionReport, Syntax, TemplatePart};
 pub use usage::{check_use, takes_goal};

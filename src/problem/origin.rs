@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use bson::{Bson, RawDocument};
 
+use super::texts::Texts;
 use super::{SectionReport, names};
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Source, Span};
@@ -23,8 +24,12 @@ pub(super) fn document_id(namespace: &Arc<Namespace>, document: &RawDocument) ->
 /// Where a place of the problem came from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Origin {
-    /// The place in the template.
+    /// The template's name, or that of a template that it names.
+    pub name: String,
+    /// The place in it.
     pub span: Span,
+    /// The line as it is there.
+    pub written: String,
     /// Its line, from 1.
     pub line: usize,
     /// Its column, from 1.
@@ -64,7 +69,7 @@ pub struct Generated {
     pub namespaces: Vec<Namespace>,
     /// Keys that documents have in another spelling than the template: sentences for the user.
     pub respelled: Vec<String>,
-    pub(super) template: Source,
+    pub(super) template: Texts,
     /// In the order of the output, without overlaps.
     pub(super) placed: Vec<Placed>,
     /// The values of names, in lower case, that are no texts.
@@ -75,7 +80,7 @@ impl Generated {
     /// The problem as a text to be read; it goes by the template's name.
     #[must_use]
     pub fn source(&self) -> Source {
-        Source::new(format!("{} (generated)", self.template.name()), self.text.as_str())
+        Source::new(format!("{} (generated)", self.template.at(0).0.name()), self.text.as_str())
     }
 
     /// Reads the problem and checks it against its domain.
@@ -108,20 +113,30 @@ impl Generated {
     /// Where the byte at `offset` of the problem came from.
     #[must_use]
     pub fn locate(&self, offset: usize) -> Origin {
-        self.locate_span(Span::at(offset))
+        let (span, document) = self.origin(Span::at(offset));
+        let (source, span) = self.template.locate(span);
+        let (line, column) = source.position(span.start);
+        Origin {
+            name: source.name().to_owned(),
+            span,
+            written: source.text().lines().nth(line.saturating_sub(1)).unwrap_or_default().trim().to_owned(),
+            line,
+            column,
+            document: document.map(|document| (document.0.as_ref().clone(), document.1.clone())),
+        }
     }
 
     /// Where a stretch of the problem came from; of fixed text as far as the template has it in one piece.
-    fn locate_span(&self, stretch: Span) -> Origin {
+    fn origin(&self, stretch: Span) -> (Span, Option<&DocumentId>) {
         let offset = stretch.start;
         let next = self.placed.partition_point(|placed| placed.output.end <= offset);
         if let Some(inside) = self.placed.get(next).filter(|placed| placed.output.start <= offset) {
             if inside.kind != StretchKind::Text {
-                return self.origin(inside.template, inside.document.as_ref());
+                return (inside.template, inside.document.as_ref());
             }
             let shift = |at: usize| inside.template.start + at - inside.output.start;
             let span = Span::new(shift(offset), shift(stretch.end.clamp(offset, inside.output.end)));
-            return self.origin(span, inside.document.as_ref().or_else(|| self.on_line(next, offset)));
+            return (span, inside.document.as_ref().or_else(|| self.on_line(next, offset)));
         }
         let before = next.checked_sub(1).and_then(|index| self.placed.get(index));
         let after = self.placed.get(next);
@@ -130,22 +145,24 @@ impl Generated {
             .same_after(start, at, offset)
             .or_else(|| self.same_before(after, offset))
             .unwrap_or_else(|| before.or(after).map_or(at, |placed| placed.template.start));
-        self.origin(Span::at(place), self.on_line(next, offset))
+        (Span::at(place), self.on_line(next, offset))
     }
 
     /// The template's offset if the text from `start` to `offset` is the template's from `at` on.
     fn same_after(&self, start: usize, at: usize, offset: usize) -> Option<usize> {
         let made = self.text.get(start..offset)?;
-        self.template.text().get(at..)?.starts_with(made).then(|| at + made.len())
+        let (source, base) = self.template.at(at);
+        source.text().get(at - base..)?.starts_with(made).then(|| at + made.len())
     }
 
     /// The same from `offset` up to the value that comes next, or the end.
     fn same_before(&self, after: Option<&Placed>, offset: usize) -> Option<usize> {
-        let (end, at) = after.map_or((self.text.len(), self.template.text().len()), |placed| {
-            (placed.output.start, placed.template.start)
-        });
+        let last = || self.template.at(0).0.text().len();
+        let (end, at) =
+            after.map_or_else(|| (self.text.len(), last()), |placed| (placed.output.start, placed.template.start));
         let made = self.text.get(offset..end)?;
-        self.template.text().get(..at)?.ends_with(made).then(|| at - made.len())
+        let (source, base) = self.template.at(at);
+        source.text().get(..at - base)?.ends_with(made).then(|| at - made.len())
     }
 
     /// The document of a value on the same line of the problem: of one that comes after `offset`, or of one before it. `next`
@@ -157,12 +174,6 @@ impl Generated {
         after.chain(before).find_map(|placed| placed.document.as_ref())
     }
 
-    fn origin(&self, span: Span, document: Option<&DocumentId>) -> Origin {
-        let (line, column) = self.template.position(span.start);
-        let document = document.map(|document| (document.0.as_ref().clone(), document.1.clone()));
-        Origin { span, line, column, document }
-    }
-
     /// Turns complaints about the problem into complaints about the template.
     /// Each shows the generated line and names the document as hints; what a
     /// section got wrong for many documents is reported once.
@@ -172,7 +183,9 @@ impl Generated {
         for complaint in &complaints {
             let complaint = self.at_template(complaint);
             let same = |(other, _): &&mut (Diagnostic, usize)| {
-                other.span() == complaint.span() && other.message() == complaint.message()
+                other.name() == complaint.name()
+                    && other.span() == complaint.span()
+                    && other.message() == complaint.message()
             };
             match explained.iter_mut().find(same) {
                 Some((_, more)) => *more += 1,
@@ -196,12 +209,12 @@ impl Generated {
 
     fn at_template(&self, complaint: &Diagnostic) -> Diagnostic {
         let offset = complaint.span().start.min(self.text.len());
-        let origin = self.locate_span(Span::new(offset, complaint.span().end.max(offset)));
+        let (span, document) = self.origin(Span::new(offset, complaint.span().end.max(offset)));
         let start = self.text.get(..offset).and_then(|text| text.rfind('\n')).map_or(0, |newline| newline + 1);
         let line = self.text.get(start..).and_then(|rest| rest.lines().next()).unwrap_or_default().trim();
         let short = excerpt(&names::readable(line));
         let number = self.source().position(offset).0;
-        let diagnostic = Diagnostic::new(&self.template, origin.span, names::readable(complaint.message()));
+        let diagnostic = self.template.complain(span, names::readable(complaint.message()));
         let diagnostic = complaint
             .hints()
             .iter()
@@ -212,7 +225,7 @@ impl Generated {
             None => diagnostic,
         };
         let diagnostic = diagnostic.hint(format!("it became line {number} of the problem: {short}"));
-        match &origin.document {
+        match document.map(AsRef::as_ref) {
             Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
             None => diagnostic,
         }
@@ -227,8 +240,8 @@ impl Generated {
         for part in parts {
             let end = part.find(|c: char| !c.is_ascii_digit() && c != ':').unwrap_or(part.len());
             let (place, rest) = part.split_at(end);
-            let origin = self.offset(place).map(|offset| self.locate(offset));
-            let place = origin.map_or_else(|| place.to_owned(), |origin| format!("{}:{}", origin.line, origin.column));
+            let origin = self.offset(place).map(|offset| self.origin(Span::at(offset)).0);
+            let place = origin.map_or_else(|| place.to_owned(), |span| self.template.place(span.start).to_string());
             text.push_str(&format!(" at {place}{rest}"));
         }
         text

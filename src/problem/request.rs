@@ -18,11 +18,22 @@ pub enum Syntax {
     Marker,
 }
 
+/// A template that another one includes, extends or imports.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TemplatePart {
+    /// As it is named there.
+    pub name: String,
+    /// Its text, which goes by its path.
+    pub source: Source,
+}
+
 /// A problem wanted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// The template.
     pub template: Source,
+    /// The templates that it names.
+    pub parts: Vec<TemplatePart>,
     /// Its spelling.
     pub syntax: Syntax,
     /// What the sections of the marker spelling query.
@@ -46,17 +57,26 @@ pub struct SectionReport {
     pub query: Document,
     /// How many documents (or distinct values) the template took from it, over all times it was asked.
     pub matched: u64,
+    /// The template, where it is one that the template names.
+    pub part: Option<String>,
     /// The line of the template, from 1.
     pub line: usize,
 }
 
 impl SectionReport {
+    /// Returns where it stands: `line 5`, or `line 5 of part.j2`.
+    #[must_use]
+    pub fn place(&self) -> String {
+        let of = self.part.as_ref().map(|part| format!(" of {part}")).unwrap_or_default();
+        format!("line {}{of}", self.line)
+    }
+
     /// Says what was asked, and how many documents answered.
     #[must_use]
     pub fn sentence(&self) -> String {
-        let Self { name, namespace, matched, line, .. } = self;
+        let Self { name, namespace, matched, .. } = self;
         let plural = if *matched == 1 { "document" } else { "documents" };
-        format!("line {line}: {name} asks {} in {namespace}: {matched} {plural}", shell::relaxed(&self.query))
+        format!("{}: {name} asks {} in {namespace}: {matched} {plural}", self.place(), shell::relaxed(&self.query))
     }
 
     /// Returns the filter that documents had to match; of a pipeline, the `$match` in front.

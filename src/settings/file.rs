@@ -30,6 +30,8 @@ pub struct File {
     pub shared_databases: Option<Spanned<Vec<Spanned<String>>>>,
     /// The default namespace.
     pub collection: Option<Spanned<String>>,
+    /// Folders of templates that templates name.
+    pub template_path: Option<Spanned<Vec<std::path::PathBuf>>>,
     /// The format of results.
     pub format: Option<Spanned<String>>,
     /// The log of operations.

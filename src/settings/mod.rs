@@ -145,6 +145,8 @@ pub struct Settings {
     pub shared_databases: Setting<Vec<String>>,
     /// The default namespace.
     pub collection: Setting<Namespace>,
+    /// Folders of templates that templates name.
+    pub template_path: Setting<Vec<PathBuf>>,
     /// The format of results; `None` means the default of the command.
     pub format: Setting<Option<Format>>,
     /// How much is printed on stderr.
@@ -201,6 +203,13 @@ impl Settings {
         let collection = flag(collection, "--collection", flags.collection.clone())
             .unwrap_or_else(|| Setting::default(DEFAULT_COLLECTION.to_owned()))
             .read(str::parse)?;
+        let template_path = file.template_path.as_ref().map_or_else(
+            || Setting::default(Vec::new()),
+            |paths| Setting {
+                value: paths.get_ref().iter().map(|path| folder.join(path)).collect(),
+                origin: below.place(paths),
+            },
+        );
         let format = below.text(&file.format, "RMEM_FORMAT").map(|name| name.read(str::parse)).transpose()?;
         let format = Setting::of(flag(format, "--format", flags.format));
         let log =
@@ -230,6 +239,7 @@ impl Settings {
             shared,
             shared_databases,
             collection,
+            template_path,
             format,
             verbosity,
             color,

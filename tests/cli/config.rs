@@ -12,6 +12,7 @@ fn later_layers_win_and_origins_are_printed() {
     # shared is not set
     shared_databases = []  # default
     collection = "a.file"  # $LAB/rmem.toml:2
+    template_path = []  # default
     # format is not set
     # keep_history is not set
     # history_size is not set
@@ -43,7 +44,7 @@ fn a_mistake_in_the_file_is_shown_at_its_place() {
     lab.write("rmem.toml", "memory = \"mem:\"\ncollektion = \"a.b\"\n");
     assert_run!(lab.rmem(&["collections"]), @r#"
     ------- stderr -------
-    error: $LAB/rmem.toml:2:1: unknown field `collektion`, expected one of `memory`, `shared`, `shared_databases`, `collection`, `format`, `log`, `keep_history`, `history_size`, `most_documents`, `planner`, `computable`, `backend`, `scene`
+    error: $LAB/rmem.toml:2:1: unknown field `collektion`, expected one of `memory`, `shared`, `shared_databases`, `collection`, `template_path`, `format`, `log`, `keep_history`, `history_size`, `most_documents`, `planner`, `computable`, `backend`, `scene`
       |
     2 | collektion = "a.b"
       | ^^^^^^^^^^

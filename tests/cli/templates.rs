@@ -205,3 +205,257 @@ fn messages_have_names_as_the_memory_has_them() {
     [exit code: 3]
     "#);
 }
+
+const PARTS: [(&str, &str); 3] = [
+    (
+        "base.j2",
+        "(define (problem p) (:domain d)\n  (:objects {% block objects %}{% endblock %})\n  (:init {% block init %}{% endblock %})\n  (:goal (and)))\n",
+    ),
+    ("lib/facts.j2", "{% macro idle(name) %}(idle {{ name }}){% endmacro %}\n"),
+    ("shared/more.j2", "\n    (up {{ machine }}) {% for m in query('a.b') %}(idle {{ m.name }}){% endfor %}"),
+];
+
+const CHILD: &str = "{% extends 'base.j2' %}{% from 'lib/facts.j2' import idle %}
+{% block objects %}{{ machine }}{% endblock %}
+{% block init %}{{ idle(machine) }} {% include 'more.j2' %}{% endblock %}";
+
+/// A folder with templates that name each other.
+fn parts() -> Lab {
+    let lab = lab().env("RMEM_MEMORY", "file:m.rmem");
+    PARTS.iter().for_each(|(name, text)| lab.write(name, text));
+    lab.write("child.j2", CHILD);
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 1, name: 'A'}"]).success();
+    lab
+}
+
+#[test]
+fn templates_extend_import_and_include_others_of_their_folder_and_of_the_template_path() {
+    let lab = parts();
+    let words = ["gen-problem", "-d", "d.pddl", "-t", "child.j2", "-D", "machine=A"];
+    assert_run!(lab.rmem(&words), @r"
+    ------- stderr -------
+    error: child.j2:3:37: there is no template `more.j2`
+      |
+    3 | {% block init %}{{ idle(machine) }} {% include 'more.j2' %}{% endblock %}
+      |                                     ^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: looked for it in .; --template-path names more folders
+    [exit code: 3]
+    ");
+    let path = ["--template-path", "shared"];
+    assert_run!(lab.rmem(&[&words[..], &path].concat()), @r"
+    (define (problem p) (:domain d)
+      (:objects A)
+      (:init (idle A) 
+        (up A) (idle A))
+      (:goal (and)))
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&[&words[..], &path, &["--explain", "(idle A)"]].concat()), @r#"
+    (idle A): in the initial state, line 3 of the problem
+      lib/facts.j2:1:23: {% macro idle(name) %}(idle {{ name }}){% endmacro %}
+    (idle A): in the initial state, line 4 of the problem
+      shared/more.j2:2:51: (up {{ machine }}) {% for m in query('a.b') %}(idle {{ m.name }}){% endfor %}
+      line 2 of shared/more.j2: query('a.b') asks {} in a.b: 1 document
+      {"_id":1,"name":"A"} in a.b
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    lab.write("rmem.toml", "template_path = ['shared']\n");
+    lab.rmem(&words).success();
+    // The texts of all of them are kept with a plan.
+    lab.rmem(&["plan", "-q", "-d", "d.pddl", "-t", "child.j2", "-D", "machine=A"]).success();
+    for name in ["base.j2", "lib/facts.j2", "shared/more.j2", "child.j2"] {
+        std::fs::remove_file(lab.path().join(name)).unwrap();
+    }
+    lab.rmem(&["plan", "check", "last"]).success();
+}
+
+#[test]
+fn mistakes_in_included_templates_are_shown_there() {
+    let lab = parts();
+    let words = ["gen-problem", "-d", "d.pddl", "-t", "child.j2", "-D", "machine=A", "--template-path", "shared"];
+    lab.write("shared/more.j2", "\n  (upp A)\n");
+    assert_run!(lab.rmem(&words), @r"
+    ------- stderr -------
+    error: shared/more.j2:2:4: predicate `upp` is not declared
+      |
+    2 |   (upp A)
+      |    ^^^
+      = hint: did you mean `up`?
+      = hint: it became line 4 of the problem: (upp A)
+    [exit code: 3]
+    ");
+    lab.write("shared/more.j2", "\n  {% for m in query('a.b') %}(up {{ m.nme }}){% endfor %}\n");
+    assert_run!(lab.rmem(&words), @r#"
+    ------- stderr -------
+    error: shared/more.j2:2:34: `m.nme` is undefined
+      |
+    2 |   {% for m in query('a.b') %}(up {{ m.nme }}){% endfor %}
+      |                                  ^^^^^^^^^^^
+      = hint: from document _id 1 of a.b
+      = hint: did you mean `name`?
+      = hint: where a document may lack it: {% if m.nme is defined %}, or m.get("nme")
+    [exit code: 3]
+    "#);
+    lab.write("shared/more.j2", "\n  {% for m in query('a.b') %}(up {{ m.name }})\n");
+    assert_run!(lab.rmem(&words), @r"
+    ------- stderr -------
+    error: shared/more.j2:2:3: {% for %} is not closed: expected {% endfor %} before the end of the template
+      |
+    2 |   {% for m in query('a.b') %}(up {{ m.name }})
+      |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    lab.write("lib/facts.j2", "{% macro idle(name) %}\n (idel {{ name }}){% endmacro %}\n");
+    lab.write("shared/more.j2", "");
+    assert_run!(lab.rmem(&words), @r"
+    ------- stderr -------
+    error: lib/facts.j2:2:3: predicate `idel` is not declared
+      |
+    2 |  (idel {{ name }}){% endmacro %}
+      |   ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 4 of the problem: (idel A) )
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn no_name_leads_out_of_the_folders_of_templates() {
+    let lab = parts();
+    lab.write("inner/t.j2", "");
+    std::os::unix::fs::symlink("../base.j2", lab.path().join("inner/up.j2")).unwrap();
+    std::os::unix::fs::symlink("t.j2", lab.path().join("inner/same.j2")).unwrap();
+    std::os::unix::fs::symlink("/etc/hostname", lab.path().join("inner/host.j2")).unwrap();
+    for name in ["../base.j2", "/etc/hostname", "a/../../base.j2", "up.j2", "host.j2", "a\\\\b", "lib"] {
+        lab.write("inner/x.j2", &format!("{{% include '{name}' %}}"));
+        let run = lab.rmem(&["gen-problem", "-t", "inner/x.j2"]).exits(3);
+        assert!(run.stderr.starts_with("error: inner/x.j2:1:1: "), "{name}: {run}");
+        assert!(!run.stderr.contains("define"), "{run}");
+    }
+    lab.write("inner/x.j2", "{% include 'same.j2' %}{% include 'none.j2' ignore missing %}");
+    lab.rmem(&["gen-problem", "-t", "inner/x.j2"]).success();
+    lab.write("inner/x.j2", "{% include '../base.j2' %}");
+    assert_run!(lab.rmem(&["gen-problem", "-t", "inner/x.j2"]), @r"
+    ------- stderr -------
+    error: inner/x.j2:1:1: `../base.j2` leads out of the folders of templates
+      |
+    1 | {% include '../base.j2' %}
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    lab.write("inner/x.j2", "{% include 'up.j2' %}");
+    assert_run!(lab.rmem(&["gen-problem", "-t", "inner/x.j2"]), @r"
+    ------- stderr -------
+    error: inner/x.j2:1:1: `up.j2` is a symbolic link out of inner
+      |
+    1 | {% include 'up.j2' %}
+      | ^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    lab.write("inner/x.j2", "{% set name = 't.j2' %}{% include name %}");
+    assert_run!(lab.rmem(&["gen-problem", "-t", "inner/x.j2"]), @r"
+    ------- stderr -------
+    error: inner/x.j2:1:27: there is no such template; one that is included is named in quotes, in the tag itself
+      |
+    1 | {% set name = 't.j2' %}{% include name %}
+      |                           ^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn names_that_are_joined_by_blanks_are_names_of_their_own() {
+    let lab = Lab::new();
+    let made = |template: &str| {
+        lab.write("t.j2", template);
+        lab.rmem(&["--memory", "mem:", "gen-problem", "-t", "t.j2"]).success()
+    };
+    assert_eq!(
+        made("(go {{ ['g1', 'hand over', 3, 'x) (y']|join(' ') }})"),
+        "(go g1 x--hand_20over--x 3 x--x_29_20_28y--x)"
+    );
+    assert_eq!(made("({{ ['a', 'b']|join('_') }} {{ ['a b', 'c']|join(', ') }})"), "(a_b x--a_20b_2c_20c--x)");
+    assert_eq!(
+        made(
+            "{% set all = [{'n': {'x': 'a b'}}, {'n': {'x': 'c'}}]|join(' ', attribute='n.x') %}({{ all }}){{ all|upper }}"
+        ),
+        "(x--a_20b--x c)x--_41_20_42_20_43--x"
+    );
+    assert_eq!(
+        made("{% macro at(x) %}(at {{ x }}){% endmacro %}{{ [at('a b'), at('c')]|join(' ') }}"),
+        "(at x--a_20b--x) (at c)"
+    );
+}
+
+#[test]
+fn a_domain_may_be_a_template() {
+    let lab = parts();
+    lab.write(
+        "dom.pddl.j2",
+        "(define (domain d) (:predicates (idle ?x) (up ?x)) (:constants A)\n{% for m in query('a.b') %}(:action {{ verb }}-{{ m.name }} :parameters ()\n  :precondition (idle {{ m.name }}) :effect (up {{ m.name }})){% endfor %})",
+    );
+    lab.write("p.j2", "(define (problem p) (:domain d) (:init (idle A)) (:goal {{ goal }}))");
+    let task = ["-d", "dom.pddl.j2", "-t", "p.j2", "--goal", "(up A)"];
+    assert_run!(lab.rmem(&[&["plan", "-q"], &task[..], &["-D", "verb=start"]].concat()), @r"
+    (start-A)
+    ; cost = 1 (unit cost)
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    lab.rmem(&["plan", "check", "last"]).success();
+    lab.rmem(&[&["gen-problem"], &task[..], &["-D", "verb=start"]].concat()).success();
+    assert_run!(lab.rmem(&[&["plan"], &task[..], &["-D", "verb=start", "-D", "x=1"]].concat()), @r"
+    ------- stderr -------
+    error: <parameter>:1:1: the template does not use a parameter `x`
+      |
+    1 | x
+      | ^
+      = hint: it uses verb
+    [exit code: 3]
+    ");
+    lab.write("dom.pddl.j2", "(define (domain d)\n{% if verb %}\n  (:predicats (idle ?x)){% endif %})");
+    assert_run!(lab.rmem(&[&["plan"], &task[..], &["-D", "verb=start"]].concat()), @r"
+    ------- stderr -------
+    error: dom.pddl.j2:3:4: expected a section of a domain, found `:predicats`
+      |
+    3 |   (:predicats (idle ?x)){% endif %})
+      |    ^^^^^^^^^^
+      = hint: there are :requirements, :types, :constants, :predicates, :functions, :constraints, :derived, :action, :durative-action
+      = hint: it became line 3 of the problem: (:predicats (idle ?x)))
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn queries_of_markers_take_parameters() {
+    let lab = parts();
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 2, name: 'B', n: 3}"]).success();
+    let words = ["gen-problem", "-t", "q.tmpl", "--collection", "a.b"];
+    lab.write(
+        "q.tmpl",
+        "<<#M|{name: '%NAME%'}>>(idle <<name>>)<</M>><<#N||[{$match: {n: '%N%'}}]>>(up <<name>>)<</N>>",
+    );
+    assert_eq!(lab.rmem(&[&words[..], &["-D", "NAME=A", "-D", "N:=3"]].concat()).success(), "(idle A)(up B)");
+    assert_run!(lab.rmem(&[&words[..], &["-D", "N:=3"]].concat()), @r"
+    ------- stderr -------
+    error: q.tmpl:1:6: there is no parameter `NAME` for `%NAME%`
+      |
+    1 | <<#M|{name: '%NAME%'}>>(idle <<name>>)<</M>><<#N||[{$match: {n: '%N%'}}]>>(up <<name>>)<</N>>
+      |      ^^^^^^^^^^^^^^^^
+      = hint: give it with -D NAME=…
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_goal_for_a_problem_that_has_its_own_is_refused() {
+    let lab = lab();
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:objects A) (:init (idle A)) (:goal (up A)))");
+    assert_run!(lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--goal", "(idle A)"]), @r"
+    ------- stderr -------
+    error: --goal is for a template; the problem of --problem has a goal of its own
+    [exit code: 2]
+    ");
+}

@@ -28,6 +28,7 @@ fn round(name: &str, text: &str) -> String {
     let template = imported.template(&namespace());
     let request = Request {
         template: Source::new("t.j2", template.as_str()),
+        parts: Vec::new(),
         syntax: Syntax::Auto,
         collection: namespace(),
         goal: None,
@@ -89,6 +90,7 @@ fn a_goal_that_is_given_takes_the_place_of_the_problems() {
     memory.insert(&namespace(), imported.documents.clone()).unwrap();
     let request = Request {
         template: Source::new("t.j2", imported.template(&namespace())),
+        parts: Vec::new(),
         syntax: Syntax::Minijinja,
         collection: namespace(),
         goal: Some("(p a)".to_owned()),

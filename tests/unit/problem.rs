@@ -26,6 +26,7 @@ fn namespace() -> Namespace {
 fn request(template: &str) -> Request {
     Request {
         template: Source::new("t", template),
+        parts: Vec::new(),
         syntax: Syntax::Auto,
         collection: namespace(),
         goal: None,

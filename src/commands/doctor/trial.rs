@@ -191,7 +191,7 @@ pub(super) fn files(
 
 fn render(path: &Path, options: &TemplateArgs, memory: &Memory, context: &mut Context<'_>) -> Result<String> {
     let template = context.read(path)?;
-    let request = template::request(template, options, context)?;
+    let request = template::request(template, options, None, context)?;
     let generated = problem::generate(&request, memory)?;
     let empty: Vec<String> = generated
         .sections

@@ -86,7 +86,7 @@ pub enum PlanCommand {
     Show(show::ShowArgs),
     Why(why::WhyArgs),
     List(list::ListArgs),
-    Import(import::ImportArgs),
+    Import(Box<import::ImportArgs>),
     Rerun(rerun::RerunArgs),
 }
 

@@ -15,7 +15,7 @@ use crate::planning::PlanningTask;
 #[derive(Debug, Clone, Args)]
 #[command(group = ArgGroup::new("source").required(true).args(["problem", "template"]))]
 pub struct TaskArgs {
-    /// The domain
+    /// The domain; one that ends in .j2 or .tmpl is a template, rendered when the plan is made
     #[arg(short, long, value_name = "FILE")]
     pub domain: PathBuf,
     /// The problem; - is stdin
@@ -32,16 +32,39 @@ pub struct TaskArgs {
 /// Reads what the command line names; the memory is not asked yet.
 pub(super) fn read(task: &TaskArgs, context: &mut Context<'_>) -> Result<TaskSource> {
     let lenient = task.options.lenient;
-    let domain = context.read(&task.domain)?;
+    let (domain, rendered) = match template::is_template(&task.domain) {
+        true => {
+            let memory = context.memory()?;
+            let (domain, request) = template::render_domain(&task.domain, &task.options, &memory, context)?;
+            (domain, Some(request))
+        }
+        false => (context.read(&task.domain)?, None),
+    };
+    if task.problem.is_some() {
+        refuse_unused(&task.options, rendered.is_some())?;
+    }
     let input = match (&task.problem, &task.template) {
         (Some(path), _) => Input::Problem(context.read(path)?),
         (None, Some(path)) => {
             let text = context.read(path)?;
-            Input::Template(Box::new(template::request(text, &task.options, context)?))
+            Input::Template(Box::new(template::request(text, &task.options, rendered.as_ref(), context)?))
         }
         (None, None) => return Err(UsageError::new("expected --problem or --template").into()),
     };
     Ok(TaskSource { domain, input, lenient })
+}
+
+/// Refuses what only a template uses.
+fn refuse_unused(options: &TemplateArgs, is_domain_rendered: bool) -> Result<(), UsageError> {
+    if options.goal.is_some() {
+        return Err(UsageError::new("--goal is for a template; the problem of --problem has a goal of its own"));
+    }
+    match options.definitions.first() {
+        Some(definition) if !is_domain_rendered => {
+            Err(UsageError::new(format!("-D {} is for a template; --problem is taken as it is", definition.name)))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// How the numbers of documents that the sections of a template match are reported.

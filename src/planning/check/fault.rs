@@ -79,7 +79,6 @@ fn readable(step: &Step) -> String {
 /// Where the template would write a missing fact, or which document says what should not hold.
 fn origins(condition: &str, task: &PlanningTask) -> Vec<Origin> {
     let Some(generated) = &task.generated else { return Vec::new() };
-    let template = generated.template().name();
     let negated = condition.strip_prefix("(not ").and_then(|rest| rest.strip_suffix(')'));
     let atom = negated.unwrap_or(condition);
     let found = generated.explain_atom(task.problem.tree(), atom);
@@ -87,27 +86,27 @@ fn origins(condition: &str, task: &PlanningTask) -> Vec<Origin> {
     if negated.is_none() && found.is_empty() {
         let predicate = atom.trim_start_matches('(').split([' ', ')']).next().unwrap_or_default();
         let writers = generated.writers(predicate).into_iter();
-        return writers.map(|writer| unwritten(template, &writer)).collect();
+        return writers.map(|writer| unwritten(&writer)).collect();
     }
     let reason = if negated.is_some() { "" } else { ", but no longer true after the steps before" };
-    found.into_iter().map(|found| written(template, found, reason)).collect()
+    found.into_iter().map(|found| written(found, reason)).collect()
 }
 
 /// The line of the template that would write a fact, and what that line depends on.
-fn unwritten(template: &str, writer: &Writer<'_>) -> Origin {
+fn unwritten(writer: &Writer<'_>) -> Origin {
     Origin {
         what: format!("not in the problem; it would be written by {}", writer.text),
-        template: format!("{template}:{}", writer.line),
+        template: format!("{}:{}", writer.name, writer.line),
         document: None,
         reasons: writer.reasons(),
     }
 }
 
 /// The place of the template that wrote a fact, and the document it is from.
-fn written(template: &str, found: Explanation, reason: &str) -> Origin {
+fn written(found: Explanation, reason: &str) -> Origin {
     Origin {
         what: format!("{} is in the memory{reason}", names::readable(&found.text)),
-        template: format!("{template}:{}:{}", found.origin.line, found.origin.column),
+        template: format!("{}:{}:{}", found.origin.name, found.origin.line, found.origin.column),
         document: found.documents.into_iter().next(),
         reasons: Vec::new(),
     }

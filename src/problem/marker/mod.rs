@@ -1,5 +1,6 @@
 //! Expands templates in the Fawkes spelling.
 
+mod query;
 mod value;
 
 use std::borrow::Cow;
@@ -13,11 +14,13 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 use super::assembly::{Assembled, Assembler, Emitted, Literal};
 use super::origin::{DocumentId, document_id};
 use super::taken::Taken;
+use super::texts::Texts;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::marker::{self, Node, QueryKind, Section};
 use crate::formats::{Diagnostic, Respelled, Source, Span, shell};
 use crate::memory::Memory;
 use crate::store::{Documents, Find, Namespace, StoreError};
+use query::{filled, placeholders};
 use value::{kind, resolve, resolve_alike, spell};
 
 /// What Fawkes writes for a value that it has no text for.
@@ -32,13 +35,14 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let parameters = RawDocumentBuf::try_from(&parameters).map_err(|error| {
         Diagnostic::new(&request.template, Span::default(), format!("a parameter cannot be used: {error}"))
     })?;
+    let texts = Texts::new(&request.template, []);
     let mut expander = Expander {
         request,
         goal,
         memory,
         parameters,
         namespace: Arc::new(request.collection.clone()),
-        assembler: Assembler::new(&request.template),
+        assembler: Assembler::new(&texts),
         reports: Vec::new(),
         kept,
         answered: HashMap::new(),
@@ -49,7 +53,7 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let Assembled { text, placed, values } = expander.assembler.finish()?;
     let namespaces = expander.reports.first().map(|report| report.namespace.clone()).into_iter().collect();
     let (sections, respelled) = (expander.reports, expander.respelled.take());
-    Ok(Generated { text, sections, namespaces, respelled, template: request.template.clone(), placed, values })
+    Ok(Generated { text, sections, namespaces, respelled, template: texts.clone(), placed, values })
 }
 
 /// What the template takes from outside: keys of its markers may be those of documents, too.
@@ -59,7 +63,11 @@ pub(super) fn taken(template: &Source) -> Taken {
             match node {
                 Node::Value { key, .. } if key == "GOAL" => taken.takes_goal = true,
                 Node::Value { key, .. } => drop(taken.names.insert(key.clone())),
-                Node::Section(section) => note(&section.body, taken),
+                Node::Section(section) => {
+                    let query = section.query.as_ref().map_or("", |query| query.text.as_str());
+                    taken.names.extend(placeholders(query).map(|(_, name)| name.to_owned()));
+                    note(&section.body, taken);
+                }
                 Node::Separator(body) => note(body, taken),
                 Node::Text(_) => {}
             }
@@ -193,10 +201,13 @@ impl<'a> Expander<'a> {
         let (asked, answer) = match query.kind {
             QueryKind::Find => {
                 let filter = shell::parse_document_in(template, query.span).map_err(cut_short)?;
+                let filter = filled(filter, self.request, query.span)?;
                 (filter.clone(), self.memory.find(ns, &Find { filter, ..Find::default() }))
             }
             QueryKind::Pipeline => {
                 let pipeline = shell::parse_pipeline_in(template, query.span).map_err(cut_short)?;
+                let pipeline = pipeline.into_iter().map(|stage| filled(stage, self.request, query.span));
+                let pipeline = pipeline.collect::<Result<Vec<_>, _>>()?;
                 (doc! { "pipeline": pipeline.clone() }, self.memory.aggregate(ns, &pipeline))
             }
         };
@@ -206,6 +217,7 @@ impl<'a> Expander<'a> {
             namespace: ns.clone(),
             query: asked,
             matched: 0,
+            part: None,
             line: template.position(section.span.start).0,
         });
         Ok((documents, self.reports.len() - 1))

@@ -9,7 +9,7 @@ use bson::{Bson, Document, RawDocumentBuf};
 use minijinja::value::{Value, ValueKind};
 use minijinja::{Error, ErrorKind, Output};
 
-use super::value::{CLOSE, Looked, Missing, OPEN, Other, to_bson};
+use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
 use crate::formats::{Source, Span, shell};
 use crate::problem::answer::{Answer, Asker, Question};
 use crate::problem::assembly::Emitted;
@@ -122,6 +122,20 @@ impl Context {
         )
     }
 
+    /// Keeps joined values, each for itself.
+    pub(super) fn emit_joined(&self, joined: &Joined, out: &mut Output<'_>) -> Result<(), Error> {
+        for (index, value) in joined.values.iter().enumerate() {
+            if index > 0 {
+                out.write_str(&joined.between)?;
+            }
+            match value.as_str().filter(|_| value.is_safe()) {
+                Some(written) => out.write_str(written)?,
+                None => self.emit(value, out)?,
+            }
+        }
+        Ok(())
+    }
+
     /// Keeps the goal for the problem, like a value.
     pub(super) fn emit_goal(&self, goal: &str, out: &mut Output<'_>) -> Result<(), Error> {
         self.looked.take();
@@ -169,6 +183,9 @@ impl Context {
 
     /// A value's text, and whether it is a number.
     fn spell(&self, value: &Value) -> Result<(String, bool), Error> {
+        if let Some(joined) = value.downcast_object_ref::<Joined>() {
+            return Ok((joined.text().to_owned(), false));
+        }
         if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
             return match other {
                 Bson::ObjectId(id) => Ok((id.to_hex(), false)),

@@ -5,11 +5,12 @@ use std::sync::atomic::Ordering;
 
 use bson::{Bson, doc};
 use minijinja::value::{Kwargs, Rest, Value, ValueKind};
-use minijinja::{Environment, Error, ErrorKind};
+use minijinja::{Environment, Error, ErrorKind, State};
 
 use super::call::Call;
 use super::context::{Context, Tally, invalid};
 use super::documents::{Documents, Selection};
+use super::join::join;
 use super::method;
 use super::signature;
 use super::value::{Other, from_bson};
@@ -112,6 +113,13 @@ pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>
     });
     let shared = Arc::clone(context);
     environment.add_filter("number", move |value: Value, digits: Option<u32>| number(&shared, &value, digits));
+    let shared = Arc::clone(context);
+    environment.add_filter(
+        "join",
+        move |state: &mut State<'_, '_>, value: &Value, between: Option<String>, named: Kwargs| {
+            join(&shared, state, value, between, named)
+        },
+    );
     let shared = Arc::clone(context);
     environment.add_filter("name", move |value: Value| shared.name(&value));
     environment.add_function("param", move |name: String, default: Option<Value>| {

@@ -17,30 +17,37 @@ pub(in crate::problem) const PLACED: [&str; 5] = ["query", "find_one", "count", 
 /// The filter that gets its place.
 pub(super) const AT: &str = "_at";
 
+/// The places that have a number, in all texts.
+#[derive(Debug, Default)]
+pub(super) struct Numbered {
+    /// Expressions and calls.
+    pub(super) sites: Vec<Span>,
+    /// Stretches of fixed text.
+    pub(super) texts: Vec<Span>,
+}
+
 /// A template with its places numbered.
 #[derive(Debug, Default)]
 pub(super) struct Instrumented {
     /// What the engine gets.
     pub(super) text: String,
-    /// The places, in the original.
-    pub(super) sites: Vec<Span>,
-    /// The stretches of fixed text that have a mark, in the original.
-    pub(super) texts: Vec<Span>,
+    /// The offset of the original among the texts.
+    base: usize,
     /// Where text was inserted, as offsets of the result, and how much.
     inserted: Vec<(usize, usize)>,
 }
 
 impl Instrumented {
-    /// The original offset of an offset in the result.
+    /// The original offset, among the texts, of an offset in the result.
     pub(super) fn original(&self, offset: usize) -> usize {
         let mut shift = 0;
         for (at, length) in &self.inserted {
             if offset < at + length {
-                return offset.min(*at) - shift;
+                return self.base + offset.min(*at) - shift;
             }
             shift += length;
         }
-        offset - shift
+        self.base + offset - shift
     }
 
     /// Whether the offset of the result is in what was inserted.
@@ -54,38 +61,36 @@ impl Instrumented {
     }
 }
 
-/// Numbers the places of a template.
-pub(super) fn instrument(template: &str) -> Instrumented {
-    let mut result = Instrumented { texts: stretches(template, &[template]), ..Instrumented::default() };
-    let (mut offset, mut marked) = (0, 0);
+/// Numbers the places of a template, whose first byte is at `base` among the texts; `all` are these texts.
+pub(super) fn instrument(template: &str, base: usize, all: &[&str], numbered: &mut Numbered) -> Instrumented {
+    let mut result = Instrumented { base, ..Instrumented::default() };
+    let mut stretches = stretches(template, all).into_iter().peekable();
+    let mut offset = 0;
+    let mut text = |span: Span, numbered: &mut Numbered, result: &mut Instrumented| {
+        let stretch = stretches.next_if(|stretch| stretch.start < span.end);
+        let at = stretch.map_or(span.end, |stretch| stretch.start);
+        result.text.push_str(&template[span.start..at]);
+        if let Some(stretch) = stretch {
+            result.insert(&format!("{OPEN}-{}{CLOSE}", numbered.texts.len()));
+            numbered.texts.push(Span::new(base + stretch.start, base + stretch.end));
+        }
+        result.text.push_str(&template[at..span.end]);
+    };
     for tag in tags(template) {
-        marked = text(template, Span::new(offset, tag.span.start), marked, &mut result);
+        text(Span::new(offset, tag.span.start), numbered, &mut result);
         match tag.kind {
             TagKind::Comment | TagKind::Raw => result.text.push_str(tag.text),
-            TagKind::Statement => calls(template, tag.span, &mut result),
-            TagKind::Expression => expression(template, tag.span, &mut result),
+            TagKind::Statement => calls(template, tag.span, numbered, &mut result),
+            TagKind::Expression => expression(template, tag.span, numbered, &mut result),
         }
         offset = tag.span.end;
     }
-    text(template, Span::new(offset, template.len()), marked, &mut result);
+    text(Span::new(offset, template.len()), numbered, &mut result);
     result
 }
 
-/// Copies fixed text, with the mark of the stretch in it, whose number may be `next`. Returns the number of the one after it.
-fn text(template: &str, span: Span, next: usize, result: &mut Instrumented) -> usize {
-    let stretch = result.texts.get(next).filter(|stretch| stretch.start < span.end).copied();
-    let at = stretch.map_or(span.end, |stretch| stretch.start);
-    result.text.push_str(&template[span.start..at]);
-    if stretch.is_none() {
-        return next;
-    }
-    result.insert(&format!("{OPEN}-{next}{CLOSE}"));
-    result.text.push_str(&template[at..span.end]);
-    next + 1
-}
-
 /// `{{ x }}` to `{{( x )|_at(n)}}`.
-fn expression(template: &str, tag: Span, result: &mut Instrumented) {
+fn expression(template: &str, tag: Span, numbered: &mut Numbered, result: &mut Instrumented) {
     let text = &template[tag.start..tag.end];
     let Some(inner) = text.strip_suffix("}}").filter(|inner| inner.len() > 2) else {
         return result.text.push_str(text);
@@ -97,15 +102,15 @@ fn expression(template: &str, tag: Span, result: &mut Instrumented) {
     }
     result.text.push_str(&text[..open]);
     result.insert("(");
-    let site = result.sites.len();
-    result.sites.push(tag);
-    calls(template, Span::new(tag.start + open, tag.start + close), result);
+    let site = numbered.sites.len();
+    numbered.sites.push(Span::new(result.base + tag.start, result.base + tag.end));
+    calls(template, Span::new(tag.start + open, tag.start + close), numbered, result);
     result.insert(&format!(")|{AT}({site})"));
     result.text.push_str(&text[close..]);
 }
 
 /// Copies a stretch of code, giving each call of such a function its number.
-fn calls(template: &str, code: Span, result: &mut Instrumented) {
+fn calls(template: &str, code: Span, numbered: &mut Numbered, result: &mut Instrumented) {
     let text = &template[code.start..code.end];
     let mut open: Vec<Option<usize>> = Vec::new();
     let mut chars = text.char_indices().peekable();
@@ -136,8 +141,9 @@ fn calls(template: &str, code: Span, result: &mut Instrumented) {
             '"' | '\'' => quote = Some(c),
             '(' => {
                 let site = called.map(|name| {
-                    let site = result.sites.len();
-                    result.sites.push(Span::new(code.start + name, code.start + at + 1));
+                    let site = numbered.sites.len();
+                    let start = result.base + code.start;
+                    numbered.sites.push(Span::new(start + name, start + at + 1));
                     let empty = text[at + 1..].trim_start().starts_with(')');
                     result.insert(&if empty { site.to_string() } else { format!("{site}, ") });
                     site
@@ -146,8 +152,8 @@ fn calls(template: &str, code: Span, result: &mut Instrumented) {
             }
             '[' | '{' => open.push(None),
             ')' | ']' | '}' => {
-                if let Some(site) = open.pop().flatten().and_then(|site| result.sites.get_mut(site)) {
-                    site.end = code.start + at + 1;
+                if let Some(site) = open.pop().flatten().and_then(|site| numbered.sites.get_mut(site)) {
+                    site.end = result.base + code.start + at + 1;
                 }
             }
             _ => {}
@@ -161,6 +167,11 @@ fn calls(template: &str, code: Span, result: &mut Instrumented) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn instrumented(template: &str) -> (Instrumented, Numbered) {
+        let mut numbered = Numbered::default();
+        (instrument(template, 0, &[template], &mut numbered), numbered)
+    }
 
     #[test]
     fn numbers_expressions_and_calls() {
@@ -176,20 +187,20 @@ mod tests {
             ("{{ }} {{", "{{ }} {{"),
             ("{% if x -%} a\n{%- endif %}", "{% if x -%} <-0>a\n{%- endif %}"),
         ] {
-            assert_eq!(instrument(template).text.replace(OPEN, "<").replace(CLOSE, ">"), wanted);
+            assert_eq!(instrumented(template).0.text.replace(OPEN, "<").replace(CLOSE, ">"), wanted);
         }
     }
 
     #[test]
     fn turns_offsets_back() {
         let template = "é {{ a }} {% set x = count('n.s', {}) %} {{ b }}";
-        let result = instrument(template);
+        let (result, numbered) = instrumented(template);
         for name in ["é", "a", "'n.s'", "b"] {
             let at = if name == "a" { result.text.find("( a").map(|at| at + 2) } else { result.text.rfind(name) };
             let original = if name == "a" { template.find("{{ a").map(|at| at + 3) } else { template.rfind(name) };
             assert_eq!(at.map(|at| result.original(at)), original, "{name}");
         }
-        let call = result.sites[1];
+        let call = numbered.sites[1];
         assert_eq!(&template[call.start..call.end], "count('n.s', {})");
         for offset in 0..result.text.len() + 5 {
             let _ = result.original(offset);

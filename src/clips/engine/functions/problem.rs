@@ -1,6 +1,6 @@
 //! Problems from templates, and plans for them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::arguments::Arguments;
 use super::failure::Failure;
@@ -9,7 +9,7 @@ use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::planning::{self, PlanCall};
 use crate::clips::engine::state::State;
 use crate::formats::Source;
-use crate::problem::{Request, Syntax, check_use};
+use crate::problem::{Request, Syntax, check_use, read_parts};
 
 pub(super) const FUNCTIONS: &[Function] = &[open(&["rm-gen-problem"], 1, generate), function(&["rm-plan"], 2, 4, plan)];
 
@@ -28,14 +28,18 @@ fn generate(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Res
         nth += 2;
     }
     let goal = arguments.get(2).map(|_| arguments.text(2)).transpose()?.filter(|goal| !goal.trim().is_empty());
-    let request = Request {
+    let path = Path::new(arguments.text(1)?);
+    let mut request = Request {
         template: read(arguments.text(1)?)?,
+        parts: Vec::new(),
         syntax: Syntax::Auto,
         collection: state.job.collection.clone(),
         goal: goal.map(str::to_owned),
         parameters,
         lenient: false,
     };
+    let folders: Vec<PathBuf> = path.parent().map(Path::to_path_buf).into_iter().collect();
+    request.parts = read_parts(&request, &folders).map_err(Failure::declined)?;
     check_use(&request, &[]).map_err(Failure::declined)?;
     let (text, notes) = state.planning.generate(request, state.memory).map_err(Failure::declined)?;
     notes.into_iter().for_each(|note| state.sender().note(note));
