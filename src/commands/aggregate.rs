@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::modifiers::ModifierArgs;
 use super::query::{blame, owned};
 use super::{Context, formats, missing};
 use crate::error::Result;
@@ -26,6 +27,9 @@ pub struct AggregateArgs {
     /// Fail if the collection does not exist
     #[arg(long)]
     pub strict: bool,
+    /// How strings compare, variables, and the index to read.
+    #[command(flatten)]
+    pub modifiers: ModifierArgs,
 }
 
 pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -36,7 +40,9 @@ pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exi
         missing::refuse(&args.namespace, &memory)?;
     }
     let texts = [("<pipeline>", args.pipeline.as_str())];
-    let documents = memory.aggregate(&args.namespace, &pipeline).map_err(|error| blame(error, &texts))?;
+    let documents = memory
+        .aggregate_with(&args.namespace, &pipeline, &args.modifiers.read()?)
+        .map_err(|error| blame(error, &texts))?;
     let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &texts)));
     if context.print_documents(documents)? == 0 {
         missing::warn(&args.namespace, &memory, context);

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::at::AtArgs;
+use super::modifiers::ModifierArgs;
 use super::query::{argument, blame};
 use super::{Context, formats, missing};
 use crate::error::Result;
@@ -29,6 +30,9 @@ pub struct CountArgs {
     /// The memory as it was.
     #[command(flatten)]
     pub past: AtArgs,
+    /// How strings compare, variables, and the index to read.
+    #[command(flatten)]
+    pub modifiers: ModifierArgs,
 }
 
 pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -38,7 +42,7 @@ pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;
     }
-    let count = memory.count(&args.namespace, &filter);
+    let count = memory.count_with(&args.namespace, &filter, &args.modifiers.read()?);
     let count = count.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&count.to_string())?;
     if count == 0 {

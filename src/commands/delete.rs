@@ -3,13 +3,14 @@
 use bson::{Document, doc};
 use clap::Args;
 
+use super::modifiers::ModifierArgs;
 use super::query::{argument, blame};
 use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::store::{Find, Namespace};
+use crate::store::{Find, Modifiers, Namespace};
 
 /// What stands below the help of `delete`.
 const HELP: &str = "\
@@ -36,6 +37,9 @@ pub struct DeleteArgs {
     /// Remove all documents of the collection
     #[arg(long, conflicts_with = "many")]
     pub all: bool,
+    /// How strings compare, variables, and the index to read.
+    #[command(flatten)]
+    pub modifiers: ModifierArgs,
 }
 
 pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -47,11 +51,11 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
     if args.all && !filter.is_empty() {
         return Err(UsageError::new("--all takes no query; expected --many for all documents that match").into());
     }
-    let memory = context.memory()?;
+    let (memory, modifiers) = (context.memory()?, args.modifiers.read()?);
     let is_many = args.many || args.all;
-    let matching = if is_many { None } else { others(&args.namespace, &filter, &memory, context)? };
+    let matching = if is_many { None } else { others(&args.namespace, &filter, &modifiers, &memory, context)? };
     let guard = (is_many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
-    let deleted = memory.delete(&args.namespace, &filter, !is_many);
+    let deleted = memory.delete_with(&args.namespace, &filter, !is_many, &modifiers);
     drop(guard);
     let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&deleted.to_string())?;
@@ -67,6 +71,7 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
 pub(super) fn others(
     namespace: &Namespace,
     filter: &Document,
+    modifiers: &Modifiers,
     memory: &Memory,
     context: &Context<'_>,
 ) -> Result<Option<u64>> {
@@ -74,10 +79,12 @@ pub(super) fn others(
     if is_one || !context.output.shows_notes() {
         return Ok(None);
     }
-    let two = Find { filter: filter.clone(), projection: doc! { "_id": 1 }, limit: 2, ..Find::default() };
+    let (filter, modifiers) = (filter.clone(), modifiers.clone());
+    let all = Find { filter, projection: doc! { "_id": 1 }, modifiers, ..Find::default() };
+    let two = Find { limit: 2, ..all.clone() };
     // A query that is refused is reported where it is executed.
     let Ok(first) = memory.stored(namespace, &two).and_then(Iterator::collect::<Result<Vec<_>, _>>) else {
         return Ok(None);
     };
-    Ok(if first.len() < 2 { None } else { Some(memory.count_stored(namespace, filter)?) })
+    Ok(if first.len() < 2 { None } else { Some(memory.stored(namespace, &all)?.count() as u64) })
 }

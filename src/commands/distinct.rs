@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::modifiers::ModifierArgs;
 use super::query::{argument, blame};
 use super::{Context, formats, missing};
 use crate::error::Result;
@@ -28,6 +29,9 @@ pub struct DistinctArgs {
     /// Fail if the collection does not exist
     #[arg(long)]
     pub strict: bool,
+    /// How strings compare, variables, and the index to read.
+    #[command(flatten)]
+    pub modifiers: ModifierArgs,
 }
 
 pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -37,7 +41,7 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;
     }
-    let values = memory.distinct(&args.namespace, &args.field, &filter);
+    let values = memory.distinct_with(&args.namespace, &args.field, &filter, &args.modifiers.read()?);
     let values = values.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     let is_empty = values.is_empty();
     context.print_values(values)?;

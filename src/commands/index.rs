@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use super::modifiers::CollationArgs;
 use super::query::{argument, blame};
 use super::{Context, UsageError, formats};
 use crate::error::Result;
@@ -47,6 +48,9 @@ pub struct IndexArgs {
     /// Name of the index (default: made of its keys, e.g. a_1_b_-1)
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
+    /// How the strings of the index compare.
+    #[command(flatten)]
+    pub collation: CollationArgs,
     /// Remove the index with these keys or this name
     #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl"])]
     pub drop: bool,
@@ -81,7 +85,10 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
 
 /// The index that the arguments describe.
 fn index(args: &IndexArgs, keys: &str) -> Result<Index> {
-    let index = Index::on(argument("<keys>", keys)?);
+    let mut index = Index::on(argument("<keys>", keys)?);
+    if let Some(collation) = args.collation.read()?.filter(|collation| !collation.is_simple()) {
+        index.other.insert("collation", collation.definition().clone());
+    }
     Ok(Index {
         name: args.name.clone().unwrap_or(index.name),
         unique: args.unique,

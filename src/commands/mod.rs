@@ -37,6 +37,7 @@ mod lock;
 mod man;
 mod map_reduce;
 mod missing;
+mod modifiers;
 pub(crate) mod mongosh;
 mod plan;
 mod plot;

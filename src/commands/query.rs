@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::at::AtArgs;
+use super::modifiers::ModifierArgs;
 use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
@@ -57,6 +58,9 @@ pub struct QueryArgs {
     /// Print how many documents meet each condition instead of the result, and why none does
     #[arg(long, conflicts_with = "explain")]
     pub why: bool,
+    /// How strings compare, variables, and the index to read.
+    #[command(flatten)]
+    pub modifiers: ModifierArgs,
 }
 
 pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -66,6 +70,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         projection: args.fields.as_deref().map(|text| argument("<fields>", text)).transpose()?.unwrap_or_default(),
         skip: args.skip,
         limit: args.limit,
+        modifiers: args.modifiers.read()?,
     };
     let texts = [
         ("<query>", args.query.as_str()),

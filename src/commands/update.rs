@@ -4,6 +4,7 @@ use bson::{Bson, Document};
 use clap::Args;
 
 use super::delete::others;
+use super::modifiers::ModifierArgs;
 use super::query::{argument, blame};
 use super::{Context, formats, missing};
 use crate::error::Result;
@@ -47,6 +48,9 @@ pub struct UpdateArgs {
     /// Condition for the elements of `$[identifier]` (can be repeated)
     #[arg(long = "array-filter", value_name = "QUERY")]
     pub array_filters: Vec<String>,
+    /// How strings compare, variables, and the index to read.
+    #[command(flatten)]
+    pub modifiers: ModifierArgs,
 }
 
 pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -62,11 +66,12 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
         upsert: args.upsert,
     };
     check(&args.update, args.replace, &request.update)?;
-    let memory = context.memory()?;
-    let matching = if args.many { None } else { others(&args.namespace, &request.filter, &memory, context)? };
+    let (memory, modifiers) = (context.memory()?, args.modifiers.read()?);
+    let matching =
+        if args.many { None } else { others(&args.namespace, &request.filter, &modifiers, &memory, context)? };
     // A server goes on with what it was asked, so that there is nothing to wait for.
     let guard = (args.many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
-    let updated = memory.update(&args.namespace, &request);
+    let updated = memory.update_with(&args.namespace, &request, &modifiers);
     drop(guard);
     let updated = updated.map_err(|error| blame(error, &[("<update>", &args.update), ("<query>", &args.query)]))?;
     let is_missing = updated.matched == 0 && updated.upserted.is_none();

@@ -11,7 +11,8 @@ use super::computables::{self, Computables, Computed, Registry, View};
 use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
 use crate::store::{
-    Documents, Find, Inserted, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated, metadata,
+    Documents, Find, Inserted, Modifiers, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated,
+    metadata,
 };
 
 /// A local store and, perhaps, another one for shared databases.
@@ -164,32 +165,64 @@ impl Memory {
 
     /// Counts matches; see [`Store::count`].
     pub fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
+        self.count_with(ns, filter, &Modifiers::default())
+    }
+
+    /// [`Memory::count`] with modifiers.
+    pub fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
         self.answer(&[(ns, filter)], true, |view| {
             let filter = view.filter(filter);
-            self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, &filter))
+            let count = || self.routes.reading(ns)?.count_with(ns, &filter, modifiers);
+            self.journal.note("count", Some(ns), |count| *count, count)
         })
     }
 
     /// Distinct values; see [`Store::distinct`].
     pub fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+        self.distinct_with(ns, field, filter, &Modifiers::default())
+    }
+
+    /// [`Memory::distinct`] with modifiers.
+    pub fn distinct_with(
+        &self,
+        ns: &Namespace,
+        field: &str,
+        filter: &Document,
+        modifiers: &Modifiers,
+    ) -> Result<Vec<Bson>, StoreError> {
         self.answer(&[(ns, filter)], true, |view| {
             let filter = view.filter(filter);
             self.journal.note(
                 "distinct",
                 Some(ns),
                 |values: &Vec<Bson>| length(values),
-                || self.routes.reading(ns)?.distinct(ns, field, &filter),
+                || self.routes.reading(ns)?.distinct_with(ns, field, &filter, modifiers),
             )
         })
     }
 
     /// Runs a pipeline; its results are without metadata, see [`Store::aggregate`].
     pub fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        Ok(without_metadata(self.aggregate_with_metadata(ns, pipeline)?))
+        self.aggregate_with(ns, pipeline, &Modifiers::default())
     }
 
-    /// Runs a pipeline; its results keep their metadata.
-    pub fn aggregate_with_metadata(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+    /// [`Memory::aggregate`] with modifiers.
+    pub fn aggregate_with(
+        &self,
+        ns: &Namespace,
+        pipeline: &[Document],
+        modifiers: &Modifiers,
+    ) -> Result<Documents<'_>, StoreError> {
+        Ok(without_metadata(self.aggregate_with_metadata(ns, pipeline, modifiers)?))
+    }
+
+    /// Runs a pipeline with modifiers; its results keep their metadata.
+    pub fn aggregate_with_metadata(
+        &self,
+        ns: &Namespace,
+        pipeline: &[Document],
+        modifiers: &Modifiers,
+    ) -> Result<Documents<'_>, StoreError> {
         let last = pipeline.last().and_then(|stage| stage.keys().next());
         let writes = last.is_some_and(|name| name == "$out" || name == "$merge");
         let asked = computables::questions(ns, pipeline);
@@ -200,7 +233,7 @@ impl Memory {
             let start = Instant::now();
             let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };
             let stages = computables::visible_stages(ns, pipeline, view);
-            settled(view, self.journal.watch("aggregate", ns, start, store.aggregate(ns, &stages)?))
+            settled(view, self.journal.watch("aggregate", ns, start, store.aggregate_with(ns, &stages, modifiers)?))
         };
         let asked: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
         self.answer(&asked, !writes, work)
@@ -208,20 +241,41 @@ impl Memory {
 
     /// Changes documents; see [`Store::update`].
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
+        self.update_with(ns, update, &Modifiers::default())
+    }
+
+    /// [`Memory::update`] with modifiers.
+    pub fn update_with(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        modifiers: &Modifiers,
+    ) -> Result<Updated, StoreError> {
         let update = UpdateRequest { filter: self.visible(&update.filter), ..update.clone() };
         let work = || {
             let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
-            store.update(ns, &update, Some(self.clock.now()))
+            store.update_with(ns, &update, Some(self.clock.now()), modifiers)
         };
         self.journal.note("update", Some(ns), |updated: &Updated| updated.modified, work)
     }
 
     /// Removes documents; see [`Store::delete`]. What is removed as a whole loses what was computed, too.
     pub fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
+        self.delete_with(ns, filter, first_only, &Modifiers::default())
+    }
+
+    /// [`Memory::delete`] with modifiers.
+    pub fn delete_with(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        first_only: bool,
+        modifiers: &Modifiers,
+    ) -> Result<u64, StoreError> {
         let store = self.routes.reading(ns)?;
         let visible = self.visible(filter);
-        let deleted =
-            self.journal.note("delete", Some(ns), |count| *count, || store.delete(ns, &visible, first_only))?;
+        let delete = || store.delete_with(ns, &visible, first_only, modifiers);
+        let deleted = self.journal.note("delete", Some(ns), |count| *count, delete)?;
         if filter.is_empty() && !first_only {
             computables::forget(store, ns)?;
             store.delete(ns, &doc! { metadata::TOKEN_PATH: { "$ne": null } }, false)?;

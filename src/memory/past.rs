@@ -14,6 +14,7 @@ use super::route::{Lazy, Routes};
 use super::{Memory, journal::Journal};
 use crate::calendar::day_and_time;
 use crate::query::QueryError;
+use crate::store::Modifiers;
 use crate::store::{
     Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest,
     Updated,
@@ -86,13 +87,36 @@ impl Store for Past {
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
+        self.aggregate_with(ns, pipeline, &Modifiers::default())
+    }
+
+    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
+        self.with(ns)?.count_with(ns, filter, modifiers)
+    }
+
+    fn distinct_with(
+        &self,
+        ns: &Namespace,
+        field: &str,
+        filter: &Document,
+        modifiers: &Modifiers,
+    ) -> Result<Vec<Bson>, StoreError> {
+        self.with(ns)?.distinct_with(ns, field, filter, modifiers)
+    }
+
+    fn aggregate_with(
+        &self,
+        ns: &Namespace,
+        pipeline: &[Document],
+        modifiers: &Modifiers,
+    ) -> Result<Documents<'_>, StoreError> {
         if computables::target(ns, pipeline).is_some() {
             return self.refuse();
         }
         for (other, _) in computables::questions(ns, pipeline) {
             self.with(&other)?;
         }
-        self.with(ns)?.aggregate(ns, pipeline)
+        self.with(ns)?.aggregate_with(ns, pipeline, modifiers)
     }
 
     fn update(

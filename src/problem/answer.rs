@@ -19,7 +19,7 @@ const BATCH: usize = 256;
 
 /// A question to the memory.
 pub(super) enum Question {
-    Find(Namespace, Find),
+    Find(Namespace, Box<Find>),
     Aggregate(Namespace, Vec<Document>),
     /// More of the answer with this number.
     Next(u64),

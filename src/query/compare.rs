@@ -4,11 +4,13 @@ use std::cmp::Ordering;
 
 use bson::{Bson, RawBsonRef};
 
+use super::collation;
 use super::view::{Fields, Items, View};
 
 /// Compares two values in BSON order: first by type (numbers are one type,
 /// strings and symbols are one), then by value. A total order in which `1`,
-/// `1L`, `1.0` and `Decimal 1` are equal, and NaN is the least number.
+/// `1L`, `1.0` and `Decimal 1` are equal, and NaN is the least number. Strings compare by the
+/// [collation](super::collation) in effect.
 #[must_use]
 pub fn compare(a: RawBsonRef<'_>, b: RawBsonRef<'_>) -> Ordering {
     views(a.into(), b.into())
@@ -47,7 +49,7 @@ pub(super) fn canonical_type(value: View<'_>) -> u8 {
 pub(super) fn views(a: View<'_>, b: View<'_>) -> Ordering {
     match (a, b) {
         (View::Number(a), View::Number(b)) => a.compare(b),
-        (View::String(a) | View::Symbol(a), View::String(b) | View::Symbol(b)) => a.as_bytes().cmp(b.as_bytes()),
+        (View::String(a) | View::Symbol(a), View::String(b) | View::Symbol(b)) => collation::compare(a, b),
         (View::Document(a), View::Document(b)) => documents(a, b),
         (View::Array(a), View::Array(b)) => arrays(a, b),
         (View::Binary(s1, b1), View::Binary(s2, b2)) => (b1.len(), s1, b1).cmp(&(b2.len(), s2, b2)),

@@ -1,38 +1,68 @@
 //! Keys whose bytes are in BSON order: what an index is made of.
 //!
 //! `encode(a) < encode(b)` exactly where `compare(a, b)` is less, and equal
-//! values have equal keys, whatever their numeric types.
+//! values have equal keys, whatever their numeric types. Keys that are stored compare strings byte by byte, or by the
+//! collation of their index ([`Text`]); those of a running operation by the collation in effect.
 
 use bson::RawBsonRef;
 
+use super::collation::{self, Collation};
 use super::compare::canonical_type;
 use super::decimal::Decimal;
 use super::number::{Number, double_to_long};
 use super::view::{Fields, View};
 
-/// Returns the key of a value.
+/// How the strings of a key compare.
+#[derive(Debug, Clone, Default)]
+pub(super) enum Text {
+    /// By the collation in effect.
+    #[default]
+    InEffect,
+    /// By this collation; without one, byte by byte.
+    By(Option<Collation>),
+}
+
+/// Returns the key of a value, whose strings compare byte by byte.
 #[must_use]
 pub fn encode(value: RawBsonRef<'_>) -> Vec<u8> {
     let mut key = Vec::with_capacity(16);
-    append(value.into(), &mut key);
+    collation::during(None, || append(value.into(), &mut key));
     key
 }
 
-/// Returns the key of an owned value.
+/// Returns the key of an owned value, whose strings compare byte by byte.
 #[must_use]
 pub fn encode_value(value: &bson::Bson) -> Vec<u8> {
+    collation::during(None, || collated(value))
+}
+
+/// Returns the key of a value, whose strings compare by the collation in effect.
+pub(super) fn collated(value: &bson::Bson) -> Vec<u8> {
     let mut key = Vec::with_capacity(16);
     append(value.into(), &mut key);
     key
 }
 
-/// Appends the key of a value; a sequence of keys is ordered like the sequence of values.
+impl Text {
+    /// Appends the key of a value.
+    pub(super) fn append(&self, value: View<'_>, key: &mut Vec<u8>) {
+        match self {
+            Self::InEffect => append(value, key),
+            Self::By(collation) => collation::during(collation.as_ref(), || append(value, key)),
+        }
+    }
+}
+
+/// Appends the key of a value by the collation in effect; a sequence of keys is ordered like the sequence of values.
 pub(super) fn append(value: View<'_>, key: &mut Vec<u8>) {
     key.push(canonical_type(value));
     match value {
         View::MinKey | View::MaxKey | View::Undefined | View::Null => {}
         View::Number(number) => number_key(number, key),
-        View::String(text) | View::Symbol(text) => text_key(text.as_bytes(), key),
+        View::String(text) | View::Symbol(text) => match collation::is_in_effect() {
+            false => text_key(text.as_bytes(), key),
+            true => text_key(&collation::sort_key(text).unwrap_or_default(), key),
+        },
         View::Document(fields) => document_key(fields, key),
         View::Array(items) => {
             for item in items.iter() {

@@ -5,7 +5,7 @@
 //! an element, as far as it can.
 
 use super::error::QueryError;
-use super::key;
+use super::key::Text;
 use super::path::Path;
 use super::view::{Fields, Items, View};
 
@@ -13,6 +13,7 @@ use super::view::{Fields, Items, View};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Keys {
     fields: Vec<Field>,
+    text: Text,
 }
 
 #[derive(Debug, Clone)]
@@ -54,6 +55,11 @@ pub(super) struct Key<'a> {
 impl Keys {
     pub(super) fn push(&mut self, path: Path, descending: bool) {
         self.fields.push(Field { path, descending });
+    }
+
+    /// The same paths, with strings that compare in a way of their own.
+    pub(super) fn with_text(self, text: Text) -> Self {
+        Self { text, ..self }
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -111,7 +117,7 @@ impl Key<'_> {
         let mut bytes = Vec::with_capacity(16 * self.slots.len());
         for (slot, field) in self.slots.iter().zip(&self.keys.fields) {
             let start = bytes.len();
-            key::append(slot.value().unwrap_or(View::Null), &mut bytes);
+            self.keys.text.append(slot.value().unwrap_or(View::Null), &mut bytes);
             if field.descending {
                 for byte in bytes.iter_mut().skip(start) {
                     *byte = !*byte;

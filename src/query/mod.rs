@@ -7,6 +7,7 @@
 mod arithmetic;
 #[cfg(test)]
 mod bombs;
+pub mod collation;
 mod compare;
 mod decimal;
 mod distinct;
@@ -36,9 +37,11 @@ mod sort;
 mod statistics;
 mod u256;
 mod update;
+mod variables;
 mod view;
 mod zone;
 
+pub use collation::Collation;
 pub use compare::{compare, compare_values};
 pub use distinct::distinct;
 pub use error::QueryError;
@@ -50,3 +53,4 @@ pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatc
 pub use projection::Projection;
 pub use sort::Sort;
 pub use update::{Update, prepare};
+pub use variables::constants;

@@ -3,6 +3,8 @@
 use bson::{Bson, Document};
 
 use super::failure::{Failure, codes};
+use crate::query::Collation;
+use crate::store::{Hint, Modifiers};
 
 /// Fields that every command may have.
 const GENERIC: [&str; 20] = [
@@ -46,7 +48,7 @@ impl<'a> Fields<'a> {
         let is_said = |name: &&&str| {
             self.document.get(**name).is_some_and(|value| match value {
                 Bson::Null | Bson::Boolean(false) => false,
-                Bson::Document(inner) => !inner.is_empty() && !is_simple(name, inner),
+                Bson::Document(inner) => !inner.is_empty(),
                 _ => true,
             })
         };
@@ -87,6 +89,20 @@ impl<'a> Fields<'a> {
             }
             None => Ok(()),
         }
+    }
+
+    /// What the command says beside its query: `collation`, `let` and `hint`.
+    pub(super) fn modifiers(self) -> Result<Modifiers, Failure> {
+        let collation = self.document("collation")?.filter(|collation| !collation.is_empty());
+        let hint = match self.document.get("hint") {
+            Some(hint) => Hint::parse(hint)?,
+            None => None,
+        };
+        Ok(Modifiers {
+            collation: collation.map(Collation::parse).transpose()?,
+            variables: self.document_or_empty("let")?,
+            hint,
+        })
     }
 
     fn get(self, name: &str) -> Option<&'a Bson> {
@@ -179,11 +195,6 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Collations that say nothing.
-fn is_simple(name: &str, inner: &Document) -> bool {
-    name == "collation" && inner.get_str("locale").is_ok_and(|locale| locale == "simple")
-}
-
 /// A number without a fraction as `i64`; with one, without it, as MongoDB takes it.
 pub(super) fn whole(value: &Bson) -> Option<i64> {
     match value {
@@ -246,9 +257,9 @@ mod tests {
         let document = doc! { "find": "c", "$db": "d", "hunt": 1 };
         let refusal = Fields::new("find", &document).known(&["filter"]).unwrap_err();
         assert_eq!(refusal.message, "BSON field 'find.hunt' is an unknown field.");
-        let document = doc! { "find": "c", "tailable": true, "collation": { "locale": "simple" } };
+        let document = doc! { "find": "c", "tailable": true };
         let fields = Fields::new("find", &document);
-        assert!(fields.refuse(&["collation"]).is_ok());
+        assert!(fields.modifiers().unwrap().is_empty());
         assert_eq!(fields.refuse(&["tailable"]).unwrap_err().code, codes::NOT_SUPPORTED);
     }
 }

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document, doc};
 
-use crate::query::QueryError;
+use crate::query::{Collation, QueryError};
 
 /// The name of the index on `_id`, which every collection has.
 pub const ID: &str = "_id_";
@@ -68,6 +68,16 @@ impl Index {
                 ("unique", value) => index.unique = flag(option, value)?,
                 ("sparse", value) => index.sparse = flag(option, value)?,
                 ("expireAfterSeconds", value) => index.expire_after = Some(seconds(value)?),
+                ("collation", Bson::Document(spec)) if spec.is_empty() => {
+                    return Err(QueryError::bad_value("the collation of an index cannot be empty"));
+                }
+                ("collation", Bson::Document(spec)) => {
+                    let collation = Collation::parse(spec)?;
+                    if !collation.is_simple() {
+                        index.other.insert(option, collation.definition().clone());
+                    }
+                }
+                ("collation", _) => return Err(QueryError::type_mismatch("the collation of an index is an object")),
                 ("name", _) => return Err(QueryError::type_mismatch("the name of an index is a string")),
                 (option, value) => {
                     index.other.insert(option, value.clone());

@@ -15,6 +15,7 @@ mod error;
 pub mod history;
 pub mod index;
 pub mod metadata;
+mod modifiers;
 pub mod namespace;
 mod request;
 pub mod uri;
@@ -26,6 +27,7 @@ pub use embedded::Embedded;
 pub use error::StoreError;
 pub use history::{Entry, History, HistoryRule};
 pub use index::Index;
+pub use modifiers::{Hint, Modifiers};
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
@@ -86,6 +88,70 @@ pub trait Store: Send {
 
     /// Removes all matches, or the first only; returns how many.
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError>;
+
+    /// [`Store::count`] with modifiers.
+    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
+        self.take_none(modifiers)?;
+        self.count(ns, filter)
+    }
+
+    /// [`Store::distinct`] with modifiers.
+    fn distinct_with(
+        &self,
+        ns: &Namespace,
+        field: &str,
+        filter: &Document,
+        modifiers: &Modifiers,
+    ) -> Result<Vec<Bson>, StoreError> {
+        self.take_none(modifiers)?;
+        self.distinct(ns, field, filter)
+    }
+
+    /// [`Store::aggregate`] with modifiers.
+    fn aggregate_with(
+        &self,
+        ns: &Namespace,
+        pipeline: &[Document],
+        modifiers: &Modifiers,
+    ) -> Result<Documents<'_>, StoreError> {
+        self.take_none(modifiers)?;
+        self.aggregate(ns, pipeline)
+    }
+
+    /// [`Store::update`] with modifiers.
+    fn update_with(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        timestamp: Option<DateTime>,
+        modifiers: &Modifiers,
+    ) -> Result<Updated, StoreError> {
+        self.take_none(modifiers)?;
+        self.update(ns, update, timestamp)
+    }
+
+    /// [`Store::delete`] with modifiers.
+    fn delete_with(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        first_only: bool,
+        modifiers: &Modifiers,
+    ) -> Result<u64, StoreError> {
+        self.take_none(modifiers)?;
+        self.delete(ns, filter, first_only)
+    }
+
+    /// Refuses modifiers: for stores without the operations that take them.
+    fn take_none(&self, modifiers: &Modifiers) -> Result<(), StoreError> {
+        match modifiers.is_empty() {
+            true => Ok(()),
+            false => {
+                let reason = "takes no collation, variables or hint".to_owned();
+                Err(StoreError::Unfit { address: self.describe(), reason })
+            }
+        }
+    }
 
     /// Removes a whole collection; returns whether it existed.
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError>;

@@ -2,6 +2,8 @@
 
 use bson::{Bson, Document};
 
+use super::modifiers::Modifiers;
+
 /// A query with its modifiers.
 #[derive(Debug, Clone, Default)]
 pub struct Find {
@@ -15,6 +17,8 @@ pub struct Find {
     pub limit: u64,
     /// MongoDB's projection; empty keeps documents whole.
     pub projection: Document,
+    /// Collation, variables, and the index to be read.
+    pub modifiers: Modifiers,
 }
 
 /// Operators (or a replacement, which is a document without them), or a pipeline.

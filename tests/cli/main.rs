@@ -33,6 +33,7 @@ mod log;
 mod man;
 mod map_reduce;
 mod memory;
+mod modifiers;
 mod newcomers;
 mod oplog;
 mod pictures;

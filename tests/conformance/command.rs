@@ -1,8 +1,8 @@
 //! The fields of MongoDB's commands, and why there is no answer to one.
 
 use bson::{Bson, Document};
-use rmem::query::QueryError;
-use rmem::store::StoreError;
+use rmem::query::{Collation, QueryError};
+use rmem::store::{Hint, Modifiers, StoreError};
 
 /// Why there is no answer.
 #[derive(Debug)]
@@ -41,14 +41,11 @@ impl From<bson::error::Error> for Failure {
 pub(crate) type Answer = Result<Document, Failure>;
 
 /// Options of commands that rmem's stores have no word for.
-const OPTIONS: [&str; 23] = [
+const OPTIONS: [&str; 20] = [
     "allowDiskUse",
     "bypassDocumentValidation",
-    "collation",
     "readConcern",
     "writeConcern",
-    "hint",
-    "let",
     "explain",
     "max",
     "min",
@@ -74,10 +71,26 @@ pub(crate) fn refuse_options(command: &Document) -> Result<(), Failure> {
     }
 }
 
+/// What a command says beside its query; `names` are those that it takes.
+pub(crate) fn modifiers(command: &Document, names: &[&str]) -> Result<Modifiers, Failure> {
+    if let Some(name) =
+        ["collation", "let", "hint"].iter().find(|name| command.contains_key(**name) && !names.contains(name))
+    {
+        return Err(Failure::Failed(format!("unknown field {name}")));
+    }
+    let collation = document(command, "collation")?.filter(|collation| !collation.is_empty());
+    let hint = command.get("hint").map(Hint::parse).transpose()?;
+    Ok(Modifiers {
+        collation: collation.map(Collation::parse).transpose()?,
+        variables: document(command, "let")?.cloned().unwrap_or_default(),
+        hint: hint.flatten(),
+    })
+}
+
 /// Refuses options that no command has.
 pub(crate) fn known(command: &Document, names: &[&str]) -> Result<(), Failure> {
     refuse_options(command)?;
-    const ALL: [&str; 3] = ["$db", "comment", "cursor"];
+    const ALL: [&str; 6] = ["$db", "comment", "cursor", "collation", "let", "hint"];
     match command.keys().skip(1).find(|name| !names.contains(&name.as_str()) && !ALL.contains(&name.as_str())) {
         Some(name) => Err(Failure::Failed(format!("unknown field {name}"))),
         None => Ok(()),

@@ -1,9 +1,9 @@
 //! `update` and `findAndModify`.
 
 use bson::{Bson, Document, doc};
-use rmem::store::{Find, Namespace, Store as _, UpdateRequest, UpdateSpec, Updated};
+use rmem::store::{Find, Modifiers, Namespace, Store as _, UpdateRequest, UpdateSpec, Updated};
 
-use crate::command::{Answer, Failure, document, documents, flag, known, refuse_options};
+use crate::command::{Answer, Failure, document, documents, flag, known, modifiers, refuse_options};
 use crate::server::{Server, reply};
 
 fn change(spec: Option<&Bson>) -> Result<UpdateSpec, Failure> {
@@ -24,6 +24,7 @@ impl Server {
         let (mut n, mut modified, mut errors) = (0, 0, Vec::new());
         let ordered = !command.contains_key("ordered") || flag(command, "ordered")?;
         let updates = documents(command, "updates")?;
+        let variables = document(command, "let")?.cloned().unwrap_or_default();
         let whole = |one: &Document| {
             ["multi", "upsert"].iter().all(|name| matches!(one.get(name), None | Some(Bson::Boolean(_))))
                 && one.contains_key("q")
@@ -37,7 +38,7 @@ impl Server {
                 .iter()
                 .filter_map(Bson::as_document)
                 .find(|entry| entry.get_i32("index").is_ok_and(|found| found == index as i32));
-            match self.update_one(ns, one, theirs.and_then(|entry| entry.get("_id"))) {
+            match self.update_one(ns, one, theirs.and_then(|entry| entry.get("_id")), &variables) {
                 Ok(changed) => {
                     n += changed.matched as i32 + i32::from(changed.upserted.is_some());
                     modified += changed.modified as i32;
@@ -54,11 +55,18 @@ impl Server {
         Ok(reply(doc! {"n": n, "nModified": modified}, errors))
     }
 
-    fn update_one(&self, ns: &Namespace, one: &Document, theirs: Option<&Bson>) -> Result<Updated, Failure> {
+    fn update_one(
+        &self,
+        ns: &Namespace,
+        one: &Document,
+        theirs: Option<&Bson>,
+        variables: &Document,
+    ) -> Result<Updated, Failure> {
         refuse_options(one)?;
-        if document(one, "c")?.is_some_and(|constants| !constants.is_empty()) {
-            return Err(Failure::Refused("option c".to_owned()));
-        }
+        let mut modifiers = modifiers(one, &["collation", "hint"])?;
+        modifiers.variables = variables.clone();
+        let constants = document(one, "c")?.cloned().unwrap_or_default();
+        modifiers.variables.extend(constants.into_iter().map(|(name, value)| (name, bson::bson!({"$literal": value}))));
         let request = UpdateRequest {
             filter: document(one, "q")?.cloned().unwrap_or_default(),
             update: change(one.get("u"))?,
@@ -66,12 +74,18 @@ impl Server {
             many: flag(one, "multi")?,
             upsert: flag(one, "upsert")?,
         };
-        self.apply(ns, &request, theirs)
+        self.apply(ns, &request, theirs, &modifiers)
     }
 
     /// Updates; a document that was made gets the `_id` that mongod made.
-    fn apply(&self, ns: &Namespace, request: &UpdateRequest, theirs: Option<&Bson>) -> Result<Updated, Failure> {
-        let mut updated = self.store.update(ns, request, None)?;
+    fn apply(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        theirs: Option<&Bson>,
+        modifiers: &Modifiers,
+    ) -> Result<Updated, Failure> {
+        let mut updated = self.store.update_with(ns, request, None, modifiers)?;
         if let (Some(ours @ Bson::ObjectId(_)), Some(theirs @ Bson::ObjectId(_))) = (&updated.upserted, theirs) {
             let filter = doc! {"_id": ours.clone()};
             for mut made in self.found(ns, &Find { filter: filter.clone(), ..Find::default() })? {
@@ -93,7 +107,8 @@ impl Server {
         if remove == command.contains_key("update") || remove && (new || upsert) {
             return Err(Failure::Failed("either update or remove".to_owned()));
         }
-        let first = Find { filter: query.clone(), sort, limit: 1, ..Find::default() };
+        let modifiers = modifiers(command, &["collation", "let", "hint"])?;
+        let first = Find { filter: query.clone(), sort, limit: 1, modifiers: modifiers.clone(), ..Find::default() };
         let id = self.found(ns, &first)?.first().and_then(|found| found.get("_id").cloned());
         let before = self.found(ns, &Find { projection: projection.clone(), ..first })?.into_iter().next();
         let one = |id: &Bson| doc! {"_id": {"$eq": id.clone()}};
@@ -111,7 +126,7 @@ impl Server {
             upsert,
         };
         let theirs = recorded.get_document("lastErrorObject").ok().and_then(|last| last.get("upserted"));
-        let updated = self.apply(ns, &request, theirs)?;
+        let updated = self.apply(ns, &request, theirs, &modifiers.without_hint())?;
         let value = match (new, id.or(updated.upserted)) {
             (false, _) => before,
             (true, None) => None,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use bson::{Bson, Document, RawDocumentBuf, doc};
 use rmem::store::{Embedded, Find, Index, Namespace, Store as _, StoreError};
 
-use crate::command::{Answer, Failure, document, documents, flag, known, refuse_options, unsigned, whole};
+use crate::command::{Answer, Failure, document, documents, flag, known, modifiers, refuse_options, unsigned, whole};
 
 /// An embedded store in memory, and the cursors over its answers.
 pub(crate) struct Server {
@@ -38,6 +38,9 @@ impl Server {
         let ns = Namespace { database, collection };
         match name.as_str() {
             "drop" => self.store.drop(&ns).map(|_| doc! {}).map_err(Into::into),
+            "create" if document(command, "collation")?.is_some_and(|collation| !is_simple(collation)) => {
+                Err(Failure::Refused("collation of a collection".to_owned()))
+            }
             "create" => refuse_options(command).map(|()| doc! {}),
             "createIndexes" => self.create_indexes(&ns, command),
             "insert" => self.insert(&ns, command),
@@ -123,6 +126,7 @@ impl Server {
             skip: unsigned(command, "skip")? as u64,
             limit: whole(command, "limit")?.unwrap_or(0).unsigned_abs(),
             projection: document(command, "projection")?.cloned().unwrap_or_default(),
+            modifiers: modifiers(command, &["collation", "let", "hint"])?,
         };
         let found = self.found(ns, &find)?;
         self.answer(found, command, recorded)
@@ -139,8 +143,10 @@ impl Server {
             return Err(Failure::Failed("pipeline and cursor are needed".to_owned()));
         }
         let stages = documents(command, "pipeline")?;
+        let modifiers = modifiers(command, &["collation", "let", "hint"])?;
         let brings = stages.first().is_some_and(|stage| stage.contains_key("$documents"));
-        let found: Vec<_> = self.store.aggregate(ns, &stages)?.map(decoded).collect::<Result<_, _>>()?;
+        let found: Vec<_> =
+            self.store.aggregate_with(ns, &stages, &modifiers)?.map(decoded).collect::<Result<_, _>>()?;
         if brings != (ns.collection == NO_COLLECTION) {
             return Err(Failure::Failed("a collection, or $documents".to_owned()));
         }
@@ -151,9 +157,10 @@ impl Server {
         known(command, &["query", "limit", "skip", "fields"])?;
         let filter = document(command, "query")?.cloned().unwrap_or_default();
         let (skip, limit) = (unsigned(command, "skip")? as u64, whole(command, "limit")?.unwrap_or(0).unsigned_abs());
+        let modifiers = modifiers(command, &["collation", "hint"])?;
         let n = match (skip, limit) {
-            (0, 0) => self.store.count(ns, &filter)?,
-            _ => self.found(ns, &Find { filter, skip, limit, ..Find::default() })?.len() as u64,
+            (0, 0) => self.store.count_with(ns, &filter, &modifiers)?,
+            _ => self.found(ns, &Find { filter, skip, limit, modifiers, ..Find::default() })?.len() as u64,
         };
         Ok(doc! {"n": n as i32})
     }
@@ -162,7 +169,7 @@ impl Server {
         known(command, &["key", "query"])?;
         let filter = document(command, "query")?.cloned().unwrap_or_default();
         let key = command.get_str("key").map_err(|_| Failure::Failed("key must be a string".to_owned()))?;
-        Ok(doc! {"values": self.store.distinct(ns, key, &filter)?})
+        Ok(doc! {"values": self.store.distinct_with(ns, key, &filter, &modifiers(command, &["collation"])?)?})
     }
 
     fn delete(&self, ns: &Namespace, command: &Document) -> Answer {
@@ -173,12 +180,21 @@ impl Server {
         let (mut n, mut errors) = (0, Vec::new());
         for one in documents(command, "deletes")? {
             refuse_options(&one)?;
+            let mut modifiers = match modifiers(&one, &["collation", "hint"]) {
+                Ok(modifiers) => modifiers,
+                Err(Failure::Failed(message)) if !message.contains("must be an object") => {
+                    errors.push(Bson::String(message));
+                    break;
+                }
+                Err(failure) => return Err(failure),
+            };
+            modifiers.variables = document(command, "let")?.cloned().unwrap_or_default();
             let limit = whole(&one, "limit")?;
             if !matches!(one.get("q"), Some(Bson::Document(_))) || !matches!(limit, Some(0 | 1)) {
                 return Err(Failure::Failed("q and limit are needed".to_owned()));
             }
             let filter = document(&one, "q")?.cloned().unwrap_or_default();
-            match self.store.delete(ns, &filter, limit == Some(1)).map_err(Failure::from) {
+            match self.store.delete_with(ns, &filter, limit == Some(1), &modifiers).map_err(Failure::from) {
                 Ok(removed) => n += removed as i32,
                 Err(Failure::Refused(name)) => return Err(Failure::Refused(name)),
                 Err(Failure::Failed(message)) => {
@@ -191,6 +207,10 @@ impl Server {
         }
         Ok(reply(doc! {"n": n}, errors))
     }
+}
+
+fn is_simple(collation: &Document) -> bool {
+    collation.get_str("locale").is_ok_and(|locale| locale == "simple")
 }
 
 /// The collection of a pipeline that brings its own documents.

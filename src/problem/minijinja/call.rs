@@ -71,6 +71,7 @@ impl Call {
             projection: context.document(projection.as_ref(), "projection")?,
             skip: self.number("skip")?,
             limit: self.number("limit")?,
+            ..Find::default()
         })
     }
 

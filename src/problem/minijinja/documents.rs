@@ -117,7 +117,7 @@ impl Cursor {
         if let Some(selection) = self.open.take() {
             let ns = self.namespace.as_ref().clone();
             let question = match selection {
-                Selection::Find(find) => Question::Find(ns, *find),
+                Selection::Find(find) => Question::Find(ns, find),
                 Selection::Pipeline(pipeline) => Question::Aggregate(ns, pipeline),
             };
             if let Answer::Cursor(number) = self.context.ask(question)? {

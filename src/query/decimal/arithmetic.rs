@@ -227,5 +227,5 @@ fn quotient(negative: bool, (c1, e1): (u128, i32), (c2, e2): (u128, i32)) -> Dec
     let exact = scaled % U256::from(c2) == 0;
     let value =
         Decimal::rounded(negative, scaled / U256::from(c2), preferred - i32::try_from(shift).unwrap_or(0), !exact);
-    if exact { value.towards(preferred) } else { value }
+    if exact { value.towards(preferred.min(MAX_EXPONENT)) } else { value }
 }

@@ -24,13 +24,13 @@ pub(in crate::query) struct Variables {
 }
 
 impl Scope {
-    /// Returns a scope of constants, with their values.
+    /// Returns a scope of constants, with their values; undefined is a missing one.
     pub(in crate::query) fn with_constants(constants: &Document) -> Result<(Self, Variables)> {
         let (mut scope, mut variables) = (Self::default(), Variables::default());
         for (name, value) in constants {
             check_name(name)?;
             let slot = scope.add(name);
-            variables.set(slot, Some(value.clone()));
+            variables.set(slot, Some(value.clone()).filter(|value| *value != Bson::Undefined));
         }
         Ok((scope, variables))
     }

@@ -8,6 +8,7 @@ use memchr::memmem::Finder;
 
 use super::test::{Leaf, Test};
 use super::tree::Node;
+use crate::query::collation::is_in_effect;
 
 /// Bytes that every matching document contains.
 #[derive(Debug)]
@@ -22,6 +23,8 @@ impl Prefilter {
             single => std::slice::from_ref(single),
         };
         let is_plain = conjuncts.iter().all(|node| matches!(node, Node::Field(..) | Node::Always(_)));
+        // Strings that are equal by a collation have other bytes.
+        let is_plain = is_plain && !is_in_effect();
         let longest = conjuncts.iter().filter_map(bytes).max_by_key(Vec::len).filter(|_| is_plain)?;
         Some(Self(Box::new(Finder::new(&longest).into_owned())))
     }

@@ -4,6 +4,7 @@ use bson::DateTime;
 
 use super::schema::Schema;
 use super::test::{Leaf, Test};
+use crate::query::collation::during;
 use crate::query::error::Result;
 use crate::query::expression::{Environment, Expression, Variables};
 use crate::query::geo::Near;
@@ -86,7 +87,8 @@ impl Node {
             Self::Field(path, test) => test.on_path(path, fields, context),
             Self::Near(near) => Ok(near.nearest(fields).is_some()),
             Self::Expression(expression) => holds(expression, fields, context),
-            Self::Schema(schema) => Ok(schema.accepts(View::Document(fields))),
+            // A schema compares strings byte by byte.
+            Self::Schema(schema) => Ok(during(None, || schema.accepts(View::Document(fields)))),
             Self::Where(program) => program.holds(fields),
             Self::Always(answer) => Ok(*answer),
             Self::Sample(rate) => Ok(random() < *rate),

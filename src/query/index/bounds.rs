@@ -8,6 +8,7 @@
 
 use bson::Bson;
 
+use super::pattern::Pattern;
 use crate::query::compare::canonical_type;
 use crate::query::filter::{Leaf, Node, Order, Set, Test};
 use crate::query::key;
@@ -51,6 +52,8 @@ pub(super) struct Place<'a> {
     pub(super) multikey: bool,
     /// Documents that lack the field are not in the index.
     pub(super) sparse: bool,
+    /// The index.
+    pub(super) pattern: &'a Pattern,
 }
 
 /// What a filter says about a path; `None` if it says nothing that an index could use.
@@ -89,15 +92,29 @@ fn of_test<'f>(test: &'f Test, place: &Place<'_>) -> Option<Intervals<'f>> {
 }
 
 fn of_leaf<'f>(leaf: &'f Leaf, place: &Place<'_>) -> Option<Intervals<'f>> {
+    // Where strings compare in another way than in the index, only other values have their places there.
+    if !place.pattern.is_in_effect() && has_strings(leaf) {
+        return None;
+    }
     match leaf {
         Leaf::Equal(value) => equal(value, place),
         Leaf::In(set) => one_of(set, place),
         Leaf::Order(order, bound) => ordered(*order, bound, place),
-        Leaf::Regex(pattern) => matching(&pattern.pattern, &pattern.options),
+        Leaf::Regex(pattern) => matching(&pattern.pattern, &pattern.options, place),
         // One element passes all of it.
         Leaf::ElementPasses(test) if !place.is_positional() => of_test(test, &Place { multikey: false, ..*place }),
         Leaf::Never => Some(Vec::new()),
         _ => None,
+    }
+}
+
+/// Returns whether a test compares strings, or values that may contain some.
+fn has_strings(leaf: &Leaf) -> bool {
+    let may = |value: &Bson| matches!(value, Bson::String(_) | Bson::Symbol(_) | Bson::Document(_) | Bson::Array(_));
+    match leaf {
+        Leaf::Equal(value) | Leaf::Order(_, value) => may(value),
+        Leaf::In(set) => set.values.iter().any(may),
+        _ => false,
     }
 }
 
@@ -113,10 +130,10 @@ fn equal<'f>(value: &'f Bson, place: &Place<'_>) -> Option<Intervals<'f>> {
         Bson::Null => null(place),
         // The array may be the value, whose first element is a key then, or an element.
         Bson::Array(items) => {
-            let first = items.first().map_or_else(|| Interval::of_type(UNDEFINED), Interval::point);
-            Some(either(vec![first, Interval::point(value)]))
+            let first = items.first().map_or_else(|| Interval::of_type(UNDEFINED), |item| Interval::point(item, place));
+            Some(either(vec![first, Interval::point(value, place)]))
         }
-        value => Some(vec![Interval::point(value)]),
+        value => Some(vec![Interval::point(value, place)]),
     }
 }
 
@@ -129,7 +146,7 @@ fn null<'f>(place: &Place<'_>) -> Option<Intervals<'f>> {
 
 fn one_of<'f>(set: &'f Set, place: &Place<'_>) -> Option<Intervals<'f>> {
     let values = set.values.iter().map(|value| equal(value, place));
-    let patterns = set.patterns.iter().map(|pattern| matching(&pattern.pattern, &pattern.options));
+    let patterns = set.patterns.iter().map(|pattern| matching(&pattern.pattern, &pattern.options, place));
     let all: Option<Vec<_>> = values.chain(patterns).collect();
     all.map(|all| either(all.into_iter().flatten().collect()))
 }
@@ -142,10 +159,10 @@ fn ordered<'f>(order: Order, bound: &'f Bson, place: &Place<'_>) -> Option<Inter
     }
     let view = View::from(bound);
     if matches!(view, View::Number(number) if Number::is_nan(number)) {
-        return Some(vec![Interval::point(bound)]);
+        return Some(vec![Interval::point(bound, place)]);
     }
     let whole = Interval::of_type(canonical_type(view));
-    let at = |after| Limit { bytes: key::encode_value(bound), after, value: Some(bound) };
+    let at = |after| Limit { bytes: place.pattern.encode(bound), after, value: Some(bound) };
     let (low, high) = match order {
         Order::Less => (whole.low, at(false)),
         Order::LessOrEqual => (whole.low, at(true)),
@@ -156,7 +173,10 @@ fn ordered<'f>(order: Order, bound: &'f Bson, place: &Place<'_>) -> Option<Inter
 }
 
 /// Returns the texts that begin as a pattern says they must, and patterns, which match themselves.
-fn matching<'f>(pattern: &str, options: &str) -> Option<Intervals<'f>> {
+fn matching<'f>(pattern: &str, options: &str, place: &Place<'_>) -> Option<Intervals<'f>> {
+    if place.pattern.collation().is_some() {
+        return None;
+    }
     let prefix = literal_prefix(pattern).filter(|prefix| !prefix.is_empty() && options.is_empty())?;
     let mut bytes = key::encode_value(&Bson::String(prefix));
     // Without the end of the text, which is two zeros.
@@ -238,8 +258,8 @@ fn either(mut all: Intervals<'_>) -> Intervals<'_> {
 }
 
 impl<'f> Interval<'f> {
-    fn point(value: &'f Bson) -> Self {
-        let bytes = key::encode_value(value);
+    fn point(value: &'f Bson, place: &Place<'_>) -> Self {
+        let bytes = place.pattern.encode(value);
         let limit = |bytes, after| Limit { bytes, after, value: Some(value) };
         Self { low: limit(bytes.clone(), false), high: limit(bytes, true), is_point: true }
     }
@@ -301,8 +321,9 @@ mod tests {
     use bson::{Document, doc};
 
     fn bounds(filter: &Document, multikey: bool) -> Vec<String> {
+        let pattern = Pattern::parse(&doc! {"a": 1}).unwrap();
         let filter = Filter::parse(filter).unwrap();
-        match of_node(filter.root(), &Place { path: "a", multikey, sparse: false }) {
+        match of_node(filter.root(), &Place { path: "a", multikey, sparse: false, pattern: &pattern }) {
             None => vec!["all".to_owned()],
             Some(intervals) => intervals.iter().map(ToString::to_string).collect(),
         }

@@ -2,8 +2,10 @@
 
 use bson::{Bson, Document, RawDocument};
 
+use crate::query::collation::{self, Collation};
 use crate::query::error::{QueryError, Result};
 use crate::query::geo::{Near, Places, is_place};
+use crate::query::key::{self, Text};
 use crate::query::keys::Keys;
 use crate::query::number::Number;
 use crate::query::path::{Part, Path};
@@ -22,6 +24,8 @@ const AMBIGUOUS: i32 = 16_746;
 #[derive(Debug)]
 pub struct Pattern {
     keys: Keys,
+    /// How its strings compare; without one, byte by byte.
+    collation: Option<Collation>,
     /// What an index of places checks; it is kept in the catalogue and answered by a scan.
     places: Option<Places>,
 }
@@ -75,7 +79,30 @@ impl Pattern {
             keys.push(Path::parse(name)?, descending);
         }
         let places = pattern.values().any(is_place).then(|| Places::parse(pattern, options)).transpose()?;
-        Ok(Self { keys, places })
+        let collation = match options.get("collation") {
+            Some(Bson::Document(spec)) => Some(Collation::parse(spec)?).filter(|collation| !collation.is_simple()),
+            _ => None,
+        };
+        if collation.is_some() && pattern.values().any(|kind| matches!(kind.as_str(), Some("2d"))) {
+            return Err(cannot("an index of type 2d compares strings byte by byte".to_owned()));
+        }
+        Ok(Self { keys: keys.with_text(Text::By(collation.clone())), collation, places })
+    }
+
+    /// Returns how its strings compare, where that is not byte by byte.
+    #[must_use]
+    pub fn collation(&self) -> Option<&Collation> {
+        self.collation.as_ref()
+    }
+
+    /// Returns the key of a value under this pattern.
+    pub(super) fn encode(&self, value: &Bson) -> Vec<u8> {
+        collation::during(self.collation(), || key::collated(value))
+    }
+
+    /// Returns whether its keys are in the order, and equal, as in the operation that runs.
+    pub(super) fn is_in_effect(&self) -> bool {
+        collation::is(self.collation())
     }
 
     /// Returns whether it is a geospatial index, whose keys are not in the order of values.

@@ -117,7 +117,7 @@ fn bounds<'f>(root: &'f Node, index: Candidate<'_>) -> Vec<Option<Intervals<'f>>
         // Two paths through one array: their conditions may hold of different elements.
         let usable = is_open && !(multikey && arrays);
         let intervals = match usable {
-            true => of_node(root, &Place { path, multikey, sparse: index.sparse }),
+            true => of_node(root, &Place { path, multikey, sparse: index.sparse, pattern: index.pattern }),
             false => None,
         };
         let intervals = intervals.filter(|all| count.saturating_mul(all.len()) <= MAX_RANGES || nth == 0);
@@ -137,7 +137,7 @@ fn in_order(sort: &Sort, index: Candidate<'_>, constant: usize) -> Option<bool> 
     if sort.is_empty() {
         return Some(false);
     }
-    if sort.is_natural() || index.multikey != 0 {
+    if sort.is_natural() || index.multikey != 0 || !index.pattern.is_in_effect() {
         return None;
     }
     let fixed: Vec<&str> = index.pattern.fields().take(constant).map(|(path, _)| path).collect();

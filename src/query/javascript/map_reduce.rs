@@ -85,7 +85,7 @@ impl Emitted {
             let Ok([key, value]) = <[Bson; 2]>::try_from(pair) else { continue };
             let key = if key == Bson::Undefined { Bson::Null } else { key };
             self.memory.add(&value)?;
-            let entry = self.keys.entry(key::encode_value(&key)).or_insert_with(|| (key, Vec::new()));
+            let entry = self.keys.entry(key::collated(&key)).or_insert_with(|| (key, Vec::new()));
             entry.1.push(value);
         }
         Ok(())

@@ -236,7 +236,7 @@ impl Accumulator {
             (Operator::AddToSet, State::Distinct(values, memory)) => {
                 let place = values.len();
                 if let Some(value) = value
-                    && let Entry::Vacant(entry) = values.entry(key::encode_value(&value))
+                    && let Entry::Vacant(entry) = values.entry(key::collated(&value))
                 {
                     memory.add(&value)?;
                     entry.insert((place, value));
@@ -335,7 +335,7 @@ fn rank(sort: &Sort, fields: Fields<'_>) -> Vec<u8> {
             Some(value) => value,
         };
         let start = bytes.len();
-        bytes.extend(key::encode_value(&value));
+        bytes.extend(key::collated(&value));
         if descending {
             bytes.iter_mut().skip(start).for_each(|byte| *byte = !*byte);
         }

@@ -26,6 +26,9 @@ pub(super) struct Densify {
     bounds: Bounds,
 }
 
+/// A document with its value, and the key and the fields of its partition.
+type Member = ((Vec<u8>, Document), Bson, RawDocumentBuf);
+
 /// The range of values that must not have gaps.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "a stage has one of them")]
@@ -105,56 +108,102 @@ impl Densify {
         &self,
         input: Documents<'_, E>,
     ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
-        let (mut results, mut members) = (Vec::new(), Vec::new());
+        let mut members = Vec::new();
         for document in input {
             let document = document?;
-            match self.value(&document)? {
-                Some(value) => members.push((self.partition_of(&document), value, document)),
-                None => results.push(document),
-            }
+            let value = field_value(Fields::from(&*document), &self.field).unwrap_or(Bson::Null);
+            members.push((self.partition_of(&document), value, document));
         }
         members.sort_by(|a, b| a.0.0.cmp(&b.0.0).then_with(|| compare_values(&a.1, &b.1)));
-        let all = members.iter().map(|(_, value, _)| value);
-        let whole = all.clone().min_by(|a, b| compare_values(a, b)).zip(all.max_by(|a, b| compare_values(a, b)));
-        let mut made = 0;
+        let whole = match self.bounds {
+            Bounds::Full => self.range(&members)?,
+            _ => None,
+        };
+        let (mut results, mut made) = (Vec::new(), 0);
         for partition in members.chunk_by(|a, b| a.0.0 == b.0.0) {
-            let Some(((_, names), first, _)) = partition.first() else { continue };
-            let last = partition.last().map_or(first, |(_, value, _)| value);
-            let (low, high, inclusive) = match (&self.bounds, whole) {
-                (Bounds::Full, Some((low, high))) => (low, high, true),
-                (Bounds::Explicit(low, high), _) => (low, high, false),
-                _ => (first, last, true),
+            let bounds = match (&self.bounds, &whole) {
+                (Bounds::Explicit(low, high), _) => Some((low.clone(), high.clone())),
+                (_, Some(whole)) => Some(whole.clone()),
+                _ => self.range(partition)?,
             };
-            let mut next = Some(low.clone());
-            for (_, value, document) in partition {
-                while let Some(gap) = next.take_if(|next| compare_values(next, value).is_lt()) {
-                    next = self.fill(gap, (high, inclusive), names, &mut results, &mut made)?;
-                }
-                if let Some(same) = next.take_if(|next| compare_values(next, value).is_eq()) {
-                    next = self.after(&same)?;
-                }
-                results.push(document.clone());
-            }
-            while let Some(gap) = next.take() {
-                next = self.fill(gap, (high, inclusive), names, &mut results, &mut made)?;
-            }
+            self.fill_partition(partition, bounds, &mut results, &mut made)?;
+        }
+        if members.is_empty()
+            && self.partition.is_empty()
+            && let Bounds::Explicit(low, high) = &self.bounds
+        {
+            self.fill_partition(&[], Some((low.clone(), high.clone())), &mut results, &mut made)?;
         }
         Ok(results)
+    }
+
+    /// The least and the greatest value.
+    fn range(&self, members: &[Member]) -> Result<Option<(Bson, Bson)>> {
+        let mut range: Option<(Bson, Bson)> = None;
+        for (_, value, _) in members {
+            if !self.has_value(value)? {
+                continue;
+            }
+            range = Some(match range {
+                None => (value.clone(), value.clone()),
+                Some((low, high)) if compare_values(value, &low).is_lt() => (value.clone(), high),
+                Some((low, high)) if compare_values(value, &high).is_gt() => (low, value.clone()),
+                Some(range) => range,
+            });
+        }
+        Ok(range)
+    }
+
+    /// Gives the documents of a partition, which are in order, with those that are made between them. A document
+    /// behind an explicit range is not looked at, whatever its value is.
+    fn fill_partition(
+        &self,
+        partition: &[Member],
+        bounds: Option<(Bson, Bson)>,
+        results: &mut Vec<RawDocumentBuf>,
+        made: &mut usize,
+    ) -> Result<()> {
+        let is_explicit = matches!(self.bounds, Bounds::Explicit(..));
+        let Some((low, high)) = bounds else {
+            results.extend(partition.iter().map(|(_, _, document)| document.clone()));
+            return Ok(());
+        };
+        // The first value of a range is in it, even where it is the end of it, too.
+        let mut next = Some(low.clone());
+        let is_in = |value: &Bson| {
+            let order = compare_values(value, &high);
+            order.is_lt() || order.is_eq() && !is_explicit || compare_values(value, &low).is_eq()
+        };
+        let mut is_behind = false;
+        for ((_, names), value, document) in partition {
+            if !is_behind && self.has_value(value)? {
+                is_behind = is_explicit && compare_values(value, &high).is_ge();
+                while let Some(gap) = next.take_if(|next| compare_values(next, value).is_lt()) {
+                    next = self.fill(gap, names, results, made)?.filter(is_in);
+                }
+                // What follows is counted from the document.
+                if next.take_if(|next| compare_values(next, value).is_eq()).is_some() {
+                    next = self.after(value)?.filter(is_in);
+                }
+            }
+            results.push(document.clone());
+        }
+        let none = Document::new();
+        let names = partition.last().map_or(&none, |((_, names), ..)| names);
+        while let Some(gap) = next.take() {
+            next = self.fill(gap, names, results, made)?.filter(is_in);
+        }
+        Ok(())
     }
 
     /// Makes a document where a value is missing, and returns the next value.
     fn fill(
         &self,
         value: Bson,
-        (high, inclusive): (&Bson, bool),
         names: &Document,
         results: &mut Vec<RawDocumentBuf>,
         made: &mut usize,
     ) -> Result<Option<Bson>> {
-        let order = compare_values(&value, high);
-        if order.is_gt() || order.is_eq() && !inclusive {
-            return Ok(None);
-        }
         *made += 1;
         if *made > MOST {
             return Err(wrong(5_897_900, "$densify would make more than 500000 documents"));
@@ -179,19 +228,17 @@ impl Densify {
         }
     }
 
-    /// The value of a document; `None` if it is missing or null.
-    fn value(&self, document: &RawDocumentBuf) -> Result<Option<Bson>> {
-        match field_value(Fields::from(&**document), &self.field) {
-            None | Some(Bson::Null | Bson::Undefined) => Ok(None),
-            Some(value @ Bson::DateTime(_)) => match self.unit {
-                Some(_) => Ok(Some(value)),
-                None => Err(wrong(6_053_600, "$densify found a date, but its range has no 'unit'")),
-            },
-            Some(value) if Number::of(&value).is_some() => match self.unit {
-                None => Ok(Some(value)),
+    /// Returns whether there is a value, which has to be a number or, with a unit, a date.
+    fn has_value(&self, value: &Bson) -> Result<bool> {
+        match (value, self.unit) {
+            (Bson::Null | Bson::Undefined, _) => Ok(false),
+            (Bson::DateTime(_), Some(_)) => Ok(true),
+            (Bson::DateTime(_), None) => Err(wrong(6_053_600, "$densify found a date, but its range has no 'unit'")),
+            (value, unit) if Number::of(value).is_some() => match unit {
+                None => Ok(true),
                 Some(_) => Err(wrong(6_053_601, "$densify found a number, but its range has a 'unit'")),
             },
-            Some(_) => Err(wrong(5_733_201, "the field of $densify must be a number or a date")),
+            _ => Err(wrong(5_733_201, "the field of $densify must be a number or a date")),
         }
     }
 
@@ -200,7 +247,7 @@ impl Densify {
         let (mut bytes, mut names) = (Vec::new(), Document::new());
         for path in &self.partition {
             let value = field_value(Fields::from(&**document), path);
-            bytes.extend(key::encode_value(value.as_ref().unwrap_or(&Bson::Null)));
+            bytes.extend(key::collated(value.as_ref().unwrap_or(&Bson::Null)));
             if let Some(value) = value {
                 put(&mut names, path, value);
             }

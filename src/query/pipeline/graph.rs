@@ -161,7 +161,7 @@ fn identity(document: &RawDocumentBuf) -> Vec<u8> {
 fn keys(value: Option<Bson>) -> Vec<Vec<u8>> {
     match value {
         None => Vec::new(),
-        Some(Bson::Array(items)) => items.iter().map(key::encode_value).collect(),
-        Some(value) => vec![key::encode_value(&value)],
+        Some(Bson::Array(items)) => items.iter().map(key::collated).collect(),
+        Some(value) => vec![key::collated(&value)],
     }
 }

@@ -108,7 +108,7 @@ impl<'a> Groups<'a> {
 
     /// Takes a document into the group of an `_id`.
     pub(super) fn add<E>(&mut self, id: Bson, fields: Fields<'_>, run: &Run<'_, E>) -> Result<()> {
-        let key = key::encode_value(&id);
+        let key = key::collated(&id);
         let place = match self.places.get(&key) {
             Some(place) => *place,
             None => {

@@ -16,6 +16,7 @@ mod upsert;
 
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 
+use super::collation::during;
 use super::compare::equal_values;
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
@@ -150,7 +151,7 @@ impl Update {
         let Some(id) = id else { return Ok(()) };
         let exact = matches!(self.form, Form::Operators(..));
         match document.get("_id") {
-            Some(new) if equal_values(new, id) && (!exact || is_same(new, id)?) => Ok(()),
+            Some(new) if during(None, || equal_values(new, id)) && (!exact || is_same(new, id)?) => Ok(()),
             _ => {
                 Err(QueryError::invalid(66, "the (immutable) field '_id' was found to have been altered").about("_id"))
             }

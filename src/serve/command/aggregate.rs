@@ -22,7 +22,9 @@ pub(super) const COMMANDS: &[Command] =
 const NO_COLLECTION: &str = "$cmd.aggregate";
 
 /// What is taken, or makes no difference here.
-const TAKEN: [&str; 10] = [
+const TAKEN: [&str; 12] = [
+    "collation",
+    "let",
     "pipeline",
     "cursor",
     "explain",
@@ -43,7 +45,7 @@ fn writes(request: &Request) -> bool {
 
 /// The collection, where there is one, and the stages.
 pub(super) fn pipeline(call: &Call, fields: Fields<'_>) -> Result<(Namespace, Vec<Document>), Failure> {
-    fields.check(&TAKEN, &["collation", "let", "encryptionInformation", "exchange"])?;
+    fields.check(&TAKEN, &["encryptionInformation", "exchange"])?;
     let stages = fields.documents("pipeline")?.ok_or_else(|| fields.missing("pipeline"))?;
     let stages: Vec<Document> = stages.into_iter().cloned().collect();
     let ns = match call.request.target() {
@@ -91,8 +93,7 @@ fn read(host: &mut Host<'_>, call: &Call) -> Answer {
         Some(documents) => through(stages.get(1..).unwrap_or_default(), documents)?,
         None => {
             check_source(&ns, &stages)?;
-            super::index::check_hint(memory, &ns, fields)?;
-            call.access(memory).aggregate(&ns, &stages)?
+            call.access(memory).aggregate(&ns, &stages, &fields.modifiers()?)?
         }
     };
     call.request.check_time()?;
@@ -113,7 +114,7 @@ fn write(memory: &Memory, call: &Call) -> Answer {
     }
     batch(fields)?;
     check_source(&ns, &stages)?;
-    call.access(memory).aggregate(&ns, &stages)?.try_for_each(|document| document.map(drop))?;
+    call.access(memory).aggregate(&ns, &stages, &fields.modifiers()?)?.try_for_each(|document| document.map(drop))?;
     Ok(crate::serve::cursor::reply(0, &ns.to_string(), &bson::RawArrayBuf::new(), true))
 }
 

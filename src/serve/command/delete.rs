@@ -1,6 +1,6 @@
 //! `delete`
 
-use bson::doc;
+use bson::{Document, doc};
 
 use super::definition::Command;
 use super::update::is_of_command;
@@ -9,16 +9,17 @@ use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
-use crate::store::Namespace;
+use crate::store::{Modifiers, Namespace};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("delete", delete).transactional()];
 
 fn delete(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.check(&[&COMMON[..], &["deletes"]].concat(), &["let"])?;
+    fields.known(&[&COMMON[..], &["deletes", "let"]].concat())?;
+    let variables = fields.document_or_empty("let")?;
     let (ordered, mut outcome) = (is_ordered(fields)?, Outcome::default());
     for (index, statement) in statements(fields, "deletes")?.into_iter().enumerate() {
-        match delete_one(memory, call, &ns, Fields::new("delete.deletes", statement)) {
+        match delete_one(memory, call, &ns, Fields::new("delete.deletes", statement), &variables) {
             Ok(count) => outcome.n += count,
             Err(failure) if is_of_command(&failure) => return Err(failure),
             Err(failure) => {
@@ -31,9 +32,15 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     outcome.reply(doc! {})
 }
 
-fn delete_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) -> Result<u64, Failure> {
-    fields.check_inside(&["q", "limit", "hint"], &["collation"])?;
-    super::index::check_hint(memory, ns, fields)?;
+fn delete_one(
+    memory: &Memory,
+    call: &Call,
+    ns: &Namespace,
+    fields: Fields<'_>,
+    variables: &Document,
+) -> Result<u64, Failure> {
+    fields.known_inside(&["q", "limit", "hint", "collation"])?;
+    let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
     let filter = fields.document("q")?.ok_or_else(|| fields.missing("q"))?;
     let first_only = match fields.whole("limit")? {
         Some(0) => false,
@@ -44,5 +51,5 @@ fn delete_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) 
         }
         None => return Err(fields.missing("limit")),
     };
-    Ok(call.access(memory).delete(ns, filter, first_only)?)
+    Ok(call.access(memory).delete(ns, filter, first_only, &modifiers)?)
 }

@@ -16,7 +16,9 @@ pub(super) const COMMANDS: &[Command] = &[
 ];
 
 /// What is taken, or makes no difference here.
-const TAKEN: [&str; 13] = [
+const TAKEN: [&str; 15] = [
+    "collation",
+    "let",
     "filter",
     "projection",
     "sort",
@@ -33,24 +35,13 @@ const TAKEN: [&str; 13] = [
 ];
 
 /// What this rmem has no word for.
-const REFUSED: [&str; 10] = [
-    "let",
-    "collation",
-    "max",
-    "min",
-    "returnKey",
-    "showRecordId",
-    "tailable",
-    "awaitData",
-    "ntoreturn",
-    "encryptionInformation",
-];
+const REFUSED: [&str; 8] =
+    ["max", "min", "returnKey", "showRecordId", "tailable", "awaitData", "ntoreturn", "encryptionInformation"];
 
 fn find(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
     let find = read(fields)?;
     let memory = host.memory()?;
-    super::index::check_hint(memory, &ns, fields)?;
     let (limit, is_single) = limit(fields)?;
     let batch = FirstBatch {
         size: fields.size("batchSize")?,
@@ -73,6 +64,7 @@ pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
         skip: fields.size("skip")?.unwrap_or(0),
         limit: limit(fields)?.0,
         projection: fields.document_or_empty("projection")?,
+        modifiers: fields.modifiers()?,
     })
 }
 
@@ -87,10 +79,9 @@ fn limit(fields: Fields<'_>) -> Result<(u64, bool), Failure> {
 
 fn count(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
-    fields.check(&["query", "limit", "skip", "hint", "fields"], &["collation", "encryptionInformation"])?;
+    fields.check(&["query", "limit", "skip", "hint", "fields", "collation"], &["encryptionInformation"])?;
     let memory = host.memory()?;
-    super::index::check_hint(memory, &ns, fields)?;
-    let all = call.access(memory).count(&ns, &fields.document_or_empty("query")?)?;
+    let all = call.access(memory).count(&ns, &fields.document_or_empty("query")?, &fields.modifiers()?)?;
     let rest = all.saturating_sub(fields.size("skip")?.unwrap_or(0));
     let n = match limit(fields)?.0 {
         0 => rest,
@@ -101,8 +92,9 @@ fn count(host: &mut Host<'_>, call: &Call) -> Answer {
 
 fn distinct(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
-    fields.check(&["key", "query", "hint"], &["collation"])?;
+    fields.known(&["key", "query", "hint", "collation"])?;
     let key = fields.text("key")?.ok_or_else(|| fields.missing("key"))?;
-    let values = call.access(host.memory()?).distinct(&ns, key, &fields.document_or_empty("query")?)?;
+    let query = fields.document_or_empty("query")?;
+    let values = call.access(host.memory()?).distinct(&ns, key, &query, &fields.modifiers()?)?;
     raw(&doc! { "values": values })
 }

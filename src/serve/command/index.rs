@@ -44,13 +44,7 @@ fn create(memory: &Memory, call: &Call) -> Answer {
 
 fn read(definition: &Document) -> Result<Index, Failure> {
     let mut definition = definition.clone();
-    // A collation that says nothing, and options whose values say nothing.
-    if definition
-        .get_document("collation")
-        .is_ok_and(|collation| collation.get_str("locale").is_ok_and(|locale| locale == "simple"))
-    {
-        definition.remove("collation");
-    }
+    // An option whose value says nothing.
     if definition.get_bool("hidden").is_ok_and(|hidden| !hidden) {
         definition.remove("hidden");
     }
@@ -124,26 +118,4 @@ fn named(fields: Fields<'_>, present: &[Index]) -> Result<Vec<String>, Failure> 
         }
         _ => Err(fields.missing("index")),
     }
-}
-
-/// An index that a query is to use has to be there. Which one it does use, the memory decides.
-pub(super) fn check_hint(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<(), Failure> {
-    let is_there = |is_meant: &dyn Fn(&Index) -> bool| -> Result<bool, Failure> {
-        let indexes = memory.indexes(ns)?;
-        Ok(indexes.is_empty() || indexes.iter().any(is_meant))
-    };
-    let found = match fields.document.get("hint") {
-        None | Some(Bson::Null) => true,
-        Some(Bson::String(name)) if name.is_empty() => true,
-        Some(Bson::String(name)) => is_there(&|index| index.name == *name)?,
-        Some(Bson::Document(keys)) if keys.is_empty() || keys.contains_key("$natural") => true,
-        Some(Bson::Document(keys)) => is_there(&|index| index.has_keys(keys))?,
-        Some(_) => return Err(Failure::new(codes::FAILED_TO_PARSE, "Hint must be a string or an object")),
-    };
-    if found {
-        return Ok(());
-    }
-    let message =
-        "error processing query: planner returned error: hint provided does not correspond to an existing index";
-    Err(Failure::new(codes::BAD_VALUE, message))
 }

@@ -9,12 +9,13 @@ use crate::memory::Memory;
 use crate::query::QueryError;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::store::{Find, Namespace, UpdateRequest, UpdateSpec};
+use crate::store::{Find, Modifiers, Namespace, UpdateRequest, UpdateSpec};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("findAndModify", modify).transactional()];
 
 /// What is taken beside [`COMMON`].
-const TAKEN: [&str; 9] = ["query", "sort", "remove", "update", "new", "fields", "upsert", "arrayFilters", "hint"];
+const TAKEN: [&str; 11] =
+    ["query", "sort", "remove", "update", "new", "fields", "upsert", "arrayFilters", "hint", "collation", "let"];
 
 /// What is to be done with the first document that matches.
 struct Modification {
@@ -25,12 +26,12 @@ struct Modification {
     array_filters: Vec<Document>,
     new: bool,
     upsert: bool,
+    modifiers: Modifiers,
 }
 
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.check(&[&COMMON[..], &TAKEN].concat(), &["collation", "let"])?;
-    super::index::check_hint(memory, &ns, fields)?;
+    fields.known(&[&COMMON[..], &TAKEN].concat())?;
     let modification = Modification {
         query: fields.document_or_empty("query")?,
         sort: fields.document_or_empty("sort")?,
@@ -39,6 +40,7 @@ fn modify(memory: &Memory, call: &Call) -> Answer {
         array_filters: array_filters(fields)?,
         new: fields.flag("new")?,
         upsert: fields.flag("upsert")?,
+        modifiers: fields.modifiers()?,
     };
     modification.check(fields.flag("remove")?)?;
     match &modification.update {
@@ -68,6 +70,7 @@ impl Modification {
             sort: self.sort.clone(),
             limit: 1,
             projection: self.fields.clone(),
+            modifiers: self.modifiers.clone(),
             ..Find::default()
         };
         Ok(call.access(memory).find(ns, &find)?.next().transpose()?)
@@ -80,6 +83,7 @@ impl Modification {
             sort: self.sort.clone(),
             limit: 1,
             projection: doc! { "_id": 1 },
+            modifiers: self.modifiers.clone(),
             ..Find::default()
         };
         let Some(found) = call.access(memory).find(ns, &find)?.next().transpose()? else { return Ok(None) };
@@ -96,7 +100,7 @@ impl Modification {
             return raw(&doc! { "lastErrorObject": { "n": 0 }, "value": Bson::Null });
         };
         let before = value(self.first(memory, call, ns)?)?;
-        call.access(memory).delete(ns, &same(&id), true)?;
+        call.access(memory).delete(ns, &same(&id), true, &Modifiers::default())?;
         raw(&doc! { "lastErrorObject": { "n": 1 }, "value": before })
     }
 
@@ -108,7 +112,7 @@ impl Modification {
         }
         // What the query matched determines which element `$` is.
         let filter = match &id {
-            Some(id) => doc! { "$and": [self.query.clone(), same(id)] },
+            Some(id) => doc! { "$and": [self.query.clone(), exactly(id)] },
             None => self.query.clone(),
         };
         let request = UpdateRequest {
@@ -118,7 +122,7 @@ impl Modification {
             many: false,
             upsert: self.upsert,
         };
-        let updated = call.access(memory).update(ns, &request)?;
+        let updated = call.access(memory).update(ns, &request, &self.modifiers.without_hint())?;
         let mut last = doc! { "n": 1, "updatedExisting": id.is_some() };
         if let Some(made) = &updated.upserted {
             last.insert("upserted", made);
@@ -133,6 +137,14 @@ impl Modification {
 
 fn same(id: &Bson) -> Document {
     doc! { "_id": { "$eq": id } }
+}
+
+/// A document's `_id`, also where strings compare by a collation: by a pattern, which compares bytes.
+fn exactly(id: &Bson) -> Document {
+    let Bson::String(text) = id else { return same(id) };
+    let escape = |c: char| if c.is_ascii_punctuation() { format!("\\{c}") } else { c.to_string() };
+    let escaped: String = text.chars().map(escape).collect();
+    doc! { "_id": { "$regex": format!("^{escaped}\\z") } }
 }
 
 fn value(document: Option<RawDocumentBuf>) -> Result<Bson, Failure> {

@@ -9,7 +9,7 @@ use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
 use crate::serve::fields::{Fields, whole};
 use crate::serve::host::Host;
-use crate::store::{Namespace, Store};
+use crate::store::{Modifiers, Namespace, Store};
 
 pub(super) const COMMANDS: &[Command] = &[Command::read("collStats", collection), Command::read("dbStats", database)];
 
@@ -119,7 +119,7 @@ pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bso
         document.insert("storageStats", described(memory.bare(ns)?, ns, size, scale)?);
     }
     if fields.document("count")?.is_some() {
-        document.insert("count", call.access(memory).count(ns, &Document::new())?.cast_signed());
+        document.insert("count", call.access(memory).count(ns, &Document::new(), &Modifiers::default())?.cast_signed());
     }
     if fields.document("latencyStats")?.is_some() {
         let none = doc! { "latency": 0_i64, "ops": 0_i64 };

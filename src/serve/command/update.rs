@@ -8,17 +8,18 @@ use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
-use crate::store::{Namespace, UpdateRequest, UpdateSpec, Updated};
+use crate::store::{Modifiers, Namespace, UpdateRequest, UpdateSpec, Updated};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("update", update).transactional()];
 
 fn update(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.check(&[&COMMON[..], &["updates"]].concat(), &["let"])?;
+    fields.known(&[&COMMON[..], &["updates", "let"]].concat())?;
+    let variables = fields.document_or_empty("let")?;
     let ordered = is_ordered(fields)?;
     let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
     for (index, statement) in statements(fields, "updates")?.into_iter().enumerate() {
-        match update_one(memory, call, &ns, Fields::new("update.updates", statement)) {
+        match update_one(memory, call, &ns, Fields::new("update.updates", statement), &variables) {
             Ok(updated) => {
                 outcome.n += updated.matched + u64::from(updated.upserted.is_some());
                 modified += updated.modified;
@@ -46,10 +47,17 @@ pub(super) fn is_of_command(failure: &Failure) -> bool {
         && failure.message.starts_with("BSON field")
 }
 
-fn update_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) -> Result<Updated, Failure> {
-    let taken = ["q", "u", "arrayFilters", "multi", "upsert", "hint"];
-    fields.check_inside(&taken, &["c", "collation", "sort", "upsertSupplied"])?;
-    super::index::check_hint(memory, ns, fields)?;
+fn update_one(
+    memory: &Memory,
+    call: &Call,
+    ns: &Namespace,
+    fields: Fields<'_>,
+    variables: &Document,
+) -> Result<Updated, Failure> {
+    let taken = ["q", "u", "c", "arrayFilters", "multi", "upsert", "hint", "collation"];
+    fields.check_inside(&taken, &["sort", "upsertSupplied"])?;
+    let mut modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
+    modifiers.variables.extend(constants(fields)?);
     let request = UpdateRequest {
         filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,
         update: spec(fields, "u")?.ok_or_else(|| fields.missing("u"))?,
@@ -57,7 +65,18 @@ fn update_one(memory: &Memory, call: &Call, ns: &Namespace, fields: Fields<'_>) 
         many: fields.flag("multi")?,
         upsert: fields.flag("upsert")?,
     };
-    Ok(call.access(memory).update(ns, &request)?)
+    Ok(call.access(memory).update(ns, &request, &modifiers)?)
+}
+
+/// The variables of one statement (`c`): they are values, and no expressions.
+fn constants(fields: Fields<'_>) -> Result<Document, Failure> {
+    let literal = |(name, value): (String, Bson)| (name, Bson::Document(doc! { "$literal": value }));
+    let constants = fields.document_or_empty("c")?;
+    if !constants.is_empty() && !matches!(fields.document.get("u"), Some(Bson::Array(_))) {
+        let message = "Constant values may only be specified for pipeline updates";
+        return Err(Failure::new(51_198, message));
+    }
+    Ok(constants.into_iter().map(literal).collect())
 }
 
 /// How documents are to be changed.

@@ -6,7 +6,7 @@
 //! that order, a page at a time. The choice between equally promising indexes
 //! is made by counting, up to a limit.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::sync::LazyLock;
 
 use bson::{Bson, Document, doc};
@@ -18,7 +18,7 @@ use super::failure;
 use super::indexed::{Indexed, Indexes};
 use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, ways};
 use crate::query::{Filter, QueryError, Sort};
-use crate::store::{Index, StoreError};
+use crate::store::{Hint, Index, StoreError};
 
 /// How many keys are counted to choose between indexes.
 const PROBE: i64 = 1_000;
@@ -26,6 +26,11 @@ const PROBE: i64 = 1_000;
 /// The pattern of the index on `_id`, which is part of the documents' table.
 static IDS: LazyLock<Pattern> =
     LazyLock::new(|| Pattern::parse(&doc! { "_id": 1 }).expect("a pattern that is written here"));
+
+/// The index on `_id` as one that may be used.
+fn of_ids() -> Candidate<'static> {
+    Candidate { pattern: &IDS, multikey: 0, sparse: false }
+}
 
 /// The way to the documents of a query.
 pub(super) enum Way {
@@ -67,14 +72,8 @@ impl Embedded {
         is_explained: bool,
     ) -> Result<Chosen, StoreError> {
         let kept: Vec<&Indexed> = indexes.iter().filter(|index| index.is_used()).collect();
-        let candidates: Vec<Candidate<'_>> = [Candidate { pattern: &IDS, multikey: 0, sparse: false }]
-            .into_iter()
-            .chain(kept.iter().map(|index| Candidate {
-                pattern: &index.pattern,
-                multikey: index.multikey(),
-                sparse: index.definition.sparse,
-            }))
-            .collect();
+        let candidates: Vec<Candidate<'_>> =
+            [of_ids()].into_iter().chain(kept.iter().map(|index| candidate(index))).collect();
         let table = |candidate: usize| match candidate.checked_sub(1).and_then(|nth| kept.get(nth)) {
             Some(index) => index.table(),
             None => collection.table(),
@@ -115,6 +114,83 @@ impl Embedded {
         };
         let parts: Vec<_> = parts.into_iter().map(|access| (table(access.candidate), access.ranges)).collect();
         self.positions(&parts, explanation, sort.is_empty())
+    }
+
+    /// The way through the index that a hint names: between the bounds of the filter, or the whole of it.
+    ///
+    /// # Errors
+    /// Where there is no such index.
+    pub(super) fn hinted(
+        &self,
+        collection: Collection,
+        indexes: &Indexes,
+        filter: &Filter,
+        sort: &Sort,
+        hint: &Hint,
+    ) -> Result<Chosen, StoreError> {
+        let walk = |positions: Option<VecDeque<i64>>| Chosen {
+            way: positions.map_or(Way::Walk, Way::Positions),
+            is_sorted: sort.is_empty(),
+            explanation: doc! { "index": Bson::Null },
+            keys: 0,
+        };
+        let is_meant = |index: &Index| match hint {
+            Hint::Name(name) => index.name == *name,
+            Hint::Keys(keys) => index.has_keys(keys),
+            Hint::Natural { .. } => false,
+        };
+        let (index, candidate, table) = match indexes.iter().find(|index| is_meant(&index.definition)) {
+            _ if matches!(hint, Hint::Natural { backwards: false }) => return Ok(walk(None)),
+            _ if matches!(hint, Hint::Natural { .. }) => return Ok(walk(Some(self.backwards(collection)?))),
+            _ if is_meant(&Index::of_ids()) => (Index::of_ids(), of_ids(), collection.table()),
+            Some(index) if index.is_hidden() => return Err(no_hinted()),
+            // What has no keys is answered by all documents.
+            Some(index) if !index.is_kept() => return Ok(walk(None)),
+            Some(index) => (index.definition.clone(), candidate(index), index.table()),
+            None => return Err(no_hinted()),
+        };
+        let access = ways(filter, sort, &[candidate]).pop();
+        let bounds = access.as_ref().map(|access| access.bounds(candidate.pattern)).unwrap_or_default();
+        let all = || vec![Range { low: Vec::new(), high: vec![0xff; 2] }];
+        let (is_sorted, backwards, ranges) = match access {
+            Some(access) => (access.sorted.is_some(), access.sorted.unwrap_or(false), access.ranges),
+            None => (sort.is_empty(), false, all()),
+        };
+        let listing = Listing { table, ranges: in_turn(ranges, backwards), backwards };
+        let positions = self.listed(&listing).map_err(|e| self.explain(&e))?;
+        let explanation = doc! { "index": index.name, "keys": index.keys, "bounds": bounds };
+        let keys = positions.len() as u64;
+        Ok(Chosen { way: Way::Positions(positions), is_sorted: is_sorted || sort.is_empty(), explanation, keys })
+    }
+
+    /// The positions of all documents, the last one first.
+    fn backwards(&self, collection: Collection) -> Result<VecDeque<i64>, StoreError> {
+        let sql = format!("SELECT position FROM {} ORDER BY position DESC", collection.table());
+        let list = || -> rusqlite::Result<VecDeque<i64>> {
+            self.connection.prepare_cached(&sql)?.query_map([], |row| row.get(0))?.collect()
+        };
+        list().map_err(|e| self.explain(&e))
+    }
+
+    /// The positions that a table of keys lists, in its order, each once.
+    fn listed(&self, listing: &Listing) -> rusqlite::Result<VecDeque<i64>> {
+        let order = if listing.backwards { "DESC" } else { "ASC" };
+        let sql = format!(
+            "SELECT position FROM {} WHERE key >= ? AND key < ? ORDER BY key {order}, position {order}",
+            listing.table
+        );
+        let mut statement = self.connection.prepare_cached(&sql)?;
+        let (mut positions, mut seen) = (VecDeque::new(), HashSet::new());
+        for range in &listing.ranges {
+            let mut rows = statement.query([&range.low, &range.high])?;
+            while let Some(row) = rows.next()? {
+                let position = row.get(0)?;
+                if seen.insert(position) {
+                    positions.push_back(position);
+                }
+            }
+        }
+        Ok(positions)
     }
 
     /// The one of several ways with the fewest keys.
@@ -195,7 +271,7 @@ impl Embedded {
     /// How many documents have a date at or before `date` in the index on decay.
     pub(super) fn decayed(&self, index: &Indexed, date: bson::DateTime) -> Result<u64, StoreError> {
         let filter = Filter::parse(&doc! { crate::store::metadata::DECAY_PATH: { "$lte": date } })?;
-        let candidate = Candidate { pattern: &index.pattern, multikey: index.multikey(), sparse: true };
+        let candidate = Candidate { sparse: true, ..candidate(index) };
         let Some(access) = ways(&filter, &Sort::none(), &[candidate]).pop() else {
             return Err(QueryError::bad_value("the index on decay has no dates").into());
         };
@@ -205,6 +281,16 @@ impl Embedded {
         positions.dedup();
         Ok(positions.len() as u64)
     }
+}
+
+/// The error for a hint that names no index.
+fn no_hinted() -> StoreError {
+    let message = "the hint names no index that queries use: `rmem index NS` lists the indexes";
+    QueryError::bad_value(message).into()
+}
+
+fn candidate(index: &Indexed) -> Candidate<'_> {
+    Candidate { pattern: &index.pattern, multikey: index.multikey(), sparse: index.definition.sparse }
 }
 
 /// The ranges in the order in which they are read.

@@ -9,19 +9,20 @@ use super::indexed::decay;
 use super::scan::{Scan, sharpen};
 use super::snapshot::Snapshot;
 use crate::query::{self, Filter, Projection, QueryError, Sort};
-use crate::store::{Documents, Find, Namespace, StoreError, metadata};
+use crate::store::{Documents, Find, Modifiers, Namespace, StoreError, metadata};
 
 impl Embedded {
     pub(super) fn answer(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let mut filter = Rc::new(Filter::parse(&find.filter)?);
+        let constants = query::constants(&find.modifiers.variables)?;
+        let mut filter = Rc::new(Filter::parse_with_constants(&find.filter, &constants)?);
         let sort = Sort::parse(&find.sort)?;
         let projection = match find.projection.is_empty() {
             true => None,
-            false => Some(Projection::parse(&find.projection)?),
+            false => Some(Projection::parse_with(&find.projection, &constants)?),
         };
         let snapshot = Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))?;
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        let scan = Scan::sorted(self, collection, &mut filter, &sort)?;
+        let scan = Scan::sorted(self, collection, &mut filter, &sort, find.modifiers.hint.as_ref())?;
         let is_sorted = scan.in_order();
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
         let scan = if is_sorted { scan.at_most(skip.saturating_add(limit)) } else { scan };
@@ -40,12 +41,14 @@ impl Embedded {
 
     /// Answers a query to explain how it is answered.
     pub(super) fn explained(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        let mut filter = Rc::new(Filter::parse(&find.filter)?);
+        let constants = query::constants(&find.modifiers.variables)?;
+        let mut filter = Rc::new(Filter::parse_with_constants(&find.filter, &constants)?);
         let sort = Sort::parse(&find.sort)?;
         let Some(collection) = self.collection(ns)? else {
             return Ok(doc! { "index": Bson::Null, "keys_examined": 0, "documents_examined": 0, "returned": 0 });
         };
-        let (scan, mut explanation) = Scan::explained(self, collection, &mut filter, &sort)?;
+        let (scan, mut explanation) =
+            Scan::explained(self, collection, &mut filter, &sort, find.modifiers.hint.as_ref())?;
         let (examined, is_sorted) = (scan.examined(), scan.in_order());
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
         let most = if is_sorted { skip.saturating_add(limit) } else { usize::MAX };
@@ -67,9 +70,12 @@ impl Embedded {
         Ok(explanation)
     }
 
-    pub(super) fn tally(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        let mut filter = Rc::new(Filter::parse(filter)?);
+    pub(super) fn tally(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
+        let mut filter = Rc::new(with_variables(filter, modifiers)?);
         let Some(collection) = self.collection(ns)? else { return Ok(0) };
+        if modifiers.hint.is_some() {
+            return Scan::sorted(self, collection, &mut filter, &Sort::none(), modifiers.hint.as_ref())?.count();
+        }
         let indexes = self.indexes_of(collection)?;
         sharpen(&indexes, &mut filter);
         let size = || collection.size(&self.connection).map_err(|e| self.explain(&e));
@@ -80,14 +86,28 @@ impl Embedded {
         }
     }
 
-    pub(super) fn values(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
+    pub(super) fn values(
+        &self,
+        ns: &Namespace,
+        field: &str,
+        filter: &Document,
+        modifiers: &Modifiers,
+    ) -> Result<Vec<Bson>, StoreError> {
         check_path(field)?;
-        let mut filter = Rc::new(Filter::parse(filter)?);
+        let mut filter = Rc::new(with_variables(filter, modifiers)?);
         let Some(collection) = self.collection(ns)? else {
             return query::distinct(std::iter::empty::<Result<_, StoreError>>(), field);
         };
-        let found = Scan::new(self, collection, &mut filter)?;
+        let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), modifiers.hint.as_ref())?;
         query::distinct(found.map(|found| found.map(|found| found.body)), field)
+    }
+}
+
+/// Reads a filter whose expressions may use the variables of the command.
+pub(super) fn with_variables(filter: &Document, modifiers: &Modifiers) -> Result<Filter, QueryError> {
+    match modifiers.variables.is_empty() {
+        true => Filter::parse(filter),
+        false => Filter::parse_with_constants(filter, &query::constants(&modifiers.variables)?),
     }
 }
 

@@ -5,12 +5,16 @@ use std::rc::Rc;
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
+use super::answer::with_variables;
 use super::catalog::Collection;
 use super::change_log::Noted;
 use super::scan::Found;
+use super::slices::Selection;
 use super::{Embedded, body as stored};
-use crate::query::{Filter, QueryError, Update, key};
-use crate::store::{ChangeKind, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata};
+use crate::query::{Filter, QueryError, Update, constants, key};
+use crate::store::{
+    ChangeKind, Modifiers, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata,
+};
 
 /// MongoDB's code for an attempt to change an `_id`.
 const IMMUTABLE_FIELD: i32 = 66;
@@ -23,17 +27,18 @@ impl Embedded {
         ns: &Namespace,
         request: &UpdateRequest,
         timestamp: Option<DateTime>,
+        modifiers: &Modifiers,
     ) -> Result<Updated, StoreError> {
-        let change = Change::parse(request, timestamp)?;
+        let constants = constants(&modifiers.variables)?;
+        let change = Change::parse(request, timestamp, &constants)?;
         let (mut modified, mut upserted) = (0, None);
         let most = if request.many { u64::MAX } else { 1 };
         // The scan may simplify its own filter.
-        let mut filter = Rc::new(Filter::parse(&request.filter)?);
+        let mut filter = Rc::new(Filter::parse_with_constants(&request.filter, &constants)?);
         let matched = self.each_match(
             ns,
             &mut filter,
-            most,
-            true,
+            Selection { most, hint: modifiers.hint.as_ref(), is_sweeping: true },
             &mut |collection, found| {
                 modified += u64::from(self.change_one(ns, collection, found, &change)?);
                 Ok(())
@@ -176,11 +181,18 @@ impl Embedded {
         self.note(ns, Noted::delete(&found.body, found.position))
     }
 
-    pub(super) fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        let mut filter = Rc::new(Filter::parse(filter)?);
+    pub(super) fn remove(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        first_only: bool,
+        modifiers: &Modifiers,
+    ) -> Result<u64, StoreError> {
+        let mut filter = Rc::new(with_variables(filter, modifiers)?);
         let most = if first_only { 1 } else { u64::MAX };
         let erase = &mut |collection, found: &Found| self.erase(ns, collection, found);
-        self.each_match(ns, &mut filter, most, false, erase, &mut || Ok(()))
+        let selection = Selection { most, hint: modifiers.hint.as_ref(), is_sweeping: false };
+        self.each_match(ns, &mut filter, selection, erase, &mut || Ok(()))
     }
 }
 
@@ -193,7 +205,7 @@ struct Change {
 }
 
 impl Change {
-    fn parse(request: &UpdateRequest, timestamp: Option<DateTime>) -> Result<Self, QueryError> {
+    fn parse(request: &UpdateRequest, timestamp: Option<DateTime>, constants: &Document) -> Result<Self, QueryError> {
         if timestamp.is_some() {
             metadata::check_update(&request.update)?;
         }
@@ -202,12 +214,12 @@ impl Change {
             UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => {
                 return Err(QueryError::failed_to_parse("a pipeline takes no array filters"));
             }
-            UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages)?,
+            UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, constants)?,
         };
         if request.many && update.is_replacement() {
             return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
         }
-        let filter = Rc::new(Filter::parse(&request.filter)?);
+        let filter = Rc::new(Filter::parse_with_constants(&request.filter, constants)?);
         Ok(Self { filter, update, now: timestamp.unwrap_or_else(DateTime::now), timestamp })
     }
 

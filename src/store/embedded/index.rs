@@ -13,7 +13,7 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
-use super::indexed::{AllEntries, HIDDEN, Indexed, Indexes, PARTIAL, decay};
+use super::indexed::{AllEntries, COLLATION, HIDDEN, Indexed, Indexes, PARTIAL, decay};
 use super::{Embedded, body};
 use crate::query::index::{Entries, Pattern};
 use crate::query::{Filter, QueryError};
@@ -24,7 +24,7 @@ const OPTIONS_CONFLICT: i32 = 85;
 /// MongoDB's code for an index of that name that is another one.
 const KEYS_CONFLICT: i32 = 86;
 /// Options of geospatial indexes, and those that every index may have.
-const OPTIONS: [&str; 6] = ["2dsphereIndexVersion", "bits", "min", "max", PARTIAL, HIDDEN];
+const OPTIONS: [&str; 7] = ["2dsphereIndexVersion", "bits", "min", "max", PARTIAL, HIDDEN, COLLATION];
 /// MongoDB's code for an index that cannot be made.
 const CANNOT_CREATE: i32 = 67;
 /// MongoDB's code for an index that has to stay, or cannot be.

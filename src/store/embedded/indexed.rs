@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bson::RawDocument;
 
 use super::catalog::Collection;
+use crate::query::collation::during;
 use crate::query::index::{Entries, Pattern};
 use crate::query::{Filter, QueryError};
 use crate::store::{Index, index};
@@ -27,6 +28,8 @@ pub(super) struct Indexed {
 pub(super) const PARTIAL: &str = "partialFilterExpression";
 /// The option of an index that queries do not use.
 pub(super) const HIDDEN: &str = "hidden";
+/// The option of an index whose strings do not compare byte by byte.
+pub(super) const COLLATION: &str = "collation";
 
 /// The indexes of one collection.
 pub(super) type Indexes = Arc<Vec<Indexed>>;
@@ -61,7 +64,8 @@ impl Indexed {
     /// If the definition is none.
     pub(super) fn new(id: i64, definition: Index, multikey: u64) -> Result<Self, QueryError> {
         let pattern = Pattern::parse_with(&definition.keys, &definition.other)?;
-        let partial = definition.other.get_document(PARTIAL).ok().map(Filter::parse).transpose()?;
+        let partial = definition.other.get_document(PARTIAL).ok();
+        let partial = during(pattern.collation(), || partial.map(Filter::parse).transpose())?;
         Ok(Self { id, definition, pattern, multikey: AtomicU64::new(multikey), partial })
     }
 
@@ -78,9 +82,12 @@ impl Indexed {
     /// Whether queries may use it. A partial index is left to the documents it is unique or expires for: whether a query
     /// asks for its documents only is not examined.
     pub(super) fn is_used(&self) -> bool {
-        self.is_kept()
-            && self.partial.is_none()
-            && self.definition.other.get(HIDDEN) != Some(&bson::Bson::Boolean(true))
+        self.is_kept() && self.partial.is_none() && !self.is_hidden()
+    }
+
+    /// Whether it is hidden from queries.
+    pub(super) fn is_hidden(&self) -> bool {
+        self.definition.other.get(HIDDEN) == Some(&bson::Bson::Boolean(true))
     }
 
     /// The paths that run through an array in some document, as bits.
@@ -90,7 +97,7 @@ impl Indexed {
 
     pub(super) fn entries(&self, body: &RawDocument) -> Result<Entries, QueryError> {
         match &self.partial {
-            Some(partial) if !partial.matches(body)? => Ok(Entries::default()),
+            Some(partial) if !during(self.pattern.collation(), || partial.matches(body))? => Ok(Entries::default()),
             _ => self.pattern.entries(body, self.definition.sparse),
         }
     }

@@ -6,8 +6,8 @@ use bson::{DateTime, Document};
 
 use super::Embedded;
 use super::scan::Scan;
-use crate::query::{Filter, Origin, Pipeline};
-use crate::store::{Documents, Namespace, StoreError};
+use crate::query::{Filter, Origin, Pipeline, Sort, constants};
+use crate::store::{Documents, Hint, Modifiers, Namespace, StoreError};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
 const PIECE: usize = 256;
@@ -15,15 +15,21 @@ const PIECE: usize = 256;
 impl Embedded {
     /// Runs a pipeline. Where its stages allow it, results are computed as they are read;
     /// otherwise they are held in memory, but the documents they are computed from are not.
-    pub(super) fn run_pipeline(&self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'_>, StoreError> {
+    pub(super) fn run_pipeline(
+        &self,
+        ns: &Namespace,
+        stages: &[Document],
+        modifiers: &Modifiers,
+    ) -> Result<Documents<'_>, StoreError> {
         let stages = &self.with_near_key(ns, stages)?;
-        let pipeline = Pipeline::parse(stages)?;
+        let constants = constants(&modifiers.variables)?;
+        let pipeline = Pipeline::parse_with(stages, &constants)?;
         if let (Some(near), Some(collection)) = (pipeline.near(), self.collection(ns)?) {
             self.check_near(collection, near)?;
         }
         let input = match pipeline.brings_documents() {
             true => Box::new(std::iter::empty()),
-            false => self.matches(ns, &first_filter(stages))?,
+            false => self.input(ns, &first_filter(stages), &constants, modifiers.hint.as_ref())?,
         };
         let now = DateTime::now();
         if pipeline.is_piecewise() && pipeline.output().is_none() {
@@ -74,9 +80,21 @@ impl Embedded {
 
     /// The documents that match, in natural order.
     fn matches(&self, ns: &Namespace, filter: &Document) -> Result<Documents<'_>, StoreError> {
-        let mut filter = Rc::new(Filter::parse(filter)?);
+        self.input(ns, filter, &Document::new(), None)
+    }
+
+    /// The documents that match: in natural order, or in that of the index that is to be read.
+    fn input(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        constants: &Document,
+        hint: Option<&Hint>,
+    ) -> Result<Documents<'_>, StoreError> {
+        let mut filter = Rc::new(Filter::parse_with_constants(filter, constants)?);
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        Ok(Box::new(Scan::new(self, collection, &mut filter)?.map(|found| found.map(|found| found.body))))
+        let scan = Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?;
+        Ok(Box::new(scan.map(|found| found.map(|found| found.body))))
     }
 }
 

@@ -23,7 +23,7 @@ use super::page::PageError;
 use super::snapshot::Snapshot;
 use super::{Embedded, body, failure};
 use crate::query::{Filter, Sort};
-use crate::store::{StoreError, metadata};
+use crate::store::{Hint, StoreError, metadata};
 
 /// The most bytes of documents in a page.
 const PAGE_BYTES: usize = 256 << 10;
@@ -88,18 +88,19 @@ impl<'a> Scan<'a> {
         collection: Collection,
         filter: &mut Rc<Filter>,
     ) -> Result<Self, StoreError> {
-        Ok(Self::choose(store, collection, filter, &Sort::none(), false)?.0)
+        Ok(Self::choose(store, collection, filter, &Sort::none(), None, false)?.0)
     }
 
-    /// The matches in the order of the sort, where an index has it, else in
+    /// The matches by the index that is to be read, or in the order of the sort, where an index has it, else in
     /// order of insertion; [`Scan::in_order`] says which.
     pub(super) fn sorted(
         store: &'a Embedded,
         collection: Collection,
         filter: &mut Rc<Filter>,
         sort: &Sort,
+        hint: Option<&Hint>,
     ) -> Result<Self, StoreError> {
-        Ok(Self::choose(store, collection, filter, sort, false)?.0)
+        Ok(Self::choose(store, collection, filter, sort, hint, false)?.0)
     }
 
     /// The same, with an explanation of the access path.
@@ -108,8 +109,9 @@ impl<'a> Scan<'a> {
         collection: Collection,
         filter: &mut Rc<Filter>,
         sort: &Sort,
+        hint: Option<&Hint>,
     ) -> Result<(Self, Document), StoreError> {
-        Self::choose(store, collection, filter, sort, true)
+        Self::choose(store, collection, filter, sort, hint, true)
     }
 
     fn choose(
@@ -117,13 +119,15 @@ impl<'a> Scan<'a> {
         collection: Collection,
         filter: &mut Rc<Filter>,
         sort: &Sort,
+        hint: Option<&Hint>,
         is_explained: bool,
     ) -> Result<(Self, Document), StoreError> {
         let indexes = store.indexes_of(collection)?;
         sharpen(&indexes, filter);
-        let mut chosen = match filter.near() {
-            Some(near) => store.by_distance(collection, &indexes, filter, near, sort)?,
-            None => store.choose(collection, &indexes, filter, sort, is_explained)?,
+        let mut chosen = match (filter.near(), hint) {
+            (None, Some(hint)) => store.hinted(collection, &indexes, filter, sort, hint)?,
+            (Some(near), _) => store.by_distance(collection, &indexes, filter, near, sort)?,
+            (None, None) => store.choose(collection, &indexes, filter, sort, is_explained)?,
         };
         let explanation = std::mem::take(&mut chosen.explanation);
         Ok((Self::along(store, collection, filter, chosen)?, explanation))

@@ -11,31 +11,41 @@ use super::Embedded;
 use super::catalog::Collection;
 use super::scan::{Found, Scan};
 use crate::interrupt::stops_work;
-use crate::query::Filter;
-use crate::store::{Namespace, StoreError};
+use crate::query::{Filter, Sort};
+use crate::store::{Hint, Namespace, StoreError};
 
 /// How long a slice takes.
 const SLICE: Duration = Duration::from_millis(100);
 /// The pause between two slices, in which every waiting writer tries once.
 const PAUSE: Duration = Duration::from_millis(15);
 
+/// Which matches are meant, and how they are found.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Selection<'a> {
+    /// At most so many.
+    pub(super) most: u64,
+    /// The index that is read.
+    pub(super) hint: Option<&'a Hint>,
+    /// Whether expired documents are removed before.
+    pub(super) is_sweeping: bool,
+}
+
 /// What is done with a match.
 type Work<'a> = &'a mut dyn FnMut(Collection, &Found) -> Result<(), StoreError>;
 
 impl Embedded {
-    /// Does `work` with each match, of which there are at most `most`, or `otherwise` where there is none;
+    /// Does `work` with each match that is selected, or `otherwise` where there is none;
     /// returns how many matched. Where the user interrupts it between two slices, it ends with [`StoreError::Interrupted`].
-    ///  Expired documents are removed before with `is_sweeping`. Within a
-    /// transaction, everything is part of it.
+    /// Within a transaction, everything is part of it.
     pub(super) fn each_match(
         &self,
         ns: &Namespace,
         filter: &mut Rc<Filter>,
-        most: u64,
-        is_sweeping: bool,
+        selection: Selection<'_>,
         work: Work<'_>,
         otherwise: &mut dyn FnMut() -> Result<(), StoreError>,
     ) -> Result<u64, StoreError> {
+        let Selection { most, hint, is_sweeping } = selection;
         let is_sliced = self.connection.is_autocommit();
         let (mut open, mut matched) = (None, 0);
         loop {
@@ -52,7 +62,7 @@ impl Embedded {
                     }
                     None => {
                         let most = usize::try_from(most).unwrap_or(usize::MAX);
-                        let scan = Scan::new(self, collection, filter)?.at_most(most);
+                        let scan = Scan::sorted(self, collection, filter, &Sort::none(), hint)?.at_most(most);
                         let (id, scan) = open.insert((collection.id, scan));
                         (*id, scan)
                     }
@@ -151,7 +161,15 @@ mod tests {
                 Ok(())
             };
             let mut filter = Rc::new(Filter::parse(&doc! {}).unwrap());
-            store.each_match(&ns, &mut filter, u64::MAX, false, &mut wait, &mut || Ok(())).unwrap();
+            store
+                .each_match(
+                    &ns,
+                    &mut filter,
+                    Selection { most: u64::MAX, hint: None, is_sweeping: false },
+                    &mut wait,
+                    &mut || Ok(()),
+                )
+                .unwrap();
             assert_eq!(written.load(Ordering::Relaxed), 3, "written before the end");
         });
     }

@@ -9,9 +9,11 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf};
 use super::catalog::Collection;
 use super::change_log::Noted;
 use super::{Embedded, busy, failure, file};
+use crate::query::Collation;
+use crate::query::collation::during;
 use crate::store::{
-    ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name, Namespace, Put,
-    Scope, Store, StoreError, UpdateRequest, Updated,
+    ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Modifiers, Name,
+    Namespace, Put, Scope, Store, StoreError, UpdateRequest, Updated,
 };
 
 impl Store for Embedded {
@@ -24,23 +26,48 @@ impl Store for Embedded {
     }
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        self.answer(ns, find)
+        let collation = find.modifiers.collation.as_ref();
+        Ok(collated(during(collation, || self.answer(ns, find))?, collation))
     }
 
     fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        self.explained(ns, find)
+        during(find.modifiers.collation.as_ref(), || self.explained(ns, find))
     }
 
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        self.tally(ns, filter)
+        self.count_with(ns, filter, &Modifiers::default())
+    }
+
+    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
+        during(modifiers.collation.as_ref(), || self.tally(ns, filter, modifiers))
     }
 
     fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
-        self.values(ns, field, filter)
+        self.distinct_with(ns, field, filter, &Modifiers::default())
+    }
+
+    fn distinct_with(
+        &self,
+        ns: &Namespace,
+        field: &str,
+        filter: &Document,
+        modifiers: &Modifiers,
+    ) -> Result<Vec<Bson>, StoreError> {
+        during(modifiers.collation.as_ref(), || self.values(ns, field, filter, modifiers))
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        self.run_pipeline(ns, pipeline)
+        self.aggregate_with(ns, pipeline, &Modifiers::default())
+    }
+
+    fn aggregate_with(
+        &self,
+        ns: &Namespace,
+        pipeline: &[Document],
+        modifiers: &Modifiers,
+    ) -> Result<Documents<'_>, StoreError> {
+        let collation = modifiers.collation.as_ref();
+        Ok(collated(during(collation, || self.run_pipeline(ns, pipeline, modifiers))?, collation))
     }
 
     fn update(
@@ -49,11 +76,31 @@ impl Store for Embedded {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        self.change(ns, update, timestamp)
+        self.update_with(ns, update, timestamp, &Modifiers::default())
+    }
+
+    fn update_with(
+        &self,
+        ns: &Namespace,
+        update: &UpdateRequest,
+        timestamp: Option<DateTime>,
+        modifiers: &Modifiers,
+    ) -> Result<Updated, StoreError> {
+        during(modifiers.collation.as_ref(), || self.change(ns, update, timestamp, modifiers))
     }
 
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        self.remove(ns, filter, first_only)
+        self.delete_with(ns, filter, first_only, &Modifiers::default())
+    }
+
+    fn delete_with(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        first_only: bool,
+        modifiers: &Modifiers,
+    ) -> Result<u64, StoreError> {
+        during(modifiers.collation.as_ref(), || self.remove(ns, filter, first_only, modifiers))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
@@ -188,6 +235,14 @@ impl Store for Embedded {
 
     fn describe(&self) -> String {
         self.place.to_string()
+    }
+}
+
+/// Documents that are computed with the collation of their operation in effect.
+fn collated<'a>(mut documents: Documents<'a>, collation: Option<&Collation>) -> Documents<'a> {
+    match collation.cloned() {
+        None => documents,
+        Some(collation) => Box::new(std::iter::from_fn(move || during(Some(&collation), || documents.next()))),
     }
 }
 

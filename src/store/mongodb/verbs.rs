@@ -3,18 +3,18 @@
 use std::sync::atomic::AtomicBool;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
-use mongodb::options::UpdateModifications;
+use mongodb::options::{DeleteOptions, UpdateModifications};
 use mongodb::results::UpdateResult;
 
 use super::history::Made;
 use super::update::is_replacement;
 use super::{MongoDb, failure};
-use crate::query::{QueryError, object_id};
+use crate::query::{Collation, QueryError, object_id};
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
-    Changes, Documents, Find, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Store, StoreError,
-    UpdateRequest, UpdateSpec, Updated,
+    Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Modifiers, Name, Namespace, Put, Store,
+    StoreError, UpdateRequest, UpdateSpec, Updated,
 };
 
 /// The server's own databases.
@@ -45,6 +45,16 @@ impl Store for MongoDb {
             }
             action = action.skip(find.skip);
         }
+        let modifiers = &find.modifiers;
+        if let Some(collation) = &modifiers.collation {
+            action = action.collation(of_driver(collation)?);
+        }
+        if !modifiers.variables.is_empty() {
+            action = action.let_vars(modifiers.variables.clone());
+        }
+        if let Some(hint) = &modifiers.hint {
+            action = action.hint(hint_of_driver(hint));
+        }
         if find.limit > 0 {
             action = action.limit(i64::try_from(find.limit).unwrap_or(i64::MAX));
         }
@@ -57,20 +67,62 @@ impl Store for MongoDb {
     }
 
     fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        self.collection(ns).count_documents(filter.clone()).run().map_err(|e| self.explain(&e))
+        self.count_with(ns, filter, &Modifiers::default())
+    }
+
+    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
+        let collection = self.collection(ns);
+        let mut action = collection.count_documents(filter.clone());
+        if let Some(collation) = &modifiers.collation {
+            action = action.collation(of_driver(collation)?);
+        }
+        if let Some(hint) = &modifiers.hint {
+            action = action.hint(hint_of_driver(hint));
+        }
+        action.run().map_err(|e| self.explain(&e))
     }
 
     fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
-        self.collection(ns).distinct(field, filter.clone()).run().map_err(|e| self.explain(&e))
+        self.distinct_with(ns, field, filter, &Modifiers::default())
+    }
+
+    fn distinct_with(
+        &self,
+        ns: &Namespace,
+        field: &str,
+        filter: &Document,
+        modifiers: &Modifiers,
+    ) -> Result<Vec<Bson>, StoreError> {
+        let collection = self.collection(ns);
+        let mut action = collection.distinct(field, filter.clone());
+        if let Some(collation) = &modifiers.collation {
+            action = action.collation(of_driver(collation)?);
+        }
+        action.run().map_err(|e| self.explain(&e))
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        let cursor = self
-            .collection(ns)
-            .aggregate(pipeline.to_vec())
-            .with_type::<RawDocumentBuf>()
-            .run()
-            .map_err(|e| self.explain(&e))?;
+        self.aggregate_with(ns, pipeline, &Modifiers::default())
+    }
+
+    fn aggregate_with(
+        &self,
+        ns: &Namespace,
+        pipeline: &[Document],
+        modifiers: &Modifiers,
+    ) -> Result<Documents<'_>, StoreError> {
+        let collection = self.collection(ns);
+        let mut action = collection.aggregate(pipeline.to_vec());
+        if let Some(collation) = &modifiers.collation {
+            action = action.collation(of_driver(collation)?);
+        }
+        if !modifiers.variables.is_empty() {
+            action = action.let_vars(modifiers.variables.clone());
+        }
+        if let Some(hint) = &modifiers.hint {
+            action = action.hint(hint_of_driver(hint));
+        }
+        let cursor = action.with_type::<RawDocumentBuf>().run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
     }
 
@@ -82,6 +134,19 @@ impl Store for MongoDb {
     ) -> Result<Updated, StoreError> {
         let made = |updated: &Updated| Made::dated(updated.modified + u64::from(updated.upserted.is_some()), timestamp);
         self.recorded(ns, made, || self.change(ns, update, timestamp))
+    }
+
+    fn delete_with(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        first_only: bool,
+        modifiers: &Modifiers,
+    ) -> Result<u64, StoreError> {
+        if modifiers.is_empty() {
+            return self.delete(ns, filter, first_only);
+        }
+        self.recorded(ns, |count| Made::removals(*count), || self.remove_with(ns, filter, first_only, modifiers))
     }
 
     fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
@@ -169,6 +234,20 @@ impl Store for MongoDb {
 
     fn describe(&self) -> String {
         self.address.clone()
+    }
+}
+
+/// A collation as the driver takes it.
+fn of_driver(collation: &Collation) -> Result<mongodb::options::Collation, QueryError> {
+    Ok(bson::deserialize_from_document(collation.definition().clone())?)
+}
+
+/// A hint as the driver takes it.
+fn hint_of_driver(hint: &Hint) -> mongodb::options::Hint {
+    match hint.to_bson() {
+        Bson::String(name) => mongodb::options::Hint::Name(name),
+        Bson::Document(keys) => mongodb::options::Hint::Keys(keys),
+        _ => mongodb::options::Hint::Keys(Document::new()),
     }
 }
 
@@ -267,6 +346,25 @@ impl MongoDb {
         let deleted = match first_only {
             true => collection.delete_one(filter.clone()).run(),
             false => collection.delete_many(filter.clone()).run(),
+        };
+        deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
+    }
+
+    fn remove_with(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        first_only: bool,
+        modifiers: &Modifiers,
+    ) -> Result<u64, StoreError> {
+        let collection = self.collection(ns);
+        let mut options = DeleteOptions::default();
+        options.collation = modifiers.collation.as_ref().map(of_driver).transpose()?;
+        options.let_vars = Some(modifiers.variables.clone()).filter(|variables| !variables.is_empty());
+        options.hint = modifiers.hint.as_ref().map(hint_of_driver);
+        let deleted = match first_only {
+            true => collection.delete_one(filter.clone()).with_options(options).run(),
+            false => collection.delete_many(filter.clone()).with_options(options).run(),
         };
         deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
     }

@@ -39,9 +39,6 @@ const BATCH: usize = 40;
 /// So many differences of a family are shrunk and shown.
 const SHOWN: usize = 8;
 
-/// Families with differences that are not explained yet: reported as ignored, by name; `--ignored` runs them.
-const OPEN: [&str; 4] = ["stage_window", "stage_densify_and_fill", "javascript_where", "javascript_function"];
-
 const DOCUMENTED: &str = "known_differences_are_documented";
 
 /// The names of the tests that need a mongod.
@@ -55,7 +52,7 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
     let chosen = FAMILIES.iter().filter(|(name, _)| name.contains(&wanted));
     let trial = |(name, family): &(&'static str, fn() -> Family)| {
         let (name, family, program) = (*name, *family, program.clone());
-        let ignored = program.is_none() || OPEN.contains(&name);
+        let ignored = program.is_none();
         let run = move || match &program {
             Some(program) => compare(name, &family(), program),
             None => Err("there is no mongod".into()),

@@ -13,6 +13,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
     ("mistakes_have_the_codes_and_names_of_mongodb", mistakes),
     ("what_is_not_supported_is_refused_by_its_name", refusals),
+    ("collations_variables_and_hints_are_taken", modifiers),
     ("one_document_is_found_and_modified", modified),
     ("statements_of_a_command_fail_one_by_one", statements),
     ("nothing_is_changed_where_the_memory_is_served_read_only", read_only),
@@ -140,7 +141,7 @@ fn refusals() -> Result<(), Failed> {
     let mut wire = Wire::connect(served.address())?;
     for (command, word) in [
         (doc! { "find": "c", "tailable": true }, "tailable"),
-        (doc! { "find": "c", "collation": { "locale": "de" } }, "collation"),
+        (doc! { "create": "c", "collation": { "locale": "de" } }, "collation"),
         (doc! { "create": "c", "capped": true, "size": 1000 }, "capped"),
         (doc! { "create": "c", "viewOn": "d" }, "viewOn"),
         (doc! { "aggregate": 1, "pipeline": [{ "$listLocalSessions": {} }], "cursor": {} }, "$listLocalSessions"),
@@ -154,6 +155,46 @@ fn refusals() -> Result<(), Failed> {
     // What says nothing is as if left out.
     let plain = doc! { "find": "c", "tailable": false, "collation": { "locale": "simple" }, "$db": "a" };
     assert!(is_fine(&wire.run(&plain)?));
+    Ok(())
+}
+
+/// Collations, variables and hints of commands.
+fn modifiers() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let mut run = |mut command: Document| -> Result<Document, Failed> {
+        command.insert("$db", "a");
+        wire.run(&command)
+    };
+    let collation = doc! { "locale": "en", "strength": 2 };
+    run(doc! { "insert": "c", "documents": [{ "_id": "b", "n": 1 }, { "_id": "B", "n": 2 }, { "_id": "c", "n": 3 }] })?;
+    let index = doc! { "key": { "n": -1 }, "name": "n", "collation": collation.clone() };
+    assert!(is_fine(&run(doc! { "createIndexes": "c", "indexes": [index] })?));
+    let ids = |answer: &Document| -> Result<Vec<String>, Failed> {
+        let found = answer.get_document("cursor")?.get_array("firstBatch")?.iter().filter_map(bson::Bson::as_document);
+        Ok(found.filter_map(|document| document.get_str("_id").ok().map(str::to_owned)).collect())
+    };
+    let find = run(doc! { "find": "c", "filter": { "_id": "B" }, "collation": collation.clone() })?;
+    assert_eq!(ids(&find)?, ["b", "B"]);
+    let find = run(
+        doc! { "find": "c", "hint": "n", "let": { "most": 2 }, "filter": { "$expr": { "$lte": ["$n", "$$most"] } } },
+    )?;
+    assert_eq!(ids(&find)?, ["B", "b"]);
+    let grouped = doc! { "aggregate": "c", "pipeline": [{ "$group": { "_id": { "$toLower": "$_id" } } }, { "$sort": { "_id": -1 } }],
+    "cursor": {}, "collation": collation.clone() };
+    assert_eq!(ids(&run(grouped)?)?, ["c", "b"]);
+    let change = doc! { "findAndModify": "c", "query": { "_id": "B" }, "sort": { "n": -1 }, "update": { "$inc": { "n": 10 } },
+    "new": true, "collation": collation.clone() };
+    assert_eq!(run(change)?.get_document("value")?, &doc! { "_id": "B", "n": 12 });
+    let update = doc! { "q": { "_id": "C" }, "u": [{ "$set": { "n": "$$new" } }], "c": { "new": 7 }, "collation": collation.clone() };
+    assert_eq!(run(doc! { "update": "c", "updates": [update] })?.get_i32("nModified")?, 1);
+    let delete = doc! { "q": { "_id": "b", "$expr": { "$lt": ["$n", "$$most"] } }, "limit": 0, "collation": collation };
+    assert_eq!(run(doc! { "delete": "c", "deletes": [delete], "let": { "most": 5 } })?.get_i32("n")?, 1);
+    let failed = run(doc! { "find": "c", "hint": "nothing" })?;
+    assert_eq!(failed.get_i32("code")?, 2, "{failed}");
+    let failed = run(doc! { "find": "c", "collation": { "strength": 2 } })?;
+    assert_eq!(failed.get_i32("code")?, 40_414, "{failed}");
     Ok(())
 }
 

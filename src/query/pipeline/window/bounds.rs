@@ -86,6 +86,11 @@ impl Bounds {
         Ok(Self::Range(low, high, unit))
     }
 
+    /// Whether documents leave the window as it moves on.
+    pub(super) fn leaves(&self) -> bool {
+        !matches!(self, Self::Documents(End::Unbounded, _) | Self::Range(End::Unbounded, ..))
+    }
+
     /// Returns the window of each document of a partition, as positions.
     pub(super) fn windows(&self, partition: &[Member], descending: bool) -> Result<Vec<Range<usize>>> {
         (0..partition.len()).map(|index| self.window(partition, index, descending)).collect()

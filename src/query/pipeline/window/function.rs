@@ -5,9 +5,11 @@ use std::ops::Range;
 use bson::{Bson, Document};
 
 use super::bounds::Bounds;
+use super::covariance::Covariance;
 use super::member::{Member, wrong};
 use super::order::Order;
-use super::series::{Covariance, Fill, MovingAverage, Slope};
+use super::rolling::{Deviation, rolled};
+use super::series::{Fill, MovingAverage, Slope};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, Value, constant_of};
 use crate::query::number::Number;
@@ -19,6 +21,8 @@ use crate::query::view::Fields;
 #[derive(Debug)]
 pub(super) enum Function {
     Accumulate(Accumulator),
+    /// `$sum` over a window that moves at both ends: a sum that fits is an int, also of longs.
+    Sum(Accumulator),
     /// `$first` and `$last`, which give nothing where the value is missing.
     End {
         input: Expression,
@@ -29,6 +33,11 @@ pub(super) enum Function {
         output: Expression,
         by: i64,
         default: Bson,
+    },
+    /// `$stdDevPop` and `$stdDevSamp` over a window that moves at both ends.
+    Deviation {
+        input: Expression,
+        sample: bool,
     },
     Covariance(Covariance),
     Slope(Slope),
@@ -110,9 +119,16 @@ impl Function {
             "$first" | "$last" => {
                 Ok(Self::End { input: Expression::parse_in(argument, scope)?, last: name == "$last" })
             }
+            "$stdDevPop" | "$stdDevSamp" if bounds.is_some_and(Bounds::leaves) => {
+                Ok(Self::Deviation { input: Expression::parse_in(argument, scope)?, sample: name == "$stdDevSamp" })
+            }
             _ if ACCUMULATORS.contains(&name) || name == "$bottomN" => {
                 let spec = Document::from_iter([(name.to_owned(), argument.clone())]);
-                Ok(Self::Accumulate(Accumulator::of_window(&Bson::Document(spec), scope)?))
+                let accumulator = Accumulator::of_window(&Bson::Document(spec), scope)?;
+                Ok(match name == "$sum" && bounds.is_some_and(Bounds::leaves) {
+                    true => Self::Sum(accumulator),
+                    false => Self::Accumulate(accumulator),
+                })
             }
             _ => Err(wrong(format!("unrecognized window function, {name}"))),
         }
@@ -129,7 +145,20 @@ impl Function {
             Self::End { input, last } => return ends(input, *last, partition, windows, run),
             Self::Shift { output, by, default } => return shifted(output, *by, default, partition, run),
             Self::Accumulate(accumulator) => accumulated(accumulator, partition, windows, run)?,
+            Self::Sum(accumulator) => {
+                let narrow = |sum: Bson| match sum {
+                    Bson::Int64(long) => i32::try_from(long).map_or(Bson::Int64(long), Bson::Int32),
+                    sum => sum,
+                };
+                accumulated(accumulator, partition, windows, run)?.into_iter().map(narrow).collect()
+            }
             Self::Rank(rank) => ranks(*rank, partition),
+            Self::Deviation { input, sample } => {
+                let number =
+                    |member| Ok(input.evaluate(&run.environment(fields(member)))?.as_ref().and_then(Number::of));
+                let numbers: Vec<_> = partition.iter().map(number).collect::<Result<_>>()?;
+                rolled(&numbers, windows, || Deviation::new(*sample))?
+            }
             Self::Covariance(covariance) => covariance.values(partition, windows, run)?,
             Self::Slope(slope) => slope.values(partition, windows, run)?,
             Self::MovingAverage(average) => average.values(partition, run)?,

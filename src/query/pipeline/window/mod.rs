@@ -1,9 +1,11 @@
 //! `$setWindowFields`: fields computed over the documents around each one.
 
 mod bounds;
+mod covariance;
 mod function;
 mod member;
 mod order;
+mod rolling;
 mod series;
 
 use bson::{Bson, Document, RawDocumentBuf};
@@ -120,8 +122,8 @@ impl Window {
                 Bson::Array(_) => {
                     return Err(QueryError::type_mismatch("an expression to partition by may not give an array"));
                 }
-                Bson::Undefined => key::encode_value(&Bson::Null),
-                value => key::encode_value(&value),
+                Bson::Undefined => key::collated(&Bson::Null),
+                value => key::collated(&value),
             },
         };
         let place = self.order.place(&document)?;
@@ -138,13 +140,27 @@ impl Window {
         for member in partition {
             let mut document = Document::try_from(&*member.document)?;
             for ((path, ..), column) in self.output.iter().zip(&mut columns) {
-                if let Some(value) = column.next().flatten() {
-                    super::unwind::put(&mut document, path, value);
+                match column.next().flatten() {
+                    Some(value) => super::unwind::put(&mut document, path, value),
+                    None => take(&mut document, path),
                 }
             }
             results.push(encode(&document)?);
         }
         Ok(())
+    }
+}
+
+/// Removes the field at a path: a missing value takes its place.
+fn take(document: &mut Document, path: &[String]) {
+    match path {
+        [name] => drop(document.remove(name)),
+        [name, rest @ ..] => {
+            if let Some(Bson::Document(inner)) = document.get_mut(name) {
+                take(inner, rest);
+            }
+        }
+        [] => {}
     }
 }
 

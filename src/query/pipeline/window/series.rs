@@ -1,17 +1,15 @@
-//! Window functions of numeric series: covariance, slope, area, moving average, and filling of gaps.
+//! Window functions of numeric series: slope, area, moving average, and filling of gaps.
 
 use std::ops::Range;
 
 use bson::{Bson, Document};
 
 use super::member::{Member, number, wrong};
-use crate::query::arithmetic::{Overflow, multiply, subtract};
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, Unit, Value};
 use crate::query::number::Number;
 use crate::query::pipeline::run::Run;
-use crate::query::statistics::Sum;
 
 /// A number as a double, or as a decimal where a decimal takes part.
 #[derive(Debug, Clone, Copy)]
@@ -84,60 +82,6 @@ fn object<'a>(name: &str, argument: &'a Bson, known: &[&str]) -> Result<&'a Docu
     match spec.keys().find(|key| !known.contains(&key.as_str())) {
         Some(key) => Err(wrong(format!("{name} has the unknown argument: {key}"))),
         None => Ok(spec),
-    }
-}
-
-/// `$covariancePop` and `$covarianceSamp`.
-#[derive(Debug)]
-pub(super) struct Covariance {
-    pair: Expression,
-    sample: bool,
-}
-
-impl Covariance {
-    pub(super) fn parse(name: &str, argument: &Bson, scope: &Scope) -> Result<Self> {
-        Ok(Self { pair: Expression::parse_in(argument, scope)?, sample: name == "$covarianceSamp" })
-    }
-
-    pub(super) fn values<E>(
-        &self,
-        partition: &[Member],
-        windows: &[Range<usize>],
-        run: &Run<'_, E>,
-    ) -> Result<Vec<Bson>> {
-        let mut pairs = Vec::with_capacity(partition.len());
-        for member in partition {
-            pairs.push(match evaluate(&self.pair, member, run)? {
-                Some(Bson::Array(items)) => match items.as_slice() {
-                    [x, y] => Number::of(x).zip(Number::of(y)),
-                    _ => None,
-                },
-                _ => None,
-            });
-        }
-        let value = |window: &Range<usize>| self.of(pairs.get(window.clone()).unwrap_or_default());
-        windows.iter().map(value).collect()
-    }
-
-    /// The covariance of pairs; null of too few. As in mongod, each pair adds the product of its distances from the mean
-    /// of x before it and the mean of y with it, all in compensated sums.
-    fn of(&self, pairs: &[Option<(Number, Number)>]) -> Result<Bson> {
-        let (mut n, mut sum_x, mut sum_y, mut products) = (0, Sum::default(), Sum::default(), Sum::default());
-        for (x, y) in pairs.iter().flatten() {
-            sum_y.add(*y);
-            if let (Some(mean_x), Some(mean_y)) = (sum_x.mean(n), sum_y.mean(n + 1)) {
-                let distance_x = subtract(*x, mean_x, Overflow::Double)?;
-                let distance_y = subtract(*y, mean_y, Overflow::Double)?;
-                products.add(multiply(distance_x, distance_y, Overflow::Double)?);
-            }
-            sum_x.add(*x);
-            n += 1;
-        }
-        Ok(match n.saturating_sub(u64::from(self.sample)) {
-            0 => Bson::Null,
-            1 if n == 1 => Bson::Double(0.0),
-            n => products.mean(n).map_or(Bson::Null, Bson::from),
-        })
     }
 }
 
@@ -243,7 +187,7 @@ fn area(points: &[(Real, Value)]) -> Result<Bson> {
 #[derive(Debug)]
 pub(super) struct MovingAverage {
     input: Expression,
-    alpha: Real,
+    alpha: Decimal,
 }
 
 impl MovingAverage {
@@ -257,31 +201,33 @@ impl MovingAverage {
             (Some(n), None) => {
                 let n = Number::of(n).and_then(Number::integral).filter(|n| *n > 0);
                 let n = n.ok_or_else(|| wrong("the 'N' of $expMovingAvg must be a positive integer"))?;
-                Real::Double(2.0).over(Real::from(Number::Long(n)).plus(Real::Double(1.0)))
+                Decimal::from_integer(2).over(Decimal::from_integer(i128::from(n) + 1))
             }
             (None, Some(alpha)) => {
                 let alpha = Number::of(alpha).filter(|alpha| (0.0..1.0).contains(&alpha.to_double()));
                 let alpha = alpha.filter(|alpha| !alpha.is_zero());
-                alpha.ok_or_else(|| wrong("the 'alpha' of $expMovingAvg must be between 0 and 1"))?.into()
+                alpha.ok_or_else(|| wrong("the 'alpha' of $expMovingAvg must be between 0 and 1"))?.to_decimal()
             }
             _ => return Err(wrong("$expMovingAvg needs either 'N' or 'alpha'")),
         };
         Ok(Self { input: Expression::parse_in(input, scope)?, alpha })
     }
 
+    /// The average is a decimal at each step, as in mongod, and is given as one where a decimal is in it.
     pub(super) fn values<E>(&self, partition: &[Member], run: &Run<'_, E>) -> Result<Vec<Bson>> {
-        let (mut values, mut average) = (Vec::with_capacity(partition.len()), None);
+        let rest = Number::Double(1.0).to_decimal().minus(self.alpha);
+        let (mut values, mut average, mut is_decimal) = (Vec::with_capacity(partition.len()), None, false);
         for member in partition {
-            values.push(match number(evaluate(&self.input, member, run)?.as_ref()) {
-                None => average.map_or(Bson::Null, Bson::from),
-                Some(number) => {
-                    let number = Real::from(number);
-                    let next = average.map_or(number, |average: Real| {
-                        number.times(self.alpha).plus(average.times(Real::Double(1.0).minus(self.alpha)))
-                    });
-                    average = Some(next);
-                    next.into()
-                }
+            if let Some(number) = number(evaluate(&self.input, member, run)?.as_ref()) {
+                is_decimal |= matches!(number, Number::Decimal(_));
+                let number = number.to_decimal();
+                average =
+                    Some(average.map_or(number, |average: Decimal| number.times(self.alpha).plus(average.times(rest))));
+            }
+            values.push(match average {
+                None => Bson::Null,
+                Some(average) if is_decimal => Bson::Decimal128(average.into()),
+                Some(average) => Bson::Double(average.to_double()),
             });
         }
         Ok(values)
@@ -338,9 +284,9 @@ fn interpolated(partition: &[Member], values: &[Value]) -> Result<Vec<Bson>> {
         };
         for index in from + 1..*to {
             let Some(x) = partition.get(index).and_then(place) else { continue };
-            let share = x.minus(x1).over(x2.minus(x1));
+            let slope = y2.minus(y1).over(x2.minus(x1));
             if let Some(slot) = filled.get_mut(index) {
-                *slot = y1.plus(y2.minus(y1).times(share)).into();
+                *slot = y1.plus(x.minus(x1).times(slope)).into();
             }
         }
     }

@@ -1,0 +1,65 @@
+//! `--collation`, `--let` and `--hint`: how strings compare, variables of expressions, and which index is read.
+
+use bson::Bson;
+use clap::Args;
+
+use crate::error::Result;
+use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::query::{Collation, QueryError, constants};
+use crate::store::{Hint, Modifiers};
+
+/// Modifiers of an operation.
+#[derive(Debug, Clone, Args)]
+pub struct ModifierArgs {
+    #[command(flatten)]
+    collation: CollationArgs,
+    /// Variables for expressions, as $$NAME, e.g. '{limit: 3}'
+    #[arg(long = "let", value_name = "VARIABLES")]
+    variables: Option<String>,
+    /// Index to read: its name, or its keys, e.g. '{name: 1}'
+    #[arg(long, value_name = "INDEX")]
+    hint: Option<String>,
+}
+
+/// How strings compare.
+#[derive(Debug, Clone, Args)]
+pub struct CollationArgs {
+    /// How strings compare, e.g. '{locale: "en", strength: 2}' (ignore case) or '{locale: "en", numericOrdering: true}'
+    #[arg(long, value_name = "COLLATION")]
+    collation: Option<String>,
+}
+
+impl CollationArgs {
+    pub(super) fn read(&self) -> Result<Option<Collation>> {
+        let Some(text) = &self.collation else { return Ok(None) };
+        let spec = shell::parse_document(&Source::new("<collation>", text.as_str()))?;
+        Ok(Some(Collation::parse(&spec).map_err(|error| shown("<collation>", text, &error))?))
+    }
+}
+
+impl ModifierArgs {
+    pub(super) fn read(&self) -> Result<Modifiers> {
+        let variables = match &self.variables {
+            None => bson::Document::new(),
+            Some(text) => {
+                let variables = shell::parse_document(&Source::new("<let>", text.as_str()))?;
+                constants(&variables).map_err(|error| shown("<let>", text, &error))?;
+                variables
+            }
+        };
+        let hint = match &self.hint {
+            None => None,
+            Some(text) if text.trim_start().starts_with('{') => {
+                Hint::parse(&shell::parse_value(&Source::new("<hint>", text.as_str()))?)
+                    .map_err(|error| shown("<hint>", text, &error))?
+            }
+            Some(name) => Hint::parse(&Bson::from(name.as_str())).map_err(|error| shown("<hint>", name, &error))?,
+        };
+        Ok(Modifiers { collation: self.collation.read()?, variables, hint })
+    }
+}
+
+/// An error about the text of an option.
+fn shown(name: &'static str, text: &str, error: &QueryError) -> Diagnostic {
+    Diagnostic::new(&Source::new(name, text), Span::new(0, text.len()), error.message.clone())
+}

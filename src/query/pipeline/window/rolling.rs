@@ -1,0 +1,114 @@
+//! Values over windows that move: what enters is added, what leaves is taken away again, as in mongod, so that the
+//! last digits are mongod's, too.
+
+use std::ops::Range;
+
+use bson::Bson;
+
+use crate::query::error::Result;
+use crate::query::number::Number;
+use crate::query::statistics::Sum;
+
+/// What is known of the items in a window.
+pub(super) trait Rolling {
+    /// What enters and leaves.
+    type Item;
+
+    fn add(&mut self, item: &Self::Item) -> Result<()>;
+    fn remove(&mut self, item: &Self::Item) -> Result<()>;
+    fn value(&self) -> Result<Bson>;
+}
+
+/// Returns the value of each window over the items.
+pub(super) fn rolled<R: Rolling>(
+    items: &[R::Item],
+    windows: &[Range<usize>],
+    start: impl Fn() -> R,
+) -> Result<Vec<Bson>> {
+    let (mut state, mut done) = (start(), 0..0);
+    let mut values = Vec::with_capacity(windows.len());
+    for window in windows {
+        if window.start < done.start || window.end < done.end || window.start > done.end {
+            (state, done) = (start(), window.start..window.start);
+        }
+        for item in items.get(done.end..window.end).unwrap_or_default() {
+            state.add(item)?;
+        }
+        for item in items.get(done.start..window.start).unwrap_or_default() {
+            state.remove(item)?;
+        }
+        done = window.clone();
+        values.push(state.value()?);
+    }
+    Ok(values)
+}
+
+/// The standard deviation over a window that moves at both ends: the sum and the squared distances are corrected for
+/// each number that enters or leaves.
+#[derive(Debug)]
+pub(super) struct Deviation {
+    sample: bool,
+    n: u32,
+    /// How many others are infinite or NaN.
+    special: u32,
+    sum: Sum,
+    squares: Sum,
+}
+
+impl Deviation {
+    pub(super) fn new(sample: bool) -> Self {
+        Self { sample, n: 0, special: 0, sum: Sum::default(), squares: Sum::default() }
+    }
+
+    /// Takes a number to `n` others, or away from them, with its part of the squares.
+    fn correct(&mut self, value: f64, n: f64, sign: f64) {
+        let distance = n * value - self.sum.total().to_double();
+        self.sum.add(Number::Double(value * sign));
+        self.squares.add(Number::Double(distance * distance * sign / ((n + sign) * n)));
+    }
+}
+
+impl Rolling for Deviation {
+    type Item = Option<Number>;
+
+    fn add(&mut self, item: &Self::Item) -> Result<()> {
+        match *item {
+            None => {}
+            Some(number) if !number.is_finite() => self.special += 1,
+            Some(number) if self.n == 0 => {
+                self.n = 1;
+                self.sum.add(number);
+            }
+            Some(number) => {
+                self.correct(number.to_double(), f64::from(self.n), 1.0);
+                self.n += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn remove(&mut self, item: &Self::Item) -> Result<()> {
+        match *item {
+            None => {}
+            Some(number) if !number.is_finite() => self.special = self.special.saturating_sub(1),
+            Some(_) if self.n <= 1 => (self.n, self.sum, self.squares) = (0, Sum::default(), Sum::default()),
+            Some(number) => {
+                self.correct(number.to_double(), f64::from(self.n), -1.0);
+                self.n -= 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn value(&self) -> Result<Bson> {
+        let squares = self.squares.total().to_double();
+        // The deviation of a sample of none is the root of nothing over -1.
+        let divisor = f64::from(self.n) - if self.sample { 1.0 } else { 0.0 };
+        Ok(match divisor {
+            _ if self.special > 0 => Bson::Null,
+            0.0 => Bson::Null,
+            _ if squares < 0.0 || self.n == 1 => Bson::Int32(0),
+            divisor => Bson::Double((squares / divisor).sqrt()),
+        })
+    }
+}

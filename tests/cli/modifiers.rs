@@ -1,0 +1,136 @@
+//! --collation, --let and --hint: how strings compare, variables, and which index is read.
+#![cfg(feature = "collation")]
+
+use crate::lab::{Lab, assert_run};
+
+fn boxes() -> Lab {
+    let lab = Lab::new();
+    lab.rmem(&[
+        "insert",
+        "-q",
+        "robmem.boxes",
+        "{_id: 1, name: 'box10', color: 'red', n: 3, tags: ['Big', 'big']}",
+        "{_id: 2, name: 'Box9', color: 'Red', n: 4}",
+        "{_id: 3, name: 'Öre', color: 'blue', n: 5}",
+    ])
+    .success();
+    lab
+}
+
+const IGNORE_CASE: &str = "{locale: 'en', strength: 2}";
+const NUMERIC: &str = "{locale: 'en', numericOrdering: true}";
+
+#[test]
+fn a_collation_ignores_case_and_orders_numbers() {
+    let lab = boxes();
+    let query = ["query", "robmem.boxes", "{color: 'RED'}", "--collation", IGNORE_CASE, "--fields", "{name: 1}"];
+    assert_run!(lab.rmem(&query), @r#"
+    {"_id":1,"name":"box10"}
+    {"_id":2,"name":"Box9"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let sorted = ["query", "robmem.boxes", "--sort", "{name: 1}", "--collation", NUMERIC, "--fields", "{name: 1}"];
+    assert_run!(lab.rmem(&sorted), @r#"
+    {"_id":2,"name":"Box9"}
+    {"_id":1,"name":"box10"}
+    {"_id":3,"name":"Öre"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_eq!(lab.rmem(&["count", "robmem.boxes", "{color: 'RED'}", "--collation", IGNORE_CASE]).success(), "2\n");
+    let distinct = lab.rmem(&["distinct", "robmem.boxes", "color", "--collation", IGNORE_CASE]).success();
+    assert_eq!(distinct, "\"blue\"\n\"red\"\n");
+    let groups = "[{$group: {_id: '$color', n: {$sum: 1}}}, {$sort: {_id: 1}}]";
+    let groups = lab.rmem(&["aggregate", "robmem.boxes", groups, "--collation", IGNORE_CASE]).success();
+    assert_eq!(groups, "{\"_id\":\"blue\",\"n\":1}\n{\"_id\":\"red\",\"n\":2}\n");
+}
+
+#[test]
+fn updates_and_deletions_compare_by_the_collation() {
+    let lab = boxes();
+    let update = ["update", "robmem.boxes", "{name: 'BOX10'}", "{$pull: {tags: 'BIG'}, $set: {color: 'RED'}}"];
+    assert_run!(lab.rmem(&[&update[..], &["--collation", IGNORE_CASE]].concat()), @r#"
+    {"matched":1,"modified":1}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let after = lab.rmem(&["query", "robmem.boxes", "{_id: 1}", "--fields", "{color: 1, tags: 1}"]).success();
+    assert_eq!(after, "{\"_id\":1,\"color\":\"RED\",\"tags\":[]}\n");
+    let delete = ["delete", "robmem.boxes", "{color: 'red'}", "--many", "--collation", IGNORE_CASE];
+    assert_eq!(lab.rmem(&delete).success(), "2\n");
+}
+
+#[test]
+fn an_index_has_a_collation_and_serves_only_queries_with_it() {
+    let lab = boxes();
+    let index = ["index", "robmem.boxes", "{name: 1}", "--unique", "--collation", IGNORE_CASE];
+    assert_eq!(lab.rmem(&index).success(), "name_1\n");
+    assert_run!(lab.rmem(&["insert", "robmem.boxes", "{name: 'BOX9'}"]), @r#"
+    ------- stderr -------
+    error: robmem.boxes already has a document with name: "BOX9" (unique index name_1)
+    [exit code: 5]
+    "#);
+    let explain = |more: &[&str]| {
+        let text = lab.rmem(&[&["query", "robmem.boxes", "{name: 'BOX9'}", "--explain"], more].concat()).success();
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()
+    };
+    let with = explain(&["--collation", IGNORE_CASE]);
+    assert_eq!((with["index"].as_str(), with["returned"].as_i64()), (Some("name_1"), Some(1)));
+    let without = explain(&[]);
+    assert_eq!((without["index"].as_str(), without["returned"].as_i64()), (None, Some(0)));
+}
+
+#[test]
+fn what_is_no_collation_is_shown() {
+    let lab = boxes();
+    assert_run!(lab.rmem(&["query", "robmem.boxes", "--collation", "{locale: 'xx'}"]), @r#"
+    ------- stderr -------
+    error: <collation>:1:1: the `locale` "xx" of a collation is none of MongoDB's; one is 'en', and 'simple' compares bytes
+      |
+    1 | {locale: 'xx'}
+      | ^^^^^^^^^^^^^^
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn variables_are_used_by_expressions() {
+    let lab = boxes();
+    let query = ["query", "robmem.boxes", "{$expr: {$gt: ['$n', '$$least']}}", "--let", "{least: {$add: [2, 2]}}"];
+    assert_run!(lab.rmem(&[&query[..], &["--fields", "{n: 1, over: {$subtract: ['$n', '$$least']}}"]].concat()), @r#"
+    {"_id":3,"n":5,"over":1}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let update = ["update", "robmem.boxes", "{_id: 1}", "[{$set: {n: '$$new'}}]", "--let", "{new: 7}"];
+    lab.rmem(&update).success();
+    assert_eq!(
+        lab.rmem(&["count", "robmem.boxes", "{$expr: {$eq: ['$n', '$$n']}}", "--let", "{n: 7}"]).success(),
+        "1\n"
+    );
+    assert_run!(lab.rmem(&["count", "robmem.boxes", "--let", "{n: '$n'}"]), @r"
+    ------- stderr -------
+    error: <let>:1:1: the variable n of `let` depends on a document; it is computed before any is read
+      |
+    1 | {n: '$n'}
+      | ^^^^^^^^^
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_hint_chooses_the_index() {
+    let lab = boxes();
+    lab.rmem(&["index", "robmem.boxes", "{n: -1}"]).success();
+    lab.rmem(&["index", "robmem.boxes", "{tags: 1}", "--sparse"]).success();
+    let ids = |hint: &str| lab.rmem(&["query", "robmem.boxes", "--fields", "{_id: 1}", "--hint", hint]).success();
+    assert_eq!(ids("n_-1"), "{\"_id\":3}\n{\"_id\":2}\n{\"_id\":1}\n");
+    assert_eq!(ids("{tags: 1}"), "{\"_id\":1}\n", "a sparse index does not have the other documents");
+    assert_eq!(ids("{$natural: -1}"), "{\"_id\":3}\n{\"_id\":2}\n{\"_id\":1}\n");
+    assert_run!(lab.rmem(&["query", "robmem.boxes", "--hint", "nothing"]), @r"
+    ------- stderr -------
+    error: the hint names no index that queries use: `rmem index NS` lists the indexes
+    [exit code: 3]
+    ");
+}
