@@ -48,6 +48,7 @@ mod repair;
 mod restore;
 mod scene;
 mod schema;
+mod separated;
 #[cfg(feature = "serve")]
 mod serve;
 mod table;

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use bson::{Bson, Document};
 
-use super::{Context, UsageError, formats, table};
+use super::{Context, UsageError, formats, separated, table};
 use crate::error::Result;
 use crate::formats::shell;
 use crate::output::Format;
@@ -49,15 +49,14 @@ impl Context<'_> {
 
     fn print_as(&mut self, table: Table, documents: impl Iterator<Item = Result<Document>>) -> Result<u64> {
         let format = self.format(&formats::DOCUMENTS)?;
-        let columns = self.columns;
+        let (columns, temporary) = (self.columns, self.temporary());
         let stdout = self.output.stdout();
         match format {
             Format::Table => return print_table(table, documents, columns, stdout),
             // The keys of all documents are in the first line.
             Format::Csv | Format::Tsv => {
-                let rows = documents.collect::<Result<Vec<_>>>()?;
-                table::separated(&rows, if format == Format::Csv { ',' } else { '\t' }, stdout)?;
-                return Ok(rows.len() as u64);
+                let delimiter = if format == Format::Csv { ',' } else { '\t' };
+                return separated::write(documents, delimiter, &temporary, stdout);
             }
             _ => {}
         }

@@ -1,7 +1,5 @@
 //! Documents in columns: tables for people, CSV and TSV for programs.
 
-use std::io::Write;
-
 use bson::{Bson, Document};
 use unicode_width::{UnicodeWidthChar as _, UnicodeWidthStr as _};
 
@@ -108,42 +106,6 @@ fn padded(text: &str, width: usize) -> String {
     format!("{text}{}", " ".repeat(width.saturating_sub(text.width())))
 }
 
-/// Writes rows of values separated by a delimiter, below a row of keys.
-///
-/// Line breaks, delimiters and quotes in values are quoted as RFC 4180 has it.
-pub(super) fn separated(rows: &[Document], delimiter: char, out: &mut dyn Write) -> std::io::Result<()> {
-    if rows.is_empty() {
-        return Ok(());
-    }
-    let rows: Vec<&Document> = rows.iter().collect();
-    let keys = keys(&rows);
-    let mut write = |fields: Vec<String>| {
-        let fields: Vec<String> = fields.into_iter().map(|field| quoted(field, delimiter)).collect();
-        writeln!(out, "{}", fields.join(&delimiter.to_string()))
-    };
-    write(keys.iter().map(|key| (*key).to_owned()).collect())?;
-    let value = |row: &Document, key: &str| row.get(key).map(field).unwrap_or_default();
-    rows.iter().try_for_each(|row| write(keys.iter().map(|key| value(row, key)).collect()))
-}
-
-/// By hand: the crate `csv` is a hundred times this line, and builds serde with other features.
-fn quoted(field: String, delimiter: char) -> String {
-    let is_plain = !field.contains([delimiter, '"', '\n', '\r']);
-    if is_plain { field } else { format!("\"{}\"", field.replace('"', "\"\"")) }
-}
-
-/// A value for another program: texts and dates bare, the rest as JSON.
-fn field(value: &Bson) -> String {
-    match value {
-        Bson::String(text) => text.clone(),
-        Bson::Null => String::new(),
-        Bson::ObjectId(id) => id.to_hex(),
-        Bson::DateTime(date) => date.try_to_rfc3339_string().unwrap_or_else(|_| date.timestamp_millis().to_string()),
-        Bson::Decimal128(number) => number.to_string(),
-        other => shell::relaxed_value(other),
-    }
-}
-
 /// A value for people: texts bare, dates and ids as people write them, control characters visible.
 fn cell(value: &Bson) -> String {
     match value {
@@ -212,13 +174,5 @@ mod tests {
             table.lines().nth(1),
             Some("65f000000000000000000001  2023-11-14 22:13:20  {at: [2023-11-14 22:13:20, \"x\"]}")
         );
-    }
-
-    #[test]
-    fn separated_values_are_quoted_where_they_have_to_be() {
-        let mut out = Vec::new();
-        let rows = [doc! { "a": "x,\"y\"\nz", "b": 1.5 }, doc! { "c": bson::Bson::Null, "b": [1] }];
-        separated(&rows, ',', &mut out).unwrap();
-        assert_eq!(String::from_utf8(out).unwrap(), "a,b,c\n\"x,\"\"y\"\"\nz\",1.5,\n,[1],\n");
     }
 }

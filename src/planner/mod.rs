@@ -9,6 +9,7 @@
 
 pub mod builtin;
 
+mod complaint;
 mod configured;
 mod downward;
 mod ff;

@@ -4,6 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use super::complaint::located;
 use super::files::{self, DOMAIN, DOMAIN_FILE, PLAN, PROBLEM, PROBLEM_FILE};
 use super::outcome::Outcome;
 use super::sizes::Sizes;
@@ -120,6 +121,8 @@ pub struct Run {
     pub unjudged: Option<String>,
     /// The planner let actions touch, and the plan has them apart ([`Plan::spaced`]).
     pub is_spaced: bool,
+    /// The planner refused the costs of actions, and was sent the task without them.
+    pub is_without_costs: bool,
     /// Why there is no plan, where that was asked for.
     pub why: Option<Why>,
     /// The message about the outcome: the planner's own words, or what it lacks
@@ -225,25 +228,40 @@ impl<'a> PreparedPlanner<'a> {
             return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
         }
         let (domain, problem) = (task.domain.tree(), task.problem.tree());
-        let Some(sent) = portable::try_send(domain, problem, planner.requirements(), host.interrupted) else {
+        let Some(mut sent) = portable::try_send(domain, problem, planner.requirements(), host.interrupted) else {
             return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
         };
         let keeps = is_for_best && planner.is_anytime();
         let kept = |program: Prepared| if keeps { program.kept() } else { program };
         let (mut ended, mut answer) = ask(planner, kept(self.program), &sent, host, share, keeps);
+        let ask_again = |command: &[OsString], sent: &Sent, before: &Ended| {
+            let rest = Limits { time: limits.time.map(|time| time.saturating_sub(before.wall)), ..limits };
+            let program = kept(prepare(planner, command, &rest, host));
+            let (mut ended, answer) = ask(planner, program, sent, host, share, keeps);
+            ended.wall += before.wall;
+            ended.cpu = ended.cpu.zip(before.cpu).map(|(one, other)| one + other);
+            (ended, answer)
+        };
+        let mut is_without_costs = false;
+        if refuses_numbers(&answer) && task.has_only_costs() {
+            let known = planner.requirements();
+            if let Some(costless) = portable::try_send_without_costs(domain, problem, known, host.interrupted) {
+                (ended, answer) = ask_again(&self.command, &costless, &ended);
+                (sent, is_without_costs) = (costless, true);
+            }
+        }
         if let Some(other) = planner.again(&answer, &self.command) {
-            let rest = Limits { time: limits.time.map(|time| time.saturating_sub(ended.wall)), ..limits };
-            let (first, cpu) = (ended.wall, ended.cpu);
-            (ended, answer) = ask(planner, kept(prepare(planner, &other, &rest, host)), &sent, host, share, keeps);
+            (ended, answer) = ask_again(&other, &sent, &ended);
             self.command = other;
-            ended.wall += first;
-            ended.cpu = ended.cpu.zip(cpu).map(|(one, other)| one + other);
+        }
+        if let Some(located) = answer.complaint.as_ref().and_then(|complaint| located(complaint, &sent, task)) {
+            answer.message = located;
         }
         let (outcome, mut message) = conclude(planner, &ended, answer, &sent, task, &limits);
         if outcome == Outcome::OutOfMemory && share.is_some() {
             message.push_str(", for all planners together");
         }
-        report(planner, outcome, message, &self.command, ended)
+        Run { is_without_costs, ..report(planner, outcome, message, &self.command, ended) }
     }
 }
 
@@ -260,7 +278,26 @@ pub(super) fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnosti
     Some(planner.sizes()?.exceeded(planner.name(), task)?.hint(hint))
 }
 
+/// Whether a planner refuses its input where that has numbers.
+fn refuses_numbers(answer: &Transcript) -> bool {
+    let token = answer.complaint.as_ref().and_then(|complaint| complaint.token.as_deref()).unwrap_or_default();
+    let numbers = [":functions", ":metric", ":action-costs", ":fluents", ":numeric-fluents"];
+    numbers.iter().any(|number| number.eq_ignore_ascii_case(token))
+}
+
 impl Task<'_> {
+    /// Whether the costs of actions are its only numbers.
+    fn has_only_costs(&self) -> bool {
+        let mut features = self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature);
+        let is_other = |feature: Feature| {
+            matches!(
+                feature,
+                Feature::NumericFluents | Feature::DurativeActions | Feature::ObjectFluents | Feature::Preferences
+            )
+        };
+        !self.domain.tree().functions.is_empty() && !features.any(is_other)
+    }
+
     /// What in the task keeps the planner's word from being a proof.
     fn doubt(&self, planner: &dyn Planner) -> Option<Feature> {
         let mut features = self.domain.features().iter().chain(self.problem.features()).map(|used| used.feature);
@@ -428,6 +465,7 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
         memory: ended.resident,
         unjudged: None,
         is_spaced: false,
+        is_without_costs: false,
         why: None,
         message,
         stdout: ended.stdout,

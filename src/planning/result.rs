@@ -86,10 +86,14 @@ impl<'a> PlanResult<'a> {
         let unjudged = self.run.unjudged.as_ref();
         let unjudged = unjudged.map(|reason| Note::Warning(format!("the plan was not simulated: {reason}")));
         let spaced = || Note::Info(format!("{} lets actions touch; the plan has them apart", self.run.planner));
+        let without_costs = |run: &&Run| run.is_without_costs;
+        let costless = self.race.runs.iter().filter(without_costs).map(|run| {
+            Note::Info(format!("{} knows no costs of actions; it was sent the task without them", run.planner))
+        });
         let cut_short = || Note::Info("interrupted; this is the best plan that was found until then".to_owned());
         let notes = race.into_iter().chain(unjudged).chain(self.run.is_spaced.then(spaced)).chain(self.ended_early());
         let is_cut_short = self.race.is_interrupted && self.run.outcome.plan().is_some();
-        notes.chain(is_cut_short.then(cut_short)).collect()
+        notes.chain(costless).chain(is_cut_short.then(cut_short)).collect()
     }
 
     /// Where the time was for better plans, but a planner with a plan did not use it.

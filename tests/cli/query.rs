@@ -218,3 +218,19 @@ fn a_long_answer_is_printed_as_several_tables() {
     assert_eq!(table.lines().filter(|line| line.is_empty()).count(), 2);
     assert_eq!(table.lines().count(), 2_500 + 3 + 2);
 }
+
+#[test]
+fn a_large_result_is_separated_by_commas_as_a_small_one() {
+    let lab = crate::lab::Lab::empty().env("RMEM_MEMORY", "file:m.rmem");
+    let long = "x".repeat(20_000);
+    let lines: String = (0..1000).map(|n| format!("{{\"_id\": {n}, \"k{}\": \"{long}\"}}\n", n % 2)).collect();
+    lab.write("many.jsonl", &lines);
+    lab.rmem(&["insert", "-q", "a.b", "--file", "many.jsonl"]).success();
+    std::fs::create_dir(lab.path().join("tmp")).unwrap();
+    let folder = lab.path().join("tmp").display().to_string();
+    let lab = lab.env("TMPDIR", &folder);
+    let text = lab.rmem(&["query", "a.b", "--format", "csv"]).success();
+    assert_eq!((text.lines().next(), text.lines().count()), (Some("_id,k0,k1"), 1001));
+    assert_eq!(text.lines().last(), Some(format!("999,,{long}").as_str()));
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "nothing is left");
+}

@@ -137,7 +137,7 @@ impl Side {
             Self::Dump(dump) => {
                 let parts: Vec<&Part> = dump.parts.iter().filter(|part| part.namespace == *ns).collect();
                 match parts.as_slice() {
-                    [part] if is_ordered(part)? => Box::new(read(part)?),
+                    [part] if part.is_ordered() || is_ordered(part)? => Box::new(read(part)?),
                     parts => Box::new(in_order(parts)?.into_iter().map(Ok)),
                 }
             }

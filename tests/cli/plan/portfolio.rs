@@ -389,3 +389,72 @@ fn a_goal_that_can_never_hold_is_proof_although_the_planner_gave_up() {
     [exit code: 11]
     ");
 }
+
+/// A domain with costs, on lines of its own, and a problem.
+fn costly(lab: &Lab) {
+    lab.write(
+        "own.pddl",
+        "; a domain with costs\n(define (domain d)\n  (:requirements :strips :action-costs)\n  (:predicates (p) (q))\n\n\
+         \x20 (:functions (total-cost) - number)\n\
+         \x20 (:action first :parameters () :effect (and (p) (increase (total-cost) 3)))\n\n\n\
+         \x20 (:action second :parameters () :precondition (p) :effect (and (q) (increase (total-cost) 4))))\n",
+    );
+    lab.write(
+        "task.pddl",
+        "(define (problem n) (:domain d) (:init (= (total-cost) 0)) (:goal (q)) (:metric minimize (total-cost)))",
+    );
+    let folder = lab.path().display();
+    lab.write(
+        "rmem.toml",
+        &format!("[planner.old]\noutput = 'ff'\ncommand = ['sh', '{folder}/old.sh', '{{domain}}', '{{problem}}']\n"),
+    );
+}
+
+#[test]
+fn a_planner_that_refuses_costs_is_asked_again_without_them() {
+    let lab = Lab::new();
+    costly(&lab);
+    // As FF 2.3 does it: what it does not know is a syntax error at its line.
+    lab.write(
+        "old.sh",
+        "echo run >> $(dirname $0)/runs\n\
+         line=$(grep -n ':functions' \"$1\" | cut -d: -f1)\n\
+         if [ -n \"$line\" ]; then printf \"\\nff: parsing domain file\\n$1: syntax error in line $line, ':FUNCTIONS':\\n\
+         domain definition expected\\n\"; exit 1; fi\n\
+         grep -q cost \"$1\" \"$2\" && exit 1\n\
+         printf \"\\nff: parsing domain file\\n\\nff: found legal plan as follows\\n\\nstep    0: FIRST\\n        1: SECOND\\n\\n\
+         time spent:    0.00 seconds total time\\n\\n\"\n",
+    );
+    let words = ["plan", "-d", "own.pddl", "-p", "task.pddl", "--no-store", "--planner", "old"];
+    assert_run!(lab.rmem(&words), @r"
+    (first)
+    (second)
+    ; cost = 7 (general cost)
+    ------- stderr -------
+    old knows no costs of actions; it was sent the task without them
+    [exit code: 0]
+    ");
+    assert_eq!(lab.read("runs").lines().count(), 2);
+    // Numbers that conditions look at are no costs.
+    let numbers = lab.read("own.pddl").replace(":precondition (p)", ":precondition (and (p) (> (total-cost) 1))");
+    lab.write("own.pddl", &numbers.replace(":action-costs", ":fluents"));
+    assert_run!(lab.rmem(&words), @r"
+    ------- stderr -------
+    error: old: the planner cannot handle the task: own.pddl:6: syntax error, domain definition expected at `:FUNCTIONS`
+    [exit code: 34]
+    ");
+}
+
+#[test]
+fn what_a_planner_says_of_its_input_is_told_with_the_users_own_lines() {
+    let lab = Lab::new();
+    costly(&lab);
+    lab.write(
+        "old.sh",
+        "line=$(grep -n ':action second' \"$1\" | cut -d: -f1)\n\
+         printf \"\\nff: parsing domain file\\n$1: syntax error in line $line, 'Q':\\n'define' expected\\n\"; exit 1\n",
+    );
+    let run = lab.rmem(&["plan", "-d", "own.pddl", "-p", "task.pddl", "--no-store", "--planner", "old"]).exits(32);
+    let first = run.stderr.lines().next().unwrap_or_default().to_owned();
+    assert_eq!(first, "error: old: it refused its input: own.pddl:10: syntax error, 'define' expected at `Q`", "{run}");
+}

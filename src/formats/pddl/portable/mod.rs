@@ -8,6 +8,7 @@
 //! The plan comes back in the spelling of the domain and the problem; where they
 //! differ, the problem's wins.
 
+mod costs;
 mod names;
 mod rewrite;
 
@@ -60,6 +61,16 @@ pub(crate) fn try_send(
         domain: domain_text,
         problem: problem_text,
     })
+}
+
+/// As [`try_send`], without the costs of actions. Only for a task that has no other numbers.
+pub(crate) fn try_send_without_costs(
+    domain: &Domain,
+    problem: &Problem,
+    known: Option<&[&str]>,
+    interrupted: &AtomicBool,
+) -> Option<Sent> {
+    try_send(&costs::domain(domain), &costs::problem(problem), known, interrupted)
 }
 
 impl Sent {
@@ -238,6 +249,26 @@ mod tests {
         let (domain, problem) = task(DOMAIN, &text);
         assert_eq!(try_send(&domain, &problem, None, &AtomicBool::new(true)), None);
         assert!(try_send(&domain, &problem, None, &AtomicBool::new(false)).is_some());
+    }
+
+    #[test]
+    fn costs_are_left_out_with_all_that_is_about_them() {
+        let (domain, problem) = task(
+            "(define (domain d) (:requirements :strips :action-costs) (:predicates (p) (q ?x))
+               (:functions (total-cost) - number (price ?x))
+               (:action a :parameters (?x) :effect (and (p) (increase (total-cost) (price ?x))))
+               (:action b :parameters () :effect (increase (total-cost) 1))
+               (:action c :parameters () :effect (forall (?x) (when (q ?x) (and (not (q ?x)) (increase (total-cost) 2))))))",
+            "(define (problem n) (:domain d) (:objects o) (:init (= (total-cost) 0) (= (price o) 3)) (:goal (p))
+               (:metric minimize (total-cost)))",
+        );
+        let sent = try_send_without_costs(&domain, &problem, None, &AtomicBool::new(false)).unwrap();
+        for word in ["cost", "price", "increase", "metric", "functions"] {
+            assert!(!sent.domain.contains(word) && !sent.problem.contains(word), "{word}: {sent:?}");
+        }
+        let (read, _) = task(&sent.domain, &sent.problem);
+        assert_eq!((read.actions.len(), read.actions[1].effect.is_none()), (3, true), "{}", sent.domain);
+        assert!(sent.domain.contains("(when (q ?x)"), "{}", sent.domain);
     }
 
     #[test]

@@ -21,7 +21,7 @@ use bson::{Document, RawDocumentBuf};
 use super::world_file::{Identities, WorldError, WorldFile};
 use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, CollectionKind, Damage, MAGIC, Metadata, decode_document};
-use crate::query::QueryError;
+use crate::query::{QueryError, key};
 use crate::store::{Index, Namespace, document};
 use file::{entries, is_oplog, metadata_of, namespace, read_metadata, stem, unpacked};
 
@@ -271,6 +271,30 @@ impl Dump {
 }
 
 impl Part {
+    /// Whether the documents are in the order of their `_id`s, where that is known without decoding them.
+    #[must_use]
+    pub fn is_ordered(&self) -> bool {
+        let Content::File(path) = &self.content else {
+            return match &self.content {
+                Content::WorldFile(world, namespace, _) => world.is_ordered(namespace),
+                _ => false,
+            };
+        };
+        let Ok(file) = unpacked(path) else { return false };
+        let mut last = Vec::new();
+        for document in mongodump::Documents::new(file) {
+            // What is damaged is reported where it is read.
+            let Ok((_, document)) = document else { return false };
+            let Ok(Some(id)) = document.get("_id") else { return false };
+            let key = key::encode(id);
+            if key < last {
+                return false;
+            }
+            last = key;
+        }
+        true
+    }
+
     /// The documents from the beginning, each well-formed and such that it can be stored.
     ///
     /// # Errors

@@ -62,6 +62,8 @@ struct Listed {
     documents: u64,
     /// Whether the documents that have an `_id` are in its order.
     ordered: bool,
+    /// Whether all documents have an `_id`.
+    has_ids: bool,
 }
 
 /// What loading a world file did.
@@ -109,13 +111,14 @@ impl WorldFile {
                 WorldItem::Namespace(name, source, span) => {
                     let wrong = |error: crate::store::NamespaceError| Diagnostic::new(&source, span, error.to_string());
                     let namespace = Namespace::parse(&name).map_err(wrong)?;
-                    world.namespaces.push(Listed { namespace, name, documents: 0, ordered: true });
+                    world.namespaces.push(Listed { namespace, name, documents: 0, ordered: true, has_ids: true });
                     last.clear();
                 }
                 WorldItem::Document(document, source, span) => {
                     check(&source, span, &document)?;
                     let Some(listed) = world.namespaces.last_mut() else { continue };
                     listed.documents += 1;
+                    listed.has_ids &= document.contains_key("_id");
                     if let Some(id) = document.get("_id") {
                         let key = key::encode_value(id);
                         listed.ordered &= last < key;
@@ -155,6 +158,12 @@ impl WorldFile {
     /// The namespaces, and how many documents each has.
     pub fn namespaces(&self) -> impl Iterator<Item = (&Namespace, u64)> {
         self.namespaces.iter().map(|listed| (&listed.namespace, listed.documents))
+    }
+
+    /// Whether it is known that the documents of a namespace are in the order of their `_id`s.
+    #[must_use]
+    pub fn is_ordered(&self, namespace: &Namespace) -> bool {
+        self.namespaces.iter().any(|listed| listed.namespace == *namespace && listed.ordered && listed.has_ids)
     }
 
     /// The documents of a namespace, with an `_id` for each that has none.
