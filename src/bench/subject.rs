@@ -77,6 +77,7 @@ pub fn computable(namespace: &Namespace) -> Definition {
         spec: doc! { "compute": NEAREST },
         priority: 0,
         cache: None,
+        adds: None,
         body: BodyKind::Pipeline { from: namespace.clone(), stages: nearest() },
     }
 }

@@ -60,14 +60,18 @@ pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> Result<E
 /// A registered computable.
 fn listed(computable: &Computable) -> Document {
     let definition = &computable.definition;
-    doc! {
+    let mut listed = doc! {
         "name": &definition.name,
         "collection": definition.namespace.to_string(),
         "spec": definition.spec.clone(),
         "priority": definition.priority,
         "cache": definition.cache.map_or(Bson::Null, |cache| format!("{cache:?}").into()),
         "body": computable.describe(),
+    };
+    if let Some(keys) = &definition.adds {
+        listed.insert("adds", if keys.is_empty() { Bson::Boolean(true) } else { Bson::from(keys.clone()) });
     }
+    listed
 }
 
 /// What a query means for a computable.

@@ -10,6 +10,7 @@ use super::clock::Clock;
 use super::computables::{self, Computables, Computed, Registry, View};
 use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
+use crate::query::QueryError;
 use crate::store::{
     Documents, Find, Inserted, Modifiers, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated,
     metadata,
@@ -128,6 +129,9 @@ impl Memory {
     /// Answers a query with documents and their metadata.
     pub fn find_with_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         self.answer(&[(ns, &find.filter)], true, |view| {
+            if let Some(extended) = self.extended(&[(ns, &find.filter)], view)? {
+                return collected(extended.find(ns, find)?);
+            }
             let start = Instant::now();
             let find = Find { filter: view.filter(&find.filter), ..find.clone() };
             settled(view, self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
@@ -171,6 +175,9 @@ impl Memory {
     /// [`Memory::count`] with modifiers.
     pub fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
         self.answer(&[(ns, filter)], true, |view| {
+            if let Some(extended) = self.extended(&[(ns, filter)], view)? {
+                return extended.count(ns, filter);
+            }
             let filter = view.filter(filter);
             let count = || self.routes.reading(ns)?.count_with(ns, &filter, modifiers);
             self.journal.note("count", Some(ns), |count| *count, count)
@@ -191,6 +198,9 @@ impl Memory {
         modifiers: &Modifiers,
     ) -> Result<Vec<Bson>, StoreError> {
         self.answer(&[(ns, filter)], true, |view| {
+            if let Some(extended) = self.extended(&[(ns, filter)], view)? {
+                return extended.distinct(ns, field, filter);
+            }
             let filter = view.filter(filter);
             self.journal.note(
                 "distinct",
@@ -229,14 +239,22 @@ impl Memory {
         for other in asked.iter().map(|(other, _)| other).chain(&computables::target(ns, pipeline)) {
             self.routes.check_reach(ns, other)?;
         }
+        let questions: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
+        if writes && self.is_extended(&questions)? {
+            let message =
+                "a pipeline that writes cannot ask for keys that computables add, since they are stored nowhere";
+            return Err(QueryError::bad_value(message).into());
+        }
         let work = |view: &View| {
+            if let Some(extended) = if writes { None } else { self.extended(&questions, view)? } {
+                return collected(extended.aggregate(ns, pipeline)?);
+            }
             let start = Instant::now();
             let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };
             let stages = computables::visible_stages(ns, pipeline, view);
             settled(view, self.journal.watch("aggregate", ns, start, store.aggregate_with(ns, &stages, modifiers)?))
         };
-        let asked: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
-        self.answer(&asked, !writes, work)
+        self.answer(&questions, !writes, work)
     }
 
     /// Changes documents; see [`Store::update`].
@@ -387,6 +405,11 @@ fn settled<'a>(view: &View, documents: Documents<'a>) -> Result<Documents<'a>, S
     if !view.is_computed() {
         return Ok(documents);
     }
+    collected(documents)
+}
+
+/// Documents that no longer need their store.
+fn collected<'a>(documents: Documents<'_>) -> Result<Documents<'a>, StoreError> {
     let documents = documents.collect::<Result<Vec<_>, _>>()?;
     Ok(Box::new(documents.into_iter().map(Ok)))
 }

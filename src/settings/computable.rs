@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bson::Document;
 use serde::Deserialize;
-use toml::Spanned;
+use toml::{Spanned, Value};
 
 use super::quoted::Quoted;
 use crate::formats::quantity;
@@ -26,11 +26,12 @@ type Mistake = (Range<usize>, String);
 #[serde(deny_unknown_fields)]
 pub(super) struct Table {
     name: Spanned<String>,
-    collection: Spanned<String>,
+    collection: Spanned<Value>,
     spec: Spanned<String>,
     #[serde(default)]
     priority: i64,
     cache: Option<Spanned<String>>,
+    adds: Option<Spanned<Value>>,
     timeout: Option<Spanned<String>>,
     pipeline: Option<Spanned<String>>,
     from: Option<Spanned<String>>,
@@ -45,29 +46,72 @@ pub(super) struct Table {
 pub(super) fn definitions(tables: &[Table], folder: &Path, file: &str) -> Result<Vec<Definition>, Mistake> {
     let mut definitions: Vec<Definition> = Vec::with_capacity(tables.len());
     for table in tables {
-        let definition = table.definition(folder, file)?;
-        if definitions.iter().any(|other| other.name == definition.name) {
-            let name = &definition.name;
+        let name = table.name.get_ref();
+        if definitions.iter().any(|other| other.name == *name) {
             return Err((
                 table.name.span(),
                 format!("another computable has the name `{name}`; expected different names"),
             ));
         }
-        definitions.push(definition);
+        for namespace in table.namespaces()? {
+            definitions.push(table.definition(namespace, folder, file)?);
+        }
     }
     Ok(definitions)
 }
 
 impl Table {
-    fn definition(&self, folder: &Path, file: &str) -> Result<Definition, Mistake> {
+    /// The collection, or several.
+    fn namespaces(&self) -> Result<Vec<Namespace>, Mistake> {
+        let span = || self.collection.span();
+        let read = |name: &Value| match name {
+            Value::String(name) => name.parse().map_err(|error: NamespaceError| (span(), error.to_string())),
+            other => {
+                let found = other.type_str();
+                Err((span(), format!("expected a collection, or an array of collections, found {found}")))
+            }
+        };
+        let namespaces: Vec<Namespace> = match self.collection.get_ref() {
+            Value::Array(names) => names.iter().map(read).collect::<Result<_, _>>()?,
+            name => vec![read(name)?],
+        };
+        match namespaces.iter().enumerate().find(|(at, name)| namespaces.iter().take(*at).any(|other| other == *name)) {
+            Some((_, name)) => Err((span(), format!("{name} is given twice"))),
+            None if namespaces.is_empty() => Err((span(), "expected a collection, found none".to_owned())),
+            None => Ok(namespaces),
+        }
+    }
+
+    /// The keys that the computable adds to stored documents, where it does.
+    fn adds(&self) -> Result<Option<Vec<String>>, Mistake> {
+        let Some(adds) = &self.adds else { return Ok(None) };
+        let keys = match adds.get_ref() {
+            Value::Boolean(adds) => adds.then(Vec::new),
+            Value::Array(keys) => keys.iter().map(|key| key.as_str().map(str::to_owned)).collect(),
+            _ => None,
+        };
+        match (&keys, adds.get_ref(), &self.cache, &self.builtin) {
+            (None, Value::Boolean(_), ..) => Ok(None),
+            (None, ..) => Err((adds.span(), "expected true, or an array of the added keys: [\"distance\"]".to_owned())),
+            (_, _, Some(cache), _) => {
+                Err((cache.span(), "`cache` has no meaning where keys are added: they are stored nowhere".to_owned()))
+            }
+            (_, _, _, Some(builtin)) => {
+                Err((builtin.span(), "keys are added by a `pipeline` or a `command`, not by a builtin".to_owned()))
+            }
+            _ => Ok(keys),
+        }
+    }
+
+    fn definition(&self, namespace: Namespace, folder: &Path, file: &str) -> Result<Definition, Mistake> {
         if self.name.get_ref().trim().is_empty() {
             return Err((self.name.span(), "expected a name for the computable, found an empty one".to_owned()));
         }
-        let namespace = namespace(&self.collection)?;
         Ok(Definition {
             name: self.name.get_ref().clone(),
             spec: self.spec(file)?,
             priority: self.priority,
+            adds: self.adds()?,
             cache: duration(self.cache.as_ref(), "leave `cache` out to compute for each query")?,
             body: self.body(&namespace, folder, file)?,
             namespace,

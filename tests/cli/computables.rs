@@ -469,3 +469,158 @@ fn who_did_not_ask_a_computable_counts_stored_documents_only() {
         "{\"matched\":1,\"modified\":1}\n"
     );
 }
+
+/// A memory of objects, and a computable that adds their distances from a point.
+fn distances(adds: &str, body: &str) -> Lab {
+    let lab = Lab::new();
+    lab.write(
+        "rmem.toml",
+        &format!(
+            "memory = 'file:robot.rmem'\n\
+             [[computable]]\nname = 'distance'\ncollection = 'a.objects'\nspec = \"{{distance: {{$exists: true}}}}\"\n\
+             adds = {adds}\n{body}\n"
+        ),
+    );
+    let objects = ["{_id: 1, name: 'cup', x: 3}", "{_id: 2, name: 'cup', x: 8}", "{_id: 3, name: 'jar', x: 1}"];
+    lab.rmem(&[&["insert", "a.objects"], &objects[..]].concat()).success();
+    lab.rmem(&["insert", "a.objects", "{_id: 4, name: 'lid', x: 1, distance: 'far'}"]).success();
+    lab.rmem(&["insert", "a.shelves", "{_id: 1, holds: 'cup'}", "{_id: 2, holds: 'jar'}"]).success();
+    lab
+}
+
+const DISTANCE: &str = "pipeline = \"[{$project: {distance: {$abs: {$subtract: ['$x', 4]}}}}]\"";
+
+#[test]
+fn keys_are_added_to_stored_documents_and_stored_nowhere() {
+    let lab = distances("['distance']", DISTANCE);
+    let near = "{distance: {$lt: 3.5}, name: {$ne: 'pan'}}";
+    assert_run!(lab.rmem(&["query", "a.objects", near, "--sort", "{distance: -1}", "-v"]), @r#"
+    {"_id":3,"name":"jar","x":1,"distance":3}
+    {"_id":1,"name":"cup","x":3,"distance":1}
+    ------- stderr -------
+    aggregate a.objects: 4 documents in [DURATION]
+    add distance a.objects: 4 documents in [DURATION]
+    [exit code: 0]
+    "#);
+    assert_eq!(lab.rmem(&["count", "a.objects", near]).success(), "2\n");
+    assert_eq!(
+        lab.rmem(&["distinct", "a.objects", "distance", "{distance: {$exists: true}}"]).success(),
+        "1\n3\n4\n\"far\"\n"
+    );
+    let joined = "[{$match: {distance: {$lt: 2}}}, {$lookup: {from: 'shelves', localField: 'name', foreignField: 'holds', as: 'on'}},
+        {$project: {_id: 0, name: 1, distance: 1, on: '$on._id'}}]";
+    assert_run!(lab.rmem(&["aggregate", "a.objects", joined]), @r#"
+    {"name":"cup","distance":1,"on":[1]}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    let other =
+        "[{$lookup: {from: 'objects', pipeline: [{$match: {distance: {$gt: 2}}}, {$sort: {_id: 1}}], as: 'far'}},
+        {$project: {_id: 1, far: '$far.distance'}}]";
+    assert_run!(lab.rmem(&["aggregate", "a.shelves", other]), @r#"
+    {"_id":1,"far":[4,3]}
+    {"_id":2,"far":[4,3]}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["aggregate", "a.objects", "[{$match: {distance: {$gt: 2}}}, {$out: 'copy'}]"]), @r"
+    ------- stderr -------
+    error: <pipeline>:1:1: a pipeline that writes cannot ask for keys that computables add, since they are stored nowhere
+      |
+    1 | [{$match: {distance: {$gt: 2}}}, {$out: 'copy'}]
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    // Nothing is stored, and a query that asks for no distance gets none.
+    assert_run!(lab.rmem(&["query", "a.objects", "--computed"]), @r#"
+    {"_id":1,"name":"cup","x":3}
+    {"_id":2,"name":"cup","x":8}
+    {"_id":3,"name":"jar","x":1}
+    {"_id":4,"name":"lid","x":1,"distance":"far"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_eq!(lab.rmem(&["collections"]).success(), "a.objects\na.shelves\n");
+}
+
+#[test]
+fn a_program_adds_keys_to_the_documents_that_it_reads() {
+    let lab = distances("true", "command = ['sh', 'tag.sh']");
+    lab.write(
+        "tag.sh",
+        "read query; echo \"$query\" > asked; while read -r line; do echo \"$line\" >> asked; done\n\
+        echo '{_id: 1, tag: \"first\", name: \"never\"}'; echo '{_id: 99, tag: 1}'; echo '{tag: 2}'\n",
+    );
+    let toml = lab.read("rmem.toml").replace("distance: {$exists: true}", "name: {$exists: true}");
+    lab.write("rmem.toml", &toml);
+    assert_run!(lab.rmem(&["query", "a.objects", "{name: 'cup'}"]), @r#"
+    {"_id":1,"name":"cup","x":3,"tag":"first"}
+    {"_id":2,"name":"cup","x":8}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_eq!(
+        lab.read("asked"),
+        "{\"name\":\"cup\"}\n{\"_id\":1,\"name\":\"cup\",\"x\":3}\n{\"_id\":2,\"name\":\"cup\",\"x\":8}\n"
+    );
+    // What the query asks of other keys is met as without the computable.
+    assert_eq!(lab.rmem(&["count", "a.objects", "{name: 'cup', tag: 'first'}"]).success(), "0\n");
+    lab.write("tag.sh", "exit 3\n");
+    assert_run!(lab.rmem(&["query", "a.objects", "{name: 'cup'}"]), @r"
+    ------- stderr -------
+    error: the computable `distance` failed: its command `sh tag.sh` failed with exit code 3
+    [exit code: 4]
+    ");
+}
+
+#[test]
+fn one_computable_is_for_several_collections() {
+    let lab = distances("['distance']", DISTANCE);
+    lab.write("rmem.toml", &lab.read("rmem.toml").replace("'a.objects'", "['a.objects', 'a.people']"));
+    lab.rmem(&["insert", "a.people", "{_id: 1, x: 2}"]).success();
+    assert_run!(lab.rmem(&["query", "a.people", "{distance: {$lt: 3}}"]), @r#"
+    {"_id":1,"x":2,"distance":2}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_eq!(lab.rmem(&["count", "a.objects", "{distance: {$lt: 3}}"]).success(), "1\n");
+    assert_run!(lab.rmem(&["computables"]), @r#"
+    {"name":"distance","collection":"a.people","spec":{"distance":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.people: [{\"$project\":{\"distance\":{\"$abs\":{\"$subtract\":[\"$x\",4]}}}}]","adds":["distance"]}
+    {"name":"distance","collection":"a.objects","spec":{"distance":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.objects: [{\"$project\":{\"distance\":{\"$abs\":{\"$subtract\":[\"$x\",4]}}}}]","adds":["distance"]}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn mistakes_in_what_is_added_are_shown_at_their_place() {
+    for (adds, more, message) in [
+        ("3", "", "rmem.toml:6:8: expected true, or an array of the added keys"),
+        ("[1]", "", "rmem.toml:6:8: expected true, or an array of the added keys"),
+        ("true", "cache = '1s'", "rmem.toml:8:9: `cache` has no meaning where keys are added"),
+        ("true", "builtin = 'nearest'", "keys are added by a `pipeline` or a `command`"),
+    ] {
+        let lab = Lab::new();
+        let body = if more.starts_with("builtin") { String::new() } else { DISTANCE.to_owned() };
+        lab.write(
+            "rmem.toml",
+            &format!("[[computable]]\nname = 'd'\ncollection = 'a.b'\nspec = '{{}}'\n# added\nadds = {adds}\n{body}\n{more}\n"),
+        );
+        let run = lab.rmem(&["collections"]).exits(3);
+        assert!(run.stderr.contains(message), "{run}");
+    }
+    for (collection, message) in [
+        ("[]", "expected a collection, found none"),
+        ("3", "expected a collection, or an array of collections, found integer"),
+        ("['a.b', 'a.b']", "a.b is given twice"),
+        ("['a.b', 'c']", "`c` is not a namespace"),
+    ] {
+        let lab = Lab::new();
+        lab.write(
+            "rmem.toml",
+            &format!("[[computable]]\nname = 'd'\ncollection = {collection}\nspec = '{{}}'\n{DISTANCE}\n"),
+        );
+        let run = lab.rmem(&["collections"]).exits(3);
+        assert!(run.stderr.contains(&format!("rmem.toml:3:14: {message}")), "{run}");
+    }
+}

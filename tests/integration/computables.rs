@@ -170,6 +170,7 @@ impl Lab {
             spec,
             priority: 0,
             cache: Some(Duration::from_secs(600)),
+            adds: None,
             body: BodyKind::Pipeline { from: self.ns(from), stages },
         }
     }
@@ -578,6 +579,7 @@ fn transform(lab: &Lab) -> Definition {
         spec: doc! { "frame": { "$exists": true }, "allow_tf": true },
         priority: 10,
         cache: None,
+        adds: None,
         body: BodyKind::builtin("transform", [("frames", lab.ns("frames").to_string())]),
     }
 }
@@ -654,6 +656,7 @@ fn nearest(lab: &Lab) -> Definition {
         spec: doc! { "nearest_to": { "$exists": true } },
         priority: 0,
         cache: Some(Duration::from_secs(600)),
+        adds: None,
         body: BodyKind::builtin("nearest", [("position", "translation".to_owned())]),
     }
 }
@@ -706,6 +709,7 @@ fn slow(lab: &Lab, log: &Path, cache: Duration, seconds: &str) -> Definition {
         spec: doc! { "slow": 1 },
         priority: 0,
         cache: Some(cache),
+        adds: None,
         body: BodyKind::Command {
             words: vec!["sh".into(), "-c".into(), script],
             folder: std::env::temp_dir(),

@@ -191,7 +191,7 @@ impl Memory {
                     {
                         continue;
                     }
-                    let made = self.compute(wanted, others).and_then(|documents| {
+                    let made = self.compute(wanted, others, None).and_then(|documents| {
                         former.iter().try_for_each(|former| entry.clear(former))?;
                         let until = after(self.clock.now(), good_for);
                         let ids = self.publish(store, wanted, documents, token, until)?;
@@ -218,7 +218,7 @@ impl Memory {
     /// Computes for this query alone.
     fn compute_once(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<(Held, bool, u64), StoreError> {
         let ns = &wanted.computable.definition.namespace;
-        let documents = self.compute(wanted, others)?;
+        let documents = self.compute(wanted, others, None)?;
         let token = object_id::new();
         let until = after(self.clock.now(), COMPUTE_TIMEOUT);
         let ids = self.publish(self.routes.reading(ns)?, wanted, documents, token, until)?;
@@ -226,8 +226,13 @@ impl Memory {
         Ok((Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: Some(ids) }, false, count))
     }
 
-    /// Runs the body.
-    fn compute(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<Vec<Document>, StoreError> {
+    /// Runs the body; `documents` are those that it adds keys to, where it does.
+    pub(super) fn compute(
+        &self,
+        wanted: &Wanted<'_>,
+        others: Others<'_>,
+        documents: Option<&[Document]>,
+    ) -> Result<Vec<Document>, StoreError> {
         let definition = &wanted.computable.definition;
         self.check_cycle(wanted)?;
         let later = others.later.iter().map(|other| &other.computable.definition);
@@ -240,7 +245,7 @@ impl Memory {
             earlier: others.earlier.to_vec(),
         };
         self.computables.running.borrow_mut().push(running);
-        let asked = Asked { memory: self, namespace: &definition.namespace, query: wanted.query };
+        let asked = Asked { memory: self, namespace: &definition.namespace, query: wanted.query, documents };
         let computed = wanted.computable.body.compute(&asked);
         self.computables.running.borrow_mut().pop();
         let documents = computed.map_err(|error| match error {

@@ -55,6 +55,8 @@ pub(super) struct Asked<'a> {
     pub(super) namespace: &'a Namespace,
     /// The asked query.
     pub(super) query: &'a Document,
+    /// The stored documents that keys are added to; `None` where documents are asked for.
+    pub(super) documents: Option<&'a [Document]>,
 }
 
 /// Computes documents. The query is answered over all documents afterwards, so a body may

@@ -2,7 +2,7 @@
 //!
 //! It runs in its folder, without a shell, in a process group of its own that
 //! is gone when the body is done. It reads the query as one line of Extended
-//! JSON, relaxed, on standard input, and writes documents to standard output:
+//! JSON, relaxed, on standard input, where it adds keys behind it the documents, one a line, and writes documents to standard output:
 //! JSON lines, or any other text that rmem reads as documents. An exit code other than 0
 //! is an error.
 
@@ -32,7 +32,7 @@ pub(super) struct Command {
 
 impl Body for Command {
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError> {
-        self.answer(asked.query)
+        self.answer(asked.query, asked.documents.unwrap_or_default())
     }
 
     fn sources(&self, _: &Namespace) -> Vec<Namespace> {
@@ -49,9 +49,10 @@ impl Body for Command {
 }
 
 impl Command {
-    /// The documents for a query.
-    pub(super) fn answer(&self, query: &Document) -> Result<Vec<Document>, ComputeError> {
-        let question = shell::relaxed(query) + "\n";
+    /// The documents for a query, or the keys that are added to these documents.
+    pub(super) fn answer(&self, query: &Document, documents: &[Document]) -> Result<Vec<Document>, ComputeError> {
+        let lines = std::iter::once(query).chain(documents).map(|document| shell::relaxed(document) + "\n");
+        let question: String = lines.collect();
         let ended = self.run(&question);
         self.read(&ended)
     }

@@ -26,6 +26,9 @@ pub struct Definition {
     pub priority: i64,
     /// How long its documents are good for equal queries; without, for one query.
     pub cache: Option<Duration>,
+    /// Where it adds keys to stored documents instead of giving documents: the keys that a query may ask for. `None` where
+    /// it gives documents.
+    pub adds: Option<Vec<String>>,
     /// What computes.
     pub body: BodyKind,
 }

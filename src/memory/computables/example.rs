@@ -32,7 +32,7 @@ impl Definition {
         let BodyKind::Command { words, folder, timeout } = &self.body else { return None };
         let (words, folder) = (words.clone(), folder.clone());
         let program = super::command::Command { words, folder, timeout: most.min(*timeout), host: host.clone() };
-        Some(program.answer(query).map(|documents| documents.len()).map_err(|error| error.to_string()))
+        Some(program.answer(query, &[]).map(|documents| documents.len()).map_err(|error| error.to_string()))
     }
 }
 

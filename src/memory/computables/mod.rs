@@ -17,11 +17,13 @@
 //!   the documents of those that ran before it for the same query, and does not see the documents
 //!   of its own computable, unless its query needs that.
 //! - Updates and deletions change stored documents only.
+//! - A computable that adds keys ([`adding`]) gives no documents: its keys are in the answer, and stored nowhere.
 //! - Without a cache time, documents are removed when the query is answered.
 //! - The cache holds as long as the documents are as they were computed: where
 //!   some were removed or changed, the next query computes them anew, and what
 //!   is left of them goes.
 
+mod adding;
 mod answer;
 mod binding;
 mod body;

@@ -74,7 +74,8 @@ impl Computables {
     ) -> Result<Vec<Wanted<'a>>, StoreError> {
         let mut wanted: Vec<Wanted<'a>> = Vec::new();
         for (ns, query) in questions {
-            for computable in self.registry.matching(ns, query)? {
+            let documents = self.registry.matching(ns, query)?.into_iter();
+            for computable in documents.filter(|computable| computable.definition.adds.is_none()) {
                 let key = key::of(&computable.definition, query);
                 if !wanted.iter().any(|other| other.key == key) && !self.is_due(&computable.definition) {
                     wanted.push(Wanted { computable, query, key });
@@ -83,6 +84,13 @@ impl Computables {
         }
         wanted.sort_by_key(|wanted| std::cmp::Reverse(wanted.computable.definition.priority));
         Ok(wanted)
+    }
+
+    /// The computables that add keys to what a query asks for, in the order in which they run.
+    pub(super) fn adding<'a>(&'a self, ns: &Namespace, query: &'a Document) -> Result<Vec<Wanted<'a>>, StoreError> {
+        let adding = self.registry.matching(ns, query)?.into_iter();
+        let adding = adding.filter(|computable| computable.definition.adds.is_some());
+        Ok(adding.map(|computable| Wanted { computable, query, key: key::of(&computable.definition, query) }).collect())
     }
 
     /// Whether a computable runs after one whose body is running.

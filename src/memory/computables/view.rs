@@ -1,5 +1,6 @@
 //! Which documents an operation sees.
 
+use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, doc};
 
 use crate::store::metadata;
@@ -29,6 +30,11 @@ impl View {
         if let Some(tokens) = &mut self.tokens {
             tokens.push(token.into());
         }
+    }
+
+    /// The computations whose documents are seen.
+    pub(super) fn computations(&self) -> Vec<ObjectId> {
+        self.tokens.iter().flatten().filter_map(Bson::as_object_id).collect()
     }
 
     /// Whether documents are in sight that may be computed anew meanwhile.

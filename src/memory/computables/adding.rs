@@ -1,0 +1,173 @@
+//! Computables that add keys to stored documents while a query is answered. What they add is stored nowhere.
+//!
+//! The documents that the query may match are copied into a store in memory, with the added keys; there the query is
+//! answered. A key that a document has already stays as it is stored. Where the keys are known (`adds = ["distance"]`), the
+//! query may ask for them, too: its conditions on them are left out when the documents are chosen.
+
+use std::collections::{BTreeMap, HashMap};
+use std::time::Instant;
+
+use bson::{Bson, Document};
+
+use super::report::Computed;
+use super::state::{Others, Wanted};
+use super::view::View;
+use crate::memory::Memory;
+use crate::memory::journal::Operation;
+use crate::query::{QueryError, key};
+use crate::store::{Embedded, Find, Index, Namespace, Store as _, StoreError, index, metadata};
+
+/// What is asked of a collection, and the computables that add keys to its documents.
+#[derive(Default)]
+struct Part<'a> {
+    queries: Vec<&'a Document>,
+    wanted: Vec<Wanted<'a>>,
+}
+
+impl Memory {
+    /// A store with the documents that the questions may match, and the keys that computables add to them; nothing where
+    /// none does.
+    pub(in crate::memory) fn extended(
+        &self,
+        questions: &[(&Namespace, &Document)],
+        view: &View,
+    ) -> Result<Option<Embedded>, StoreError> {
+        let mut parts: BTreeMap<&Namespace, Part<'_>> = BTreeMap::new();
+        for (ns, query) in questions {
+            let part = parts.entry(ns).or_default();
+            part.queries.push(query);
+            part.wanted.extend(self.computables.adding(ns, query)?);
+        }
+        if parts.values().all(|part| part.wanted.is_empty()) {
+            return Ok(None);
+        }
+        let extended = Embedded::in_memory()?;
+        for (ns, part) in parts {
+            let documents = self.with_added(ns, &part, view)?;
+            for index in self.routes.reading(ns)?.indexes(ns)?.iter().filter(|index| index.name != index::ID) {
+                // Some operators need their index. One that cannot be made here is missed by its operator.
+                let index = Index { unique: false, expire_after: None, ..index.clone() };
+                drop(extended.create_index(ns, &index));
+            }
+            extended.put(ns, documents, None)?;
+        }
+        Ok(Some(extended))
+    }
+
+    /// Whether computables add keys to the documents of these questions.
+    pub(in crate::memory) fn is_extended(&self, questions: &[(&Namespace, &Document)]) -> Result<bool, StoreError> {
+        for (ns, query) in questions {
+            if !self.computables.adding(ns, query)?.is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The documents of a collection that may match, with the keys that are added.
+    fn with_added(&self, ns: &Namespace, part: &Part<'_>, view: &View) -> Result<Vec<Document>, StoreError> {
+        let added = part.wanted.iter().flat_map(|wanted| wanted.computable.definition.adds.iter().flatten());
+        let added: Vec<&str> = added.map(String::as_str).collect();
+        let filter = match part.queries.as_slice() {
+            [query] => without(query, &added),
+            _ => Document::new(),
+        };
+        let find = Find { filter: view.filter(&filter), ..Find::default() };
+        let found = self.routes.reading(ns)?.find(ns, &find)?;
+        let mut documents: Vec<Document> = found
+            .map(|document| Ok(Document::try_from(&*document?).map_err(QueryError::from)?))
+            .collect::<Result<_, StoreError>>()?;
+        for wanted in &part.wanted {
+            let start = Instant::now();
+            let plain: Vec<Document> = documents.iter().map(plain).collect();
+            let others = Others { earlier: &view.computations(), later: &[] };
+            let mut keys = HashMap::new();
+            for computed in self.compute(wanted, others, Some(&plain))? {
+                if let Some(id) = computed.get("_id") {
+                    keys.insert(key::encode_value(id), computed);
+                }
+            }
+            let mut count = 0;
+            for document in &mut documents {
+                let id = document.get("_id").map(key::encode_value).unwrap_or_default();
+                if let Some(computed) = keys.remove(&id) {
+                    count += 1;
+                    add(document, computed);
+                }
+            }
+            self.report(wanted, count, start);
+        }
+        Ok(documents)
+    }
+
+    /// Reports how many documents of a collection got keys.
+    fn report(&self, wanted: &Wanted<'_>, documents: u64, start: Instant) {
+        let definition = &wanted.computable.definition;
+        let (name, namespace, took) = (definition.name.clone(), definition.namespace.clone(), start.elapsed());
+        self.journal.report(&Operation {
+            name: format!("add {name}").into(),
+            namespace: Some(namespace.clone()),
+            count: Some(documents),
+            took,
+        });
+        self.computables.computed.borrow_mut().push(Computed { name, namespace, cached: false, documents, took });
+    }
+}
+
+/// A document as applications see it.
+fn plain(document: &Document) -> Document {
+    document.iter().filter(|(key, _)| *key != metadata::INFO).map(|(key, value)| (key.clone(), value.clone())).collect()
+}
+
+/// Adds keys to a document that does not have them.
+fn add(document: &mut Document, computed: Document) {
+    for (key, value) in computed {
+        if key != metadata::INFO && !document.contains_key(&key) {
+            document.insert(key, value);
+        }
+    }
+}
+
+/// The conditions of a query that do not depend on keys that are added.
+fn without(query: &Document, added: &[&str]) -> Document {
+    let is_added = |path: &str| added.contains(&path.split('.').next().unwrap_or_default());
+    let conditions = query.iter().filter_map(|(key, value)| match (key.as_str(), value) {
+        ("$and", Bson::Array(parts)) => {
+            let parts: Vec<Document> =
+                parts.iter().filter_map(Bson::as_document).map(|part| without(part, added)).collect();
+            Some((key.clone(), parts.into())).filter(|_| !parts_are_empty(value))
+        }
+        // What they say of the added keys is not separated here; fewer conditions only choose more documents.
+        ("$or" | "$nor" | "$expr" | "$where", _) if !added.is_empty() => None,
+        (path, _) if is_added(path) => None,
+        (_, value) => Some((key.clone(), value.clone())),
+    });
+    conditions.collect()
+}
+
+fn parts_are_empty(value: &Bson) -> bool {
+    value.as_array().is_some_and(Vec::is_empty)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::doc;
+
+    #[test]
+    fn conditions_on_added_keys_choose_no_documents() {
+        let query = doc! {
+            "type": "cup", "distance": { "$lt": 1 }, "distance.x": 1, "$or": [{ "distance": 1 }, { "a": 1 }],
+            "$and": [{ "b": 1, "distance": 2 }, { "distance": 3 }],
+        };
+        assert_eq!(without(&query, &["distance"]), doc! { "type": "cup", "$and": [{ "b": 1 }, {}] });
+        assert_eq!(without(&query, &[]), query);
+    }
+
+    #[test]
+    fn a_stored_key_stays() {
+        let mut document = doc! { "_id": 1, "a": 1 };
+        add(&mut document, doc! { "_id": 1, "a": 2, "b": 3, "_robmem_info": {} });
+        assert_eq!(document, doc! { "_id": 1, "a": 1, "b": 3 });
+    }
+}
