@@ -22,6 +22,8 @@ mod subscriptions;
 mod table;
 mod thread;
 mod trace;
+mod wm_facts;
+mod wm_sync;
 mod world;
 
 #[cfg(test)]

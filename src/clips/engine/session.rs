@@ -208,6 +208,7 @@ fn follow(cycles: Option<u64>, clips: &Environment, state: &State<'_>) -> Result
         let burst = if state.is_subscribed() { Some(BURST) } else { None };
         let limit = [left, burst].into_iter().flatten().min();
         let fired = clips.run(limit);
+        state.wm_facts.push(state, clips);
         left = left.map(|left| left.saturating_sub(fired));
         if let Some(ended) = verdict(clips, state) {
             return Ok(ended);

@@ -11,6 +11,7 @@ use super::stop::Stop;
 use super::subscriptions::Subscriptions;
 use super::table::Table;
 use super::trace::Trace;
+use super::wm_facts::WmFacts;
 use crate::memory::Memory;
 use crate::store::Namespace;
 
@@ -27,6 +28,7 @@ pub(super) struct State<'m> {
     pub(super) table: RefCell<Table>,
     pub(super) subscriptions: Subscriptions<'m>,
     pub(super) world: WorldModel,
+    pub(super) wm_facts: WmFacts,
     pub(super) planning: Planning,
     sender: &'m Sender,
     stop: Stop,
@@ -48,6 +50,7 @@ impl<'m> State<'m> {
             table: RefCell::default(),
             subscriptions: Subscriptions::default(),
             world: WorldModel::new(job.world.clone()),
+            wm_facts: WmFacts::default(),
             planning: Planning::default(),
             sender,
             stop,

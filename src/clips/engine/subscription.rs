@@ -46,6 +46,11 @@ impl<'m> State<'m> {
         self.subscribe(Subscriber::WorldModel, ns, Document::new(), true)
     }
 
+    /// Subscribes the world model of executives.
+    pub(super) fn subscribe_wm_facts(&self, ns: &Namespace) -> Result<(), StoreError> {
+        self.subscribe(Subscriber::WmFacts, ns, Document::new(), false)
+    }
+
     fn subscribe(
         &self,
         subscriber: Subscriber,
@@ -106,7 +111,7 @@ impl<'m> State<'m> {
         for subscription in open {
             let mut timeout = timeout;
             let (mut taken, burst) =
-                (0, if matches!(subscription.subscriber, Subscriber::WorldModel) { BURST } else { 1 });
+                (0, if matches!(subscription.subscriber, Subscriber::Trigger(..)) { 1 } else { BURST });
             while taken < burst {
                 match subscription.watch.next(timeout)? {
                     Next::Nothing => break,
@@ -135,6 +140,7 @@ impl<'m> State<'m> {
     fn deliver(&self, subscriber: &Subscriber, ns: &Namespace, change: &Change, clips: &Environment) -> Result<()> {
         match subscriber {
             Subscriber::WorldModel => self.world.receive(change, self, clips),
+            Subscriber::WmFacts => self.wm_facts.receive(change, self, clips),
             Subscriber::Trigger(_, name) => {
                 let event = event(ns, change)?;
                 if let Err(message) = self.assert_trigger(name, &event, change.kind, clips) {

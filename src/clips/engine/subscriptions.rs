@@ -12,6 +12,8 @@ pub(super) enum Subscriber {
     Trigger(u64, String),
     /// The shared world model.
     WorldModel,
+    /// The world model of executives.
+    WmFacts,
 }
 
 pub(super) struct Subscription<'m> {

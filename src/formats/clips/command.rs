@@ -141,7 +141,9 @@ pub(super) fn meant(head: &str) -> Option<&'static str> {
     if is_known(head) || !head.to_ascii_lowercase().starts_with("def") {
         return None;
     }
-    nearest(head, CONSTRUCTS).filter(|construct| strsim::osa_distance(&head.to_ascii_lowercase(), construct) <= 2)
+    // Facts may be called `default`, which is as near to `defrule` as two letters.
+    let most = if head.len() < 10 { 1 } else { 2 };
+    nearest(head, CONSTRUCTS).filter(|construct| strsim::osa_distance(&head.to_ascii_lowercase(), construct) <= most)
 }
 
 #[cfg(test)]

@@ -205,3 +205,60 @@ fn the_trace_of_an_endless_recursion_is_short() {
     assert_eq!(lines.last(), Some(&"[RMEM2] Functions call themselves too deeply; the run was ended."));
     assert!(lines.len() < 40, "{lines:?}");
 }
+
+/// The template of an executive's world model, and who this is.
+const WM: &str = "(deftemplate wm-fact (slot id (type STRING)) (multislot key (type SYMBOL))
+  (slot type (type SYMBOL)) (slot is-list (type SYMBOL) (allowed-values FALSE TRUE)) (slot value) (multislot values))
+(deffacts identity (wm-fact (id \"/cx/identity\") (key cx identity) (type STRING) (value \"R1\")))
+(defrule enable (declare (salience 10)) => (wm-robmem-sync-enable \"/domain/\" \"/order/\"))\n";
+
+#[test]
+fn facts_of_an_executive_are_documents_that_others_may_change() {
+    let lab = lab();
+    let first = "(deffacts f
+  (wm-fact (id \"/domain/fact/at?r=r1\") (key domain fact at args? r r1) (type BOOL) (value TRUE))
+  (wm-fact (id \"/domain/fact/gone\") (key domain fact gone) (type SYMBOL) (value x))
+  (wm-fact (id \"/order/rings\") (key order rings) (type SYMBOL) (is-list TRUE) (values RED BLUE))
+  (wm-fact (id \"/private\") (key private) (type SYMBOL) (value x)))
+(defrule gone (declare (salience -1)) ?f <- (wm-fact (id \"/domain/fact/gone\")) => (retract ?f))
+(defrule change (declare (salience -1)) ?f <- (wm-fact (id \"/domain/fact/at?r=r1\") (value TRUE)) => (modify ?f (value FALSE)))
+(defrule end (declare (salience -2)) (wm-fact (id \"/domain/fact/at?r=r1\") (value FALSE)) => (halt))\n";
+    run(&lab, &[("wm.clp", WM), ("first.clp", first)], &["--timeout", "20s"]).success();
+    let stored =
+        "{\"_id\":\"/domain/fact/at?r=r1\",\"source\":\"R1\",\"type\":\"BOOL\",\"is-list\":false,\"value\":false}
+{\"_id\":\"/order/rings\",\"source\":\"R1\",\"type\":\"SYMBOL\",\"is-list\":true,\"values\":[\"RED\",\"BLUE\"]}\n";
+    let query = |lab: &Lab| {
+        let fields = ["--fields", "{'update-timestamp': 0}", "--sort", "{_id: 1}"];
+        lab.rmem(&[&["query", "syncedrobmem.worldmodel", "{}"], &fields[..]].concat()).success()
+    };
+    assert_eq!(query(&lab), stored);
+    // What others do while rules fire: a later change, an earlier one, a new fact, one of another kind, and a removal.
+    let second = "(defrule restore (declare (salience 5)) => (printout t (wm-robmem-sync-restore) \" restored\" crlf) (assert (step 1)))
+(defrule show (wm-fact (id ?id) (key ?first $?) (value ?v) (values $?vs)) (test (neq ?first cx)) => (printout t ?id \" \" ?v \" \" ?vs crlf))
+(defrule others ?s <- (step 1) (wm-fact (id \"/order/rings\")) => (retract ?s)
+  (bind ?ns syncedrobmem.worldmodel)
+  (rm-update ?ns \"{$set: {value: true, source: 'R2', 'update-timestamp': ISODate('2100-01-01')}}\" \"{_id: '/domain/fact/at?r=r1'}\")
+  (rm-update ?ns \"{$set: {values: ['NONE'], source: 'R2', 'update-timestamp': ISODate('2000-01-01')}}\" \"{_id: '/order/rings'}\")
+  (rm-insert ?ns \"{_id: '/secret/x', type: 'SYMBOL', 'is-list': false, value: 'no', 'update-timestamp': ISODate('2100-01-01')}\")
+  (rm-insert ?ns \"{_id: '/domain/new?a=b,c', type: 'STRING', 'is-list': false, value: 'a text', source: 'R2', 'update-timestamp': ISODate('2000-01-01')}\"))
+(defrule key (wm-fact (key domain new args? a [ b c ] )) => (rm-delete syncedrobmem.worldmodel \"{_id: '/domain/new?a=b,c'}\") (assert (wait)))
+(defrule late (declare (salience -5)) (wait) (not (wm-fact (key domain new $?)))
+  ?f <- (wm-fact (id \"/domain/fact/at?r=r1\") (value TRUE))
+  => (printout t \"removed\" crlf) (modify ?f (value FALSE)) (assert (last)))
+(defrule end (declare (salience -10)) (last) => (exit))\n";
+    let text = run(&lab, &[("wm.clp", WM), ("second.clp", second)], &["--timeout", "20s"]).success();
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines.sort_unstable();
+    let wanted = [
+        "/domain/fact/at?r=r1 FALSE ()",
+        "/domain/fact/at?r=r1 FALSE ()",
+        "/domain/fact/at?r=r1 TRUE ()",
+        "/domain/new?a=b,c a text ()",
+        "/order/rings nil (RED BLUE)",
+        "2 restored",
+        "removed",
+    ];
+    assert_eq!(lines, wanted);
+    // The last change of this engine is earlier than that of the other one.
+    assert!(query(&lab).contains("\"source\":\"R2\",\"type\":\"BOOL\",\"is-list\":false,\"value\":true"));
+}

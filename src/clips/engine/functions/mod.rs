@@ -10,6 +10,7 @@ mod clips;
 mod cursor;
 mod document;
 mod dump;
+mod executive;
 mod fact;
 mod failure;
 mod function;
@@ -41,6 +42,7 @@ fn all() -> impl Iterator<Item = &'static Function> {
         asynchronous::FUNCTIONS,
         pipeline::FUNCTIONS,
         refbox::FUNCTIONS,
+        executive::FUNCTIONS,
         clips::FUNCTIONS,
         dump::FUNCTIONS,
         problem::FUNCTIONS,

@@ -141,6 +141,24 @@ impl Environment {
         }
     }
 
+    /// The facts of a template, the oldest first.
+    pub(crate) fn facts_of(&self, template: &str) -> Vec<FactRef> {
+        let mut facts = Vec::new();
+        // SAFETY: the environment is alive, and no fact comes or goes meanwhile.
+        unsafe {
+            let template = sys::FindDeftemplate(self.raw(), c_text(template).as_ptr());
+            if template.is_null() {
+                return facts;
+            }
+            let mut next = sys::GetNextFactInTemplate(template, std::ptr::null_mut());
+            while !next.is_null() {
+                facts.push(FactRef::new(next, self.alive()));
+                next = sys::GetNextFactInTemplate(template, next);
+            }
+        }
+        facts
+    }
+
     /// The names of all templates whose facts have slots.
     pub(crate) fn templates(&self) -> Vec<String> {
         let mut names = Vec::new();

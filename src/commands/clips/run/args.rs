@@ -60,6 +60,10 @@ robmem-mutex-renew-lock-async robmem-mutex-force-lock-async robmem-mutex-unlock-
 (robmem-mutex-expire-locks-async SEC), which assert (mutex-op-feedback OPERATION OK|FAIL NAME) as there.
 Mutexes are those of rmem lock, or after a trigger on robmem_coordination.mutex those of that collection
 
+As in the CLIPS executive, for a deftemplate wm-fact with the slots id, key, type, is-list, value and values:
+(wm-robmem-sync-enable PREFIX …) keeps facts whose id begins so in syncedrobmem.worldmodel, with all engines
+that do; the later change wins. (wm-robmem-sync-restore) (wm-robmem-sync-restore-prefix PREFIX) (wm-robmem-flush)
+
 As in the RCLL referee box, a collection without a database is one of the database of --collection:
 mongodb-insert mongodb-query mongodb-query-sort mongodb-update mongodb-replace mongodb-upsert
 mongodb-cursor-next mongodb-cursor-more mongodb-cursor-destroy bson-builder-destroy
