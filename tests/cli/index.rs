@@ -1,6 +1,6 @@
 //! index, and how queries use indexes.
 
-use crate::lab::{Lab, assert_run};
+use crate::lab::{Lab, assert_run, three_documents};
 
 #[test]
 fn an_index_is_made_listed_and_dropped() {
@@ -121,4 +121,34 @@ fn a_partial_index_is_unique_among_the_documents_that_match() {
         let partial = bson::doc! { "key": { "b": 1 }, "partialFilterExpression": wrong };
         assert!(store.create_index(&ns, &Index::parse(&partial).unwrap()).is_err());
     }
+}
+
+#[test]
+fn wildcard_indexes_are_listed_and_answered_by_a_scan() {
+    let lab = three_documents();
+    assert_eq!(lab.rmem(&["index", "robmem.worldmodel", "{'$**': 1}"]).success(), "$**_1\n");
+    assert_eq!(lab.rmem(&["index", "robmem.worldmodel", "{'pose.$**': 1}"]).success(), "pose.$**_1\n");
+    let hinted = |query: &str| lab.rmem(&["count", "robmem.worldmodel", query, "--hint", "$**_1"]);
+    assert_eq!(hinted("{relation: 'on-table'}").success(), "2\n");
+    assert_run!(hinted("{}"), @r"
+    ------- stderr -------
+    error: the hint names a wildcard index, and the query asks for none of its paths
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["index", "robmem.worldmodel", "{'$**': 1}", "--unique", "--name", "u"]), @r"
+    ------- stderr -------
+    error: <keys>:1:1: a wildcard index is neither unique nor sparse, and no document expires by it
+      |
+    1 | {'$**': 1}
+      | ^^^^^^^^^^
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["index", "robmem.worldmodel", "{a: 1, '$**': 1}"]), @r"
+    ------- stderr -------
+    error: <keys>:1:9: a wildcard index has one key
+      |
+    1 | {a: 1, '$**': 1}
+      |         ^^^
+    [exit code: 3]
+    ");
 }

@@ -4,7 +4,9 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, bson, doc};
 use proptest::prelude::*;
 use proptest::sample::select;
 use rmem::query::Sort;
-use rmem::store::{Embedded, Find, Index, Namespace, Store as _, UpdateRequest, UpdateSpec};
+use rmem::store::{
+    Embedded, Find, Hint, Index, Modifiers, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec,
+};
 
 fn ns() -> Namespace {
     Namespace::parse("robmem.objects").unwrap()
@@ -303,10 +305,36 @@ fn what_no_document_can_be_is_not_looked_for() {
 }
 
 #[test]
-fn a_wildcard_index_is_refused_by_name() {
+fn a_wildcard_index_is_hinted_only_for_its_paths() {
     let store = Embedded::in_memory().unwrap();
-    for key in ["$**", "a.$**"] {
-        let error = store.create_index(&ns(), &Index::on(doc! { key: 1 })).unwrap_err().to_string();
-        assert!(error.contains("$**") && error.contains("not supported"), "{error}");
+    store.insert(&ns(), vec![doc! { "_id": 1, "a": { "b": 1 }, "c": 2 }, doc! { "_id": 2, "c": 2 }]).unwrap();
+    let inside = Index::on(doc! { "a.$**": 1 });
+    let without = Index { other: doc! { "wildcardProjection": { "c": 0 } }, ..Index::on(doc! { "$**": 1 }) };
+    for index in [&inside, &without] {
+        assert!(store.create_index(&ns(), index).unwrap());
     }
+    let count = |filter: Document, index: &Index| {
+        let hint = Some(Hint::Name(index.name.clone()));
+        store.count_with(&ns(), &filter, &Modifiers { hint, ..Modifiers::default() })
+    };
+    assert_eq!(count(doc! { "a.b": 1 }, &inside).unwrap(), 1);
+    assert_eq!(count(doc! { "a.b": 1, "c": 2 }, &without).unwrap(), 1);
+    for (filter, index) in [(doc! { "c": 2 }, &inside), (doc! { "c": 2 }, &without), (doc! { "_id": 1 }, &without)] {
+        assert!(count(filter.clone(), index).unwrap_err().to_string().contains("none of its paths"), "{filter}");
+    }
+    let refused = |keys: Document, projection: Option<Document>| {
+        let other = projection.map(|projection| doc! { "wildcardProjection": projection }).unwrap_or_default();
+        match store.create_index(&ns(), &Index { other, ..Index::on(keys) }).unwrap_err() {
+            StoreError::Query(error) => error.code,
+            other => panic!("{other}"),
+        }
+    };
+    assert_eq!(refused(doc! { "$**": 0 }, None), 67);
+    assert_eq!(refused(doc! { "$**": 1, "a": 1 }, None), 67);
+    assert_eq!(refused(doc! { "$**.a": 1 }, None), 67);
+    assert_eq!(refused(doc! { "a.$**": 1 }, Some(doc! { "a": 1 })), 9);
+    assert_eq!(refused(doc! { "$**": 1 }, Some(doc! {})), 9);
+    assert_eq!(refused(doc! { "$**": 1 }, Some(doc! { "a": 1, "b": 0 })), 31_254);
+    assert_eq!(refused(doc! { "$**": 1 }, Some(doc! { "a": "1" })), 51_271);
+    assert_eq!(refused(doc! { "a": 1 }, Some(doc! { "a": 1 })), 2);
 }

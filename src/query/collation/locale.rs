@@ -13,6 +13,7 @@ const LOCALES: &str = "\
     yo zh/big5han,gb2312han,stroke,unihan,zhuyin zh_Hant zu simple";
 
 /// Locales whose strings compare by the rules that are common to all languages.
+#[cfg(feature = "collation")]
 const UNTAILORED: [&str; 14] =
     ["de", "en", "en_US", "fr", "fr_CA", "ga", "id", "it", "lb", "ms", "nl", "pt", "sw", "zu"];
 
@@ -42,6 +43,7 @@ fn split(locale: &str) -> (&str, Option<&str>) {
 ///
 /// # Errors
 /// If accents are to compare backwards in a language with rules of its own.
+#[cfg(feature = "collation")]
 pub(super) fn tag(locale: &str, backwards: bool) -> Result<String> {
     let (name, variant) = split(locale);
     if backwards {
@@ -67,6 +69,7 @@ pub(super) fn tag(locale: &str, backwards: bool) -> Result<String> {
 }
 
 /// Returns the variant as language tags spell it.
+#[cfg(feature = "collation")]
 fn key(variant: &str) -> &str {
     match variant {
         "phonebook" => "phonebk",

@@ -8,6 +8,7 @@
 mod bounds;
 mod pattern;
 mod plan;
+mod wildcard;
 
 pub use pattern::{Entries, Pattern};
 pub use plan::{Access, Candidate, Range, alternatives, ways};

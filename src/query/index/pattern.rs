@@ -2,8 +2,10 @@
 
 use bson::{Bson, Document, RawDocument};
 
+use super::wildcard::{self, Wildcard};
 use crate::query::collation::{self, Collation};
 use crate::query::error::{QueryError, Result};
+use crate::query::filter::Filter;
 use crate::query::geo::{Near, Places, is_place};
 use crate::query::key::{self, Text};
 use crate::query::keys::Keys;
@@ -28,6 +30,8 @@ pub struct Pattern {
     collation: Option<Collation>,
     /// What an index of places checks; it is kept in the catalogue and answered by a scan.
     places: Option<Places>,
+    /// The paths of a wildcard index, which is kept in the catalogue, too.
+    wildcard: Option<Wildcard>,
 }
 
 /// The keys of a document.
@@ -60,6 +64,13 @@ impl Pattern {
         if pattern.len() > MAX_FIELDS {
             return Err(QueryError::invalid(13_103, format!("an index has at most {MAX_FIELDS} keys")));
         }
+        if pattern.keys().any(|name| wildcard::is_key(name)) {
+            let wildcard = Some(Wildcard::parse(pattern, options)?);
+            return Ok(Self { keys: Keys::default(), collation: None, places: None, wildcard });
+        }
+        if options.contains_key(wildcard::PROJECTION) {
+            return Err(QueryError::bad_value("wildcardProjection is for wildcard indexes, like {'$**': 1}"));
+        }
         let mut keys = Keys::default();
         for (name, direction) in pattern {
             check_name(name)?;
@@ -86,7 +97,7 @@ impl Pattern {
         if collation.is_some() && pattern.values().any(|kind| matches!(kind.as_str(), Some("2d"))) {
             return Err(cannot("an index of type 2d compares strings byte by byte".to_owned()));
         }
-        Ok(Self { keys: keys.with_text(Text::By(collation.clone())), collation, places })
+        Ok(Self { keys: keys.with_text(Text::By(collation.clone())), collation, places, wildcard: None })
     }
 
     /// Returns how its strings compare, where that is not byte by byte.
@@ -111,6 +122,18 @@ impl Pattern {
         self.places.is_some()
     }
 
+    /// Returns whether it is a wildcard index, which has no keys.
+    #[must_use]
+    pub fn is_wildcard(&self) -> bool {
+        self.wildcard.is_some()
+    }
+
+    /// Returns whether an index could serve a filter: a wildcard index only one that asks for its paths.
+    #[must_use]
+    pub fn serves(&self, filter: &Filter) -> bool {
+        self.wildcard.as_ref().is_none_or(|wildcard| wildcard.serves(filter.root()))
+    }
+
     /// Checks that an index of places can be asked what is near a point.
     ///
     /// # Errors
@@ -130,6 +153,9 @@ impl Pattern {
     /// If two paths run through different arrays, or a number in a path is
     /// both an element and a field of an element; where something is no place.
     pub fn entries(&self, document: &RawDocument, sparse: bool) -> Result<Entries> {
+        if self.wildcard.is_some() {
+            return Ok(Entries::default());
+        }
         if let Some(places) = &self.places {
             places.check(document)?;
             return Ok(Entries::default());
@@ -182,10 +208,6 @@ impl Pattern {
 fn check_name(name: &str) -> Result<()> {
     if name.is_empty() || name.split('.').any(str::is_empty) {
         return Err(QueryError::invalid(CANNOT_CREATE, "the keys of an index cannot have an empty part").about(name));
-    }
-    // A wildcard index.
-    if name.split('.').next_back() == Some("$**") {
-        return Err(QueryError::unsupported("$**").about(name));
     }
     if name.split('.').any(|part| part.starts_with('$') && !crate::query::dollar::is_reference_key(part)) {
         let message = format!("the key `{name}` of an index has a part that starts with '$'");

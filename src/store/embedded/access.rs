@@ -20,6 +20,8 @@ use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, ways}
 use crate::query::{Filter, QueryError, Sort};
 use crate::store::{Hint, Index, StoreError};
 
+/// MongoDB's code for a query that the hinted index cannot answer.
+const NO_PLAN: i32 = 291;
 /// How many keys are counted to choose between indexes.
 const PROBE: i64 = 1_000;
 
@@ -145,6 +147,10 @@ impl Embedded {
             _ if is_meant(&Index::of_ids()) => (Index::of_ids(), of_ids(), collection.table()),
             Some(index) if index.is_hidden() => return Err(no_hinted()),
             // What has no keys is answered by all documents.
+            Some(index) if !index.pattern.serves(filter) => {
+                let message = "the hint names a wildcard index, and the query asks for none of its paths";
+                return Err(QueryError::invalid(NO_PLAN, message).into());
+            }
             Some(index) if !index.is_kept() => return Ok(walk(None)),
             Some(index) => (index.definition.clone(), candidate(index), index.table()),
             None => return Err(no_hinted()),

@@ -24,7 +24,8 @@ const OPTIONS_CONFLICT: i32 = 85;
 /// MongoDB's code for an index of that name that is another one.
 const KEYS_CONFLICT: i32 = 86;
 /// Options of geospatial indexes, and those that every index may have.
-const OPTIONS: [&str; 7] = ["2dsphereIndexVersion", "bits", "min", "max", PARTIAL, HIDDEN, COLLATION];
+const OPTIONS: [&str; 8] =
+    ["2dsphereIndexVersion", "bits", "min", "max", "wildcardProjection", PARTIAL, HIDDEN, COLLATION];
 /// MongoDB's code for an index that cannot be made.
 const CANNOT_CREATE: i32 = 67;
 /// MongoDB's code for an index that has to stay, or cannot be.
@@ -294,7 +295,11 @@ fn may_decay(body: &RawDocument) -> bool {
 
 /// Refuses keys that are none, and what only a server can keep.
 pub(super) fn check(index: &Index) -> Result<(), QueryError> {
-    Pattern::parse_with(&index.keys, &index.other)?;
+    let pattern = Pattern::parse_with(&index.keys, &index.other)?;
+    if pattern.is_wildcard() && (index.unique || index.sparse || index.expire_after.is_some()) {
+        let message = "a wildcard index is neither unique nor sparse, and no document expires by it";
+        return Err(QueryError::invalid(CANNOT_CREATE, message));
+    }
     if let Some(option) = index.other.keys().find(|option| !OPTIONS.contains(&option.as_str())) {
         let mut refusal = QueryError::unsupported(option);
         refusal.message = format!("the option `{option}` of an index is not supported by the embedded store");

@@ -74,9 +74,9 @@ impl Indexed {
         format!("entries_{}", self.id)
     }
 
-    /// Whether there are keys: geospatial indexes are in the catalogue only.
+    /// Whether there are keys: geospatial and wildcard indexes are in the catalogue only.
     pub(super) fn is_kept(&self) -> bool {
-        !self.pattern.is_geospatial()
+        !self.pattern.is_geospatial() && !self.pattern.is_wildcard()
     }
 
     /// Whether queries may use it. A partial index is left to the documents it is unique or expires for: whether a query
