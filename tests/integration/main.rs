@@ -11,6 +11,7 @@ mod clips;
 mod computables;
 mod contract;
 mod crashes;
+mod disk;
 mod engine;
 #[cfg(feature = "mongodb")]
 mod history;
@@ -50,6 +51,7 @@ fn main() -> ExitCode {
     let mut trials = contract::embedded();
     trials.extend(processes::trials());
     trials.extend(crashes::trials());
+    trials.extend(disk::trials());
     trials.extend(mixtures::trials());
     trials.extend(permissions::trials());
     trials.extend(restores::trials());

@@ -7,7 +7,7 @@ use super::place::Place;
 use crate::store::StoreError;
 
 /// The message about a full disk.
-const DISK_FULL: &str = "the disk is full; make room and repeat, nothing of this write was kept";
+const DISK_FULL: &str = "the disk is full; make room or delete documents, and repeat: nothing of this write was kept";
 
 /// Returns the error of a store for one of SQLite.
 pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
@@ -42,9 +42,13 @@ fn unreachable(place: &Place, reason: String) -> StoreError {
 /// Whether the file system of the store has no space left: SQLite reports then that it cannot make
 /// or write its log.
 fn is_full(place: &Place) -> bool {
-    let Place::File(path) = place else { return false };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
+    let Some(folder) = place.folder() else { return false };
     rustix::fs::statvfs(folder).is_ok_and(|system| system.f_bavail == 0 || (system.f_favail == 0 && system.f_files > 0))
+}
+
+/// That the disk is full.
+pub(super) fn disk_full(place: &Place) -> StoreError {
+    StoreError::Failed { address: place.to_string(), reason: DISK_FULL.to_owned() }
 }
 
 /// Whether an error of a store says that the disk is full.

@@ -16,6 +16,7 @@
 //! - `changes`: the changes that watchers have not taken (`change_log`); numbers are never used again.
 //! - `histories` and `origins`, where a history was kept: of what, and the authors of changes (`history`).
 
+use std::cell::Cell;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -155,7 +156,15 @@ impl Embedded {
             _ => return Err(foreign(&place)),
         }
         tune(&connection).map_err(explain)?;
-        Ok(Self { connection, place, indexes: Remembered::default(), log: Log::default(), is_brief })
+        Ok(Self {
+            connection,
+            place,
+            indexes: Remembered::default(),
+            log: Log::default(),
+            is_brief,
+            is_deleting: Cell::default(),
+            is_crowded: Cell::default(),
+        })
     }
 }
 

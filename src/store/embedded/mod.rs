@@ -33,6 +33,7 @@ mod pipeline;
 mod place;
 mod repair;
 mod retention;
+mod room;
 mod scan;
 mod slices;
 mod snapshot;
@@ -40,6 +41,7 @@ mod transaction;
 mod verbs;
 mod watcher;
 
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -65,4 +67,8 @@ pub struct Embedded {
     log: Log,
     /// Whether a write waits only briefly for other writers.
     is_brief: Arc<AtomicBool>,
+    /// Whether what is written makes room.
+    is_deleting: Cell<bool>,
+    /// Whether the disk was nearly full when something was written last.
+    is_crowded: Cell<bool>,
 }

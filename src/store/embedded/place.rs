@@ -1,7 +1,7 @@
 //! Where an embedded store lives.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Where an embedded store lives; its `Display` is what messages call it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,6 +11,18 @@ pub(super) enum Place {
 }
 
 impl Place {
+    /// The folder of the file.
+    pub(super) fn folder(&self) -> Option<&Path> {
+        let Self::File(path) = self else { return None };
+        Some(path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")))
+    }
+
+    /// The path of the file.
+    pub(super) fn file(&self) -> Option<PathBuf> {
+        let Self::File(path) = self else { return None };
+        Some(path.clone())
+    }
+
     /// The path of the write-ahead log.
     pub(super) fn log(&self) -> Option<PathBuf> {
         let Self::File(path) = self else { return None };

@@ -16,6 +16,8 @@ use crate::store::{Hint, Namespace, StoreError};
 
 /// How long a slice takes.
 const SLICE: Duration = Duration::from_millis(100);
+/// The same, where the disk is nearly full: it has room for a short log.
+const SHORT_SLICE: Duration = Duration::from_millis(10);
 /// The pause between two slices, in which every waiting writer tries once.
 const PAUSE: Duration = Duration::from_millis(15);
 
@@ -51,6 +53,7 @@ impl Embedded {
         loop {
             let is_done = self.write(|| {
                 let start = Instant::now();
+                let slice = if self.is_crowded() { SHORT_SLICE } else { SLICE };
                 let Some(collection) = self.collection(ns)? else { return self.end(matched, otherwise) };
                 if open.is_none() && is_sweeping {
                     self.sweep(ns, collection)?;
@@ -71,7 +74,7 @@ impl Embedded {
                     let Some(found) = scan.next() else { break };
                     matched += 1;
                     work(collection, &found?)?;
-                    if is_sliced && start.elapsed() >= SLICE {
+                    if is_sliced && start.elapsed() >= slice {
                         return Ok(false);
                     }
                 }

@@ -100,10 +100,12 @@ impl Store for Embedded {
         first_only: bool,
         modifiers: &Modifiers,
     ) -> Result<u64, StoreError> {
+        let _deleting = self.deleting();
         during(modifiers.collation.as_ref(), || self.remove(ns, filter, first_only, modifiers))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        let _deleting = self.deleting();
         self.write(|| match self.collection(ns)? {
             Some(collection) => {
                 self.note_drop(ns, collection)?;
@@ -156,6 +158,7 @@ impl Store for Embedded {
     }
 
     fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
+        let _deleting = self.deleting();
         self.forget_name(ns, name)
     }
 
@@ -176,6 +179,7 @@ impl Store for Embedded {
     }
 
     fn release_changes(&self, scope: &Scope) -> Result<(), StoreError> {
+        let _deleting = self.deleting();
         self.release(scope)
     }
 
@@ -253,6 +257,7 @@ impl Embedded {
         if !self.connection.is_autocommit() {
             return self.step(work);
         }
+        self.make_room()?;
         self.run("BEGIN IMMEDIATE").map_err(|e| self.explain(&e))?;
         self.finish(work)
     }
@@ -292,6 +297,7 @@ impl Embedded {
     fn finish<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         let result = self.open_log().and_then(|()| work()).and_then(|value| {
             self.bound_log()?;
+            self.keep_room()?;
             self.run("COMMIT").map(|()| value).map_err(|e| self.explain(&e))
         });
         if result.is_ok() {

@@ -1,0 +1,86 @@
+//! A full disk: a small file system of its own, where one can be mounted.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use libtest_mimic::{Failed, Trial};
+use tempfile::TempDir;
+
+/// Ignored where no file system can be mounted.
+pub(crate) fn trials() -> Vec<Trial> {
+    let cannot_mount = SmallDisk::mount().is_none();
+    [
+        Trial::test("disk::deleting_helps_where_documents_filled_the_disk", || deleting_helps(&filled)),
+        Trial::test("disk::deleting_helps_where_changes_of_one_document_filled_the_disk", || deleting_helps(&changed)),
+    ]
+    .into_iter()
+    .map(|trial| trial.with_ignored_flag(cannot_mount))
+    .collect()
+}
+
+/// A file system of 4 MiB in memory, unmounted when it is dropped.
+struct SmallDisk(TempDir);
+
+impl SmallDisk {
+    fn mount() -> Option<Self> {
+        let folder = tempfile::tempdir().ok()?;
+        let mut mount = Command::new("mount");
+        mount.args(["-t", "tmpfs", "-o", "size=4m", "tmpfs"]).arg(folder.path());
+        mount.output().is_ok_and(|output| output.status.success()).then(|| Self(folder))
+    }
+
+    fn rmem(&self, args: &[&str]) -> Result<Output, Failed> {
+        let memory = format!("file:{}", self.0.path().join("m.rmem").display());
+        let mut rmem = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        rmem.args(["--memory", &memory, "--quiet"]).args(args).env("HOME", Path::new("/nonexistent"));
+        Ok(rmem.output()?)
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg(self.0.path()).status();
+    }
+}
+
+/// What fills the disk until rmem refuses; gives the refusal.
+type Fill = dyn Fn(&SmallDisk) -> Result<Output, Failed>;
+
+fn filled(disk: &SmallDisk) -> Result<Output, Failed> {
+    let documents = tempfile::NamedTempFile::new()?;
+    let lines = (0..4_000).map(|n| format!("{{\"n\": {n}, \"text\": \"{}\"}}\n", "x".repeat(2_000)));
+    std::fs::write(documents.path(), lines.collect::<String>())?;
+    disk.rmem(&["insert", "a.b", "--file", &documents.path().display().to_string()])
+}
+
+/// A watch keeps the changes.
+fn changed(disk: &SmallDisk) -> Result<Output, Failed> {
+    disk.rmem(&["insert", "a.b", "{_id: 1}"])?;
+    disk.rmem(&["watch", "a.b", "--resume", "reader", "--timeout", "1ms"])?;
+    let text = format!("{{$set: {{text: '{}'}}, $inc: {{n: 1}}}}", "x".repeat(20_000));
+    for _ in 0..1_000 {
+        let changed = disk.rmem(&["update", "a.b", "{_id: 1}", &text])?;
+        if !changed.status.success() {
+            return Ok(changed);
+        }
+    }
+    Err("the disk is never full".into())
+}
+
+fn deleting_helps(fill: &Fill) -> Result<(), Failed> {
+    let disk = SmallDisk::mount().ok_or("no file system can be mounted")?;
+    let refused = fill(&disk)?;
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(4), "{message}");
+    assert!(message.contains("the disk is full; make room or delete documents"), "{message}");
+    assert!(!disk.rmem(&["count", "a.b"])?.stdout.is_empty());
+    // What the reader has not read is kept for it.
+    let forgotten = disk.rmem(&["watch", "a.b", "--resume", "reader", "--forget"])?;
+    assert_ne!(forgotten.status.code(), Some(4), "{forgotten:?}");
+    let deleted = disk.rmem(&["delete", "a.b", "--all"])?;
+    assert!(deleted.status.success(), "{deleted:?}");
+    let inserted = disk.rmem(&["insert", "a.b", "{n: 1}"])?;
+    assert!(inserted.status.success(), "{inserted:?}");
+    assert_eq!(disk.rmem(&["count", "a.b"])?.stdout, b"1\n");
+    Ok(())
+}
