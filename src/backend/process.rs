@@ -18,12 +18,10 @@ use crate::store::mongodb::admin::{Admin, AdminError};
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long a primary looks for another member to take over.
 const HANDOVER_TIMEOUT: Duration = Duration::from_secs(3);
-/// How long a process has to end.
-const END_TIMEOUT: Duration = Duration::from_secs(60);
-/// How long a starting process may neither listen nor write to its log.
-const START_TIMEOUT: Duration = Duration::from_secs(20);
 /// How long a process that listens may take to go into the background.
 const FORK_TIMEOUT: Duration = Duration::from_secs(2);
+/// A file in each folder of data that mongod uses.
+const OF_MONGOD: &str = "storage.bson";
 /// How often it is looked whether it has ended.
 const POLL_INTERVAL: Duration = Duration::from_millis(25);
 
@@ -69,7 +67,7 @@ pub fn up(backend: &Backend) -> Result<Running, BackendError> {
             let _ = fs::write(beside(&data, "pid"), pid + "\n");
             Ok(Running { started: true, ..running })
         }
-        None => Err(failed(backend, format!("mongod ended at once; see {}", beside(&data, "log").display()))),
+        None => Err(failed(backend, format!("mongod ended at once; see {}", log_of(backend, &data).display()))),
     }
 }
 
@@ -87,6 +85,11 @@ fn beside(data: &Path, extension: &str) -> PathBuf {
     name.push(".");
     name.push(extension);
     name.into()
+}
+
+/// The log of the process.
+fn log_of(backend: &Backend, data: &Path) -> PathBuf {
+    backend.log.clone().unwrap_or_else(|| beside(data, "log"))
 }
 
 /// The process, where it runs; an error where something else has its port.
@@ -130,7 +133,7 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
         return Err(failed(backend, reason));
     }
     let pid = admin.pid().map_err(|error| answered(backend, error))?;
-    let ours = started.log.is_some_and(|log| log == beside(data, "log"));
+    let ours = started.log.is_some_and(|log| log == log_of(backend, data));
     Ok(Some(Running { pid, started: false, ours }))
 }
 
@@ -147,10 +150,15 @@ fn noted(data: &Path) -> Option<i64> {
 
 /// Starts mongod, which goes into the background once it listens.
 fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
-    let log = beside(data, "log");
-    let before = fs::metadata(&log).map_or(0, |found| found.len());
+    let log = log_of(backend, data);
+    let folder = log.parent().map_or(Ok(()), fs::create_dir_all);
+    folder.map_err(|error| failed(backend, format!("cannot make the folder of the log {}: {error}", log.display())))?;
+    let before = fs::metadata(&log).map_or(0, |found| if backend.log_append { found.len() } else { 0 });
     let mut command = Command::new(&backend.mongod);
-    command.arg("--fork").arg("--logappend").arg("--logpath").arg(&log).arg("--dbpath").arg(data);
+    command.arg("--fork").arg("--logpath").arg(&log).arg("--dbpath").arg(data);
+    if backend.log_append {
+        command.arg("--logappend");
+    }
     command.args(["--port", &backend.port.to_string(), "--bind_ip", &backend.bind]);
     command.args(["--replSet", &backend.replica_set]);
     if let Some(bytes) = backend.oplog_size {
@@ -160,6 +168,7 @@ fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
         #[expect(clippy::cast_precision_loss, reason = "a size in GB need not be exact")]
         command.args(["--wiredTigerCacheSizeGB", &(bytes as f64 / f64::from(1 << 30)).to_string()]);
     }
+    command.args(&backend.arguments);
     let unstarted = |error: &io::Error| failed(backend, format!("cannot start {}: {error}", backend.mongod.display()));
     // A file, which is whole when the program has ended; a pipe is, once all that it left in the background has.
     let output = tempfile::tempfile().map_err(|error| unstarted(&error))?;
@@ -176,7 +185,7 @@ fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
         Start::Silent => {
             let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
             let _ = child.wait();
-            format!("it neither listened nor wrote to its log for {} s", START_TIMEOUT.as_secs())
+            format!("it neither listened nor wrote to its log for {:?}", backend.start_timeout)
         }
         Start::Failed(status) => {
             let words = logged_error(&log, before).or_else(|| printed(output));
@@ -199,7 +208,7 @@ enum Start {
 
 /// Waits until mongod has gone into the background, or stays where it was started and listens.
 fn attend(backend: &Backend, data: &Path, child: &mut Child) -> io::Result<Start> {
-    let log = beside(data, "log");
+    let log = log_of(backend, data);
     let (mut length, mut progress) = (0, Instant::now());
     loop {
         if let Some(status) = child.try_wait()? {
@@ -213,7 +222,7 @@ fn attend(backend: &Backend, data: &Path, child: &mut Child) -> io::Result<Start
             // Some cannot go into the background by themselves.
             return Ok(Start::Done);
         }
-        if progress.elapsed() > START_TIMEOUT {
+        if progress.elapsed() > backend.start_timeout {
             return Ok(Start::Silent);
         }
         std::thread::sleep(POLL_INTERVAL);
@@ -279,14 +288,25 @@ fn terminate(backend: &Backend, data: &Path, pid: i64) -> Result<Down, BackendEr
 fn wait(backend: &Backend, data: &Path, pid: i64) -> Result<Down, BackendError> {
     let since = Instant::now();
     while is_mongod_of(pid, data) {
-        if since.elapsed() > END_TIMEOUT {
-            let reason = format!("the process {pid} does not end; see {}", beside(data, "log").display());
+        if since.elapsed() > backend.stop_timeout {
+            let reason = format!("the process {pid} does not end; see {}", log_of(backend, data).display());
             return Err(failed(backend, reason));
         }
         std::thread::sleep(POLL_INTERVAL);
     }
     let _ = fs::remove_file(beside(data, "pid"));
+    if backend.clear_on_stop {
+        clear(backend, data)?;
+    }
     Ok(Down::Stopped(Some(pid)))
+}
+
+/// Removes the data of a process that ended. A folder that is not one of mongod is left alone.
+fn clear(backend: &Backend, data: &Path) -> Result<(), BackendError> {
+    if !data.join(OF_MONGOD).is_file() {
+        return Ok(());
+    }
+    fs::remove_dir_all(data).map_err(|error| failed(backend, format!("cannot remove {}: {error}", data.display())))
 }
 
 /// Whether a process is alive and was started with this folder of data.

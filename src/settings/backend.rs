@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -11,6 +12,25 @@ use crate::formats::quantity;
 
 /// A mongod's cache cannot be smaller.
 const SMALLEST_CACHE: u64 = 256 << 20;
+/// How long a starting process may neither listen nor write to its log, where nothing else is set.
+const START_TIMEOUT: Duration = Duration::from_secs(20);
+/// How long a process has to end, where nothing else is set.
+const STOP_TIMEOUT: Duration = Duration::from_secs(60);
+/// The arguments that other keys give.
+const GIVEN: [(&str, &str); 12] = [
+    ("--port", "port"),
+    ("--dbpath", "path"),
+    ("--bind_ip", "bind"),
+    ("--bind_ip_all", "bind"),
+    ("--replSet", "replica_set"),
+    ("--oplogSize", "oplog_size"),
+    ("--wiredTigerCacheSizeGB", "cache_size"),
+    ("--logpath", "log"),
+    ("--logappend", "log_append"),
+    ("--fork", "path"),
+    ("--config", "arguments"),
+    ("-f", "arguments"),
+];
 /// A replica set has at most so many members that vote.
 const VOTERS: usize = 7;
 
@@ -35,6 +55,18 @@ pub struct Backend {
     pub oplog_size: Option<u64>,
     /// Size of the cache, in bytes (default: mongod's own).
     pub cache_size: Option<u64>,
+    /// The log of the process (default: beside the folder of its data).
+    pub log: Option<PathBuf>,
+    /// Whether the log of an earlier run is kept.
+    pub log_append: bool,
+    /// Further arguments of the program.
+    pub arguments: Vec<String>,
+    /// How long a starting process may neither listen nor write to its log.
+    pub start_timeout: Duration,
+    /// How long a process has to end.
+    pub stop_timeout: Duration,
+    /// Whether the data is removed once the process is stopped.
+    pub clear_on_stop: bool,
 }
 
 /// The tables in the file.
@@ -56,6 +88,14 @@ struct Table {
     members: Option<Spanned<Vec<Spanned<String>>>>,
     oplog_size: Option<Spanned<String>>,
     cache_size: Option<Spanned<String>>,
+    log: Option<Spanned<String>>,
+    log_append: Option<bool>,
+    #[serde(default)]
+    arguments: Vec<Spanned<String>>,
+    start_timeout: Option<Spanned<String>>,
+    stop_timeout: Option<Spanned<String>>,
+    #[serde(default)]
+    clear_on_stop: bool,
 }
 
 /// A mistake: its place and its description.
@@ -95,7 +135,8 @@ impl Table {
         if *self.port.get_ref() == 0 {
             return Err((self.port.span(), "expected a port from 1 to 65535".to_owned()));
         }
-        for text in [Some(&self.path), self.mongod.as_ref(), self.bind.as_ref()].into_iter().flatten() {
+        let texts = [Some(&self.path), self.mongod.as_ref(), self.bind.as_ref(), self.log.as_ref()];
+        for text in texts.into_iter().flatten().chain(&self.arguments) {
             if text.get_ref().trim().is_empty() {
                 return Err((text.span(), "expected a text, found an empty one".to_owned()));
             }
@@ -112,6 +153,20 @@ impl Table {
             if bytes < least {
                 return Err((size.span(), format!("expected at least {}M", least >> 20)));
             }
+        }
+        for argument in &self.arguments {
+            let name = argument.get_ref().split('=').next().unwrap_or_default();
+            if let Some((_, key)) = GIVEN.iter().find(|(given, _)| *given == name) {
+                let instead = match *key {
+                    "arguments" => "write the arguments themselves".to_owned(),
+                    _ if name == "--fork" => "rmem gives it".to_owned(),
+                    key => format!("use the key `{key}`"),
+                };
+                return Err((argument.span(), format!("`{name}` cannot be given here; {instead}")));
+            }
+        }
+        for timeout in [&self.start_timeout, &self.stop_timeout].into_iter().flatten() {
+            quantity::duration(timeout.get_ref()).map_err(|message| (timeout.span(), message))?;
         }
         self.members.as_ref().map_or(Ok(()), |members| self.check_members(members))
     }
@@ -146,6 +201,7 @@ impl Table {
     fn resolve(&self, name: &'static str, folder: &Path) -> Backend {
         let text = |value: &Option<Spanned<String>>| value.as_ref().map(|value| value.get_ref().clone());
         let size = |value: &Option<Spanned<String>>| text(value).and_then(|text| quantity::size(&text).ok());
+        let time = |value: &Option<Spanned<String>>| text(value).and_then(|text| quantity::duration(&text).ok());
         let port = *self.port.get_ref();
         let members: Vec<String> = match &self.members {
             Some(members) if !members.get_ref().is_empty() => {
@@ -164,6 +220,12 @@ impl Table {
             members,
             oplog_size: size(&self.oplog_size),
             cache_size: size(&self.cache_size),
+            log: text(&self.log).map(|log| folder.join(log)),
+            log_append: self.log_append.unwrap_or(true),
+            arguments: self.arguments.iter().map(|argument| argument.get_ref().clone()).collect(),
+            start_timeout: time(&self.start_timeout).unwrap_or(START_TIMEOUT),
+            stop_timeout: time(&self.stop_timeout).unwrap_or(STOP_TIMEOUT),
+            clear_on_stop: self.clear_on_stop,
         }
     }
 }

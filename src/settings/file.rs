@@ -317,6 +317,15 @@ mod tests {
             ("port = 1\nmembers = ['a:2', 'b:2']", "4:11: no member has the port 1"),
             ("port = 1\noplog_size = '5 apples'", "4:14: `5 apples` is not a size"),
             ("port = 1\ncache_size = '1M'", "4:14: expected at least 256M"),
+            (
+                "port = 1\narguments = ['--quiet', '--port=3']",
+                "4:25: `--port` cannot be given here; use the key `port`",
+            ),
+            ("port = 1\narguments = ['--fork']", "4:14: `--fork` cannot be given here; rmem gives it"),
+            ("port = 1\narguments = ['--config', 'x']", "4:14: `--config` cannot be given here; write the arguments"),
+            ("port = 1\nstop_timeout = 'soon'", "4:16: `soon` is not a duration"),
+            ("port = 1\nlog = ''", "4:7: expected a text, found an empty one"),
+            ("port = 1\nclear_on_stop = 'yes'", "4:17: "),
             ("port = 1\nreplica_set = 'a/b'", "4:15: expected the name of a replica set"),
             ("port = 1\n[backend.shared]\npath = 'y'\nport = 1", "6:8: both backends have this port"),
         ] {

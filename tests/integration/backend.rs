@@ -20,6 +20,7 @@ type Case = fn(&Path) -> Result<(), Failed>;
 const CASES: &[(&str, Case)] = &[
     ("backend::a_killed_primary_loses_no_acknowledged_write_and_no_watch_misses_one", survive),
     ("backend::what_runs_stays_as_it_is_and_strangers_are_left_alone", stay),
+    ("backend::the_log_arguments_and_data_are_as_the_settings_say", configured),
     ("backend::a_program_that_does_not_do_as_mongod_does_is_not_waited_for", misbehave),
 ];
 
@@ -278,6 +279,42 @@ impl Drop for Follower {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// What Fawkes configures of a mongod: its log, further arguments, and data that goes with it.
+fn configured(mongod: &Path) -> Result<(), Failed> {
+    let robots = Robots::new(mongod, 1)?;
+    std::fs::create_dir_all(robots.path(0))?;
+    let settings = |more: &str| {
+        let port = robots.ports[0].0;
+        let text = format!(
+            "memory = 'mongodb://127.0.0.1:{port}/'\n[backend.local]\nport = {port}\npath = 'db/local'\nmongod = {mongod:?}\n\
+             oplog_size = '64M'\ncache_size = '256M'\nlog = 'logs/mongod.txt'\narguments = ['--quiet', '--nounixsocket']\n\
+             start_timeout = '2m'\nstop_timeout = '2m'\n{more}"
+        );
+        std::fs::write(robots.path(0).join("rmem.toml"), text)
+    };
+    let (log, data) = (robots.path(0).join("logs/mongod.txt"), robots.path(0).join("db/local"));
+    settings("")?;
+    robots.ends(0, &["backend", "up", "--wait", "1m"], 0)?;
+    let line = std::fs::read(format!("/proc/{}/cmdline", robots.pid(0, "local")?))?;
+    assert!(line.split(|byte| *byte == 0).any(|word| word == b"--nounixsocket"));
+    let length = std::fs::metadata(&log)?.len();
+    robots.ends(0, &["insert", "robmem.x", "{_id: 1}"], 0)?;
+    // It is recognised by the log that it has, and its data stays.
+    robots.ends(0, &["backend", "down"], 0)?;
+    settings("clear_on_stop = true\n")?;
+    robots.ends(0, &["backend", "up", "--wait", "1m"], 0)?;
+    assert!(std::fs::metadata(&log)?.len() > length, "the log was not continued");
+    assert_eq!(robots.ends(0, &["count", "robmem.x"], 0)?, [Value::from(1)]);
+    robots.ends(0, &["backend", "down"], 0)?;
+    assert!(!data.exists() && log.exists());
+    settings("log_append = false\n")?;
+    robots.ends(0, &["backend", "up", "--wait", "1m"], 0)?;
+    assert_eq!(robots.ends(0, &["count", "robmem.x"], 0)?, [Value::from(0)]);
+    robots.ends(0, &["backend", "down"], 0)?;
+    assert!(data.exists());
+    Ok(())
 }
 
 fn survive(mongod: &Path) -> Result<(), Failed> {
