@@ -2,6 +2,7 @@
 
 use crate::fault::{AtFault, Fault};
 use crate::formats::{Diagnostic, Source};
+use crate::output::plain;
 
 /// A mistake in the command line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -41,7 +42,7 @@ impl WrongInput {
 
 /// Returns the error for an input that cannot be read.
 pub(crate) fn unreadable(name: &str, error: &std::io::Error) -> WrongInput {
-    WrongInput::new(format!("cannot read {name}: {error}"))
+    WrongInput::new(format!("cannot read {name}: {}", plain(&error.to_string())))
 }
 
 /// Returns the text that bytes spell; an error has the line and column of the first that is not UTF-8.

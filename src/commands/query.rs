@@ -67,7 +67,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     let find = Find {
         filter: argument("<query>", &args.query)?,
         sort: args.sort.as_deref().map(|text| argument("<sort>", text)).transpose()?.unwrap_or_default(),
-        projection: args.fields.as_deref().map(|text| argument("<fields>", text)).transpose()?.unwrap_or_default(),
+        projection: args.fields.as_deref().map(projection).transpose()?.unwrap_or_default(),
         skip: args.skip,
         limit: args.limit,
         modifiers: args.modifiers.read()?,
@@ -123,6 +123,22 @@ fn why(diagnosis: &Diagnosis, memory: &Memory, context: &mut Context<'_>) -> Res
         missing::warn(&diagnosis.namespace, memory, context);
     }
     Ok(Exit::Done)
+}
+
+/// The fields to print. A list of names, as other tools take it, gets a hint.
+fn projection(text: &str) -> Result<bson::Document, Diagnostic> {
+    argument("<fields>", text).map_err(|error| {
+        let names: Vec<&str> = text.split([',', ' ']).filter(|name| !name.is_empty()).collect();
+        let is_name = |name: &&str| name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'));
+        if names.is_empty() || !names.iter().all(is_name) {
+            return error;
+        }
+        let fields = names.iter().map(|name| match name.contains(['.', '-']) {
+            true => format!("\"{name}\": 1"),
+            false => format!("{name}: 1"),
+        });
+        error.hint(format!("write --fields '{{{}}}'", fields.collect::<Vec<_>>().join(", ")))
+    })
 }
 
 /// A document given on the command line; `name` is what messages call it.

@@ -32,7 +32,7 @@ fn differences_are_a_line_a_document() {
     assert_run!(lab.rmem(&["diff", "a.json", "missing.json"]), @r"
     ------- stderr -------
     error: cannot read missing.json
-      caused by: No such file or directory (os error 2)
+      caused by: there is no such file or folder
     [exit code: 3]
     ");
     assert_run!(lab.rmem(&["diff", "a.json", "file:missing.rmem"]), @r"

@@ -132,12 +132,12 @@ fn bad_input_is_3() {
     ");
     assert_run!(lab.rmem(&["insert", "robmem.x", "--file", "missing.json"]), @r"
     ------- stderr -------
-    error: cannot read missing.json: No such file or directory (os error 2)
+    error: cannot read missing.json: there is no such file or folder
     [exit code: 3]
     ");
     assert_run!(lab.rmem(&["--config", "missing.toml", "config"]), @r"
     ------- stderr -------
-    error: cannot read the settings $LAB/missing.toml: No such file or directory (os error 2)
+    error: cannot read the settings $LAB/missing.toml: there is no such file or folder
     [exit code: 3]
     ");
 }
@@ -197,7 +197,7 @@ fn a_full_stdout_is_4_and_named() {
     lab.rmem(&["insert", "robmem.x", "{a: 1}", "-q"]).success();
     assert_run!(lab.shell("rmem query robmem.x > /dev/full"), @r"
     ------- stderr -------
-    error: cannot write to stdout: No space left on device (os error 28)
+    error: cannot write to stdout: no space is left on the device
     [exit code: 4]
     ");
 }
@@ -208,12 +208,12 @@ fn an_input_that_cannot_be_read_is_3_and_an_output_that_cannot_be_written_4() {
     std::fs::create_dir(lab.path().join("folder")).unwrap();
     assert_run!(lab.rmem(&["insert", "robmem.x", "--file", "folder"]), @r"
     ------- stderr -------
-    error: cannot read folder: Is a directory (os error 21)
+    error: cannot read folder: it is a folder
     [exit code: 3]
     ");
     assert_run!(lab.rmem(&["insert", "robmem.x", "--file", "missing"]), @r"
     ------- stderr -------
-    error: cannot read missing: No such file or directory (os error 2)
+    error: cannot read missing: there is no such file or folder
     [exit code: 3]
     ");
     lab.rmem(&["insert", "robmem.x", "{a: 1}", "-q"]).success();

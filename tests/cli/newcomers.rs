@@ -311,3 +311,40 @@ fn habits_of_mongosh_are_answered() {
         lab.shell(line)
     );
 }
+
+#[test]
+fn messages_say_what_to_do_in_plain_words() {
+    let lab = three_documents();
+    assert_run!(lab.rmem(&["query", "robmem.worldmodel", "--fields", "object,n"]), @r"
+    ------- stderr -------
+    error: <fields>:1:1: expected a value, found `object`
+      |
+    1 | object,n
+      | ^^^^^^
+      = hint: strings are written in quotes
+      = hint: write --fields '{object: 1, n: 1}'
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["count", "robmem.worldmodel", "{at: ISODate('2024-13-01')}"]), @r"
+    ------- stderr -------
+    error: <query>:1:6: the month 13 of `2024-13-01` is not from 01 to 12
+      |
+    1 | {at: ISODate('2024-13-01')}
+      |      ^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    let wrong =
+        |date: &str| lab.rmem(&["count", "robmem.worldmodel", &format!("{{at: ISODate('{date}')}}")]).exits(3).stderr;
+    assert!(wrong("2023-02-29").contains("the day 29 of `2023-02-29` is not from 01 to 28"), "{}", wrong("2023-02-29"));
+    assert!(wrong("2023-02-28T12:61:00Z").contains("the minute 61 of "), "{}", wrong("2023-02-28T12:61:00Z"));
+    assert!(wrong("tomorrow").contains("takes an ISO 8601 string"), "{}", wrong("tomorrow"));
+    for command in [
+        &["validate", "gone.pddl"][..],
+        &["restore", "gone"],
+        &["query", "a.b", "--load", "gone.json"],
+        &["diff", "gone", "gone"],
+    ] {
+        let run = lab.rmem(command);
+        assert!(run.stderr.contains("there is no such file or folder") && !run.stderr.contains("os error"), "{run}");
+    }
+}

@@ -205,7 +205,7 @@ fn a_world_with_a_mistake_changes_nothing() {
     assert_run!(lab.rmem(&["restore", "missing"]), @r"
     ------- stderr -------
     error: cannot read missing
-      caused by: No such file or directory (os error 2)
+      caused by: there is no such file or folder
     [exit code: 3]
     ");
     lab.write("text.md", "# No world\n");

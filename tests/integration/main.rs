@@ -27,6 +27,7 @@ mod planner;
 mod planning;
 mod processes;
 mod restores;
+mod ros;
 mod scenes;
 #[cfg(feature = "mongodb")]
 mod server;
@@ -55,6 +56,7 @@ fn main() -> ExitCode {
     trials.extend(mixtures::trials());
     trials.extend(permissions::trials());
     trials.extend(restores::trials());
+    trials.extend(ros::trials());
     trials.extend(scenes::trials());
     trials.extend(views::trials());
     trials.extend(planner::trials());

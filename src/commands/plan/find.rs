@@ -9,7 +9,7 @@ use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::output::{Format, Progress};
 use crate::plan::PrintedPlan;
-use crate::planner::{self, Host, Listener, Planner};
+use crate::planner::{self, Host, Listener, Outcome, Planner};
 use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
 use crate::store::Namespace;
 
@@ -106,6 +106,12 @@ fn print(result: &PlanResult<'_>, id: Option<&str>, context: &mut Context<'_>) -
     }
     if let Some(why) = result.why() {
         context.output.note(&why);
+    }
+    if result.run().outcome == Outcome::Unsolvable {
+        context.output.note(match result.task().generated {
+            Some(_) => "change the goal, or what the memory says: `rmem gen-problem --explain ATOM` shows where a fact comes from",
+            None => "change the goal, the initial state, or the actions of the domain",
+        });
     }
     let exit = if result.is_interrupted() { Exit::Interrupted } else { Exit::from(&result.run().outcome) };
     let format = context.format(&show::FORMATS)?;

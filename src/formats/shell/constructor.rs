@@ -33,7 +33,11 @@ pub(super) fn call(name: &str, arguments: &[Bson]) -> Result<Bson, String> {
     if let ("RegExp", [Bson::String(pattern), Bson::String(options)]) = (name, arguments) {
         return literal::regex(pattern, options);
     }
-    make(arguments).ok_or_else(|| format!("`{name}` takes {takes}"))
+    make(arguments).ok_or_else(|| {
+        let text = arguments.first().and_then(Bson::as_str).filter(|_| name.ends_with("Date"));
+        let wrong = text.and_then(super::date::wrong);
+        wrong.unwrap_or_else(|| format!("`{name}` takes {takes}"))
+    })
 }
 
 /// Whether there is a constructor of that name.

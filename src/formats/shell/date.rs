@@ -4,6 +4,28 @@ use std::fmt::Write as _;
 
 use crate::calendar::{DAY, date_of, days_in_month, days_of};
 
+/// What is out of range in a text that is spelled as a date, in words; none where it is not spelled as one.
+pub(super) fn wrong(text: &str) -> Option<String> {
+    let (year, rest) = year(text)?;
+    let (month, rest) = part(rest, '-', 2)?;
+    if !(1..=12).contains(&month) {
+        return Some(format!("the month {month:02} of `{text}` is not from 01 to 12"));
+    }
+    let (day, rest) = part(rest, '-', 2)?;
+    let days = days_in_month(year, month);
+    if !(1..=days).contains(&day) {
+        return Some(format!("the day {day:02} of `{text}` is not from 01 to {days}, which this month has"));
+    }
+    let (hour, rest) = number(rest.strip_prefix(['T', 't', ' '])?, 2)?;
+    if hour > 24 {
+        return Some(format!("the hour {hour:02} of `{text}` is not from 00 to 23"));
+    }
+    let (minute, rest) = part(rest, ':', 2)?;
+    let second = part(rest, ':', 2).map_or(0, |(second, _)| second);
+    let (name, value) = if minute > 59 { ("minute", minute) } else { ("second", second) };
+    (value > 59).then(|| format!("the {name} {value:02} of `{text}` is not from 00 to 59"))
+}
+
 /// Milliseconds since 1970 of `2024-02-29`, `2024-02-29T12:00Z`, `+012024-02-29T12:00:00.123+01:00`.
 /// Without a zone it is UTC.
 pub(super) fn parse(text: &str) -> Option<i64> {

@@ -264,9 +264,9 @@ fn what_can_go_wrong_at_any_time_is_false_with_a_message() {
       |   ^
       = hint: the `{` at 1:1 is not closed
     [RMEM5] Function 'rm-count': `nodot` is not a namespace: it has no dot; expected DATABASE.COLLECTION, like robmem.worldmodel
-    [RMEM5] Function 'rm-plan': cannot read nofile.pddl: No such file or directory (os error 2)
-    [RMEM5] Function 'rm-restore': cannot read nofile: No such file or directory (os error 2)
-    [RMEM5] Function 'rm-gen-problem': cannot read nofile: No such file or directory (os error 2)
+    [RMEM5] Function 'rm-plan': cannot read nofile.pddl: there is no such file or folder
+    [RMEM5] Function 'rm-restore': cannot read nofile: there is no such file or folder
+    [RMEM5] Function 'rm-gen-problem': cannot read nofile: there is no such file or folder
     [RMEM5] Function 'bson-parse': <document>:1:1: expected a value, found `warbagarbl`
       |
     1 | warbagarbl

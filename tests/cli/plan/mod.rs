@@ -179,6 +179,7 @@ fn no_plan_is_11_where_it_is_proven_and_stored_as_a_failure() {
     why: the goal asks for (q), which can never hold
            (a) would make it true, but needs (q)
     never true, in the initial state or by an action: q
+    change the goal, the initial state, or the actions of the domain
     [exit code: 11]
     ");
     let stored = lab.rmem(&["query", "robmem.plans", "--fields", "{_id: 0}"]).success();
@@ -200,6 +201,7 @@ fn why_there_is_no_plan_is_printed_and_stored() {
          and (stool-at ?s), which can never hold
            (push ?from ?to) would make it true, but needs (stool-at ?from)
     never true, in the initial state or by an action: stool-at, on-stool
+    change the goal, the initial state, or the actions of the domain
     [exit code: 11]
     ");
     let stored = lab.rmem(&["query", "robmem.plans", "--meta"]).success();

@@ -134,6 +134,7 @@ fn explanations_checks_and_drawings_have_names_as_the_memory_has_them() {
            (light "box #18") would make it true, but needs (wick "box #18")
          and (wick "box #18"), which can never hold: no action makes it true
     never true, in the initial state or by an action: wick
+    change the goal, or what the memory says: `rmem gen-problem --explain ATOM` shows where a fact comes from
     [exit code: 11]
     "#);
 }

@@ -386,6 +386,7 @@ fn a_goal_that_can_never_hold_is_proof_although_the_planner_gave_up() {
          and (stool-at ?s), which can never hold
            (push ?from ?to) would make it true, but needs (stool-at ?from)
     never true, in the initial state or by an action: stool-at, on-stool
+    change the goal, the initial state, or the actions of the domain
     [exit code: 11]
     ");
 }
