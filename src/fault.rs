@@ -7,6 +7,8 @@ pub enum Fault {
     Usage,
     /// An input: a document, query, template, PDDL, CLIPS, settings or world file.
     Input,
+    /// A part of a language that is not supported.
+    Unsupported,
     /// A store that is unreachable or fails, a file that cannot be written, the system.
     Store,
     /// A unique key or a lock that is taken.

@@ -18,6 +18,7 @@ impl From<Fault> for Exit {
             Fault::Conflict => Self::Conflict,
             Fault::Program => Self::PlannerNotFound,
             Fault::Interrupt => Self::Interrupted,
+            Fault::Unsupported => Self::Unsupported,
         }
     }
 }

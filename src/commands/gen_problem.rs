@@ -6,7 +6,7 @@ use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::at::AtArgs;
-use super::template::{TemplateArgs, is_template, read_domain, render_domain, report, request};
+use super::template::{TemplateArgs, is_template, read_domain, render_domain, report, request, warn};
 use super::{Context, explanation, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -65,7 +65,8 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     let generated = problem::generate(&request, &memory)?;
     report(&generated, args.options.strict, &memory, context)?;
     if let Some(domain) = &domain {
-        generated.check(domain, dialect).map_err(Diagnostics)?;
+        let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
+        warn(&generated.explain(problem.warnings().to_vec()), context);
     }
     if let Some(atom) = &args.explain {
         return explanation::print(atom, &generated, dialect, &memory, context);

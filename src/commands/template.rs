@@ -75,7 +75,14 @@ fn definition(text: &str) -> Result<Definition, String> {
 /// Reads and checks a domain.
 pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>) -> Result<Domain> {
     let source = context.read(path)?;
-    Ok(Domain::read(&source, Dialect { lenient }).map_err(Diagnostics)?)
+    let domain = Domain::read(&source, Dialect { lenient }).map_err(Diagnostics)?;
+    warn(domain.warnings(), context);
+    Ok(domain)
+}
+
+/// Prints what is odd but not wrong in a domain or a problem.
+pub(super) fn warn(warnings: &[Diagnostic], context: &mut Context<'_>) {
+    warnings.iter().for_each(|warning| context.output.warn(&warning.to_string()));
 }
 
 /// Whether a domain is a template, by the end of its name.

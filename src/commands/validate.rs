@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bson::{Bson, Document, doc};
 use clap::Args;
 
-use super::template::read_domain;
+use super::template::{read_domain, warn};
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -13,6 +13,7 @@ use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_
 use crate::output::Format;
 use crate::pddl::{Domain, Happening, Plan, Problem, Repair, Validation, repair, trace, validate};
 use crate::plan::{reported, rounded};
+use crate::planner::{Task, spaced};
 use crate::problem::names;
 
 /// Check a domain and a problem, and simulate a plan
@@ -46,6 +47,7 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
     };
     let source = context.read(problem)?;
     let problem = Problem::read(&source, &domain, Dialect { lenient: args.lenient }).map_err(Diagnostics)?;
+    warn(problem.warnings(), context);
     if args.plans.is_empty() {
         let valid = doc! { "domain": domain.name(), "problem": problem.name(), "valid": true };
         print(&[format!("problem {} is valid", problem.name())], vec![valid], format, context)?;
@@ -96,8 +98,13 @@ struct CheckedPlan {
 impl CheckedPlan {
     fn new(file: &Source, domain: &Domain, problem: &Problem) -> Result<Self, Diagnostic> {
         let text = Source::new(file.name(), names::spell_plan(file.text()));
-        let plan = Plan::from(read_plan(&text)?);
-        let verdict = validate(domain, problem, &plan.steps);
+        let file_plan = read_plan(&text)?;
+        let is_printed = file_plan.is_printed;
+        let mut plan = Plan::from(file_plan);
+        let mut verdict = validate(domain, problem, &plan.steps);
+        if is_printed && matches!(verdict, Validation::Invalid(_)) {
+            (plan, verdict) = spaced(&plan, &Task { domain, problem }).unwrap_or((plan, verdict));
+        }
         let repairs = match verdict {
             Validation::Invalid(_) => repair(domain, problem, &plan.steps),
             _ => Vec::new(),

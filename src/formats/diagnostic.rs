@@ -36,6 +36,7 @@ struct Inner {
     excerpt: Option<Excerpt>,
     message: String,
     hints: Vec<String>,
+    is_unsupported: bool,
 }
 
 /// The part of the source line that is shown, and where the caret goes in it.
@@ -61,6 +62,7 @@ impl Diagnostic {
                 excerpt: Some(Excerpt::of(source.text(), span)),
                 message: message.into(),
                 hints: Vec::new(),
+                is_unsupported: false,
             }),
         }
     }
@@ -77,6 +79,7 @@ impl Diagnostic {
                 excerpt: None,
                 message: message.into(),
                 hints: Vec::new(),
+                is_unsupported: false,
             }),
         }
     }
@@ -86,6 +89,19 @@ impl Diagnostic {
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.inner.hints.push(hint.into());
         self
+    }
+
+    /// Says that the text is right, but uses what rmem cannot handle.
+    #[must_use]
+    pub fn unsupported(mut self) -> Self {
+        self.inner.is_unsupported = true;
+        self
+    }
+
+    /// Whether the text uses what rmem cannot handle.
+    #[must_use]
+    pub fn is_unsupported(&self) -> bool {
+        self.inner.is_unsupported
     }
 
     /// What to do, line by line.
@@ -229,7 +245,7 @@ impl std::error::Error for Diagnostic {}
 
 impl AtFault for Diagnostic {
     fn fault(&self) -> Fault {
-        Fault::Input
+        if self.is_unsupported() { Fault::Unsupported } else { Fault::Input }
     }
 }
 
@@ -251,7 +267,7 @@ impl std::error::Error for Diagnostics {}
 
 impl AtFault for Diagnostics {
     fn fault(&self) -> Fault {
-        Fault::Input
+        if self.0.iter().any(Diagnostic::is_unsupported) { Fault::Unsupported } else { Fault::Input }
     }
 }
 

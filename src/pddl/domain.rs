@@ -3,7 +3,7 @@
 use super::axiom::first_changing;
 use super::feature::{Feature, REQUIREMENTS, Use, Uses};
 use super::model::{Body, Change, Formula, Rule, Variable};
-use super::report::Report;
+use super::report::{Report, foreign_or};
 use super::resolve::Resolver;
 use super::table::{Named, Table, nearest, suggestion};
 use super::types::{OBJECT, TypeSet};
@@ -100,8 +100,13 @@ impl Domain {
     /// Everything that is wrong with it, in the order of the text, up to a bound; a text
     /// that is no domain at all gives one complaint.
     pub fn read(source: &Source, dialect: Dialect) -> Result<Self, Vec<Diagnostic>> {
+        Self::resolve(source, dialect).map_err(|wrong| foreign_or(source, wrong))
+    }
+
+    fn resolve(source: &Source, dialect: Dialect) -> Result<Self, Vec<Diagnostic>> {
         let tree = read_domain(source, dialect).map_err(|diagnostic| vec![diagnostic])?;
         let mut report = Report::new(source);
+        report.warn_of_dashes();
         let mut uses = Uses::default();
         check_requirements(&tree.requirements, &mut report);
         let vocabulary = Vocabulary::read(&tree, &mut report);

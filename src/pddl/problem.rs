@@ -3,7 +3,7 @@
 use super::domain::{Domain, check_requirements};
 use super::feature::{Feature, Use, Uses};
 use super::model::{Arg, Fact, Fluent, Formula, Number};
-use super::report::Report;
+use super::report::{Report, foreign_or};
 use super::resolve::Resolver;
 use super::table::Table;
 use super::vocabulary::{ObjectEntry, add_objects};
@@ -54,13 +54,19 @@ impl Problem {
     /// Everything that is wrong with it, in the order of the text, up to a bound; a text
     /// that is no problem at all gives one complaint.
     pub fn read(source: &Source, domain: &Domain, dialect: Dialect) -> Result<Self, Vec<Diagnostic>> {
-        let tree = read_problem(source, dialect).map_err(|diagnostic| vec![diagnostic])?;
+        Self::resolve(source, domain, dialect).map_err(|wrong| foreign_or(source, wrong))
+    }
+
+    fn resolve(source: &Source, domain: &Domain, dialect: Dialect) -> Result<Self, Vec<Diagnostic>> {
+        let mut tree = read_problem(source, dialect).map_err(|diagnostic| vec![diagnostic])?;
         let mut report = Report::new(source);
+        report.warn_of_dashes();
         let mut uses = Uses::default();
         check_head(&tree, domain, &mut report);
         let types = &domain.vocabulary.types;
         let mut objects = domain.constants.clone();
-        add_objects(&mut objects, "object", &tree.objects, types, &mut report);
+        let repeated = add_objects(&mut objects, "object", &tree.objects, types, &mut report);
+        tree.objects.retain(|object| !repeated.contains(&object.name.span()));
         let mut resolver = Resolver {
             vocabulary: &domain.vocabulary,
             objects: &objects,

@@ -1,5 +1,6 @@
 //! Complaints collected on the way: several at once, but not without end.
 
+use crate::formats::pddl::{other_language, tight_dashes};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// How many errors, and how many warnings, are kept.
@@ -45,11 +46,35 @@ impl<'a> Report<'a> {
         }
     }
 
+    /// Warns of types whose dash has no blank behind it.
+    pub(super) fn warn_of_dashes(&mut self) {
+        for span in tight_dashes(self.source) {
+            let word = self.source.slice(span).to_owned();
+            let kind = word.trim_start_matches('-');
+            self.warning(span, format!("`{word}` is read as the type `- {kind}`; write a blank behind the dash"));
+        }
+    }
+
     /// The warnings, if nothing was wrong; in the order of the text.
     pub(super) fn finish(mut self) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
         self.errors.sort_by_key(Diagnostic::span);
         self.warnings.sort_by_key(Diagnostic::span);
         if self.errors.is_empty() { Ok(self.warnings) } else { Err(self.errors) }
+    }
+}
+
+/// What is wrong with a text, or that it uses a part of another language of planning.
+pub(super) fn foreign_or(source: &Source, wrong: Vec<Diagnostic>) -> Vec<Diagnostic> {
+    match other_language(source) {
+        None => wrong,
+        Some((span, what)) => {
+            let message = format!("no planner of rmem can handle {what}");
+            vec![
+                Diagnostic::new(source, span, message)
+                    .hint("what actions do has to be certain and known")
+                    .unsupported(),
+            ]
+        }
     }
 }
 

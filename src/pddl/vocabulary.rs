@@ -4,6 +4,7 @@ use super::model::Variable;
 use super::report::Report;
 use super::table::{Named, Table};
 use super::types::{OBJECT, TypeSet, Types};
+use crate::formats::Span;
 use crate::formats::pddl::ast::{self, Name};
 
 /// A constant or an object, in its original spelling.
@@ -110,14 +111,16 @@ pub(super) fn twice(what: &str, second: &Name, first: &Name, report: &mut Report
     );
 }
 
-/// Adds constants or objects to those there are. `first` says what those were, for complaints.
+/// Adds constants or objects to those there are. Returns the places of those that repeat a constant with its type, which are
+/// left out.
 pub(super) fn add_objects(
     objects: &mut Table<ObjectEntry>,
     what: &str,
     list: &[ast::Typed],
     types: &Types,
     report: &mut Report<'_>,
-) {
+) -> Vec<Span> {
+    let mut repeated = Vec::new();
     let constants = objects.items().len();
     let mut last: Option<(&ast::Type, TypeSet)> = None;
     let untyped: TypeSet = [OBJECT].into();
@@ -132,13 +135,21 @@ pub(super) fn add_objects(
             }
         };
         let entry = ObjectEntry { name: typed.name.clone(), kind };
+        let kind = entry.kind.clone();
         if let Err(first) = objects.add(entry) {
-            let first = first.name.clone();
+            let (first, is_same) = (first.name.clone(), first.kind == kind);
             let is_constant = objects.find(first.as_str()).is_some_and(|number| (number as usize) < constants);
-            if is_constant {
+            let span = typed.name.span();
+            if is_constant && is_same {
+                report.warning(
+                    span,
+                    format!("object `{}` is a constant of the domain already; it is left out", typed.name),
+                );
+                repeated.push(span);
+            } else if is_constant {
                 report.error_with(
-                    typed.name.span(),
-                    format!("object `{}` is already a constant of the domain", typed.name),
+                    span,
+                    format!("object `{}` is already a constant of the domain, of another type", typed.name),
                     format!("the domain calls it `{first}`; leave it out of `:objects`"),
                 );
             } else {
@@ -146,4 +157,5 @@ pub(super) fn add_objects(
             }
         }
     }
+    repeated
 }

@@ -5,13 +5,15 @@ use std::path::PathBuf;
 
 use super::ff::DOUBTS;
 use super::run::{Output, Planner};
-use crate::formats::plan::{Transcript, Verdict, downward, ff, temporal};
+use crate::formats::plan::{Transcript, Verdict, auto, downward, ff, temporal};
 use crate::pddl::Feature;
 use crate::process::Host;
 
 /// How a planner's output is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dialect {
+    /// As that of whichever planner it looks like.
+    Auto,
     /// As FF's: from the text of both streams.
     Ff,
     /// As Fast Downward's: from a plan file and the exit code.
@@ -62,6 +64,7 @@ impl Planner for Configured {
 
     fn read(&self, output: &Output) -> Transcript {
         match self.output {
+            Dialect::Auto => auto::read(&output.plans, output.code, &output.stdout, &output.stderr),
             Dialect::Downward => downward::read(&output.plans, output.code, &output.stdout, &output.stderr),
             Dialect::Temporal => temporal::read(&output.plans, &output.stdout, &output.stderr),
             Dialect::Ff => {
@@ -75,7 +78,7 @@ impl Planner for Configured {
 
     fn doubts(&self) -> &[Feature] {
         match self.output {
-            Dialect::Ff => &DOUBTS,
+            Dialect::Ff | Dialect::Auto => &DOUBTS,
             _ => &[],
         }
     }

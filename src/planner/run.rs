@@ -187,8 +187,9 @@ impl Run {
     }
 }
 
-/// The plan with its actions apart, where that is valid.
-fn spaced(plan: &Plan, task: &Task<'_>) -> Option<(Plan, Validation)> {
+/// The plan with its actions apart, where that is valid: what planners print may leave out the gaps.
+#[must_use]
+pub fn spaced(plan: &Plan, task: &Task<'_>) -> Option<(Plan, Validation)> {
     let spaced = plan.spaced(&task.problem.timed().collect::<Vec<f64>>())?;
     let verdict = validate(task.domain, task.problem, &spaced.steps);
     matches!(verdict, Validation::Valid { .. }).then_some((spaced, verdict))

@@ -50,7 +50,8 @@ pub enum PlanningError {
 impl AtFault for PlanningError {
     fn fault(&self) -> Fault {
         match self {
-            Self::Pddl(_) | Self::NoPlanner | Self::NoSource { .. } | Self::NotAPlan { .. } => Fault::Input,
+            Self::Pddl(wrong) => wrong.fault(),
+            Self::NoPlanner | Self::NoSource { .. } | Self::NotAPlan { .. } => Fault::Input,
             Self::Problem(error) => error.fault(),
             Self::Storing(error) | Self::Store(error) => error.fault(),
             Self::Repository(error) => error.fault(),

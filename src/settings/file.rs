@@ -73,6 +73,7 @@ struct PlannerTable {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum DialectName {
+    Auto,
     /// As FF prints them.
     Ff,
     /// As Fast Downward writes plan files.
@@ -188,6 +189,7 @@ impl File {
             name: name.get_ref().clone(),
             command: table.command.get_ref().clone(),
             output: match table.output {
+                DialectName::Auto => Dialect::Auto,
                 DialectName::Ff => Dialect::Ff,
                 DialectName::Downward => Dialect::Downward,
                 DialectName::Temporal => Dialect::Temporal,

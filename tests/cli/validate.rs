@@ -130,3 +130,151 @@ fn a_trace_says_what_each_step_makes_true_and_false() {
     [exit code: 0]
     ");
 }
+
+/// A domain with a constant, and a dash without its blank.
+const SCENARIO: &str = "(define (domain hello) (:requirements :typing) (:types text robot)
+ (:constants HELLO - text) (:predicates (said ?t - text ?r - robot))
+ (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))";
+
+#[test]
+fn objects_that_repeat_a_constant_and_tight_dashes_are_warned_of() {
+    let lab = Lab::new();
+    lab.write("d.pddl", SCENARIO);
+    lab.write(
+        "p.pddl",
+        "(define (problem p) (:domain hello) (:objects HELLO BYE - text R1 -robot) (:init) (:goal (said HELLO R1)))",
+    );
+    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl"]), @r"
+    problem p is valid
+    ------- stderr -------
+    warning: d.pddl:3:31: `-robot` is read as the type `- robot`; write a blank behind the dash
+      |
+    3 |  (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))
+      |                               ^^^^^^
+    warning: p.pddl:1:47: object `HELLO` is a constant of the domain already; it is left out
+      |
+    1 | (define (problem p) (:domain hello) (:objects HELLO BYE - text R1 -robot) (:init) (:goal (said HELLO
+      |                                               ^^^^^
+    warning: p.pddl:1:67: `-robot` is read as the type `- robot`; write a blank behind the dash
+      |
+    1 | (define (problem p) (:domain hello) (:objects HELLO BYE - text R1 -robot) (:init) (:goal (said HELLO
+      |                                                                   ^^^^^^
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]), @r"
+    (say R1 HELLO)
+    ; cost = 1 (unit cost)
+    ------- stderr -------
+    warning: d.pddl:3:31: `-robot` is read as the type `- robot`; write a blank behind the dash
+      |
+    3 |  (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))
+      |                               ^^^^^^
+    warning: p.pddl:1:47: object `HELLO` is a constant of the domain already; it is left out
+      |
+    1 | (define (problem p) (:domain hello) (:objects HELLO BYE - text R1 -robot) (:init) (:goal (said HELLO
+      |                                               ^^^^^
+    warning: p.pddl:1:67: `-robot` is read as the type `- robot`; write a blank behind the dash
+      |
+    1 | (define (problem p) (:domain hello) (:objects HELLO BYE - text R1 -robot) (:init) (:goal (said HELLO
+      |                                                                   ^^^^^^
+    [exit code: 0]
+    ");
+    lab.write("t.j2", "(define (problem p) (:domain hello)\n(:objects {{ 'HELLO' }} - text R1 - robot)\n(:init) (:goal (said HELLO R1)))");
+    assert_run!(lab.rmem(&["--memory", "mem:", "gen-problem", "-d", "d.pddl", "-t", "t.j2"]), @r"
+    (define (problem p) (:domain hello)
+    (:objects HELLO - text R1 - robot)
+    (:init) (:goal (said HELLO R1)))------- stderr -------
+    warning: d.pddl:3:31: `-robot` is read as the type `- robot`; write a blank behind the dash
+      |
+    3 |  (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))
+      |                               ^^^^^^
+    warning: t.j2:2:11: object `HELLO` is a constant of the domain already; it is left out
+      |
+    2 | (:objects {{ 'HELLO' }} - text R1 - robot)
+      |           ^^^^^^^^^^^^^
+      = hint: it became line 2 of the problem: (:objects HELLO - text R1 - robot)
+    [exit code: 0]
+    ");
+    lab.write(
+        "p.pddl",
+        "(define (problem p) (:domain hello) (:objects HELLO R1 - robot) (:init) (:goal (said HELLO R1)))",
+    );
+    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl"]), @r"
+    ------- stderr -------
+    warning: d.pddl:3:31: `-robot` is read as the type `- robot`; write a blank behind the dash
+      |
+    3 |  (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))
+      |                               ^^^^^^
+    error: p.pddl:1:47: object `HELLO` is already a constant of the domain, of another type
+      |
+    1 | (define (problem p) (:domain hello) (:objects HELLO R1 - robot) (:init) (:goal (said HELLO R1)))
+      |                                               ^^^^^
+      = hint: the domain calls it `HELLO`; leave it out of `:objects`
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn parts_of_other_languages_end_in_34_with_their_name() {
+    let lab = Lab::new();
+    let domain = |effect: &str| {
+        format!(
+            "(define (domain d) (:predicates (p) (q))\n (:action a :parameters ()\n  :precondition (p)\n  {effect}))"
+        )
+    };
+    for (effect, line) in [
+        (":effect (probabilistic 0.8 (q))", "4:12: no planner of rmem can handle probabilistic effects"),
+        (":effect (and (probabilistic 0.8 (and (q))))", "4:17: no planner of rmem can handle probabilistic effects"),
+        (":observe (q)", "4:3: no planner of rmem can handle sensing actions (`:observe`)"),
+    ] {
+        lab.write("d.pddl", &domain(effect));
+        let run = lab.rmem(&["validate", "d.pddl"]).exits(34);
+        assert!(run.stderr.starts_with(&format!("error: d.pddl:{line}")), "{run}");
+    }
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (q)))");
+    lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(34);
+}
+
+#[test]
+fn plans_are_found_in_what_planners_print() {
+    let lab = Lab::new();
+    let tasks = "fixtures/transcripts/tasks";
+    for (planner, case, domain, problem) in [
+        ("ff", "p_plan", "dom", "p_plan"),
+        ("ff", "p_goaltrue", "dom", "p_goaltrue"),
+        ("metric-ff", "num", "ndom", "np"),
+        ("fast-downward", "p_plan", "dom", "p_plan"),
+        ("fast-downward", "p_goaltrue", "dom", "p_goaltrue"),
+        ("lpg", "p_plan", "dom", "p_plan"),
+        ("lpg", "num", "ndom", "np"),
+        ("lpg", "durative", "durdom", "durp"),
+    ] {
+        let recorded = lab.read(&format!("fixtures/transcripts/{planner}/{case}.txt"));
+        let output = recorded.split("[exit code").next().unwrap().split_once('\n').unwrap().1;
+        lab.write("out.txt", output);
+        let task = [format!("{tasks}/{domain}.pddl"), format!("{tasks}/{problem}.pddl")];
+        let run = lab.rmem(&["validate", &task[0], &task[1], "out.txt"]);
+        assert!(run.code == 0 && run.stdout.contains("the plan is valid"), "{planner} {case}: {run}");
+    }
+    let import = ["plan", "import", "out.txt", "-d", "fixtures/transcripts/tasks/durdom.pddl"];
+    let import = [&import[..], &["-p", "fixtures/transcripts/tasks/durp.pddl", "-q"]].concat();
+    lab.rmem(&import).success();
+    // What is no plan is said, and not taken for the empty one.
+    let unsolvable = lab.read("fixtures/transcripts/fast-downward/p_goalfalse_unreach.txt");
+    lab.write("out.txt", unsolvable.split("[exit code").next().unwrap().split_once('\n').unwrap().1);
+    let words =
+        ["validate", "fixtures/transcripts/tasks/dom.pddl", "fixtures/transcripts/tasks/p_goalfalse_unreach.pddl"];
+    let run = lab.rmem(&[&words[..], &["out.txt"]].concat()).exits(3);
+    assert!(run.stderr.contains("the planner's output has no plan"), "{run}");
+    for (planner, case) in [("ff", "p_plan"), ("fast-downward", "p_plan"), ("lpg", "p_plan")] {
+        let path = crate::lab::root().join(format!("fixtures/transcripts/{planner}/{case}.txt"));
+        let command = format!("sed -e '/^.exit code/,$d' -e 1d {}", path.display());
+        lab.write(
+            "rmem.toml",
+            &format!("memory = 'mem:'\n[planner.any]\ncommand = ['/bin/sh', '-c', \"{command}\"]\noutput = 'auto'\n"),
+        );
+        let words = ["plan", "--planner", "any", "-d", "fixtures/transcripts/tasks/dom.pddl"];
+        let found = lab.rmem(&[&words[..], &["-p", "fixtures/transcripts/tasks/p_plan.pddl", "--no-store"]].concat());
+        assert!(found.code == 0 && found.stdout.to_lowercase().contains("(drop r2 ball b)"), "{planner}: {found}");
+    }
+}

@@ -416,11 +416,6 @@ fn a_problem_is_checked_against_its_domain() {
     1 | (define (problem p) (:domain e) (:objects b B - block T - table c - blok)
       |                                             ^
       = hint: the first one is `b` at 1:43; PDDL does not tell upper and lower case apart
-    p.pddl:1:55: object `T` is already a constant of the domain
-      |
-    1 | (define (problem p) (:domain e) (:objects b B - block T - table c - blok)
-      |                                                       ^
-      = hint: the domain calls it `t`; leave it out of `:objects`
     p.pddl:1:69: type `blok` is not declared
       |
     1 | …efine (problem p) (:domain e) (:objects b B - block T - table c - blok)

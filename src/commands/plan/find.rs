@@ -31,6 +31,7 @@ pub(super) fn find(
 ) -> Result<Found> {
     let prepared = planning::prepare(request, memory, &context.host())?;
     sections.report(prepared.task(), memory, context)?;
+    sections.warn(request, prepared.task(), context);
     if request.options.anytime && !prepared.improves() {
         let names: Vec<&str> = request.planners.iter().map(|planner| planner.name()).collect();
         let message = format!("{} cannot improve a plan of this task; leave out --anytime", names.join(", "));

@@ -16,6 +16,7 @@ use crate::formats::{Source, shell};
 use crate::output::Format;
 use crate::pddl::{Plan, Validation, repair, validate};
 use crate::plan::{IMPORTED, Repository, to_document};
+use crate::planner::{Task, spaced};
 use crate::planning::PlanningTask;
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
@@ -49,12 +50,19 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let domain = source.read_domain()?;
     let file = context.read(&args.file)?;
     let text = Source::new(file.name(), names::spell_plan(file.text()));
-    let plan = Plan::from(read_plan(&text)?);
+    let found = read_plan(&text)?;
+    let is_printed = found.is_printed;
+    let plan = Plan::from(found);
     let memory = context.memory()?;
     let task = PlanningTask::instantiate(&source, None, &domain, &memory)?;
     SectionCounts::from(&args.task.options).report(&task, &memory, context)?;
     let mut plan = plan.spelled(domain.tree(), task.problem.tree());
-    match validate(&domain, &task.problem, &plan.steps) {
+    let mut verdict = validate(&domain, &task.problem, &plan.steps);
+    if is_printed && matches!(verdict, Validation::Invalid(_)) {
+        let pddl = Task { domain: &domain, problem: &task.problem };
+        (plan, verdict) = spaced(&plan, &pddl).unwrap_or((plan, verdict));
+    }
+    match verdict {
         Validation::Valid { value } => plan.cost = value.or(plan.cost),
         verdict => {
             let reason = names::readable(&verdict.to_string());

@@ -9,7 +9,7 @@ use crate::commands::{Context, UsageError};
 use crate::error::Result;
 use crate::memory::Memory;
 use crate::plan::{Input, TaskSource};
-use crate::planning::PlanningTask;
+use crate::planning::{PlanRequest, PlanningTask};
 
 /// The task of a plan.
 #[derive(Debug, Clone, Args)]
@@ -85,6 +85,17 @@ impl From<&TemplateArgs> for SectionCounts {
 }
 
 impl SectionCounts {
+    /// Prints what is odd but not wrong in the domain and the problem.
+    pub(super) fn warn(self, request: &PlanRequest, task: &PlanningTask, context: &mut Context<'_>) {
+        if self == Self::Silent {
+            return;
+        }
+        template::warn(request.domain.warnings(), context);
+        let odd = task.problem.warnings().to_vec();
+        let odd = task.generated.as_ref().map_or(odd.clone(), |generated| generated.explain(odd));
+        template::warn(&odd, context);
+    }
+
     /// Reports them for a task.
     pub(super) fn report(self, task: &PlanningTask, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
         match (&task.generated, self) {

@@ -10,6 +10,7 @@
 //! ([`grammar`]) and its pairs become a tree ([`walk`], [`section`], [`init`]).
 
 pub mod ast;
+mod foreign;
 mod grammar;
 mod init;
 mod outline;
@@ -19,6 +20,7 @@ mod syntax;
 mod walk;
 mod write;
 
+pub use foreign::{other_language, tight_dashes};
 pub use section::{read_domain, read_problem};
 
 /// How deep brackets may nest, counted from `(define`.

@@ -85,6 +85,25 @@ pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> 
     transcript
 }
 
+/// Reads what Fast Downward printed, by itself: the last plan that it found.
+pub(super) fn printed(stdout: &str) -> Transcript {
+    let last = stdout.rfind("Solution found!").and_then(|start| stdout.get(start..));
+    let plan = last.and_then(|rest| logged(rest.find("Plan length:").and_then(|end| rest.get(..end)).unwrap_or(rest)));
+    let mut transcript = Transcript::unclear();
+    match plan.or_else(|| last.map(|_| Steps::default())) {
+        Some(steps) => {
+            found(&mut transcript, steps);
+            let cost = last.and_then(|rest| rest.split("Plan cost:").nth(1));
+            transcript.cost = cost.and_then(|rest| rest.split_whitespace().next()?.parse().ok());
+        }
+        None if stdout.contains("Search stopped without finding a solution") || stdout.contains("unsolvable") => {
+            transcript.decide(Verdict::Unsolvable, &last_words(stdout, ""));
+        }
+        None => transcript.message = last_words(stdout, ""),
+    }
+    transcript
+}
+
 /// Takes the best whole plan there is.
 fn take_plan(transcript: &mut Transcript, plans: &[Source], stdout: &str) {
     let mut broken = None;

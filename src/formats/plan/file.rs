@@ -1,6 +1,6 @@
 //! Plan files, in whichever of the three spellings.
 
-use super::transcript::Action;
+use super::transcript::{Action, Transcript, Verdict};
 use super::{downward, ff, lines, temporal};
 use crate::formats::{Diagnostic, Source, Span};
 
@@ -24,25 +24,49 @@ pub struct PlanFile {
     pub actions: Vec<Action>,
     /// What `; cost = N` or `plan cost: N` says.
     pub cost: Option<f64>,
+    /// Whether it stood in the output of a planner, and not in a file of its own.
+    pub is_printed: bool,
 }
 
 /// Reads a plan file; the first line that is not empty and not a comment shows how it
-/// is spelled. An empty file is the empty plan. FF's plan may have all the rest of FF's
-/// output around it.
+/// is spelled. An empty file is the empty plan. The plan may have all the rest of a planner's
+/// output around it; of several plans, the last is taken.
 ///
 /// # Errors
 ///
-/// What is not a step, at its place.
+/// What is not a step, at its place; output of a planner in which there is no plan.
 pub fn read_plan(source: &Source) -> Result<PlanFile, Diagnostic> {
+    match plan_file(source) {
+        Err(error) => printed(source).unwrap_or(Err(error)),
+        plan => plan,
+    }
+}
+
+/// The plan in the output of a planner, where the text is that.
+fn printed(source: &Source) -> Option<Result<PlanFile, Diagnostic>> {
+    let Transcript { verdict, actions, cost, message, .. } = super::printed::printed(source.text())?;
+    if verdict != Verdict::Plan {
+        let end = Span::at(source.text().trim_end().len());
+        let message = if message.is_empty() { String::new() } else { format!(": {message}") };
+        return Some(Err(Diagnostic::new(source, end, format!("the planner's output has no plan{message}"))));
+    }
+    let spelling = match actions.iter().any(|action| action.start.is_some()) {
+        true => Spelling::Temporal,
+        false => Spelling::Ipc,
+    };
+    Some(Ok(PlanFile { spelling, actions, cost, is_printed: true }))
+}
+
+fn plan_file(source: &Source) -> Result<PlanFile, Diagnostic> {
     match spelling(source.text()) {
         Spelling::Ff => read_ff(source),
         Spelling::Ipc => {
             let steps = downward::read_steps(source)?;
-            Ok(PlanFile { spelling: Spelling::Ipc, actions: steps.actions, cost: steps.cost })
+            Ok(PlanFile { spelling: Spelling::Ipc, actions: steps.actions, cost: steps.cost, is_printed: false })
         }
         Spelling::Temporal => {
             let actions = temporal::read_steps(source)?;
-            Ok(PlanFile { spelling: Spelling::Temporal, actions, cost: None })
+            Ok(PlanFile { spelling: Spelling::Temporal, actions, cost: None, is_printed: false })
         }
     }
 }
@@ -66,7 +90,7 @@ fn read_ff(source: &Source) -> Result<PlanFile, Diagnostic> {
         let transcript = ff::read(text, "");
         let timed = transcript.actions.iter().any(|action| action.start.is_some());
         let spelling = if timed { Spelling::Temporal } else { Spelling::Ff };
-        return Ok(PlanFile { spelling, actions: transcript.actions, cost: transcript.cost });
+        return Ok(PlanFile { spelling, actions: transcript.actions, cost: transcript.cost, is_printed: true });
     }
     let mut actions = Vec::new();
     for line in lines::lines(text) {
@@ -83,7 +107,7 @@ fn read_ff(source: &Source) -> Result<PlanFile, Diagnostic> {
             }
         }
     }
-    Ok(PlanFile { spelling: Spelling::Ff, actions, cost: None })
+    Ok(PlanFile { spelling: Spelling::Ff, actions, cost: None, is_printed: false })
 }
 
 #[cfg(test)]

@@ -9,12 +9,14 @@
 //! All of it works line by line, so that neither time nor memory depends on
 //! anything but the length of the text.
 
+pub mod auto;
 pub mod downward;
 pub mod ff;
 pub mod temporal;
 
 mod file;
 mod lines;
+mod printed;
 mod transcript;
 
 pub use file::{PlanFile, Spelling, read_plan};
