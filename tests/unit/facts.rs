@@ -193,7 +193,7 @@ fn values() -> impl Strategy<Value = Value> {
 fn slots() -> impl Strategy<Value = Vec<Filled>> {
     let values = prop_oneof![3 => values().prop_map(|value| vec![value]), 1 => prop::collection::vec(values(), 0..4)];
     prop::collection::btree_map(symbols(), values, 1..5).prop_map(|slots| {
-        let filled = |(name, values)| Filled { name, values, multiple: false, span: Span::default() };
+        let filled = |(name, values)| Filled { name, values, multiple: false, computed: false, span: Span::default() };
         slots.into_iter().map(filled).collect()
     })
 }

@@ -88,7 +88,7 @@ pub(super) fn slot(name: &str, value: Value) -> Result<Filled, String> {
         Value::Many(values) => (values.into_iter().map(plain).collect::<Result<_, _>>().map_err(wrong)?, true),
         value => (vec![plain(value).map_err(wrong)?], false),
     };
-    Ok(Filled { name: name.to_owned(), values, multiple, span: Span::default() })
+    Ok(Filled { name: name.to_owned(), values, multiple, computed: false, span: Span::default() })
 }
 
 /// A fact of CLIPS as one of a text.

@@ -77,7 +77,7 @@ impl Exporter<'_> {
             }
             let multiple = slot.is_none() && matches!(value, Bson::Array(_));
             let name = slot.map_or(name, |slot| &slot.name);
-            slots.push(Filled { name: name.clone(), values, multiple, span: Span::default() });
+            slots.push(Filled { name: name.clone(), values, multiple, computed: false, span: Span::default() });
         }
         let missing =
             |slot: &&Slot| slot.default == Default::None && slots.iter().all(|filled| filled.name != slot.name);

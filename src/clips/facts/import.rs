@@ -9,7 +9,7 @@ use super::record::{self, Record, label};
 use super::schema::{INITIAL, Schema};
 use super::{RELATION, VALUES};
 use crate::formats::Span;
-use crate::formats::clips::{Body, Default, Fact, Filled, Template, Value};
+use crate::formats::clips::{Body, Default, Fact, Filled, Template, Types, Value};
 use crate::store::metadata;
 
 /// A fact that does not fit its template.
@@ -98,14 +98,31 @@ fn slots_of(
                 wrong(format!("`{}` is no slot of `{}`; expected {}", filled.name, template.name, names.join(", ")))
             })?),
         };
+        let values = match slot {
+            Some(slot) if filled.computed => floats(&filled.values, slot.types),
+            _ => Cow::Borrowed(filled.values.as_slice()),
+        };
         if let Some(slot) = slot {
-            slot.check(&filled.values).map_err(wrong)?;
+            slot.check(&values).map_err(wrong)?;
         }
         let multiple = slot.map_or(filled.multiple || filled.values.len() != 1, |slot| slot.multiple);
         let key = key(&filled.name, slots, record);
-        document.insert(key, value(&filled.name, &filled.values, multiple, record));
+        document.insert(key, value(&filled.name, &values, multiple, record));
     }
     Ok(())
+}
+
+/// Integers as floats where a slot takes floats only: of computed values CLIPS does not check the type.
+fn floats(values: &[Value], types: Types) -> Cow<'_, [Value]> {
+    if types.has(Types::INTEGER) || !types.has(Types::FLOAT) {
+        return Cow::Borrowed(values);
+    }
+    let float = |value: &Value| match value {
+        #[allow(clippy::cast_precision_loss, reason = "as CLIPS does it")]
+        Value::Integer(number) => Value::Float(*number as f64),
+        other => other.clone(),
+    };
+    Cow::Owned(values.iter().map(float).collect())
 }
 
 /// Adds what the fact does not say.

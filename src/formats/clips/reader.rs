@@ -261,7 +261,7 @@ impl<'a> Reader<'a> {
             }
             (Body::Slots(slots), end)
         } else {
-            let (values, end) = self.values(open)?;
+            let (values, end, _) = self.values(open)?;
             (Body::Ordered(values), end)
         };
         Ok(Fact { name: name.to_owned(), body, span: open.to(end) })
@@ -296,33 +296,37 @@ impl<'a> Reader<'a> {
                 return Err(self.unclosed(head, token.span, "the name of a slot"));
             }
             let name = self.lexer.text(head);
-            let (values, end) = self.values(token.span)?;
+            let (values, end, computed) = self.values(token.span)?;
             let span = token.span.to(end);
             if slots.iter().any(|slot| slot.name == name) {
                 return Err(Diagnostic::new(self.lexer.source, span, format!("the slot `{name}` is given twice")));
             }
-            slots.push(Filled { name: name.to_owned(), values, multiple: false, span });
+            slots.push(Filled { name: name.to_owned(), values, multiple: false, computed, span });
         }
     }
 
-    /// Values up to the `)` of their list.
-    fn values(&mut self, open: Span) -> Result<(Vec<Value>, Span), Diagnostic> {
-        let mut values = Vec::new();
+    /// Values up to the `)` of their list, and whether some of them were computed.
+    fn values(&mut self, open: Span) -> Result<(Vec<Value>, Span, bool), Diagnostic> {
+        let (mut values, mut computed) = (Vec::new(), false);
         loop {
             let token = self.lexer.peek(0)?;
             match token.kind {
                 TokenKind::Close => {
                     self.lexer.next()?;
-                    return Ok((values, token.span));
+                    return Ok((values, token.span, computed));
                 }
                 TokenKind::End => return Err(self.unclosed(token, open, "a value or `)`")),
-                TokenKind::Open => values.extend(evaluate(&mut self.lexer, &self.globals)??),
+                TokenKind::Open => {
+                    computed = true;
+                    values.extend(evaluate(&mut self.lexer, &self.globals)??);
+                }
                 // `=(+ 1 2)` is another spelling of the call.
                 TokenKind::Symbol if self.lexer.text(token) == "=" && self.lexer.peek(1)?.kind == TokenKind::Open => {
                     self.lexer.next()?;
                 }
                 _ => {
                     self.lexer.next()?;
+                    computed |= token.kind == TokenKind::Variable;
                     match self.group {
                         Some(_) => values.extend(self.globals.values(&self.lexer, token)?),
                         None => values.push(self.lexer.value(token)?),

@@ -46,6 +46,8 @@ pub struct Filled {
     pub values: Vec<Value>,
     /// Whether a remark behind the fact declares it a multislot.
     pub multiple: bool,
+    /// Whether a function or a global variable gave some of the values.
+    pub computed: bool,
     /// From its `(` to its `)`.
     pub span: Span,
 }

@@ -35,6 +35,23 @@ fn facts_have_the_values_of_globals() {
 }
 
 #[test]
+fn computed_integers_go_into_slots_for_floats() {
+    let lab = lab();
+    let template = "(deftemplate pose (multislot at (type FLOAT)))";
+    let program = format!("(defglobal ?*NORTH* = 0)\n{template}\n(deffacts f (pose (at 1.5 ?*NORTH* (+ 1 1))))");
+    lab.rmem_with(&["clips", "import"], &program).success();
+    assert_eq!(lab.rmem(&["clips", "export"]).success(), "(pose (at 1.5 0.0 2.0))\n");
+    assert_run!(lab.rmem_with(&["clips", "import"], &format!("{template}\n(deffacts f (pose (at 1)))")), @r"
+    ------- stderr -------
+    error: <stdin>:2:19: the slot `at` expected FLOAT, found INTEGER `1`
+      |
+    2 | (deffacts f (pose (at 1)))
+      |                   ^^^^^^
+    [exit code: 3]
+    ");
+}
+
+#[test]
 fn a_global_without_a_known_value_is_an_error_where_it_is_used() {
     let lab = lab();
     lab.write("globals.clp", GLOBALS);
