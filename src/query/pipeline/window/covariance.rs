@@ -104,7 +104,7 @@ impl Rolling for Pairs {
         Ok(())
     }
 
-    fn value(&self) -> Result<Bson> {
+    fn value(&mut self) -> Result<Bson> {
         let n = self.n.saturating_sub(u32::from(self.sample));
         Ok(match (n, self.n, self.special.value()) {
             (0, ..) => Bson::Null,

@@ -16,7 +16,7 @@ pub(super) trait Rolling {
 
     fn add(&mut self, item: &Self::Item) -> Result<()>;
     fn remove(&mut self, item: &Self::Item) -> Result<()>;
-    fn value(&self) -> Result<Bson>;
+    fn value(&mut self) -> Result<Bson>;
 }
 
 /// Returns the value of each window over the items.
@@ -100,14 +100,18 @@ impl Rolling for Deviation {
         Ok(())
     }
 
-    fn value(&self) -> Result<Bson> {
+    fn value(&mut self) -> Result<Bson> {
         let squares = self.squares.total().to_double();
         // The deviation of a sample of none is the root of nothing over -1.
         let divisor = f64::from(self.n) - if self.sample { 1.0 } else { 0.0 };
         Ok(match divisor {
             _ if self.special > 0 => Bson::Null,
             0.0 => Bson::Null,
-            _ if squares < 0.0 || self.n == 1 => Bson::Int32(0),
+            // Squares are not negative: what is, begins anew.
+            _ if squares < 0.0 || self.n == 1 => {
+                self.squares = Sum::default();
+                Bson::Int32(0)
+            }
             divisor => Bson::Double((squares / divisor).sqrt()),
         })
     }
