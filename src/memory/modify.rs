@@ -91,7 +91,7 @@ impl Asked<'_> {
     /// Finds and changes; nothing where another client changed the document in between, which only happens where this
     /// is not `alone`.
     fn once(&self, alone: bool) -> Result<Option<Modified>, StoreError> {
-        let Some(before) = self.first(self.filter.clone())? else { return self.insert().map(Some) };
+        let Some(before) = self.first(self.filter.clone())? else { return self.insert(alone) };
         let id = before.get("_id").map_err(QueryError::from)?.map(Bson::try_from).transpose();
         let id = id.map_err(QueryError::from)?.unwrap_or(Bson::Null);
         // The query is repeated, since it determines which element the positional `$` is.
@@ -120,19 +120,26 @@ impl Asked<'_> {
 
     /// What an update of a known document gives, where rmem knows that as well as the server.
     fn predicted(&self, request: &UpdateRequest, before: &RawDocumentBuf) -> Option<RawDocumentBuf> {
-        let update = match &request.update {
-            UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
-            UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
-        };
+        let update = compiled(&request.update, &request.array_filters);
         let changed = update.ok()?.apply(before, &Filter::parse(self.filter).ok()?, DateTime::now()).ok()?;
         Some(changed.unwrap_or_else(|| before.clone()))
     }
 
-    /// Inserts a document where none matches and one is asked for.
-    fn insert(&self) -> Result<Modified, StoreError> {
+    /// Inserts a document where none matches and one is asked for; nothing where another client has just inserted one.
+    fn insert(&self, alone: bool) -> Result<Option<Modified>, StoreError> {
         let Modification::Update { update, array_filters, upsert: true } = self.modification else {
-            return Ok(Modified::default());
+            return Ok(Some(Modified::default()));
         };
+        if !alone {
+            // An upsert would change the document of another client, and not say how it was.
+            let made = compiled(update, array_filters)?.upsert(self.filter, DateTime::now())?;
+            let document = Document::try_from(&*made).map_err(QueryError::from)?;
+            return match self.memory.insert(self.ns, vec![document]) {
+                Ok(_) => Ok(Some(Modified { before: None, after: Some(made) })),
+                Err(StoreError::Duplicate { .. }) if self.first(self.filter.clone())?.is_some() => Ok(None),
+                Err(error) => Err(error),
+            };
+        }
         let request = UpdateRequest {
             filter: self.filter.clone(),
             update: update.clone(),
@@ -142,12 +149,19 @@ impl Asked<'_> {
         };
         let upserted = self.memory.update(self.ns, &request)?.upserted;
         let after = upserted.map(|id| self.first(same(&id))).transpose()?.flatten();
-        Ok(Modified { before: None, after })
+        Ok(Some(Modified { before: None, after }))
     }
 
     fn first(&self, filter: Document) -> Result<Option<RawDocumentBuf>, StoreError> {
         let find = Find { filter, sort: self.sort.clone(), limit: 1, ..Find::default() };
         self.memory.stored(self.ns, &find)?.next().transpose()
+    }
+}
+
+fn compiled(update: &UpdateSpec, array_filters: &[Document]) -> Result<Update, QueryError> {
+    match update {
+        UpdateSpec::Document(update) => Update::parse(update, array_filters),
+        UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
     }
 }
 

@@ -11,6 +11,7 @@ use rmem::memory::dump::read::Dump;
 use rmem::memory::dump::restore::{RestoreOptions, restore};
 use rmem::memory::dump::write;
 use rmem::memory::lock::{Mutex, Tried};
+use rmem::memory::modify::Modification;
 use rmem::store::{Embedded, Find, Namespace, StoreUri, UpdateRequest, UpdateSpec};
 
 type Case = fn(&str) -> Result<(), Failed>;
@@ -23,7 +24,38 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("worlds::a_killed_restore_leaves_each_collection_of_mongod_old_or_new", crate::restores::on_server),
     ("worlds::one_robot_at_a_time_holds_a_lock_in_mongod", contended),
     ("worlds::a_lock_in_mongod_expires", expiring),
+    ("worlds::a_counter_in_mongod_gives_each_number_once", counted),
 ];
+
+/// Several clients count at the same time, from before the counter is there.
+fn counted(uri: &str) -> Result<(), Failed> {
+    const CLIENTS: i32 = 4;
+    const ROUNDS: i32 = 15;
+    let ns = Namespace::parse("worlds.counters")?;
+    memory(uri)?.drop_collection(&ns)?;
+    let count = || -> Result<Vec<i32>, Failed> {
+        let memory = memory(uri)?;
+        let update = UpdateSpec::Document(doc! { "$inc": { "n": 1 } });
+        let change = Modification::Update { update, array_filters: Vec::new(), upsert: true };
+        let next = |_| {
+            let modified = memory.find_and_modify(&ns, &doc! { "_id": "n" }, &doc! {}, &change)?;
+            let after = modified.after.ok_or("nothing was changed")?;
+            Ok(after.get_i32("n")?)
+        };
+        (0..ROUNDS).map(next).collect()
+    };
+    let numbers = std::thread::scope(|scope| -> Result<Vec<i32>, Failed> {
+        let clients: Vec<_> = (0..CLIENTS).map(|_| scope.spawn(count)).collect();
+        let mut numbers = Vec::new();
+        for client in clients {
+            numbers.extend(client.join().map_err(|_| "a client failed")??);
+        }
+        numbers.sort_unstable();
+        Ok(numbers)
+    })?;
+    assert_eq!(numbers, (1..=CLIENTS * ROUNDS).collect::<Vec<_>>());
+    Ok(())
+}
 
 fn memory(uri: &str) -> Result<Memory, Failed> {
     let uri = StoreUri::parse(uri)?;
