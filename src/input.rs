@@ -1,8 +1,7 @@
 //! Input: texts from files and stdin, and the two kinds of errors in what a user gives.
 
 use crate::fault::{AtFault, Fault};
-use crate::formats::{Diagnostic, Source};
-use crate::output::plain;
+use crate::formats::{Diagnostic, Source, plain};
 
 /// A mistake in the command line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -42,7 +41,7 @@ impl WrongInput {
 
 /// Returns the error for an input that cannot be read.
 pub(crate) fn unreadable(name: &str, error: &std::io::Error) -> WrongInput {
-    WrongInput::new(format!("cannot read {name}: {}", plain(&error.to_string())))
+    WrongInput::new(format!("cannot read {name}: {}", plain::words(&error.to_string())))
 }
 
 /// Returns the text that bytes spell; an error has the line and column of the first that is not UTF-8.

@@ -14,6 +14,7 @@ pub mod mcap;
 pub mod mongodump;
 mod nearest;
 pub mod pddl;
+pub(crate) mod plain;
 pub mod plan;
 pub mod quantity;
 pub mod scene;

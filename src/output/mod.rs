@@ -4,7 +4,6 @@ mod file;
 mod format;
 mod progress;
 
-use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -14,7 +13,7 @@ use indicatif::ProgressBar;
 
 use crate::error::{Error, Result};
 use crate::fault::{AtFault, Fault};
-use crate::formats::visible;
+use crate::formats::{plain, visible};
 use file::write_atomically;
 pub use format::Format;
 pub use progress::Progress;
@@ -240,7 +239,7 @@ impl<'a> Output<'a> {
     fn print(&mut self, label: &str, text: &str) {
         let gap = if label.is_empty() { "" } else { " " };
         let stderr = &mut self.stderr;
-        let _ = above(self.bar.as_ref(), || writeln!(stderr, "{label}{gap}{}", visible::lines(&plain(text))));
+        let _ = above(self.bar.as_ref(), || writeln!(stderr, "{label}{gap}{}", visible::lines(&plain::words(text))));
     }
 
     /// Writes a product to a file, whole or not at all, or to stdout for `-`.
@@ -312,23 +311,6 @@ fn named(error: io::Error) -> io::Error {
         io::ErrorKind::Interrupted | io::ErrorKind::BrokenPipe => error,
         kind => io::Error::new(kind, format!("cannot write to stdout: {error}")),
     }
-}
-
-/// What the system says where a file cannot be used, and the same in plain words.
-const SYSTEM: [(&str, &str); 5] = [
-    ("No such file or directory (os error 2)", "there is no such file or folder"),
-    ("Permission denied (os error 13)", "permission denied"),
-    ("Not a directory (os error 20)", "a part of the path is no folder"),
-    ("Is a directory (os error 21)", "it is a folder"),
-    ("No space left on device (os error 28)", "no space is left on the device"),
-];
-
-/// Returns a message with the words of the system in plain ones.
-pub(crate) fn plain(text: &str) -> Cow<'_, str> {
-    if !text.contains("(os error ") {
-        return Cow::Borrowed(text);
-    }
-    Cow::Owned(SYSTEM.iter().fold(text.to_owned(), |text, (system, plain)| text.replace(system, plain)))
 }
 
 /// Whether an error means that the reader of stdout closed it, which ends rmem

@@ -2,7 +2,7 @@
 
 use crate::clips::engine::native::CallError;
 use crate::error::Error;
-use crate::output::plain;
+use crate::formats::plain;
 
 /// Why a function has no value.
 pub(super) enum Failure {
@@ -21,12 +21,12 @@ impl From<CallError> for Failure {
 impl Failure {
     /// It was not possible.
     pub(super) fn declined(error: impl std::fmt::Display) -> Self {
-        Self::Declined(plain(&error.to_string()).into_owned())
+        Self::Declined(plain::words(&error.to_string()).into_owned())
     }
 
     /// It was not possible, for reasons that have reasons.
     pub(super) fn chained(error: &Error) -> Self {
-        Self::Declined(plain(&format!("{error:#}")).into_owned())
+        Self::Declined(plain::words(&format!("{error:#}")).into_owned())
     }
 
     /// The program is wrong.
