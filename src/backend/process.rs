@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
 use super::error::{BackendError, answered, failed};
+use crate::formats::quantity::write_duration;
 use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, AdminError};
 
@@ -185,7 +186,8 @@ fn start(backend: &Backend, data: &Path) -> Result<(), BackendError> {
         Start::Silent => {
             let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
             let _ = child.wait();
-            format!("it neither listened nor wrote to its log for {:?}", backend.start_timeout)
+            let limit = write_duration(backend.start_timeout);
+            format!("it neither listened nor wrote to its log for {limit} (start_timeout)")
         }
         Start::Failed(status) => {
             let words = logged_error(&log, before).or_else(|| printed(output));

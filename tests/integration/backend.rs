@@ -426,7 +426,7 @@ fn misbehave(mongod: &Path) -> Result<(), Failed> {
     for (script, words) in [
         ("exit 1", "it ended with exit status: 1 and printed nothing"),
         ("echo I am not what you think >&2; exit 3", "did not start as a mongod: I am not what you think"),
-        ("sleep 600 & echo $$ > pid; wait", "neither listened nor wrote to its log for 20 s"),
+        ("sleep 600 & echo $$ > pid; wait", "neither listened nor wrote to its log for 20s (start_timeout)"),
     ] {
         script_at(&program, script)?;
         std::fs::write(&settings, text.replace(&format!("{mongod:?}"), "'./program'"))?;
