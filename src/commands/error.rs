@@ -70,7 +70,7 @@ pub(crate) fn report(error: &Error, output: &mut Output<'_>) -> Exit {
 }
 
 /// The text of an error and its causes, without those that repeat what is there already.
-fn text(error: &Error) -> String {
+pub(super) fn text(error: &Error) -> String {
     error.chain().skip(1).map(ToString::to_string).fold(error.to_string(), |text, cause| {
         if text.contains(&cause) { text } else { format!("{text}\n  caused by: {cause}") }
     })

@@ -38,7 +38,7 @@ pub struct LockArgs {
     #[command(flatten)]
     pub holder: HolderOptions,
     /// Release the lock after this time
-    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    #[arg(long, value_name = "DURATION", value_parser = ttl)]
     pub ttl: Option<Duration>,
     /// Wait at most this long for another owner (default: do not wait)
     #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
@@ -57,6 +57,14 @@ pub struct HolderOptions {
     /// Collection of the locks
     #[arg(long, value_name = "NS")]
     pub into: Option<Namespace>,
+}
+
+/// The longest time that a lock is held: a hundred years. Dates end some time after.
+const LONGEST: Duration = Duration::from_secs(36_500 * 86_400);
+
+fn ttl(text: &str) -> Result<Duration, String> {
+    let ttl = quantity::duration(text)?;
+    if ttl <= LONGEST { Ok(ttl) } else { Err(format!("{text} is too long; expected at most 36500d")) }
 }
 
 /// The collection of mutexes, in its database.

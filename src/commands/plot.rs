@@ -133,6 +133,16 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// A file for a picture, whose name says its format.
+pub(super) fn picture_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    match extension.as_ref().and_then(|extension| extension.to_str()) {
+        Some("svg" | "png") => Ok(path),
+        _ => Err("a picture is SVG or PNG; expected a name that ends in .svg or .png".to_owned()),
+    }
+}
+
 /// Writes a picture in the format of the file's name.
 pub(super) fn write(path: &Path, picture: &Picture, context: &mut Context<'_>) -> Result<()> {
     let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));

@@ -6,7 +6,7 @@ use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::template::{read_domain, warn};
-use super::{Context, formats};
+use super::{Context, error, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_plan, shell};
@@ -53,9 +53,20 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
         print(&[format!("problem {} is valid", problem.name())], vec![valid], format, context)?;
         return Ok(Exit::Done);
     }
-    let (mut exits, mut reports) = (Vec::new(), Vec::new());
+    let (mut exits, mut reports, mut unread) = (Vec::new(), Vec::new(), None);
     for path in &args.plans {
-        let mut checked = CheckedPlan::new(&context.read(path)?, &domain, &problem)?;
+        let read = context.read(path).and_then(|file| Ok(CheckedPlan::new(&file, &domain, &problem)?));
+        let mut checked = match read {
+            Ok(checked) => checked,
+            // The others are checked all the same.
+            Err(error) if args.plans.len() > 1 => {
+                let message = error::text(&error);
+                reports.push(doc! { "plan": path.display().to_string(), "valid": Bson::Null, "message": message });
+                unread.get_or_insert(error::report(&error, &mut context.output));
+                continue;
+            }
+            Err(error) => return Err(error),
+        };
         if context.output.is_verbose() {
             checked.trace = Some(trace(&domain, &problem, &checked.plan.steps));
         }
@@ -70,7 +81,7 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
     }
     // Of several plans, the worst counts.
     let worst = [Exit::No, Exit::Unsupported].into_iter().find(|exit| exits.contains(exit));
-    Ok(worst.unwrap_or(Exit::Done))
+    Ok(unread.or(worst).unwrap_or(Exit::Done))
 }
 
 /// Prints lines for people, or documents.

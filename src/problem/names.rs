@@ -109,9 +109,24 @@ pub fn readable(text: &str) -> String {
 pub fn written(text: &str) -> String {
     let is_special = |c: char| c.is_whitespace() || c.is_control() || "()\";\\".contains(c);
     match text.is_empty() || text.contains(is_special) || is_operator(text) || is_number(text) {
-        true => format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"")),
+        true => quoted(text),
         false => text.to_owned(),
     }
+}
+
+/// A text in quotes, on one line.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from('"');
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            '\n' => quoted.push_str("\\n"),
+            '\r' => quoted.push_str("\\r"),
+            '\t' => quoted.push_str("\\t"),
+            c => quoted.push(c),
+        }
+    }
+    quoted + "\""
 }
 
 /// Writes an expression in names of PDDL: names may be given as the memory has them, in quotes where they have
@@ -182,6 +197,12 @@ fn unquoted(token: &str) -> String {
     let inner = inner.strip_suffix('"').unwrap_or(inner);
     let (mut text, mut is_escaped) = (String::with_capacity(inner.len()), false);
     for c in inner.chars() {
+        let c = match c {
+            'n' if is_escaped => '\n',
+            'r' if is_escaped => '\r',
+            't' if is_escaped => '\t',
+            c => c,
+        };
         is_escaped = c == '\\' && !is_escaped;
         if !is_escaped {
             text.push(c);
@@ -252,6 +273,14 @@ mod tests {
         assert_eq!(readable(&message), "(go ä): object `box #18` is unknown, \"a b\".");
         let number = format!("(at {})", mangle("3"));
         assert_eq!(spell(&readable(&number)), number);
+    }
+
+    #[test]
+    fn a_text_of_several_lines_is_written_on_one_and_read_back() {
+        assert_eq!(written("two\nlines\t\"\\n\""), r#""two\nlines\t\"\\n\"""#);
+        for text in ["two\nlines", "\\n", "a\\", "\r\t \"", "n"] {
+            assert_eq!(spell(&written(text)), mangle(text), "{text:?}");
+        }
     }
 
     #[test]

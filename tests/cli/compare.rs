@@ -123,6 +123,17 @@ fn a_plot_shows_what_was_solved_when() {
 }
 
 #[test]
+fn a_plot_is_svg_or_png() {
+    assert_run!(lab().rmem(&["compare", "tasks", "--plot", "x.gif"]), @r"
+    ------- stderr -------
+    error: invalid value 'x.gif' for '--plot <FILE>': a picture is SVG or PNG; expected a name that ends in .svg or .png
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+}
+
+#[test]
 fn what_cannot_be_compared_is_named() {
     let lab = lab();
     let refused = |args: &[&str], code: i32, words: &str| {

@@ -1,6 +1,6 @@
 //! init, and the words of other tools that newcomers type.
 
-use crate::lab::Lab;
+use crate::lab::{Lab, assert_run};
 
 #[test]
 fn init_makes_a_project_that_plans_two_commands_later() {
@@ -23,6 +23,49 @@ fn init_makes_a_project_that_plans_two_commands_later() {
     );
     let doctor = lab.shell("cd delivery && rmem doctor --domain domain.pddl --template problem.pddl.j2").exits(0);
     assert!(doctor.stdout.contains("template problem.pddl.j2: ok"), "{doctor}");
+}
+
+#[test]
+fn the_line_that_init_prints_can_be_pasted_for_any_folder() {
+    let lab = Lab::new();
+    assert_run!(lab.rmem(&["init", "--quiet", "bob's #1"]), @r"
+    bob's #1/rmem.toml
+    bob's #1/domain.pddl
+    bob's #1/problem.pddl.j2
+    bob's #1/world.json
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    let printed = lab.rmem(&["init", "ann's #2"]).exits(0).stderr;
+    let line = printed.lines().find_map(|line| line.strip_prefix("a plan: ")).unwrap();
+    assert!(lab.shell(line).success().contains("; cost = "), "{line}");
+}
+
+#[test]
+fn an_empty_memory_is_the_reason_that_is_said_where_the_problem_is_wrong() {
+    let lab = Lab::new();
+    lab.rmem(&["init", "p"]).success();
+    assert_run!(lab.shell("cd p && rmem plan --domain domain.pddl --template problem.pddl.j2"), @r#"
+    ------- stderr -------
+    warning: line 5: query("robmem.rooms", "{}") in robmem.rooms: 0 documents
+      no collection robmem.rooms; the memory is empty
+    warning: line 6: query("robmem.things", "{}") in robmem.things: 0 documents
+      no collection robmem.things; the memory is empty
+    warning: line 8: query("robmem.robots", "{}") in robmem.robots: 0 documents
+      no collection robmem.robots; the memory is empty
+    warning: line 12: query("robmem.doors", "{open: true}") in robmem.doors: 0 documents
+      no collection robmem.doors; the memory is empty
+    warning: line 15: query("robmem.things", "{room: {$exists: true}}") in robmem.things: 0 documents
+    warning: line 21: query("robmem.orders", "{done: false}") in robmem.orders: 0 documents
+      no collection robmem.orders; the memory is empty
+    error: problem.pddl.j2:5:78: in `:objects`: expected a name before `-` and a type
+      |
+    5 | …room in query("robmem.rooms", "{}") %}{{ room.name }} {% endfor %}- room
+      |                                                                    ^^
+      = hint: this is written (:objects NAME … - TYPE …)
+      = hint: it became line 4 of the problem: - room
+    [exit code: 3]
+    "#);
 }
 
 #[test]

@@ -43,6 +43,19 @@ fn a_lock_excludes_others_until_it_is_given_back() {
 }
 
 #[test]
+fn a_time_that_no_date_can_hold_is_refused_and_no_lock_is_made() {
+    let lab = Lab::new();
+    assert_run!(lock(&lab, "r1", &["--ttl", "99999999999999d"]), @r"
+    ------- stderr -------
+    error: invalid value '99999999999999d' for '--ttl <DURATION>': 99999999999999d is too long; expected at most 36500d
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+    assert_eq!(lab.rmem(&["collections"]).stdout, "");
+}
+
+#[test]
 fn an_empty_owner_and_an_empty_name_are_refused() {
     let lab = Lab::new();
     assert_run!(lab.rmem(&["lock", "arm", "--owner", ""]), @r"

@@ -50,6 +50,28 @@ fn validate_accepts_a_plan_or_names_the_step_that_cannot_be_applied() {
 }
 
 #[test]
+fn of_several_plans_one_that_cannot_be_read_leaves_the_others_checked() {
+    let lab = Lab::new();
+    lab.write("p.pddl", &problem(&lab));
+    let domain = "domains/blocksworld/domain.pddl";
+    lab.write("broken.plan", "(a\n");
+    lab.write("good.plan", &lab.rmem(&["plan", "-d", domain, "-p", "p.pddl", "--no-store"]).success());
+    assert_run!(lab.rmem(&["validate", domain, "p.pddl", "broken.plan", "missing.plan", "good.plan"]), @r"
+    good.plan: the plan is valid, value 5
+    ------- stderr -------
+    error: broken.plan:1:3: expected `)`, found the end of the line
+      |
+    1 | (a
+      |   ^
+    error: cannot read missing.plan: there is no such file or folder
+    [exit code: 3]
+    ");
+    let json = lab.rmem(&["validate", domain, "p.pddl", "good.plan", "broken.plan", "--format", "json"]).exits(3);
+    let reports: Value = serde_json::from_str(&json.stdout).unwrap();
+    assert_eq!([&reports[0]["valid"], &reports[1]["valid"]], [&json!(true), &Value::Null]);
+}
+
+#[test]
 fn a_trace_says_what_each_step_makes_true_and_false() {
     let lab = Lab::new();
     lab.write(

@@ -215,7 +215,7 @@ fn the_graph_runs_from_start_to_goal() {
 fn the_graph_shows_the_values_of_the_memory() {
     let value = |name: &str| if name == "n-3" { Bson::Int32(3) } else { Bson::from("Ann \"the\\cook\"\n") };
     let text = print(&plan([step("unstack x--1 n-3")]), Format::Dot, "p", &value);
-    assert!(text.contains(r#"s1 [label="1: (unstack Ann \"the\\cook\"\\n 3)"]"#), "{text}");
+    assert!(text.contains(r#"s1 [label="1: (unstack \"Ann \\\"the\\\\cook\\\"\\n\" 3)"]"#), "{text}");
 }
 
 #[test]

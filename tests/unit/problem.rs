@@ -274,7 +274,7 @@ fn mistakes_are_complained_about_at_their_place() {
         ("\n{% for %}", "t:2:"),
         ("{{ [1] }}", "t:1:1: a list is no name"),
         ("{{ none }}", "t:1:1: null has no name"),
-        ("{% include 'x' %}", "t:1:4: a template cannot include"),
+        ("{% include 'x' %}", "t:1:4: there is no such template"),
         ("{{ 'a b'|safe }}", "t:1:"),
         ("{{ param('x') }}", "t:1:"),
         ("{{ count('robmem') }}", "t:1:"),

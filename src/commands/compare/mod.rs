@@ -83,7 +83,7 @@ pub struct CompareArgs {
     #[arg(long)]
     pub scores: bool,
     /// Draw how many tasks were solved within which time, to FILE, .svg or .png
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = super::plot::picture_file)]
     pub plot: Option<PathBuf>,
 }
 

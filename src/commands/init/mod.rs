@@ -56,11 +56,24 @@ pub(super) fn run(args: &InitArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     let made: Vec<String> = made.iter().map(|path| path.display().to_string()).collect();
     context.print_report(made.clone(), doc! { "files": made })?;
-    let enter = if folder == Path::new(".") { String::new() } else { format!("cd {} && ", folder.display()) };
+    let enter = if folder == Path::new(".") {
+        String::new()
+    } else {
+        format!("cd {} && ", shell_word(&folder.display().to_string()))
+    };
     context.output.note(&format!(
         "a plan: {enter}rmem restore world.json && rmem plan --domain domain.pddl --template problem.pddl.j2"
     ));
     Ok(Exit::Done)
+}
+
+/// A word of a shell's command line, in quotes where it needs some.
+fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => text.to_owned(),
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
 }
 
 /// Refuses a folder that has one of the files.

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::memory::Memory;
 use crate::plan::{Input, TaskSource};
 use crate::planning::{PlanRequest, PlanningTask};
+use crate::problem::{self, Request};
 
 /// The task of a plan.
 #[derive(Debug, Clone, Args)]
@@ -94,6 +95,16 @@ impl SectionCounts {
         let odd = task.problem.warnings().to_vec();
         let odd = task.generated.as_ref().map_or(odd.clone(), |generated| generated.explain(odd));
         template::warn(&odd, context);
+    }
+
+    /// Reports them for a template whose problem is wrong; nothing where not even a problem came out.
+    pub(super) fn report_generated(self, template: &Request, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
+        match problem::generate(template, memory) {
+            Ok(generated) if self != Self::Silent => {
+                template::report(&generated, self == Self::Required, memory, context)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Reports them for a task.
