@@ -36,7 +36,7 @@ fn main() -> ExitCode {
     ExitCode::from(exit.code())
 }
 
-/// Whether stdout is a pipe that nobody reads any more.
+/// Whether stdout is a pipe whose reader has closed it.
 fn is_closed() -> bool {
     let stdout = std::io::stdout();
     let mut pipes = [PollFd::new(&stdout, PollFlags::empty())];

@@ -232,7 +232,7 @@ fn expired() -> Document {
     doc! { "lock-until": { "$type": "date" }, "$expr": { "$lte": ["$lock-until", "$$NOW"] } }
 }
 
-/// How a mutex is that nobody holds.
+/// The fields of a mutex without a holder.
 fn free() -> UpdateSpec {
     UpdateSpec::Document(
         doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } },

@@ -102,7 +102,7 @@ impl<'a> Output<'a> {
         self.closed = closed;
     }
 
-    /// Returns what says whether nobody reads stdout any more, so that waiting for more to print is in vain.
+    /// Returns what tells whether the reader of stdout has closed it; then there is nothing more to wait for.
     #[must_use]
     pub fn closed(&self) -> fn() -> bool {
         self.closed

@@ -78,7 +78,7 @@ fn still_holds(current: Option<&str>, plans: &Namespace, memory: &Memory, contex
     Ok(false)
 }
 
-/// Waits for changes; returns how the watch ends where the user interrupts it, or nobody reads stdout any more.
+/// Waits for changes; returns how the watch ends where the user interrupts it, or the reader of stdout closes it.
 fn wait(monitor: &mut Monitor<'_>, context: &mut Context<'_>) -> Result<Option<Exit>> {
     let guard = InterruptGuard::new();
     let is_interrupted = || guard.interrupted().load(Ordering::Relaxed);

@@ -48,10 +48,7 @@ impl Embedded {
         // Another process may read the log; then it is cut another time.
         let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
         let (room, size) = room_of(&self.place).unwrap_or((room, u64::MAX));
-        if self.is_deleting.get() || room.saturating_add(self.unused()) >= RESERVE.min(size / 8) {
-            return Ok(());
-        }
-        Err(failure::disk_full(&self.place))
+        self.spare_reserve(room, size)
     }
 
     /// Refuses a write that would leave less than the reserve. Before its commit.
@@ -60,16 +57,17 @@ impl Embedded {
         let length = |path: Option<PathBuf>| path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
         // The log goes, and its pages come into the file.
         let grown = self.bytes("PRAGMA page_count").saturating_sub(length(self.place.file()));
-        let left = room.saturating_add(length(self.place.log())).saturating_sub(grown);
-        if self.is_deleting.get() || left.saturating_add(self.unused()) >= RESERVE.min(size / 8) {
-            return Ok(());
-        }
-        Err(failure::disk_full(&self.place))
+        self.spare_reserve(room.saturating_add(length(self.place.log())).saturating_sub(grown), size)
     }
 
-    /// Bytes of the file that hold nothing.
-    fn unused(&self) -> u64 {
-        self.bytes("PRAGMA freelist_count")
+    /// Refuses to take from the reserve, unless it is for deleting. `room` bytes of a file system of `size` are free, and so
+    /// are the pages of the file that hold nothing.
+    fn spare_reserve(&self, room: u64, size: u64) -> Result<(), StoreError> {
+        let free = || room.saturating_add(self.bytes("PRAGMA freelist_count"));
+        match self.is_deleting.get() || free() >= RESERVE.min(size / 8) {
+            true => Ok(()),
+            false => Err(failure::disk_full(&self.place)),
+        }
     }
 
     /// The bytes of a number of pages.
