@@ -112,7 +112,7 @@ fn stored(offset: u64, document: &RawDocument) {
     let store = Embedded::in_memory().expect("a store in memory");
     let ns = Namespace { database: "a".to_owned(), collection: "b".to_owned() };
     if store.insert(&ns, vec![document]).is_ok() {
-        assert_eq!(store.count(&ns, &Document::new()).ok(), Some(1));
+        assert_eq!(store.count(&ns, (&Document::new()).into()).ok(), Some(1));
     }
 }
 
@@ -221,7 +221,7 @@ pub(crate) fn query(bytes: &[u8]) {
         let store = Embedded::in_memory().expect("a store in memory");
         let ns = Namespace { database: "a".to_owned(), collection: "b".to_owned() };
         let _ = store.insert(&ns, vec![document.clone()]);
-        if let Ok(found) = store.aggregate(&ns, &[document]) {
+        if let Ok(found) = store.aggregate(&ns, (&[document]).into()) {
             let _ = found.take(1000).count();
         }
     }

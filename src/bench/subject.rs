@@ -114,7 +114,7 @@ impl Subject for OfMemory<'_> {
 
     fn update(&self, filter: Document, update: Document) -> Result<(), StoreError> {
         let update = UpdateSpec::Document(update);
-        let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: false };
+        let request = UpdateRequest { filter, update, ..UpdateRequest::default() };
         self.memory.update(&self.namespace, &request).map(drop)
     }
 

@@ -8,7 +8,7 @@ use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Source, shell};
-use crate::store::Namespace;
+use crate::store::{Aggregation, Namespace};
 
 /// Print the result of an aggregation pipeline
 #[derive(Debug, Args)]
@@ -41,7 +41,7 @@ pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exi
     }
     let texts = [("<pipeline>", args.pipeline.as_str())];
     let documents = memory
-        .aggregate_with(&args.namespace, &pipeline, &args.modifiers.read()?)
+        .aggregate(&args.namespace, Aggregation { stages: &pipeline, modifiers: &args.modifiers.read()? })
         .map_err(|error| blame(error, &texts))?;
     let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &texts)));
     if context.print_documents(documents)? == 0 {

@@ -8,7 +8,7 @@ use super::query::{argument, blame};
 use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::store::Namespace;
+use crate::store::{Namespace, Query};
 
 /// Count the documents that match a query
 #[derive(Debug, Args)]
@@ -42,7 +42,7 @@ pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;
     }
-    let count = memory.count_with(&args.namespace, &filter, &args.modifiers.read()?);
+    let count = memory.count(&args.namespace, Query { filter: &filter, modifiers: &args.modifiers.read()? });
     let count = count.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&count.to_string())?;
     if count == 0 {

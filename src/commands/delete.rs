@@ -1,6 +1,6 @@
 //! `rmem delete NS QUERY`: remove the documents that match.
 
-use bson::{Document, doc};
+use bson::doc;
 use clap::Args;
 
 use super::modifiers::ModifierArgs;
@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::store::{Find, Modifiers, Namespace};
+use crate::store::{Find, Namespace, Query};
 
 /// What stands below the help of `delete`.
 const HELP: &str = "\
@@ -52,10 +52,11 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
         return Err(UsageError::new("--all takes no query; expected --many for all documents that match").into());
     }
     let (memory, modifiers) = (context.memory()?, args.modifiers.read()?);
+    let query = Query { filter: &filter, modifiers: &modifiers };
     let is_many = args.many || args.all;
-    let matching = if is_many { None } else { others(&args.namespace, &filter, &modifiers, &memory, context)? };
+    let matching = if is_many { None } else { others(&args.namespace, query, &memory, context)? };
     let guard = (is_many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
-    let deleted = memory.delete_with(&args.namespace, &filter, !is_many, &modifiers);
+    let deleted = memory.delete(&args.namespace, query, !is_many);
     drop(guard);
     let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.output.line(&deleted.to_string())?;
@@ -70,16 +71,15 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
 /// Returns how many documents match where it is more than one, for a command that changes the first.
 pub(super) fn others(
     namespace: &Namespace,
-    filter: &Document,
-    modifiers: &Modifiers,
+    query: Query<'_>,
     memory: &Memory,
     context: &Context<'_>,
 ) -> Result<Option<u64>> {
-    let is_one = filter.get("_id").is_some_and(|id| id.as_document().is_none());
+    let is_one = query.filter.get("_id").is_some_and(|id| id.as_document().is_none());
     if is_one || !context.output.shows_notes() {
         return Ok(None);
     }
-    let (filter, modifiers) = (filter.clone(), modifiers.clone());
+    let (filter, modifiers) = (query.filter.clone(), query.modifiers.clone());
     let all = Find { filter, projection: doc! { "_id": 1 }, modifiers, ..Find::default() };
     let two = Find { limit: 2, ..all.clone() };
     // A query that is refused is reported where it is executed.

@@ -7,7 +7,7 @@ use super::query::{argument, blame};
 use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::store::Namespace;
+use crate::store::{Namespace, Query};
 
 /// Print the distinct values of a field
 #[derive(Debug, Args)]
@@ -41,7 +41,9 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
     if args.strict {
         missing::refuse(&args.namespace, &memory)?;
     }
-    let values = memory.distinct_with(&args.namespace, &args.field, &filter, &args.modifiers.read()?);
+    let modifiers = args.modifiers.read()?;
+    let query = Query { filter: &filter, modifiers: &modifiers };
+    let values = memory.distinct(&args.namespace, &args.field, query);
     let values = values.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     let is_empty = values.is_empty();
     context.print_values(values)?;

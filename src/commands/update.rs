@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::interrupt::InterruptGuard;
-use crate::store::{Namespace, UpdateRequest, UpdateSpec};
+use crate::store::{Namespace, Query, UpdateRequest, UpdateSpec};
 
 /// What stands below the help of `update`.
 const HELP: &str = "\
@@ -64,14 +64,15 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
             .collect::<Result<_, _>>()?,
         many: args.many,
         upsert: args.upsert,
+        modifiers: args.modifiers.read()?,
     };
     check(&args.update, args.replace, &request.update)?;
-    let (memory, modifiers) = (context.memory()?, args.modifiers.read()?);
-    let matching =
-        if args.many { None } else { others(&args.namespace, &request.filter, &modifiers, &memory, context)? };
+    let memory = context.memory()?;
+    let query = Query { filter: &request.filter, modifiers: &request.modifiers };
+    let matching = if args.many { None } else { others(&args.namespace, query, &memory, context)? };
     // A server goes on with what it was asked, so that there is nothing to wait for.
     let guard = (args.many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
-    let updated = memory.update_with(&args.namespace, &request, &modifiers);
+    let updated = memory.update(&args.namespace, &request);
     drop(guard);
     let updated = updated.map_err(|error| blame(error, &[("<update>", &args.update), ("<query>", &args.query)]))?;
     let is_missing = updated.matched == 0 && updated.upserted.is_none();

@@ -77,8 +77,9 @@ impl Memory {
     fn expire_collection(&self, ns: &Namespace, restart: bool) -> Result<Expired, StoreError> {
         let now = self.clock.now();
         let store = self.routes.of(ns)?;
-        let remove =
-            |filter: Document| self.journal.note("expire", Some(ns), |n| *n, || store.delete(ns, &filter, false));
+        let remove = |filter: Document| {
+            self.journal.note("expire", Some(ns), |n| *n, || store.delete(ns, (&filter).into(), false))
+        };
         let mut expired = Expired {
             // Computed documents decay too: they are counted as what they are.
             computed: remove(doc! {

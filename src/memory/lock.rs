@@ -240,5 +240,5 @@ fn free() -> UpdateSpec {
 }
 
 fn request(filter: Document, update: UpdateSpec, upsert: bool) -> UpdateRequest {
-    UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert }
+    UpdateRequest { filter, update, upsert, ..UpdateRequest::default() }
 }

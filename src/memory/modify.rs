@@ -105,7 +105,7 @@ impl Asked<'_> {
             Modification::Remove => (self.memory.delete(self.ns, &these, true)?, None),
             Modification::Update { update, array_filters, .. } => {
                 let (update, array_filters) = (update.clone(), array_filters.clone());
-                let request = UpdateRequest { filter: these, update, array_filters, many: false, upsert: false };
+                let request = UpdateRequest { filter: these, update, array_filters, ..UpdateRequest::default() };
                 let matched = self.memory.update(self.ns, &request)?.matched;
                 let predicted = if alone { None } else { self.predicted(&request, &before) };
                 let after = match predicted {
@@ -144,8 +144,8 @@ impl Asked<'_> {
             filter: self.filter.clone(),
             update: update.clone(),
             array_filters: array_filters.clone(),
-            many: false,
             upsert: true,
+            ..UpdateRequest::default()
         };
         let upserted = self.memory.update(self.ns, &request)?.upserted;
         let after = upserted.map(|id| self.first(same(&id))).transpose()?.flatten();

@@ -12,8 +12,8 @@ use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
 use crate::query::QueryError;
 use crate::store::{
-    Documents, Find, Inserted, Modifiers, Namespace, Put, Role, Store, StoreError, StoreUri, UpdateRequest, Updated,
-    metadata,
+    Aggregation, Documents, Find, Inserted, Namespace, Put, Query, Role, Store, StoreError, StoreUri, UpdateRequest,
+    Updated, metadata,
 };
 
 /// A local store and, perhaps, another one for shared databases.
@@ -150,7 +150,7 @@ impl Memory {
     /// Counts the matches of [`Memory::stored`].
     pub fn count_stored(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
         let filter = stored(self.clock.now(), filter);
-        self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, &filter))
+        self.journal.note("count", Some(ns), |count| *count, || self.routes.reading(ns)?.count(ns, (&filter).into()))
     }
 
     /// Says how a query is answered; see [`Store::explain`]. Where there are computables, those
@@ -168,75 +168,55 @@ impl Memory {
     }
 
     /// Counts matches; see [`Store::count`].
-    pub fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        self.count_with(ns, filter, &Modifiers::default())
-    }
-
-    /// [`Memory::count`] with modifiers.
-    pub fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
-        self.answer(&[(ns, filter)], true, |view| {
-            if let Some(extended) = self.extended(&[(ns, filter)], view)? {
-                return extended.count(ns, filter);
+    pub fn count<'q>(&self, ns: &Namespace, query: impl Into<Query<'q>>) -> Result<u64, StoreError> {
+        let query = query.into();
+        self.answer(&[(ns, query.filter)], true, |view| {
+            if let Some(extended) = self.extended(&[(ns, query.filter)], view)? {
+                return extended.count(ns, query);
             }
-            let filter = view.filter(filter);
-            let count = || self.routes.reading(ns)?.count_with(ns, &filter, modifiers);
+            let visible = view.filter(query.filter);
+            let count = || self.routes.reading(ns)?.count(ns, Query { filter: &visible, ..query });
             self.journal.note("count", Some(ns), |count| *count, count)
         })
     }
 
     /// Distinct values; see [`Store::distinct`].
-    pub fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
-        self.distinct_with(ns, field, filter, &Modifiers::default())
-    }
-
-    /// [`Memory::distinct`] with modifiers.
-    pub fn distinct_with(
+    pub fn distinct<'q>(
         &self,
         ns: &Namespace,
         field: &str,
-        filter: &Document,
-        modifiers: &Modifiers,
+        query: impl Into<Query<'q>>,
     ) -> Result<Vec<Bson>, StoreError> {
-        self.answer(&[(ns, filter)], true, |view| {
-            if let Some(extended) = self.extended(&[(ns, filter)], view)? {
-                return extended.distinct(ns, field, filter);
+        let query = query.into();
+        self.answer(&[(ns, query.filter)], true, |view| {
+            if let Some(extended) = self.extended(&[(ns, query.filter)], view)? {
+                return extended.distinct(ns, field, query);
             }
-            let filter = view.filter(filter);
-            self.journal.note(
-                "distinct",
-                Some(ns),
-                |values: &Vec<Bson>| length(values),
-                || self.routes.reading(ns)?.distinct_with(ns, field, &filter, modifiers),
-            )
+            let visible = view.filter(query.filter);
+            let distinct = || self.routes.reading(ns)?.distinct(ns, field, Query { filter: &visible, ..query });
+            self.journal.note("distinct", Some(ns), |values: &Vec<Bson>| length(values), distinct)
         })
     }
 
     /// Runs a pipeline; its results are without metadata, see [`Store::aggregate`].
-    pub fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        self.aggregate_with(ns, pipeline, &Modifiers::default())
-    }
-
-    /// [`Memory::aggregate`] with modifiers.
-    pub fn aggregate_with(
+    pub fn aggregate<'p>(
         &self,
         ns: &Namespace,
-        pipeline: &[Document],
-        modifiers: &Modifiers,
+        pipeline: impl Into<Aggregation<'p>>,
     ) -> Result<Documents<'_>, StoreError> {
-        Ok(without_metadata(self.aggregate_with_metadata(ns, pipeline, modifiers)?))
+        Ok(without_metadata(self.aggregate_with_metadata(ns, pipeline.into())?))
     }
 
-    /// Runs a pipeline with modifiers; its results keep their metadata.
+    /// Runs a pipeline; its results keep their metadata.
     pub fn aggregate_with_metadata(
         &self,
         ns: &Namespace,
-        pipeline: &[Document],
-        modifiers: &Modifiers,
+        pipeline: Aggregation<'_>,
     ) -> Result<Documents<'_>, StoreError> {
-        let last = pipeline.last().and_then(|stage| stage.keys().next());
+        let last = pipeline.stages.last().and_then(|stage| stage.keys().next());
         let writes = last.is_some_and(|name| name == "$out" || name == "$merge");
-        let asked = computables::questions(ns, pipeline);
-        for other in asked.iter().map(|(other, _)| other).chain(&computables::target(ns, pipeline)) {
+        let asked = computables::questions(ns, pipeline.stages);
+        for other in asked.iter().map(|(other, _)| other).chain(&computables::target(ns, pipeline.stages)) {
             self.routes.check_reach(ns, other)?;
         }
         let questions: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
@@ -251,52 +231,33 @@ impl Memory {
             }
             let start = Instant::now();
             let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };
-            let stages = computables::visible_stages(ns, pipeline, view);
-            settled(view, self.journal.watch("aggregate", ns, start, store.aggregate_with(ns, &stages, modifiers)?))
+            let stages = computables::visible_stages(ns, pipeline.stages, view);
+            let results = store.aggregate(ns, Aggregation { stages: &stages, ..pipeline })?;
+            settled(view, self.journal.watch("aggregate", ns, start, results))
         };
         self.answer(&questions, !writes, work)
     }
 
     /// Changes documents; see [`Store::update`].
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        self.update_with(ns, update, &Modifiers::default())
-    }
-
-    /// [`Memory::update`] with modifiers.
-    pub fn update_with(
-        &self,
-        ns: &Namespace,
-        update: &UpdateRequest,
-        modifiers: &Modifiers,
-    ) -> Result<Updated, StoreError> {
         let update = UpdateRequest { filter: self.visible(&update.filter), ..update.clone() };
         let work = || {
             let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
-            store.update_with(ns, &update, Some(self.clock.now()), modifiers)
+            store.update(ns, &update, Some(self.clock.now()))
         };
         self.journal.note("update", Some(ns), |updated: &Updated| updated.modified, work)
     }
 
     /// Removes documents; see [`Store::delete`]. What is removed as a whole loses what was computed, too.
-    pub fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        self.delete_with(ns, filter, first_only, &Modifiers::default())
-    }
-
-    /// [`Memory::delete`] with modifiers.
-    pub fn delete_with(
-        &self,
-        ns: &Namespace,
-        filter: &Document,
-        first_only: bool,
-        modifiers: &Modifiers,
-    ) -> Result<u64, StoreError> {
+    pub fn delete<'q>(&self, ns: &Namespace, query: impl Into<Query<'q>>, first_only: bool) -> Result<u64, StoreError> {
+        let query = query.into();
         let store = self.routes.reading(ns)?;
-        let visible = self.visible(filter);
-        let delete = || store.delete_with(ns, &visible, first_only, modifiers);
+        let visible = self.visible(query.filter);
+        let delete = || store.delete(ns, Query { filter: &visible, ..query }, first_only);
         let deleted = self.journal.note("delete", Some(ns), |count| *count, delete)?;
-        if filter.is_empty() && !first_only {
+        if query.filter.is_empty() && !first_only {
             computables::forget(store, ns)?;
-            store.delete(ns, &doc! { metadata::TOKEN_PATH: { "$ne": null } }, false)?;
+            store.delete(ns, (&doc! { metadata::TOKEN_PATH: { "$ne": null } }).into(), false)?;
         }
         Ok(deleted)
     }

@@ -14,10 +14,9 @@ use super::route::{Lazy, Routes};
 use super::{Memory, journal::Journal};
 use crate::calendar::day_and_time;
 use crate::query::QueryError;
-use crate::store::Modifiers;
 use crate::store::{
-    Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest,
-    Updated,
+    Aggregation, Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError,
+    UpdateRequest, Updated,
 };
 
 /// Stores as they were.
@@ -78,45 +77,22 @@ impl Store for Past {
         self.with(ns)?.explain(ns, find)
     }
 
-    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        self.with(ns)?.count(ns, filter)
+    fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        self.with(ns)?.count(ns, query)
     }
 
-    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
-        self.with(ns)?.distinct(ns, field, filter)
+    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
+        self.with(ns)?.distinct(ns, field, query)
     }
 
-    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        self.aggregate_with(ns, pipeline, &Modifiers::default())
-    }
-
-    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
-        self.with(ns)?.count_with(ns, filter, modifiers)
-    }
-
-    fn distinct_with(
-        &self,
-        ns: &Namespace,
-        field: &str,
-        filter: &Document,
-        modifiers: &Modifiers,
-    ) -> Result<Vec<Bson>, StoreError> {
-        self.with(ns)?.distinct_with(ns, field, filter, modifiers)
-    }
-
-    fn aggregate_with(
-        &self,
-        ns: &Namespace,
-        pipeline: &[Document],
-        modifiers: &Modifiers,
-    ) -> Result<Documents<'_>, StoreError> {
-        if computables::target(ns, pipeline).is_some() {
+    fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
+        if computables::target(ns, pipeline.stages).is_some() {
             return self.refuse();
         }
-        for (other, _) in computables::questions(ns, pipeline) {
+        for (other, _) in computables::questions(ns, pipeline.stages) {
             self.with(&other)?;
         }
-        self.with(ns)?.aggregate_with(ns, pipeline, modifiers)
+        self.with(ns)?.aggregate(ns, pipeline)
     }
 
     fn update(
@@ -132,8 +108,8 @@ impl Store for Past {
         self.with(ns)?.put(ns, documents, timestamp)
     }
 
-    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        self.with(ns)?.delete(ns, filter, first_only)
+    fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
+        self.with(ns)?.delete(ns, query, first_only)
     }
 
     fn drop(&self, _: &Namespace) -> Result<bool, StoreError> {
@@ -166,7 +142,7 @@ impl Store for Past {
         all.dedup();
         let mut there = Vec::new();
         for ns in all.into_iter().filter(|ns| !ns.is_own()) {
-            if self.with(&ns)?.count(&ns, &Document::new())? > 0 {
+            if self.with(&ns)?.count(&ns, (&Document::new()).into())? > 0 {
                 there.push(ns);
             }
         }

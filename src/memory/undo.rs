@@ -129,7 +129,7 @@ impl Memory {
         let work = || {
             store.atomically(&mut || {
                 for gone in plan.documents.iter().filter(|document| document.target.is_none()) {
-                    store.delete(ns, &doc! { "_id": { "$eq": &gone.id } }, true)?;
+                    store.delete(ns, (&doc! { "_id": { "$eq": &gone.id } }).into(), true)?;
                 }
                 let back = plan.documents.iter().filter_map(|document| document.target.clone()).collect();
                 store.put(ns, back, None).map(drop)

@@ -140,9 +140,7 @@ impl<'a> Repository<'a> {
         let request = UpdateRequest {
             filter: doc! { "_id": plan.document.get("_id").cloned().unwrap_or(Bson::Null) },
             update: UpdateSpec::Document(update),
-            array_filters: Vec::new(),
-            many: false,
-            upsert: false,
+            ..UpdateRequest::default()
         };
         match self.memory.update(self.namespace, &request)?.matched {
             0 => Err(RepositoryError::Unknown { id: plan.id(), namespace: self.namespace.clone() }),

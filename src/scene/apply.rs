@@ -308,9 +308,7 @@ fn write(memory: &Memory, change: &Change) -> Result<(), StoreError> {
             let request = UpdateRequest {
                 filter: doc! { "_id": id },
                 update: UpdateSpec::Document(update),
-                array_filters: Vec::new(),
-                many: false,
-                upsert: false,
+                ..UpdateRequest::default()
             };
             memory.update(namespace, &request).map(drop)
         }

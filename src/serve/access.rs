@@ -7,7 +7,9 @@
 use bson::{Bson, Document};
 
 use crate::memory::Memory;
-use crate::store::{Documents, Find, Inserted, Modifiers, Namespace, Store, StoreError, UpdateRequest, Updated};
+use crate::store::{
+    Aggregation, Documents, Find, Inserted, Namespace, Query, Store, StoreError, UpdateRequest, Updated,
+};
 
 /// The collection, in each database, of what writes were answered; no client lists it.
 pub(super) const RECORDS: &str = "rmem.retries";
@@ -48,16 +50,11 @@ impl<'m> Access<'m> {
         }
     }
 
-    pub(super) fn aggregate(
-        self,
-        ns: &Namespace,
-        stages: &[Document],
-        modifiers: &Modifiers,
-    ) -> Result<Documents<'m>, StoreError> {
+    pub(super) fn aggregate(self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'m>, StoreError> {
         match (self.store(ns)?, self.metadata) {
-            (Some(store), _) => store.aggregate_with(ns, stages, modifiers),
-            (None, Metadata::Shown) => self.memory.aggregate_with_metadata(ns, stages, modifiers),
-            (None, _) => self.memory.aggregate_with(ns, stages, modifiers),
+            (Some(store), _) => store.aggregate(ns, pipeline),
+            (None, Metadata::Shown) => self.memory.aggregate_with_metadata(ns, pipeline),
+            (None, _) => self.memory.aggregate(ns, pipeline),
         }
     }
 
@@ -65,23 +62,14 @@ impl<'m> Access<'m> {
         self.store(ns)?.map_or_else(|| self.memory.explain(ns, find), |store| store.explain(ns, find))
     }
 
-    pub(super) fn count(self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
-        match self.store(ns)? {
-            Some(store) => store.count_with(ns, filter, modifiers),
-            None => self.memory.count_with(ns, filter, modifiers),
-        }
+    pub(super) fn count(self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        self.store(ns)?.map_or_else(|| self.memory.count(ns, query), |store| store.count(ns, query))
     }
 
-    pub(super) fn distinct(
-        self,
-        ns: &Namespace,
-        field: &str,
-        filter: &Document,
-        modifiers: &Modifiers,
-    ) -> Result<Vec<Bson>, StoreError> {
+    pub(super) fn distinct(self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
         match self.store(ns)? {
-            Some(store) => store.distinct_with(ns, field, filter, modifiers),
-            None => self.memory.distinct_with(ns, field, filter, modifiers),
+            Some(store) => store.distinct(ns, field, query),
+            None => self.memory.distinct(ns, field, query),
         }
     }
 
@@ -92,28 +80,17 @@ impl<'m> Access<'m> {
         }
     }
 
-    pub(super) fn update(
-        self,
-        ns: &Namespace,
-        update: &UpdateRequest,
-        modifiers: &Modifiers,
-    ) -> Result<Updated, StoreError> {
+    pub(super) fn update(self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
         match self.store(ns)? {
-            Some(store) => store.update_with(ns, update, None, modifiers),
-            None => self.memory.update_with(ns, update, modifiers),
+            Some(store) => store.update(ns, update, None),
+            None => self.memory.update(ns, update),
         }
     }
 
-    pub(super) fn delete(
-        self,
-        ns: &Namespace,
-        filter: &Document,
-        first_only: bool,
-        modifiers: &Modifiers,
-    ) -> Result<u64, StoreError> {
+    pub(super) fn delete(self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
         match self.store(ns)? {
-            Some(store) => store.delete_with(ns, filter, first_only, modifiers),
-            None => self.memory.delete_with(ns, filter, first_only, modifiers),
+            Some(store) => store.delete(ns, query, first_only),
+            None => self.memory.delete(ns, query, first_only),
         }
     }
 

@@ -31,7 +31,7 @@ pub use modifiers::{Hint, Modifiers};
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
-pub use request::{Checked, Find, Inserted, Put, UpdateRequest, UpdateSpec, Updated};
+pub use request::{Aggregation, Checked, Find, Inserted, Put, Query, UpdateRequest, UpdateSpec, Updated};
 pub use uri::{Role, StoreUri, UriError, open};
 pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope};
 
@@ -63,14 +63,14 @@ pub trait Store: Send {
     fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError>;
 
     /// How many documents match.
-    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError>;
+    fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError>;
 
     /// The distinct values of a (dotted) field among matching documents, array
     /// elements counted one by one, in the order MongoDB gives them.
-    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError>;
+    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError>;
 
     /// The results of an aggregation pipeline.
-    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError>;
+    fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError>;
 
     /// Changes the first match, or all with `many`. Atomic per document. With
     /// a timestamp, what is changed says so under [`metadata::INFO`].
@@ -87,71 +87,7 @@ pub trait Store: Send {
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError>;
 
     /// Removes all matches, or the first only; returns how many.
-    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError>;
-
-    /// [`Store::count`] with modifiers.
-    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
-        self.take_none(modifiers)?;
-        self.count(ns, filter)
-    }
-
-    /// [`Store::distinct`] with modifiers.
-    fn distinct_with(
-        &self,
-        ns: &Namespace,
-        field: &str,
-        filter: &Document,
-        modifiers: &Modifiers,
-    ) -> Result<Vec<Bson>, StoreError> {
-        self.take_none(modifiers)?;
-        self.distinct(ns, field, filter)
-    }
-
-    /// [`Store::aggregate`] with modifiers.
-    fn aggregate_with(
-        &self,
-        ns: &Namespace,
-        pipeline: &[Document],
-        modifiers: &Modifiers,
-    ) -> Result<Documents<'_>, StoreError> {
-        self.take_none(modifiers)?;
-        self.aggregate(ns, pipeline)
-    }
-
-    /// [`Store::update`] with modifiers.
-    fn update_with(
-        &self,
-        ns: &Namespace,
-        update: &UpdateRequest,
-        timestamp: Option<DateTime>,
-        modifiers: &Modifiers,
-    ) -> Result<Updated, StoreError> {
-        self.take_none(modifiers)?;
-        self.update(ns, update, timestamp)
-    }
-
-    /// [`Store::delete`] with modifiers.
-    fn delete_with(
-        &self,
-        ns: &Namespace,
-        filter: &Document,
-        first_only: bool,
-        modifiers: &Modifiers,
-    ) -> Result<u64, StoreError> {
-        self.take_none(modifiers)?;
-        self.delete(ns, filter, first_only)
-    }
-
-    /// Refuses modifiers: for stores without the operations that take them.
-    fn take_none(&self, modifiers: &Modifiers) -> Result<(), StoreError> {
-        match modifiers.is_empty() {
-            true => Ok(()),
-            false => {
-                let reason = "takes no collation, variables or hint".to_owned();
-                Err(StoreError::Unfit { address: self.describe(), reason })
-            }
-        }
-    }
+    fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError>;
 
     /// Removes a whole collection; returns whether it existed.
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError>;

@@ -1,5 +1,7 @@
 //! What a command says of an operation beside its query: how strings compare, variables, and which index is read.
 
+use std::sync::LazyLock;
+
 use bson::{Bson, Document};
 
 use crate::query::{Collation, QueryError, compare_values};
@@ -30,6 +32,13 @@ pub enum Hint {
 }
 
 impl Modifiers {
+    /// Those that say nothing.
+    #[must_use]
+    pub fn none() -> &'static Self {
+        static NONE: LazyLock<Modifiers> = LazyLock::new(Modifiers::default);
+        &NONE
+    }
+
     /// Whether nothing is said.
     #[must_use]
     pub fn is_empty(&self) -> bool {

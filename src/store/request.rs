@@ -4,7 +4,59 @@ use bson::{Bson, Document};
 
 use super::modifiers::Modifiers;
 
-/// A query with its modifiers.
+/// Which documents are meant. A filter alone is a query without modifiers.
+///
+/// ```
+/// use rmem::store::{Embedded, Modifiers, Namespace, Query, Store};
+/// # use bson::doc;
+/// let (store, ns) = (Embedded::in_memory()?, Namespace::parse("lab.cups")?);
+/// let (filter, modifiers) = (doc! { "color": "red" }, Modifiers::default());
+/// assert_eq!(store.count(&ns, (&filter).into())?, 0);
+/// assert_eq!(store.count(&ns, Query { filter: &filter, modifiers: &modifiers })?, 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct Query<'q> {
+    /// MongoDB's filter; empty matches everything.
+    pub filter: &'q Document,
+    /// Collation, variables, and the index to be read.
+    pub modifiers: &'q Modifiers,
+}
+
+impl<'q> From<&'q Document> for Query<'q> {
+    fn from(filter: &'q Document) -> Self {
+        Self { filter, modifiers: Modifiers::none() }
+    }
+}
+
+/// The stages of an aggregation. Stages alone are a pipeline without modifiers.
+#[derive(Debug, Clone, Copy)]
+pub struct Aggregation<'p> {
+    /// The stages, in order.
+    pub stages: &'p [Document],
+    /// Collation, variables, and the index to be read.
+    pub modifiers: &'p Modifiers,
+}
+
+impl<'p> From<&'p [Document]> for Aggregation<'p> {
+    fn from(stages: &'p [Document]) -> Self {
+        Self { stages, modifiers: Modifiers::none() }
+    }
+}
+
+impl<'p> From<&'p Vec<Document>> for Aggregation<'p> {
+    fn from(stages: &'p Vec<Document>) -> Self {
+        stages.as_slice().into()
+    }
+}
+
+impl<'p, const N: usize> From<&'p [Document; N]> for Aggregation<'p> {
+    fn from(stages: &'p [Document; N]) -> Self {
+        stages.as_slice().into()
+    }
+}
+
+/// Which documents to return, in which order, and what of them.
 #[derive(Debug, Clone, Default)]
 pub struct Find {
     /// MongoDB's filter; empty matches everything.
@@ -30,8 +82,14 @@ pub enum UpdateSpec {
     Pipeline(Vec<Document>),
 }
 
-/// Which documents to change, and how.
-#[derive(Debug, Clone)]
+impl Default for UpdateSpec {
+    fn default() -> Self {
+        Self::Pipeline(Vec::new())
+    }
+}
+
+/// Which documents to change, and how; the default changes nothing of the first document.
+#[derive(Debug, Clone, Default)]
 pub struct UpdateRequest {
     /// Which documents.
     pub filter: Document,
@@ -43,6 +101,8 @@ pub struct UpdateRequest {
     pub many: bool,
     /// Insert what filter and update describe where nothing matches.
     pub upsert: bool,
+    /// Collation, variables, and the index to be read.
+    pub modifiers: Modifiers,
 }
 
 /// What an insert did.

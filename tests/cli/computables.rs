@@ -420,9 +420,8 @@ fn a_cached_computation_that_ends_too_far_ahead_is_stale() {
     let request = rmem::store::UpdateRequest {
         filter: bson::doc! {},
         update: rmem::store::UpdateSpec::Document(update),
-        array_filters: Vec::new(),
         many: true,
-        upsert: false,
+        ..rmem::store::UpdateRequest::default()
     };
     let ns = rmem::store::Namespace { database: "a".into(), collection: "rmem.computed".into() };
     rmem::store::Store::update(&store, &ns, &request, None).unwrap();

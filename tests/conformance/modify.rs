@@ -1,7 +1,7 @@
 //! `update` and `findAndModify`.
 
 use bson::{Bson, Document, doc};
-use rmem::store::{Find, Modifiers, Namespace, Store as _, UpdateRequest, UpdateSpec, Updated};
+use rmem::store::{Find, Namespace, Store as _, UpdateRequest, UpdateSpec, Updated};
 
 use crate::command::{Answer, Failure, document, documents, flag, known, modifiers, refuse_options};
 use crate::server::{Server, reply};
@@ -73,23 +73,18 @@ impl Server {
             array_filters: documents(one, "arrayFilters")?,
             many: flag(one, "multi")?,
             upsert: flag(one, "upsert")?,
+            modifiers,
         };
-        self.apply(ns, &request, theirs, &modifiers)
+        self.apply(ns, &request, theirs)
     }
 
     /// Updates; a document that was made gets the `_id` that mongod made.
-    fn apply(
-        &self,
-        ns: &Namespace,
-        request: &UpdateRequest,
-        theirs: Option<&Bson>,
-        modifiers: &Modifiers,
-    ) -> Result<Updated, Failure> {
-        let mut updated = self.store.update_with(ns, request, None, modifiers)?;
+    fn apply(&self, ns: &Namespace, request: &UpdateRequest, theirs: Option<&Bson>) -> Result<Updated, Failure> {
+        let mut updated = self.store.update(ns, request, None)?;
         if let (Some(ours @ Bson::ObjectId(_)), Some(theirs @ Bson::ObjectId(_))) = (&updated.upserted, theirs) {
             let filter = doc! {"_id": ours.clone()};
             for mut made in self.found(ns, &Find { filter: filter.clone(), ..Find::default() })? {
-                self.store.delete(ns, &filter, true)?;
+                self.store.delete(ns, (&filter).into(), true)?;
                 made.insert("_id", theirs.clone());
                 self.store.insert(ns, vec![made])?;
             }
@@ -114,7 +109,7 @@ impl Server {
         let one = |id: &Bson| doc! {"_id": {"$eq": id.clone()}};
         if remove {
             if let Some(id) = &id {
-                self.store.delete(ns, &one(id), true)?;
+                self.store.delete(ns, (&one(id)).into(), true)?;
             }
             return Ok(doc! {"value": before});
         }
@@ -122,11 +117,12 @@ impl Server {
             filter: id.as_ref().map_or_else(|| query.clone(), |id| doc! {"$and": [query.clone(), one(id)]}),
             update: change(command.get("update"))?,
             array_filters: documents(command, "arrayFilters")?,
-            many: false,
             upsert,
+            many: false,
+            modifiers: modifiers.without_hint(),
         };
         let theirs = recorded.get_document("lastErrorObject").ok().and_then(|last| last.get("upserted"));
-        let updated = self.apply(ns, &request, theirs, &modifiers.without_hint())?;
+        let updated = self.apply(ns, &request, theirs)?;
         let value = match (new, id.or(updated.upserted)) {
             (false, _) => before,
             (true, None) => None,

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
-use rmem::store::{Embedded, Find, Index, Namespace, Store as _, StoreError};
+use rmem::store::{Aggregation, Embedded, Find, Index, Namespace, Query, Store as _, StoreError};
 
 use crate::command::{Answer, Failure, document, documents, flag, known, modifiers, refuse_options, unsigned, whole};
 
@@ -145,8 +145,11 @@ impl Server {
         let stages = documents(command, "pipeline")?;
         let modifiers = modifiers(command, &["collation", "let", "hint"])?;
         let brings = stages.first().is_some_and(|stage| stage.contains_key("$documents"));
-        let found: Vec<_> =
-            self.store.aggregate_with(ns, &stages, &modifiers)?.map(decoded).collect::<Result<_, _>>()?;
+        let found: Vec<_> = self
+            .store
+            .aggregate(ns, Aggregation { stages: &stages, modifiers: &modifiers })?
+            .map(decoded)
+            .collect::<Result<_, _>>()?;
         if brings != (ns.collection == NO_COLLECTION) {
             return Err(Failure::Failed("a collection, or $documents".to_owned()));
         }
@@ -159,7 +162,7 @@ impl Server {
         let (skip, limit) = (unsigned(command, "skip")? as u64, whole(command, "limit")?.unwrap_or(0).unsigned_abs());
         let modifiers = modifiers(command, &["collation", "hint"])?;
         let n = match (skip, limit) {
-            (0, 0) => self.store.count_with(ns, &filter, &modifiers)?,
+            (0, 0) => self.store.count(ns, Query { filter: &filter, modifiers: &modifiers })?,
             _ => self.found(ns, &Find { filter, skip, limit, modifiers, ..Find::default() })?.len() as u64,
         };
         Ok(doc! {"n": n as i32})
@@ -169,7 +172,8 @@ impl Server {
         known(command, &["key", "query"])?;
         let filter = document(command, "query")?.cloned().unwrap_or_default();
         let key = command.get_str("key").map_err(|_| Failure::Failed("key must be a string".to_owned()))?;
-        Ok(doc! {"values": self.store.distinct_with(ns, key, &filter, &modifiers(command, &["collation"])?)?})
+        let modifiers = modifiers(command, &["collation"])?;
+        Ok(doc! {"values": self.store.distinct(ns, key, Query { filter: &filter, modifiers: &modifiers })?})
     }
 
     fn delete(&self, ns: &Namespace, command: &Document) -> Answer {
@@ -194,7 +198,11 @@ impl Server {
                 return Err(Failure::Failed("q and limit are needed".to_owned()));
             }
             let filter = document(&one, "q")?.cloned().unwrap_or_default();
-            match self.store.delete_with(ns, &filter, limit == Some(1), &modifiers).map_err(Failure::from) {
+            match self
+                .store
+                .delete(ns, Query { filter: &filter, modifiers: &modifiers }, limit == Some(1))
+                .map_err(Failure::from)
+            {
                 Ok(removed) => n += removed as i32,
                 Err(Failure::Refused(name)) => return Err(Failure::Refused(name)),
                 Err(Failure::Failed(message)) => {

@@ -303,9 +303,7 @@ fn what_was_changed_or_removed_is_computed_again(lab: &Lab) {
         let request = UpdateRequest {
             filter: doc! { "object": "C" },
             update: UpdateSpec::Document(update),
-            array_filters: Vec::new(),
-            many: false,
-            upsert: false,
+            ..UpdateRequest::default()
         };
         assert_eq!(memory.update(&x, &request).unwrap().matched, 0, "only stored documents are changed");
         memory.show_computed(true);
@@ -474,9 +472,8 @@ fn changes_do_not_compute(lab: &Lab) {
     let update = UpdateRequest {
         filter: doc! { "relation": "on-table" },
         update: UpdateSpec::Document(doc! { "$set": { "a": 1 } }),
-        array_filters: Vec::new(),
         many: true,
-        upsert: false,
+        ..UpdateRequest::default()
     };
     assert_eq!(memory.update(&x, &update).unwrap().matched, 0);
     assert_eq!(memory.delete(&x, &doc! { "relation": "on-table" }, false).unwrap(), 0);

@@ -5,7 +5,11 @@
 
 use bson::{Bson, Document, doc};
 use libtest_mimic::{Failed, Trial};
-use rmem::store::{Embedded, Find, Index, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, Updated};
+use rmem::query::Collation;
+use rmem::store::{
+    Aggregation, Embedded, Find, Index, Modifiers, Namespace, Query, Store, StoreError, UpdateRequest, UpdateSpec,
+    Updated,
+};
 
 type Case = fn(&dyn Store, &Namespace);
 
@@ -51,6 +55,7 @@ const CASES: &[(&str, Case)] = cases![
     empty_timestamps_at_the_top_become_the_time,
     an_upsert_inserts_what_filter_and_update_say,
     an_upsert_that_matches_updates,
+    modifiers_apply_to_every_operation,
     a_stamped_update_says_when,
     a_stamped_replacement_keeps_when_it_was_inserted,
     a_stamped_update_that_changes_nothing_is_no_modification,
@@ -140,13 +145,7 @@ fn ids(store: &dyn Store, ns: &Namespace, filter: Document) -> Vec<i32> {
 }
 
 fn update(filter: Document, update: Document) -> UpdateRequest {
-    UpdateRequest {
-        filter,
-        update: UpdateSpec::Document(update),
-        array_filters: Vec::new(),
-        many: false,
-        upsert: false,
-    }
+    UpdateRequest { filter, update: UpdateSpec::Document(update), ..UpdateRequest::default() }
 }
 
 fn changed(matched: u64, modified: u64) -> Updated {
@@ -200,7 +199,7 @@ fn equal_numbers_of_different_types_are_the_same_id(store: &dyn Store, ns: &Name
         assert!(matches!(store.insert(ns, vec![doc! { "_id": id }]), Err(StoreError::Duplicate { .. })));
     }
     insert(store, ns, [doc! { "_id": true }, doc! { "_id": "1" }, doc! { "_id": Bson::Null }]);
-    assert_eq!(store.count(ns, &doc! { "_id": 1.0 }).unwrap(), 1);
+    assert_eq!(store.count(ns, (&doc! { "_id": 1.0 }).into()).unwrap(), 1);
 }
 
 fn some_ids_are_refused(store: &dyn Store, ns: &Namespace) {
@@ -239,7 +238,7 @@ fn documents_may_be_nested_as_deeply_as_mongodb_nests_them(store: &dyn Store, ns
 
 fn inserting_nothing_is_fine(store: &dyn Store, ns: &Namespace) {
     assert_eq!(insert(store, ns, []), []);
-    assert_eq!(store.count(ns, &doc! {}).unwrap(), 0);
+    assert_eq!(store.count(ns, (&doc! {}).into()).unwrap(), 0);
 }
 
 fn natural_order_is_the_order_of_insertion(store: &dyn Store, ns: &Namespace) {
@@ -252,10 +251,10 @@ fn natural_order_is_the_order_of_insertion(store: &dyn Store, ns: &Namespace) {
 
 fn an_empty_collection_has_no_documents(store: &dyn Store, ns: &Namespace) {
     assert_eq!(all(store, ns), []);
-    assert_eq!(store.count(ns, &doc! { "a": 1 }).unwrap(), 0);
-    assert_eq!(store.delete(ns, &doc! {}, false).unwrap(), 0);
+    assert_eq!(store.count(ns, (&doc! { "a": 1 }).into()).unwrap(), 0);
+    assert_eq!(store.delete(ns, (&doc! {}).into(), false).unwrap(), 0);
     assert_eq!(store.update(ns, &update(doc! {}, doc! { "$set": { "a": 1 } }), None).unwrap(), changed(0, 0));
-    assert_eq!(store.distinct(ns, "a", &doc! {}).unwrap(), []);
+    assert_eq!(store.distinct(ns, "a", (&doc! {}).into()).unwrap(), []);
 }
 
 fn filters_choose_documents(store: &dyn Store, ns: &Namespace) {
@@ -328,8 +327,8 @@ fn unknown_operators_are_refused_when_the_query_is_made(store: &dyn Store, ns: &
     insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
     for filter in [doc! { "a": { "$nonsense": 1 } }, doc! { "$nonsense": 1 }, doc! { "a": { "$in": 1 } }] {
         assert_eq!(code(store.find(ns, &Find { filter: filter.clone(), ..Find::default() })), 2, "{filter}");
-        assert_eq!(code(store.count(ns, &filter)), 2, "{filter}");
-        assert_eq!(code(store.delete(ns, &filter, false)), 2, "{filter}");
+        assert_eq!(code(store.count(ns, (&filter).into())), 2, "{filter}");
+        assert_eq!(code(store.delete(ns, (&filter).into(), false)), 2, "{filter}");
     }
     assert_eq!(code(store.update(ns, &update(doc! {}, doc! { "$nonsense": { "a": 1 } }), None)), 9);
     assert_eq!(code(store.find(ns, &Find { sort: doc! { "a": 7 }, ..Find::default() })), 15975);
@@ -361,7 +360,7 @@ fn projections_choose_fields(store: &dyn Store, ns: &Namespace) {
 fn counting_agrees_with_finding(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, (0..100).map(|n| doc! { "_id": n, "n": n % 10 }));
     for filter in [doc! {}, doc! { "n": 3 }, doc! { "n": { "$lt": 5 } }, doc! { "_id": 4 }, doc! { "x": 1 }] {
-        assert_eq!(store.count(ns, &filter).unwrap(), ids(store, ns, filter.clone()).len() as u64, "{filter}");
+        assert_eq!(store.count(ns, (&filter).into()).unwrap(), ids(store, ns, filter.clone()).len() as u64, "{filter}");
     }
 }
 
@@ -376,19 +375,19 @@ fn distinct_values_come_once(store: &dyn Store, ns: &Namespace) {
             doc! { "_id": 4 },
         ],
     );
-    let distinct = |field: &str, filter: Document| store.distinct(ns, field, &filter).unwrap();
+    let distinct = |field: &str, filter: Document| store.distinct(ns, field, (&filter).into()).unwrap();
     assert_eq!(distinct("a", doc! { "_id": { "$lt": 3 } }), [Bson::Int32(1), Bson::Int32(2), "x".into()]);
     assert_eq!(distinct("a", doc! { "_id": 3 }), [Bson::Array(vec![Bson::Int32(9)])]);
     assert_eq!(distinct("b.c", doc! {}), [1, 2, 3].map(Bson::Int32));
     assert_eq!(distinct("b.1.c", doc! {}), [2, 3].map(Bson::Int32));
     assert_eq!(distinct("none", doc! {}), []);
     for path in ["", "a.", ".a", "a..b", "$a"] {
-        assert!(store.distinct(ns, path, &doc! {}).is_err(), "{path:?}");
+        assert!(store.distinct(ns, path, (&doc! {}).into()).is_err(), "{path:?}");
     }
 }
 
 fn aggregated(store: &dyn Store, ns: &Namespace, pipeline: &[Document]) -> Vec<Document> {
-    let results = store.aggregate(ns, pipeline).unwrap();
+    let results = store.aggregate(ns, pipeline.into()).unwrap();
     results.map(|raw| Document::try_from(&*raw.unwrap()).unwrap()).collect()
 }
 
@@ -427,26 +426,26 @@ fn results_may_go_into_another_collection(store: &dyn Store, ns: &Namespace) {
         let mut merge = doc! { "into": &other.collection };
         merge.extend(specification);
         let pipeline = [doc! { "$project": { "m": { "$add": ["$n", 10] } } }, doc! { "$merge": merge }];
-        store.aggregate(ns, &pipeline).and_then(Iterator::collect::<Result<Vec<_>, _>>)
+        store.aggregate(ns, (&pipeline).into()).and_then(Iterator::collect::<Result<Vec<_>, _>>)
     };
     assert_eq!(merge(doc! {}).unwrap(), [] as [bson::RawDocumentBuf; 0]);
     let merged = [doc! { "_id": 2, "n": 2, "m": 12 }, doc! { "_id": 3, "n": 3, "m": 13 }, doc! { "_id": 1, "m": 11 }];
     assert_eq!(all(store, &other), merged);
-    store.delete(&other, &doc! { "_id": 1 }, false).unwrap();
+    store.delete(&other, (&doc! { "_id": 1 }).into(), false).unwrap();
     merge(doc! { "whenMatched": "replace", "whenNotMatched": "discard" }).unwrap();
     assert_eq!(all(store, &other), [doc! { "_id": 2, "m": 12 }, doc! { "_id": 3, "m": 13 }]);
     let sum = bson::bson!([{ "$set": { "m": { "$add": ["$m", "$$new.m"] } } }]);
     merge(doc! { "whenMatched": sum, "whenNotMatched": "discard" }).unwrap();
     assert_eq!(all(store, &other), [doc! { "_id": 2, "m": 24 }, doc! { "_id": 3, "m": 26 }]);
     assert!(merge(doc! { "whenMatched": "fail" }).is_err());
-    store.delete(&other, &doc! { "_id": 1 }, false).unwrap();
+    store.delete(&other, (&doc! { "_id": 1 }).into(), false).unwrap();
     assert!(merge(doc! { "whenNotMatched": "fail" }).is_err());
     assert!(merge(doc! { "on": "m" }).is_err());
 }
 
 fn unknown_stages_are_refused(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, [doc! {}]);
-    assert_eq!(code(store.aggregate(ns, &[doc! { "$nonsense": {} }])), 40324);
+    assert_eq!(code(store.aggregate(ns, (&[doc! { "$nonsense": {} }]).into())), 40324);
 }
 
 fn many_documents_come_in_pages(store: &dyn Store, ns: &Namespace) {
@@ -468,7 +467,7 @@ fn an_update_of_many_changes_all(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, (1..=1_200).map(|n| doc! { "_id": n, "a": n % 2 }));
     let request = UpdateRequest { many: true, ..update(doc! { "a": 1 }, doc! { "$push": { "seen": "x" } }) };
     assert_eq!(store.update(ns, &request, None).unwrap(), changed(600, 600));
-    assert_eq!(store.count(ns, &doc! { "seen": ["x"] }).unwrap(), 600);
+    assert_eq!(store.count(ns, (&doc! { "seen": ["x"] }).into()).unwrap(), 600);
     let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$unset": { "seen": "" } }) };
     assert_eq!(store.update(ns, &request, None).unwrap(), changed(1_200, 600));
 }
@@ -560,7 +559,34 @@ fn an_upsert_that_matches_updates(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
     let request = UpdateRequest { upsert: true, ..update(doc! { "a": 1 }, doc! { "$set": { "b": 1 } }) };
     assert_eq!(store.update(ns, &request, None).unwrap(), changed(1, 1));
-    assert_eq!(store.count(ns, &doc! {}).unwrap(), 1);
+    assert_eq!(store.count(ns, (&doc! {}).into()).unwrap(), 1);
+}
+
+fn modifiers_apply_to_every_operation(store: &dyn Store, ns: &Namespace) {
+    let Ok(collation) = Collation::parse(&doc! { "locale": "en", "strength": 2 }) else {
+        return; // This build has no collations.
+    };
+    insert(store, ns, [doc! { "_id": 1, "name": "Box" }, doc! { "_id": 2, "name": "BOX" }, doc! { "_id": 3 }]);
+    let variables = doc! { "least": 2 };
+    let modifiers = Modifiers { collation: Some(collation), variables, hint: None };
+    let filter = doc! { "name": "box" };
+    let query = Query { filter: &filter, modifiers: &modifiers };
+    assert_eq!(store.count(ns, query).unwrap(), 2);
+    assert_eq!(store.count(ns, (&filter).into()).unwrap(), 0);
+    assert_eq!(store.distinct(ns, "name", query).unwrap(), ["Box".into()]);
+    let stages = [doc! { "$match": { "name": "box", "$expr": { "$gte": ["$_id", "$$least"] } } }];
+    let aggregation = Aggregation { stages: &stages, modifiers: &modifiers };
+    assert_eq!(store.aggregate(ns, aggregation).unwrap().count(), 1);
+    for timestamp in [None, Some(instant(5))] {
+        let name = if timestamp.is_some() { "twice" } else { "once" };
+        let spec = UpdateSpec::Pipeline(vec![doc! { "$set": { name: "$$least" } }]);
+        let request =
+            UpdateRequest { update: spec, many: true, modifiers: modifiers.clone(), ..update(filter.clone(), doc! {}) };
+        assert_eq!(store.update(ns, &request, timestamp).unwrap(), changed(2, 2));
+    }
+    assert_eq!(ids(store, ns, doc! { "once": 2, "twice": 2, "_robmem_info.updated": instant(5) }), [1, 2]);
+    assert_eq!(store.delete(ns, query, false).unwrap(), 2);
+    assert_eq!(ids(store, ns, doc! {}), [3]);
 }
 
 fn instant(millis: i64) -> bson::DateTime {
@@ -607,7 +633,7 @@ fn a_stamped_update_that_changes_nothing_is_no_modification(store: &dyn Store, n
         ..update(doc! { "_id": 2 }, doc! {})
     };
     assert_eq!(store.update(ns, &request, Some(instant(5))).unwrap(), changed(1, 0));
-    assert_eq!(store.count(ns, &doc! { "_robmem_info.updated": { "$exists": true } }).unwrap(), 0);
+    assert_eq!(store.count(ns, (&doc! { "_robmem_info.updated": { "$exists": true } }).into()).unwrap(), 0);
 
     let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$addToSet": { "a": 2 } }) };
     assert_eq!(store.update(ns, &request, Some(instant(6))).unwrap(), changed(3, 2));
@@ -659,23 +685,23 @@ fn putting_replaces_by_id(store: &dyn Store, ns: &Namespace) {
     let documents = (1..=5).map(|n| doc! { "_id": n, "n": n }).chain([doc! { "none": 1 }]).collect();
     let put = store.put(ns, documents, None).unwrap();
     assert_eq!((put.inserted, put.replaced, put.same), (4, 2, 0));
-    assert_eq!(store.count(ns, &doc! { "old": true }).unwrap(), 0);
-    assert_eq!(store.count(ns, &doc! {}).unwrap(), 6);
+    assert_eq!(store.count(ns, (&doc! { "old": true }).into()).unwrap(), 0);
+    assert_eq!(store.count(ns, (&doc! {}).into()).unwrap(), 6);
     let put = store.put(ns, vec![doc! { "n": 4, "_id": 4 }, doc! { "_id": 5, "n": 0 }], None).unwrap();
     assert_eq!((put.inserted, put.replaced, put.same), (0, 1, 1));
 }
 
 fn deleting_the_first_leaves_the_others(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, (1..=3).map(|n| doc! { "_id": n, "a": 1 }));
-    assert_eq!(store.delete(ns, &doc! { "a": 1 }, true).unwrap(), 1);
+    assert_eq!(store.delete(ns, (&doc! { "a": 1 }).into(), true).unwrap(), 1);
     assert_eq!(ids(store, ns, doc! {}), [2, 3]);
-    assert_eq!(store.delete(ns, &doc! { "a": 2 }, true).unwrap(), 0);
+    assert_eq!(store.delete(ns, (&doc! { "a": 2 }).into(), true).unwrap(), 0);
 }
 
 fn deleting_all_counts_them(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, (0..1_500).map(|n| doc! { "_id": n, "even": n % 2 == 0 }));
-    assert_eq!(store.delete(ns, &doc! { "even": true }, false).unwrap(), 750);
-    assert_eq!(store.delete(ns, &doc! {}, false).unwrap(), 750);
+    assert_eq!(store.delete(ns, (&doc! { "even": true }).into(), false).unwrap(), 750);
+    assert_eq!(store.delete(ns, (&doc! {}).into(), false).unwrap(), 750);
     assert_eq!(all(store, ns), []);
 }
 
@@ -694,7 +720,7 @@ fn a_renamed_collection_takes_the_place_of_another(store: &dyn Store, ns: &Names
     insert(store, &other, [doc! { "_id": 9 }, doc! { "_id": 2, "new": true }]);
     store.rename(&other, ns).unwrap();
     assert_eq!(all(store, ns), [doc! { "_id": 9 }, doc! { "_id": 2, "new": true }]);
-    assert_eq!(store.count(&other, &doc! {}).unwrap(), 0);
+    assert_eq!(store.count(&other, (&doc! {}).into()).unwrap(), 0);
     assert!(!store.collections().unwrap().contains(&other));
     insert(store, ns, [doc! { "_id": 3 }]);
     store.rename(ns, &other).unwrap();
@@ -727,8 +753,8 @@ fn documents_may_be_read_while_others_are_written(store: &dyn Store, ns: &Namesp
         store.update(ns, &update(doc! { "_id": id }, doc! { "$set": { "seen": true } }), None).unwrap();
         insert(store, ns, [doc! { "_id": 1_000 + id }]);
     }
-    assert_eq!(store.count(ns, &doc! { "seen": true }).unwrap(), 40);
-    assert_eq!(store.count(ns, &doc! {}).unwrap(), 80);
+    assert_eq!(store.count(ns, (&doc! { "seen": true }).into()).unwrap(), 40);
+    assert_eq!(store.count(ns, (&doc! {}).into()).unwrap(), 80);
 }
 
 fn values_of_every_type_come_back(store: &dyn Store, ns: &Namespace) {
@@ -804,7 +830,7 @@ fn a_unique_index_refuses_a_taken_key_by_its_name(store: &dyn Store, ns: &Namesp
     assert_eq!(duplicate(store.update(ns, &rename, None).unwrap_err()), "name: \"b\" (unique index name_1)");
     let same = update(doc! { "_id": 1 }, doc! { "$set": { "name": "a", "n": 1 } });
     assert_eq!(store.update(ns, &same, None).unwrap().modified, 1, "its own key is no conflict");
-    store.delete(ns, &doc! { "_id": 2 }, false).unwrap();
+    store.delete(ns, (&doc! { "_id": 2 }).into(), false).unwrap();
     assert_eq!(store.update(ns, &rename, None).unwrap().modified, 1, "a deleted document's keys are free");
     assert_eq!(ids(store, ns, doc! {}), [1, 4]);
 }
@@ -834,7 +860,7 @@ fn indexes_move_with_their_collection_and_stay_below_results(store: &dyn Store, 
     insert(store, ns, [doc! { "_id": 1, "a": 1 }]);
     insert(store, &other, [doc! { "_id": 7, "a": 1 }, doc! { "_id": 8, "a": 2 }]);
     let out = |filter: Document| [doc! { "$match": filter }, doc! { "$out": &ns.collection }];
-    store.aggregate(&other, &out(doc! {})).unwrap().for_each(drop);
+    store.aggregate(&other, (&out(doc! {})).into()).unwrap().for_each(drop);
     assert_eq!(store.indexes(ns).unwrap().len(), 2);
     assert!(store.insert(ns, vec![doc! { "a": 2 }]).is_err());
     store.rename(ns, &other).unwrap();
@@ -930,7 +956,7 @@ fn a_pipeline_may_begin_with_what_is_near(store: &dyn Store, ns: &Namespace) {
     store.create_index(ns, &Index { other: bounds, ..Index::on(doc! { "at": "2d" }) }).unwrap();
     insert(store, ns, [doc! { "_id": 1, "at": [300, 400] }, doc! { "_id": 2, "at": [3, 4], "kind": "cup" }]);
     let results = |stages: &[Document]| -> Vec<Document> {
-        let results = store.aggregate(ns, stages).unwrap();
+        let results = store.aggregate(ns, stages.into()).unwrap();
         results.map(|raw| Document::try_from(&*raw.unwrap()).unwrap()).collect()
     };
     let near = doc! { "near": [0, 0], "distanceField": "how.far", "includeLocs": "where", "distanceMultiplier": 2 };
@@ -945,7 +971,7 @@ fn a_pipeline_may_begin_with_what_is_near(store: &dyn Store, ns: &Namespace) {
     cups.extend(doc! { "key": "at", "query": { "kind": "cup" } });
     let counted = [doc! { "$geoNear": cups }, doc! { "$count": "n" }];
     assert_eq!(results(&counted), [doc! { "n": 1 }]);
-    assert!(store.aggregate(ns, &[doc! { "$limit": 1 }, doc! { "$geoNear": near }]).is_err());
+    assert!(store.aggregate(ns, (&[doc! { "$limit": 1 }, doc! { "$geoNear": near }]).into()).is_err());
 }
 
 fn an_index_of_places_refuses_what_is_none(store: &dyn Store, ns: &Namespace) {

@@ -82,10 +82,10 @@ pub(crate) fn churn(store: &Embedded, mut number: i32) {
 fn take(store: &dyn Store, number: i32) {
     match step(number) {
         Step::Insert(documents) => drop(store.insert(&ns(), documents).unwrap()),
-        Step::Delete(filter) => drop(store.delete(&ns(), &filter, false).unwrap()),
+        Step::Delete(filter) => drop(store.delete(&ns(), (&filter).into(), false).unwrap()),
         Step::Update(filter, update) => {
             let update = UpdateSpec::Document(update);
-            let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert: false };
+            let request = UpdateRequest { filter, update, many: true, ..UpdateRequest::default() };
             drop(store.update(&ns(), &request, None).unwrap());
         }
     }

@@ -35,7 +35,7 @@ fn select(ns: &Namespace) -> Selection {
 
 fn set(filter: Document, fields: Document, many: bool) -> UpdateRequest {
     let update = UpdateSpec::Document(doc! { "$set": fields });
-    UpdateRequest { filter, update, array_filters: Vec::new(), many, upsert: false }
+    UpdateRequest { filter, update, many, ..UpdateRequest::default() }
 }
 
 /// The entries as `by operation _id before after`.

@@ -45,7 +45,7 @@ fn ns(database: &str, collection: &str) -> Namespace {
 
 fn change(filter: Document, update: Document, upsert: bool) -> UpdateRequest {
     let update = UpdateSpec::Document(update);
-    UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert }
+    UpdateRequest { filter, update, many: true, upsert, ..UpdateRequest::default() }
 }
 
 fn mixed(uris: &[&str; 2]) -> Result<(), Failed> {

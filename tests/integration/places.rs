@@ -299,7 +299,7 @@ fn is_excused(area: Area, there: &Option<Vec<i32>>, here: &Option<Vec<i32>>, sto
 
 /// The `_id`s with their distances, in order.
 fn measured(store: &dyn Store, ns: &Namespace, near: &Document) -> Option<Vec<(i32, f64)>> {
-    let found = store.aggregate(ns, &[doc! {"$geoNear": near.clone()}]).ok()?;
+    let found = store.aggregate(ns, (&[doc! {"$geoNear": near.clone()}]).into()).ok()?;
     found.map(|raw| raw.ok().map(|raw| (raw.get_i32("_id").unwrap(), raw.get_f64("far").unwrap()))).collect()
 }
 

@@ -93,9 +93,8 @@ fn increment(store: &Embedded) {
     let request = UpdateRequest {
         filter: doc! { "_id": "counter" },
         update: UpdateSpec::Document(doc! { "$inc": { "n": 1 } }),
-        array_filters: Vec::new(),
-        many: false,
         upsert: true,
+        ..UpdateRequest::default()
     };
     store.update(&ns(), &request, None).unwrap();
 }
@@ -135,7 +134,7 @@ fn two_write_and_three_read_at_once() -> Result<(), Failed> {
         succeeds(child)?;
     }
     let store = Embedded::open(&path)?;
-    assert_eq!(store.count(&ns(), &doc! {})?, u64::from(all.unsigned_abs()));
+    assert_eq!(store.count(&ns(), (&doc! {}).into())?, u64::from(all.unsigned_abs()));
     Ok(())
 }
 
@@ -148,7 +147,7 @@ fn several_create_one_file_at_once() -> Result<(), Failed> {
         for child in children {
             succeeds(child?)?;
         }
-        assert_eq!(Embedded::open(&path)?.count(&ns(), &doc! {})?, 4);
+        assert_eq!(Embedded::open(&path)?.count(&ns(), (&doc! {}).into())?, 4);
     }
     Ok(())
 }
@@ -160,7 +159,7 @@ fn updates_of_several_are_all_counted() -> Result<(), Failed> {
     for child in children {
         succeeds(child?)?;
     }
-    assert_eq!(Embedded::open(&path)?.count(&ns(), &doc! { "n": 180 })?, 1);
+    assert_eq!(Embedded::open(&path)?.count(&ns(), (&doc! { "n": 180 }).into())?, 1);
     Ok(())
 }
 
@@ -199,13 +198,13 @@ fn what_a_killed_writer_acknowledged_is_there() -> Result<(), Failed> {
         let acknowledged = kill_one(spawn("write", &path, &name, i32::MAX)?, 0, 12, random >> 33)?;
         let store = Embedded::open(&path).map_err(|error| format!("round {round}: {error}"))?;
         for n in 0..acknowledged {
-            let stored = store.count(&ns(), &doc! { "writer": &name, "n": n })?;
+            let stored = store.count(&ns(), (&doc! { "writer": &name, "n": n }).into())?;
             assert_eq!(stored, u64::from((1 + n % 3).unsigned_abs()), "round {round}, write {n}");
         }
         // A batch that was not acknowledged is there whole or not at all.
-        let begun = store.count(&ns(), &doc! { "writer": &name, "n": acknowledged })?;
+        let begun = store.count(&ns(), (&doc! { "writer": &name, "n": acknowledged }).into())?;
         assert!(begun == 0 || begun == u64::from((1 + acknowledged % 3).unsigned_abs()), "round {round}: {begun}");
-        store.delete(&ns(), &doc! {}, false)?;
+        store.delete(&ns(), (&doc! {}).into(), false)?;
     }
     Ok(())
 }

@@ -110,7 +110,7 @@ fn another_set(program: Option<&Path>) -> Result<(), Failed> {
     let wrong = uri.unwrap_or_default().replace("replicaSet=test", "replicaSet=wrong");
     let store = open(&StoreUri::parse(&wrong)?, Role::Local)?;
     let ns = Namespace::parse("robmem.blocks")?;
-    let error = store.count(&ns, &doc! {}).err().ok_or("it answered")?.to_string();
+    let error = store.count(&ns, (&doc! {}).into()).err().ok_or("it answered")?.to_string();
     assert!(error.contains("its replica set has another name"), "{error}");
     let find = Find { skip: 1 << 63, ..Find::default() };
     let error = connect(program)?.store.find(&ns, &find).err().ok_or("it answered")?.to_string();
@@ -140,10 +140,10 @@ fn lost(program: Option<&Path>) -> Result<(), Failed> {
     });
     let store = open(&StoreUri::parse(&format!("mongodb://127.0.0.1:{port}/?directConnection=true"))?, Role::Local)?;
     let ns = Namespace::parse("robmem.blocks")?;
-    store.count(&ns, &doc! {})?;
+    store.count(&ns, (&doc! {}).into())?;
     silent.store(true, Ordering::SeqCst);
     let since = Instant::now();
-    let error = store.count(&ns, &doc! {}).err().ok_or("it answered")?;
+    let error = store.count(&ns, (&doc! {}).into()).err().ok_or("it answered")?;
     assert!(since.elapsed() < Duration::from_secs(20), "took {:?}", since.elapsed());
     assert!(matches!(error, StoreError::Unreachable { .. }), "{error:?}");
     Ok(())

@@ -30,7 +30,7 @@ pub(crate) fn namespace(name: &str) -> Namespace {
 
 /// An update that inserts where nothing matches.
 pub(crate) fn update(filter: Document, update: UpdateSpec, many: bool) -> UpdateRequest {
-    UpdateRequest { filter, update, array_filters: Vec::new(), many, upsert: true }
+    UpdateRequest { filter, update, many, upsert: true, ..UpdateRequest::default() }
 }
 
 /// A `rmem watch`, or another command that prints what happens.

@@ -178,7 +178,7 @@ fn contended(uri: &str) -> Result<(), Failed> {
             };
             let update = UpdateSpec::Document(doc! { "$set": { "n": n + 1 } });
             let filter = doc! { "_id": 1 };
-            memory.update(ns, &UpdateRequest { filter, update, array_filters: vec![], many: false, upsert: false })?;
+            memory.update(ns, &UpdateRequest { filter, update, ..UpdateRequest::default() })?;
             assert!(matches!(mutex.unlock(&memory)?, Tried::Done(_)));
         }
         Ok(())

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use rmem::query::Sort;
 use rmem::store::{
-    Embedded, Find, Hint, Index, Modifiers, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec,
+    Embedded, Find, Hint, Index, Modifiers, Namespace, Query, Store as _, StoreError, UpdateRequest, UpdateSpec,
 };
 
 fn ns() -> Namespace {
@@ -158,10 +158,7 @@ proptest! {
             let update = UpdateRequest {
                 filter,
                 update: UpdateSpec::Document(doc! { "$set": { path: value } }),
-                array_filters: Vec::new(),
-                many: true,
-                upsert: false,
-            };
+                many: true, ..UpdateRequest::default() };
             if let Ok(changed) = indexed.update(&ns(), &update, None) {
                 prop_assert_eq!(plain.update(&ns(), &update, None).unwrap(), changed);
             }
@@ -174,7 +171,7 @@ proptest! {
             let (Ok(without), Ok(with)) = (without, with) else { continue };
             prop_assert_eq!(places(&without, &sort), places(&with, &sort), "{} {}", filter, sort);
             prop_assert_eq!(by_id(without.clone()), by_id(with), "{} {}", filter, sort);
-            prop_assert_eq!(indexed.count(&ns(), &filter).unwrap(), without.len() as u64);
+            prop_assert_eq!(indexed.count(&ns(), (&filter).into()).unwrap(), without.len() as u64);
         }
     }
 }
@@ -260,9 +257,8 @@ fn a_failed_write_leaves_its_index_as_it_was() {
     let update = UpdateRequest {
         filter: doc! {},
         update: UpdateSpec::Document(doc! { "$set": { "name": "same" } }),
-        array_filters: Vec::new(),
         many: true,
-        upsert: false,
+        ..UpdateRequest::default()
     };
     assert!(store.update(&ns(), &update, None).is_err());
     for n in 0..10 {
@@ -278,7 +274,7 @@ fn a_walk_through_an_index_shows_each_document_once_whatever_is_changed_meanwhil
         store.create_index(&ns(), &Index::on(doc! { "rank": 1 })).unwrap();
         let update = |filter: Document, update: Document| {
             let update = UpdateSpec::Document(update);
-            let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert: false };
+            let request = UpdateRequest { filter, update, many: true, ..UpdateRequest::default() };
             store.update(&ns(), &request, None).unwrap()
         };
         update(doc! {}, doc! { "$set": { "rank": 0 } });
@@ -315,7 +311,7 @@ fn a_wildcard_index_is_hinted_only_for_its_paths() {
     }
     let count = |filter: Document, index: &Index| {
         let hint = Some(Hint::Name(index.name.clone()));
-        store.count_with(&ns(), &filter, &Modifiers { hint, ..Modifiers::default() })
+        store.count(&ns(), Query { filter: &filter, modifiers: &Modifiers { hint, ..Modifiers::default() } })
     };
     assert_eq!(count(doc! { "a.b": 1 }, &inside).unwrap(), 1);
     assert_eq!(count(doc! { "a.b": 1, "c": 2 }, &without).unwrap(), 1);

@@ -11,7 +11,7 @@ fn store(documents: Vec<Document>) -> (Embedded, Namespace) {
 
 fn aggregated(documents: Vec<Document>, stages: &[Document]) -> Vec<Document> {
     let (store, ns) = store(documents);
-    let found = store.aggregate(&ns, stages).unwrap();
+    let found = store.aggregate(&ns, stages.into()).unwrap();
     found.map(|document| Document::try_from(&*document.unwrap()).unwrap()).collect()
 }
 
@@ -24,7 +24,7 @@ fn sorted(documents: Vec<Document>, sort: Document) -> Result<Vec<Bson>, String>
 fn upserted(filter: Document, update: Document) -> Document {
     let (store, ns) = store(vec![doc! { "_id": 0 }]);
     let update = UpdateSpec::Document(update);
-    let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: true };
+    let request = UpdateRequest { filter, update, upsert: true, ..UpdateRequest::default() };
     store.update(&ns, &request, None).unwrap();
     let found = store.find(&ns, &Find { skip: 1, ..Find::default() }).unwrap();
     let mut made = found.map(|document| Document::try_from(&*document.unwrap()).unwrap()).next().unwrap();
@@ -35,7 +35,7 @@ fn upserted(filter: Document, update: Document) -> Document {
 fn changed(document: Document, filter: Document, update: Document) -> Result<(Updated, Document), String> {
     let (store, ns) = store(vec![document]);
     let update = UpdateSpec::Document(update);
-    let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: false };
+    let request = UpdateRequest { filter, update, ..UpdateRequest::default() };
     let updated = store.update(&ns, &request, None).map_err(|error| error.to_string())?;
     let after = store.find(&ns, &Find::default()).unwrap().next().unwrap().unwrap();
     Ok((updated, Document::try_from(&*after).unwrap()))
@@ -103,10 +103,10 @@ fn an_upsert_refuses_a_filter_that_names_a_field_and_what_is_in_it() {
     for filter in [doc! { "a.c": {}, "a": {} }, doc! { "a": { "c": 1 }, "a.c": 1 }] {
         let (store, ns) = store(Vec::new());
         let update = UpdateSpec::Document(doc! { "$set": { "z": 1 } });
-        let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: true };
+        let request = UpdateRequest { filter, update, upsert: true, ..UpdateRequest::default() };
         let error = store.update(&ns, &request, None).unwrap_err().to_string();
         assert!(error.contains("matched twice"), "{error}");
-        assert_eq!(store.count(&ns, &doc! {}).unwrap(), 0);
+        assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 0);
     }
 }
 
@@ -144,7 +144,7 @@ fn slices_may_not_collide_with_other_paths() {
 fn some_combinations_of_merge_are_refused() {
     let (store, ns) = store(vec![doc! { "_id": 1 }]);
     let merge = doc! { "into": "w", "whenMatched": "keepExisting", "whenNotMatched": "discard" };
-    assert!(store.aggregate(&ns, &[doc! { "$merge": merge }]).is_err());
+    assert!(store.aggregate(&ns, (&[doc! { "$merge": merge }]).into()).is_err());
 }
 
 fn computed(document: Document, expression: Document) -> Bson {
@@ -201,13 +201,8 @@ fn what_a_case_that_never_holds_would_give_is_not_computed() {
 fn what_is_wrong_in_an_update_that_nothing_matches_is_no_error() {
     let (store, ns) = store(vec![doc! { "_id": 1 }]);
     let update = UpdateSpec::Pipeline(vec![doc! { "$set": { "r": { "$divide": [1, 0] } } }]);
-    let request = |id: i32| UpdateRequest {
-        filter: doc! { "_id": id },
-        update: update.clone(),
-        array_filters: Vec::new(),
-        many: false,
-        upsert: false,
-    };
+    let request =
+        |id: i32| UpdateRequest { filter: doc! { "_id": id }, update: update.clone(), ..UpdateRequest::default() };
     assert_eq!(store.update(&ns, &request(2), None).unwrap().matched, 0);
     assert!(store.update(&ns, &request(1), None).is_err());
 }
@@ -262,7 +257,7 @@ fn of_equal_greatest_values_the_latest_comes_first() {
 #[test]
 fn fields_within_the_id_are_either_included_or_excluded() {
     let (store, ns) = store(vec![doc! { "_id": 1 }]);
-    assert!(store.aggregate(&ns, &[doc! { "$project": { "_id": { "b": 0, "c": 1 } } }]).is_err());
+    assert!(store.aggregate(&ns, (&[doc! { "$project": { "_id": { "b": 0, "c": 1 } } }]).into()).is_err());
 }
 
 fn found(documents: Vec<Document>, find: Find) -> Result<Vec<Document>, String> {
@@ -305,8 +300,9 @@ fn a_date_is_not_moved_by_what_is_no_number() {
     let moved = doc! { "$project": { "v": { "$add": [bson::DateTime::from_millis(5), "$n"] } } };
     for number in [decimal("NaN"), decimal("Infinity"), Bson::Double(f64::NAN), Bson::Double(1e300)] {
         let (store, ns) = store(vec![doc! { "_id": 1, "n": number.clone() }]);
-        let error =
-            store.aggregate(&ns, std::slice::from_ref(&moved)).and_then(|found| found.collect::<Result<Vec<_>, _>>());
+        let error = store
+            .aggregate(&ns, std::slice::from_ref(&moved).into())
+            .and_then(|found| found.collect::<Result<Vec<_>, _>>());
         assert!(error.unwrap_err().to_string().contains("date overflow"), "{number}");
     }
 }
@@ -315,7 +311,7 @@ fn a_date_is_not_moved_by_what_is_no_number() {
 fn an_update_by_a_pipeline_that_drops_the_id_is_a_modification() {
     let (store, ns) = store(vec![doc! { "_id": 1 }]);
     let update = UpdateSpec::Pipeline(vec![doc! { "$unset": "_id" }]);
-    let request = UpdateRequest { filter: doc! {}, update, array_filters: Vec::new(), many: false, upsert: false };
+    let request = UpdateRequest { filter: doc! {}, update, ..UpdateRequest::default() };
     assert_eq!(store.update(&ns, &request, None).unwrap().modified, 1);
 }
 
@@ -323,7 +319,10 @@ fn an_update_by_a_pipeline_that_drops_the_id_is_a_modification() {
 fn what_is_wrong_with_constants_is_an_error_at_once_for_some_operators_only() {
     let nothing = |expression: Document| {
         let (store, ns) = store(Vec::new());
-        store.aggregate(&ns, &[doc! { "$project": { "r": expression } }]).map(|_| ()).map_err(|error| error.to_string())
+        store
+            .aggregate(&ns, (&[doc! { "$project": { "r": expression } }]).into())
+            .map(|_| ())
+            .map_err(|error| error.to_string())
     };
     assert_eq!(nothing(doc! { "$zip": { "inputs": [[1], 1.0] } }), Ok(()));
     assert!(nothing(doc! { "$setIsSubset": ["$k", { "$literal": "a" }] }).is_err());

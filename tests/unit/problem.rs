@@ -9,7 +9,10 @@ use rmem::memory::Memory;
 use rmem::pddl::Domain;
 use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names};
 use rmem::store::embedded::Embedded;
-use rmem::store::{Documents, Find, Index, Inserted, Name, Namespace, Put, Store, StoreError, UpdateRequest, Updated};
+use rmem::store::{
+    Aggregation, Documents, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest,
+    Updated,
+};
 
 fn memory(documents: Vec<Document>) -> Memory {
     let memory = Memory::new(Box::new(Embedded::in_memory().expect("a store")), None, Vec::new());
@@ -422,12 +425,12 @@ impl Store for Talkative {
         })))
     }
 
-    fn aggregate(&self, _: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        let documents = pipeline.iter().map(|stage| RawDocumentBuf::try_from(stage).expect("BSON"));
+    fn aggregate(&self, _: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
+        let documents = pipeline.stages.iter().map(|stage| RawDocumentBuf::try_from(stage).expect("BSON"));
         Ok(Box::new(documents.collect::<Vec<_>>().into_iter().map(Ok)))
     }
 
-    fn count(&self, _: &Namespace, _: &Document) -> Result<u64, StoreError> {
+    fn count(&self, _: &Namespace, _: Query<'_>) -> Result<u64, StoreError> {
         Err(StoreError::Unreachable { address: "there".to_owned(), reason: "no answer".to_owned() })
     }
 
@@ -459,7 +462,7 @@ impl Store for Talkative {
         unreachable!("templates only read")
     }
 
-    fn distinct(&self, _: &Namespace, _: &str, _: &Document) -> Result<Vec<Bson>, StoreError> {
+    fn distinct(&self, _: &Namespace, _: &str, _: Query<'_>) -> Result<Vec<Bson>, StoreError> {
         unreachable!("not asked here")
     }
 
@@ -471,7 +474,7 @@ impl Store for Talkative {
         unreachable!("templates only read")
     }
 
-    fn delete(&self, _: &Namespace, _: &Document, _: bool) -> Result<u64, StoreError> {
+    fn delete(&self, _: &Namespace, _: Query<'_>, _: bool) -> Result<u64, StoreError> {
         unreachable!("templates only read")
     }
 

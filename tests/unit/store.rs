@@ -37,7 +37,7 @@ fn a_file_keeps_its_documents() {
     store.insert(&blocks(), vec![doc! { "_id": 1 }]).unwrap();
     assert!(folder.path().join("robot.rmem-wal").exists(), "writes go to a log, so that readers need not wait");
     drop(store);
-    assert_eq!(Embedded::open(&path).unwrap().count(&blocks(), &doc! {}).unwrap(), 1);
+    assert_eq!(Embedded::open(&path).unwrap().count(&blocks(), (&doc! {}).into()).unwrap(), 1);
     let files: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name()).collect();
     assert_eq!(files, ["robot.rmem"], "a clean close leaves nothing beside the file");
 }
@@ -107,7 +107,7 @@ fn a_damaged_file_is_an_error_and_no_crash() {
         let Ok(store) = Embedded::open(&path) else { continue };
         let read = store.find(&blocks(), &Find { filter: doc! { "pad": "y" }, ..Find::default() });
         let _ = read.map(|documents| documents.map(|document| document.is_ok()).collect::<Vec<_>>());
-        let _ = store.delete(&blocks(), &doc! { "pad": { "$type": "string" } }, false);
+        let _ = store.delete(&blocks(), (&doc! { "pad": { "$type": "string" } }).into(), false);
     }
     std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
     let shortened =
@@ -123,7 +123,7 @@ fn a_file_that_cannot_be_written_can_be_read() {
     Embedded::open(&path).unwrap().insert(&blocks(), vec![doc! { "_id": 1 }]).unwrap();
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o444)).unwrap();
     let store = Embedded::open(&path).unwrap();
-    assert_eq!(store.count(&blocks(), &doc! { "_id": 1 }).unwrap(), 1);
+    assert_eq!(store.count(&blocks(), (&doc! { "_id": 1 }).into()).unwrap(), 1);
     // The superuser may write it all the same.
     if let Err(error) = store.insert(&blocks(), vec![doc! {}]) {
         assert!(error.to_string().contains("cannot be written; check the permissions"), "{error}");
@@ -138,12 +138,11 @@ fn a_write_that_fails_leaves_no_trace() {
     let request = rmem::store::UpdateRequest {
         filter: doc! {},
         update: rmem::store::UpdateSpec::Document(doc! { "$inc": { "n": 100 } }),
-        array_filters: Vec::new(),
         many: true,
-        upsert: false,
+        ..rmem::store::UpdateRequest::default()
     };
     assert!(matches!(store.update(&blocks(), &request, None), Err(StoreError::Query(error)) if error.code == 14));
-    assert_eq!(store.count(&blocks(), &doc! { "n": { "$gte": 100 } }).unwrap(), 0);
+    assert_eq!(store.count(&blocks(), (&doc! { "n": { "$gte": 100 } }).into()).unwrap(), 0);
     store.insert(&blocks(), vec![doc! { "_id": 10 }]).unwrap();
 }
 
@@ -158,7 +157,7 @@ fn an_answer_goes_on_while_its_collection_is_dropped() {
     assert!(writer.drop(&blocks()).unwrap());
     writer.insert(&blocks(), vec![doc! { "_id": "new" }]).unwrap();
     assert!(answer.all(|document| document.is_ok_and(|document| document.get_i32("_id").is_ok())));
-    assert_eq!(reader.count(&blocks(), &doc! {}).unwrap(), 1);
+    assert_eq!(reader.count(&blocks(), (&doc! {}).into()).unwrap(), 1);
 }
 
 #[test]
@@ -169,7 +168,7 @@ fn an_interrupted_answer_keeps_no_lock() {
     writer.insert(&blocks(), (0..5_000).map(|n| doc! { "_id": n }).collect()).unwrap();
     let mut answer = reader.find(&blocks(), &Find::default()).unwrap();
     assert!(answer.next().unwrap().is_ok());
-    assert_eq!(writer.delete(&blocks(), &doc! {}, false).unwrap(), 5_000);
+    assert_eq!(writer.delete(&blocks(), (&doc! {}).into(), false).unwrap(), 5_000);
     reader.insert(&blocks(), vec![doc! {}]).unwrap();
 }
 
@@ -179,7 +178,7 @@ fn a_uri_opens_its_store() {
     let uri = StoreUri::parse(&format!("file:{}", folder.path().join("a.rmem").display())).unwrap();
     open(&uri, Role::Local).unwrap().insert(&blocks(), vec![doc! {}]).unwrap();
     let store = open(&uri, Role::Local).unwrap();
-    assert_eq!((store.count(&blocks(), &doc! {}).unwrap(), store.describe()), (1, uri.to_string()));
+    assert_eq!((store.count(&blocks(), (&doc! {}).into()).unwrap(), store.describe()), (1, uri.to_string()));
     assert_eq!(open(&StoreUri::parse("mem:").unwrap(), Role::Local).unwrap().describe(), "mem:");
 }
 
@@ -228,7 +227,7 @@ fn what_fails_within_one_step_leaves_nothing() {
         store.insert(&ns, vec![doc! { "_id": 1 }]).map(drop)
     });
     assert!(failed.is_err());
-    assert_eq!(store.count(&ns, &doc! {}).unwrap(), 0);
+    assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 0);
     store.atomically(&mut || store.insert(&ns, vec![doc! { "_id": 1 }]).map(drop)).unwrap();
-    assert_eq!(store.count(&ns, &doc! {}).unwrap(), 1);
+    assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 1);
 }

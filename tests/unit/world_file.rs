@@ -153,9 +153,7 @@ fn metadata_is_kept_and_hidden() {
     let request = |update| UpdateRequest {
         filter: doc! { "_id": 1 },
         update: UpdateSpec::Document(update),
-        array_filters: Vec::new(),
-        many: false,
-        upsert: false,
+        ..UpdateRequest::default()
     };
     memory.update(&blocks, &request(doc! { "$set": { "a": 1 } })).unwrap();
     assert_eq!(memory.count(&blocks, &doc! { "_robmem_info.updated": { "$exists": true } }).unwrap(), 0);
@@ -270,9 +268,8 @@ fn a_document_that_has_decayed_is_invisible() {
     let request = UpdateRequest {
         filter: doc! {},
         update: UpdateSpec::Document(doc! { "$inc": { "n": 1 } }),
-        array_filters: Vec::new(),
         many: true,
-        upsert: false,
+        ..UpdateRequest::default()
     };
     assert_eq!(memory.update(&blocks, &request).unwrap().matched, 1);
     assert_eq!(memory.delete(&blocks, &doc! { "_id": 1 }, false).unwrap(), 0);
@@ -296,14 +293,14 @@ fn what_decayed_is_removed_by_later_writers() {
     let blocks = ns("a.b");
     let past = doc! { "decay_time": at(1) };
     store.insert(&blocks, vec![doc! { "_id": 1, "_robmem_info": past }, doc! { "_id": 2 }]).unwrap();
-    assert_eq!(store.count(&blocks, &doc! {}).unwrap(), 2, "whoever stores does not remove what is stored");
+    assert_eq!(store.count(&blocks, (&doc! {}).into()).unwrap(), 2, "whoever stores does not remove what is stored");
     let ttl = Index { expire_after: Some(60), ..Index::on(doc! { "seen": -1 }) };
     store.create_index(&blocks, &ttl).unwrap();
     let seen = |id: i32, at: DateTime| doc! { "_id": id, "seen": [at, DateTime::from_millis(i64::MAX)] };
     store.insert(&blocks, vec![seen(3, at(5)), seen(4, DateTime::now())]).unwrap();
-    assert_eq!(store.count(&blocks, &doc! {}).unwrap(), 3);
+    assert_eq!(store.count(&blocks, (&doc! {}).into()).unwrap(), 3);
     store.insert(&blocks, vec![doc! { "_id": 5 }]).unwrap();
-    assert_eq!(store.distinct(&blocks, "_id", &doc! {}).unwrap(), [2, 4, 5].map(bson::Bson::Int32));
+    assert_eq!(store.distinct(&blocks, "_id", (&doc! {}).into()).unwrap(), [2, 4, 5].map(bson::Bson::Int32));
 }
 
 #[test]

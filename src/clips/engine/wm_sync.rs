@@ -188,7 +188,7 @@ fn write(id: &str, content: Option<&Document>, identity: &Bson, now: DateTime, s
     let mut document = doc! { TIME: now, "source": identity.clone() };
     document.extend(content.clone());
     let update = UpdateSpec::Document(document);
-    let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: true };
+    let request = UpdateRequest { filter, update, upsert: true, ..UpdateRequest::default() };
     match state.memory.update(&namespace()?, &request) {
         // The document has a later change, which is on its way here.
         Ok(_) | Err(StoreError::Duplicate { .. }) => Ok(()),

@@ -372,5 +372,5 @@ fn number() -> i64 {
 }
 
 fn request(filter: Document, pipeline: Vec<Document>, many: bool) -> UpdateRequest {
-    UpdateRequest { filter, update: UpdateSpec::Pipeline(pipeline), array_filters: Vec::new(), many, upsert: false }
+    UpdateRequest { filter, update: UpdateSpec::Pipeline(pipeline), many, ..UpdateRequest::default() }
 }

@@ -331,7 +331,7 @@ impl Memory {
 /// Removes documents of one computation.
 fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> Result<(), StoreError> {
     for ids in ids.chunks(BATCH) {
-        store.delete(ns, &doc! { "_id": { "$in": ids }, metadata::computation("token"): token }, false)?;
+        store.delete(ns, (&doc! { "_id": { "$in": ids }, metadata::computation("token"): token }).into(), false)?;
     }
     Ok(())
 }

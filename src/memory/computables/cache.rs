@@ -36,7 +36,7 @@ pub(in crate::memory) fn forget(store: &dyn Store, ns: &Namespace) -> Result<(),
     if ns.is_own() {
         return Ok(());
     }
-    store.delete(&records(ns), &doc! { "collection": &ns.collection }, false).map(|_| ())
+    store.delete(&records(ns), (&doc! { "collection": &ns.collection }).into(), false).map(|_| ())
 }
 
 /// The entry for a computable and a query.
@@ -105,7 +105,7 @@ impl<'a> Entry<'a> {
             unchanged.insert("_id", doc! { "$in": &made.ids });
         }
         unchanged.insert(metadata::info_path(metadata::UPDATED), Bson::Null);
-        Ok(self.store.count(self.asked, &unchanged)? == made.documents)
+        Ok(self.store.count(self.asked, (&unchanged).into())? == made.documents)
     }
 
     /// Claims the entry for a computation, until a time; returns whether that succeeded.
@@ -178,7 +178,7 @@ impl<'a> Entry<'a> {
                 continue;
             };
             // A process that reads these documents sees by the missing entry that they are removed.
-            if self.store.delete(&self.records, &doc! { "_id": id, "token": former.token }, true)? > 0 {
+            if self.store.delete(&self.records, (&doc! { "_id": id, "token": former.token }).into(), true)? > 0 {
                 let collection = entry.get_str("collection").unwrap_or(&self.asked.collection).to_owned();
                 let asked = Namespace { database: self.asked.database.clone(), collection };
                 remove(self.store, &asked, &former)?;
@@ -191,9 +191,7 @@ impl<'a> Entry<'a> {
         let request = UpdateRequest {
             filter: doc! { "_id": &self.key, "token": token },
             update: UpdateSpec::Document(update),
-            array_filters: Vec::new(),
-            many: false,
-            upsert: false,
+            ..UpdateRequest::default()
         };
         Ok(self.store.update(&self.records, &request, None)?.matched > 0)
     }
@@ -221,17 +219,17 @@ pub(super) fn current(
 /// Removes what a computation made.
 fn remove(store: &dyn Store, ns: &Namespace, former: &Former) -> Result<(), StoreError> {
     if former.is_abandoned {
-        store.delete(ns, &doc! { metadata::computation("token"): former.token }, false)?;
+        store.delete(ns, (&doc! { metadata::computation("token"): former.token }).into(), false)?;
     }
     let Some(made) = former.made else { return Ok(()) };
     let own = doc! { metadata::computation("token"): made };
     if former.ids.is_empty() {
-        return store.delete(ns, &own, false).map(|_| ());
+        return store.delete(ns, (&own).into(), false).map(|_| ());
     }
     for ids in former.ids.chunks(1000) {
         let mut filter = doc! { "_id": { "$in": ids } };
         filter.extend(own.clone());
-        store.delete(ns, &filter, false)?;
+        store.delete(ns, (&filter).into(), false)?;
     }
     Ok(())
 }

@@ -98,7 +98,7 @@ impl Examiner<'_> {
             let found: Vec<_> = self.store.find(self.ns, &find)?.collect::<Result<_, _>>()?;
             return Ok(found.len() as u64);
         }
-        self.store.count(self.ns, &filter)
+        self.store.count(self.ns, (&filter).into())
     }
 
     fn sample(&self) -> Result<Sample, StoreError> {
@@ -198,7 +198,7 @@ impl Examiner<'_> {
         if let Bson::String(text) = value {
             let plain = |text: &str| text.trim().to_lowercase();
             let filter = doc! { path: { "$regex": format!(r"^\s*{}\s*$", escaped(text.trim())), "$options": "i" } };
-            let alike = self.store.distinct(self.ns, path, &self.view.filter(&filter))?;
+            let alike = self.store.distinct(self.ns, path, (&self.view.filter(&filter)).into())?;
             candidates.extend(alike.into_iter().filter(|found| found.as_str().map(plain) == Some(plain(text))));
             candidates.extend(sample.nearest_text(path, text).map(Bson::String));
         }

@@ -13,7 +13,7 @@ use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::{Request, namespace};
-use crate::store::{Documents, Namespace, Scope, StoreError};
+use crate::store::{Aggregation, Documents, Namespace, Scope, StoreError};
 
 pub(super) const COMMANDS: &[Command] =
     &[Command { name: "aggregate", run: Run::Either(writes, read, write), is_open: false, in_transaction: true }];
@@ -93,7 +93,7 @@ fn read(host: &mut Host<'_>, call: &Call) -> Answer {
         Some(documents) => through(stages.get(1..).unwrap_or_default(), documents)?,
         None => {
             check_source(&ns, &stages)?;
-            call.access(memory).aggregate(&ns, &stages, &fields.modifiers()?)?
+            call.access(memory).aggregate(&ns, Aggregation { stages: &stages, modifiers: &fields.modifiers()? })?
         }
     };
     call.request.check_time()?;
@@ -114,7 +114,8 @@ fn write(memory: &Memory, call: &Call) -> Answer {
     }
     batch(fields)?;
     check_source(&ns, &stages)?;
-    call.access(memory).aggregate(&ns, &stages, &fields.modifiers()?)?.try_for_each(|document| document.map(drop))?;
+    let aggregation = Aggregation { stages: &stages, modifiers: &fields.modifiers()? };
+    call.access(memory).aggregate(&ns, aggregation)?.try_for_each(|document| document.map(drop))?;
     Ok(crate::serve::cursor::reply(0, &ns.to_string(), &bson::RawArrayBuf::new(), true))
 }
 

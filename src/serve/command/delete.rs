@@ -9,7 +9,7 @@ use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
-use crate::store::{Modifiers, Namespace};
+use crate::store::{Modifiers, Namespace, Query};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("delete", delete).transactional()];
 
@@ -51,5 +51,5 @@ fn delete_one(
         }
         None => return Err(fields.missing("limit")),
     };
-    Ok(call.access(memory).delete(ns, filter, first_only, &modifiers)?)
+    Ok(call.access(memory).delete(ns, Query { filter, modifiers: &modifiers }, first_only)?)
 }

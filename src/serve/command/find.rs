@@ -7,7 +7,7 @@ use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};
-use crate::store::Find;
+use crate::store::{Find, Query};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::read("find", find).transactional(),
@@ -81,7 +81,8 @@ fn count(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
     fields.check(&["query", "limit", "skip", "hint", "fields", "collation"], &["encryptionInformation"])?;
     let memory = host.memory()?;
-    let all = call.access(memory).count(&ns, &fields.document_or_empty("query")?, &fields.modifiers()?)?;
+    let (filter, modifiers) = (fields.document_or_empty("query")?, fields.modifiers()?);
+    let all = call.access(memory).count(&ns, Query { filter: &filter, modifiers: &modifiers })?;
     let rest = all.saturating_sub(fields.size("skip")?.unwrap_or(0));
     let n = match limit(fields)?.0 {
         0 => rest,
@@ -94,7 +95,8 @@ fn distinct(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
     fields.known(&["key", "query", "hint", "collation"])?;
     let key = fields.text("key")?.ok_or_else(|| fields.missing("key"))?;
-    let query = fields.document_or_empty("query")?;
-    let values = call.access(host.memory()?).distinct(&ns, key, &query, &fields.modifiers()?)?;
+    let (filter, modifiers) = (fields.document_or_empty("query")?, fields.modifiers()?);
+    let query = Query { filter: &filter, modifiers: &modifiers };
+    let values = call.access(host.memory()?).distinct(&ns, key, query)?;
     raw(&doc! { "values": values })
 }

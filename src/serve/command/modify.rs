@@ -100,7 +100,7 @@ impl Modification {
             return raw(&doc! { "lastErrorObject": { "n": 0 }, "value": Bson::Null });
         };
         let before = value(self.first(memory, call, ns)?)?;
-        call.access(memory).delete(ns, &same(&id), true, &Modifiers::default())?;
+        call.access(memory).delete(ns, (&same(&id)).into(), true)?;
         raw(&doc! { "lastErrorObject": { "n": 1 }, "value": before })
     }
 
@@ -121,8 +121,9 @@ impl Modification {
             array_filters: self.array_filters.clone(),
             many: false,
             upsert: self.upsert,
+            modifiers: self.modifiers.without_hint(),
         };
-        let updated = call.access(memory).update(ns, &request, &self.modifiers.without_hint())?;
+        let updated = call.access(memory).update(ns, &request)?;
         let mut last = doc! { "n": 1, "updatedExisting": id.is_some() };
         if let Some(made) = &updated.upserted {
             last.insert("upserted", made);

@@ -9,7 +9,7 @@ use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
 use crate::serve::fields::{Fields, whole};
 use crate::serve::host::Host;
-use crate::store::{Modifiers, Namespace, Store};
+use crate::store::{Namespace, Store};
 
 pub(super) const COMMANDS: &[Command] = &[Command::read("collStats", collection), Command::read("dbStats", database)];
 
@@ -23,7 +23,7 @@ struct Size {
 fn size(memory: &Memory, ns: &Namespace) -> Result<Size, Failure> {
     let store = memory.bare(ns)?;
     let sums = doc! { "$group": { "_id": Bson::Null, "count": { "$sum": 1 }, "bytes": { "$sum": { "$bsonSize": "$$ROOT" } } } };
-    let Some(found) = store.aggregate(ns, &[sums])?.next().transpose()? else { return Ok(Size::default()) };
+    let Some(found) = store.aggregate(ns, (&[sums]).into())?.next().transpose()? else { return Ok(Size::default()) };
     let found = Document::try_from(&*found).map_err(QueryError::from)?;
     let number = |name: &str| found.get(name).and_then(whole).unwrap_or_default();
     Ok(Size { count: number("count"), bytes: number("bytes") })
@@ -119,7 +119,7 @@ pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bso
         document.insert("storageStats", described(memory.bare(ns)?, ns, size, scale)?);
     }
     if fields.document("count")?.is_some() {
-        document.insert("count", call.access(memory).count(ns, &Document::new(), &Modifiers::default())?.cast_signed());
+        document.insert("count", call.access(memory).count(ns, (&Document::new()).into())?.cast_signed());
     }
     if fields.document("latencyStats")?.is_some() {
         let none = doc! { "latency": 0_i64, "ops": 0_i64 };

@@ -64,8 +64,9 @@ fn update_one(
         array_filters: array_filters(fields)?,
         many: fields.flag("multi")?,
         upsert: fields.flag("upsert")?,
+        modifiers,
     };
-    Ok(call.access(memory).update(ns, &request, &modifiers)?)
+    Ok(call.access(memory).update(ns, &request)?)
 }
 
 /// The variables of one statement (`c`): they are values, and no expressions.

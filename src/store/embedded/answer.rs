@@ -9,7 +9,7 @@ use super::indexed::decay;
 use super::scan::{Scan, sharpen};
 use super::snapshot::Snapshot;
 use crate::query::{self, Filter, Projection, QueryError, Sort};
-use crate::store::{Documents, Find, Modifiers, Namespace, StoreError, metadata};
+use crate::store::{Documents, Find, Modifiers, Namespace, Query, StoreError, metadata};
 
 impl Embedded {
     pub(super) fn answer(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -70,11 +70,11 @@ impl Embedded {
         Ok(explanation)
     }
 
-    pub(super) fn tally(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
-        let mut filter = Rc::new(with_variables(filter, modifiers)?);
+    pub(super) fn tally(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
         let Some(collection) = self.collection(ns)? else { return Ok(0) };
-        if modifiers.hint.is_some() {
-            return Scan::sorted(self, collection, &mut filter, &Sort::none(), modifiers.hint.as_ref())?.count();
+        if let hint @ Some(_) = query.modifiers.hint.as_ref() {
+            return Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?.count();
         }
         let indexes = self.indexes_of(collection)?;
         sharpen(&indexes, &mut filter);
@@ -86,20 +86,14 @@ impl Embedded {
         }
     }
 
-    pub(super) fn values(
-        &self,
-        ns: &Namespace,
-        field: &str,
-        filter: &Document,
-        modifiers: &Modifiers,
-    ) -> Result<Vec<Bson>, StoreError> {
+    pub(super) fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
         check_path(field)?;
-        let mut filter = Rc::new(with_variables(filter, modifiers)?);
+        let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
         let Some(collection) = self.collection(ns)? else {
-            return query::distinct(std::iter::empty::<Result<_, StoreError>>(), field);
+            return crate::query::distinct(std::iter::empty::<Result<_, StoreError>>(), field);
         };
-        let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), modifiers.hint.as_ref())?;
-        query::distinct(found.map(|found| found.map(|found| found.body)), field)
+        let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), query.modifiers.hint.as_ref())?;
+        crate::query::distinct(found.map(|found| found.map(|found| found.body)), field)
     }
 }
 

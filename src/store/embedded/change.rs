@@ -13,7 +13,7 @@ use super::slices::Selection;
 use super::{Embedded, body as stored};
 use crate::query::{Filter, QueryError, Update, constants, key};
 use crate::store::{
-    ChangeKind, Modifiers, Namespace, Put, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata,
+    ChangeKind, Namespace, Put, Query, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata,
 };
 
 /// MongoDB's code for an attempt to change an `_id`.
@@ -27,9 +27,8 @@ impl Embedded {
         ns: &Namespace,
         request: &UpdateRequest,
         timestamp: Option<DateTime>,
-        modifiers: &Modifiers,
     ) -> Result<Updated, StoreError> {
-        let constants = constants(&modifiers.variables)?;
+        let constants = constants(&request.modifiers.variables)?;
         let change = Change::parse(request, timestamp, &constants)?;
         let (mut modified, mut upserted) = (0, None);
         let most = if request.many { u64::MAX } else { 1 };
@@ -38,7 +37,7 @@ impl Embedded {
         let matched = self.each_match(
             ns,
             &mut filter,
-            Selection { most, hint: modifiers.hint.as_ref(), is_sweeping: true },
+            Selection { most, hint: request.modifiers.hint.as_ref(), is_sweeping: true },
             &mut |collection, found| {
                 modified += u64::from(self.change_one(ns, collection, found, &change)?);
                 Ok(())
@@ -181,17 +180,11 @@ impl Embedded {
         self.note(ns, Noted::delete(&found.body, found.position))
     }
 
-    pub(super) fn remove(
-        &self,
-        ns: &Namespace,
-        filter: &Document,
-        first_only: bool,
-        modifiers: &Modifiers,
-    ) -> Result<u64, StoreError> {
-        let mut filter = Rc::new(with_variables(filter, modifiers)?);
+    pub(super) fn remove(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
+        let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
         let most = if first_only { 1 } else { u64::MAX };
         let erase = &mut |collection, found: &Found| self.erase(ns, collection, found);
-        let selection = Selection { most, hint: modifiers.hint.as_ref(), is_sweeping: false };
+        let selection = Selection { most, hint: query.modifiers.hint.as_ref(), is_sweeping: false };
         self.each_match(ns, &mut filter, selection, erase, &mut || Ok(()))
     }
 }

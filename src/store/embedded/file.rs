@@ -333,7 +333,7 @@ mod tests {
         let ns = Namespace::parse("a.b").unwrap();
         Embedded::open(&path).unwrap().insert(&ns, vec![doc! { "_id": 1 }]).unwrap();
         let store = Embedded::open_unchanging(&path, Place::File(path.clone())).unwrap();
-        assert_eq!(store.count(&ns, &doc! {}).unwrap(), 1);
+        assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 1);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is made beside the file");
         let refusal = store.insert(&ns, vec![doc! {}]).unwrap_err().to_string();
         assert!(refusal.contains("cannot be written"), "{refusal}");

@@ -445,7 +445,7 @@ mod tests {
 
     fn update(filter: Document, update: Document) -> UpdateRequest {
         let update = UpdateSpec::Document(update);
-        UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert: true }
+        UpdateRequest { filter, update, many: true, upsert: true, ..UpdateRequest::default() }
     }
 
     #[test]
@@ -469,11 +469,11 @@ mod tests {
             .update(&ns, &update(doc! { "n": 1 }, doc! { "$push": { "tags": "new" }, "$unset": { "at": 1 } }), None)
             .unwrap();
         store.update(&ns, &update(doc! { "_id": 99 }, doc! { "$set": { "n": 7 } }), None).unwrap();
-        store.delete(&ns, &doc! { "tags": 2 }, false).unwrap();
-        store.delete(&ns, &doc! {}, true).unwrap();
+        store.delete(&ns, (&doc! { "tags": 2 }).into(), false).unwrap();
+        store.delete(&ns, (&doc! {}).into(), true).unwrap();
         store.insert(&other, vec![doc! { "_id": 5, "n": 70 }, doc! { "_id": 77, "tags": [] }]).unwrap();
         let merge = [doc! { "$merge": { "into": "b", "whenMatched": "replace" } }];
-        store.aggregate(&other, &merge).unwrap().for_each(drop);
+        store.aggregate(&other, (&merge).into()).unwrap().for_each(drop);
         assert!(store.insert(&ns, vec![doc! { "_id": 5 }]).is_err());
         let kept = tables(&store, &ns);
         assert_eq!(kept.len(), 4, "three were made, and one by the document that decays");
@@ -488,7 +488,7 @@ mod tests {
             assert_eq!(kept, anew, "{name}");
         }
         let out = [doc! { "$out": "b" }];
-        store.aggregate(&other, &out).unwrap().for_each(drop);
+        store.aggregate(&other, (&out).into()).unwrap().for_each(drop);
         assert_eq!(tables(&store, &ns).iter().map(|(_, rows)| rows.len()).collect::<Vec<_>>(), [0, 2, 2, 0]);
     }
 }

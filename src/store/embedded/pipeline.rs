@@ -7,7 +7,7 @@ use bson::{DateTime, Document};
 use super::Embedded;
 use super::scan::Scan;
 use crate::query::{Filter, Origin, Pipeline, Sort, constants};
-use crate::store::{Documents, Hint, Modifiers, Namespace, StoreError};
+use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
 const PIECE: usize = 256;
@@ -18,8 +18,7 @@ impl Embedded {
     pub(super) fn run_pipeline(
         &self,
         ns: &Namespace,
-        stages: &[Document],
-        modifiers: &Modifiers,
+        Aggregation { stages, modifiers }: Aggregation<'_>,
     ) -> Result<Documents<'_>, StoreError> {
         let stages = &self.with_near_key(ns, stages)?;
         let constants = constants(&modifiers.variables)?;

@@ -121,22 +121,21 @@ mod tests {
                 while !done.load(Ordering::Relaxed) {
                     store.insert(&other, vec![doc! {}]).unwrap();
                     // A document that is changed meanwhile is matched again.
-                    store.delete(&ns, &doc! { "_id": count - 1 - written }, true).unwrap();
+                    store.delete(&ns, (&doc! { "_id": count - 1 - written }).into(), true).unwrap();
                     written += 1;
                     std::thread::sleep(Duration::from_millis(5));
                 }
             });
             let store = Embedded::open(&path).unwrap();
             let update = UpdateSpec::Document(doc! { "$inc": { "n": 1 } });
-            let request =
-                UpdateRequest { filter: doc! {}, update, array_filters: Vec::new(), many: true, upsert: false };
+            let request = UpdateRequest { filter: doc! {}, update, many: true, ..UpdateRequest::default() };
             let updated = store.update(&ns, &request, None).unwrap();
             done.store(true, Ordering::Relaxed);
             writer.join().unwrap();
             assert!(updated.matched <= u64::try_from(count).unwrap());
-            let left = store.count(&ns, &doc! {}).unwrap();
-            assert_eq!(store.count(&ns, &doc! { "n": 1 }).unwrap(), left, "each was changed once");
-            assert_eq!(store.delete(&ns, &doc! {}, false).unwrap(), left);
+            let left = store.count(&ns, (&doc! {}).into()).unwrap();
+            assert_eq!(store.count(&ns, (&doc! { "n": 1 }).into()).unwrap(), left, "each was changed once");
+            assert_eq!(store.delete(&ns, (&doc! {}).into(), false).unwrap(), left);
         });
     }
 

@@ -12,8 +12,8 @@ use super::{Embedded, busy, failure, file};
 use crate::query::Collation;
 use crate::query::collation::during;
 use crate::store::{
-    ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Modifiers, Name,
-    Namespace, Put, Scope, Store, StoreError, UpdateRequest, Updated,
+    Aggregation, ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name,
+    Namespace, Put, Query, Scope, Store, StoreError, UpdateRequest, Updated,
 };
 
 impl Store for Embedded {
@@ -34,40 +34,17 @@ impl Store for Embedded {
         during(find.modifiers.collation.as_ref(), || self.explained(ns, find))
     }
 
-    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        self.count_with(ns, filter, &Modifiers::default())
+    fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        during(query.modifiers.collation.as_ref(), || self.tally(ns, query))
     }
 
-    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
-        during(modifiers.collation.as_ref(), || self.tally(ns, filter, modifiers))
+    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
+        during(query.modifiers.collation.as_ref(), || self.values(ns, field, query))
     }
 
-    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
-        self.distinct_with(ns, field, filter, &Modifiers::default())
-    }
-
-    fn distinct_with(
-        &self,
-        ns: &Namespace,
-        field: &str,
-        filter: &Document,
-        modifiers: &Modifiers,
-    ) -> Result<Vec<Bson>, StoreError> {
-        during(modifiers.collation.as_ref(), || self.values(ns, field, filter, modifiers))
-    }
-
-    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        self.aggregate_with(ns, pipeline, &Modifiers::default())
-    }
-
-    fn aggregate_with(
-        &self,
-        ns: &Namespace,
-        pipeline: &[Document],
-        modifiers: &Modifiers,
-    ) -> Result<Documents<'_>, StoreError> {
-        let collation = modifiers.collation.as_ref();
-        Ok(collated(during(collation, || self.run_pipeline(ns, pipeline, modifiers))?, collation))
+    fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
+        let collation = pipeline.modifiers.collation.as_ref();
+        Ok(collated(during(collation, || self.run_pipeline(ns, pipeline))?, collation))
     }
 
     fn update(
@@ -76,32 +53,12 @@ impl Store for Embedded {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        self.update_with(ns, update, timestamp, &Modifiers::default())
+        during(update.modifiers.collation.as_ref(), || self.change(ns, update, timestamp))
     }
 
-    fn update_with(
-        &self,
-        ns: &Namespace,
-        update: &UpdateRequest,
-        timestamp: Option<DateTime>,
-        modifiers: &Modifiers,
-    ) -> Result<Updated, StoreError> {
-        during(modifiers.collation.as_ref(), || self.change(ns, update, timestamp, modifiers))
-    }
-
-    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        self.delete_with(ns, filter, first_only, &Modifiers::default())
-    }
-
-    fn delete_with(
-        &self,
-        ns: &Namespace,
-        filter: &Document,
-        first_only: bool,
-        modifiers: &Modifiers,
-    ) -> Result<u64, StoreError> {
+    fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
         let _deleting = self.deleting();
-        during(modifiers.collation.as_ref(), || self.remove(ns, filter, first_only, modifiers))
+        during(query.modifiers.collation.as_ref(), || self.remove(ns, query, first_only))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {

@@ -50,7 +50,8 @@ impl MongoDb {
 
     fn update_first(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
         for _ in 0..ATTEMPTS {
-            let find = Find { filter: request.filter.clone(), limit: 1, ..Find::default() };
+            let modifiers = request.modifiers.clone();
+            let find = Find { filter: request.filter.clone(), limit: 1, modifiers, ..Find::default() };
             let before = with_ids(self.find(ns, &find)?)?;
             if before.is_empty() {
                 break;
@@ -66,12 +67,14 @@ impl MongoDb {
     fn update_all(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
         let chunk = if makes_new_documents(&request.update) { 1 } else { CHUNK };
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
-        let find = Find { filter: request.filter.clone(), projection: doc! { "_id": 1 }, ..Find::default() };
+        let (projection, modifiers) = (doc! { "_id": 1 }, request.modifiers.clone());
+        let find = Find { filter: request.filter.clone(), projection, modifiers, ..Find::default() };
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
         let mut done = Updated::default();
         for ids in matches.chunks(chunk) {
             let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": ids } }] };
-            let before = with_ids(self.find(ns, &Find { filter, ..Find::default() })?)?;
+            let modifiers = request.modifiers.clone();
+            let before = with_ids(self.find(ns, &Find { filter, modifiers, ..Find::default() })?)?;
             if !before.is_empty() {
                 add(&mut done, &self.update_chunk(ns, request, before, at)?);
             }
@@ -126,7 +129,7 @@ impl MongoDb {
         };
         let set = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
         let filter = doc! { "_id": { "$in": changed } };
-        let dates = UpdateRequest { filter, update: set, array_filters: vec![], many: true, upsert: false };
+        let dates = UpdateRequest { filter, update: set, many: true, ..UpdateRequest::default() };
         // The driver retries no update of many documents; the same dates may be set again.
         match self.apply(ns, &dates) {
             Err(StoreError::Unreachable { .. }) => self.apply(ns, &dates)?,
@@ -170,6 +173,9 @@ fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result
 /// Which of the documents an update changes; nothing where only the
 /// server can decide, or refuses the update.
 fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<bool>> {
+    if !request.modifiers.is_empty() {
+        return None;
+    }
     let update = match plain {
         UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
         UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => return None,

@@ -13,8 +13,8 @@ use crate::query::{Collation, QueryError, object_id};
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
-    Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Modifiers, Name, Namespace, Put, Store,
-    StoreError, UpdateRequest, UpdateSpec, Updated,
+    Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Query,
+    Store, StoreError, UpdateRequest, UpdateSpec, Updated,
 };
 
 /// The server's own databases.
@@ -66,13 +66,9 @@ impl Store for MongoDb {
         self.explanation(ns, find)
     }
 
-    fn count(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
-        self.count_with(ns, filter, &Modifiers::default())
-    }
-
-    fn count_with(&self, ns: &Namespace, filter: &Document, modifiers: &Modifiers) -> Result<u64, StoreError> {
-        let collection = self.collection(ns);
-        let mut action = collection.count_documents(filter.clone());
+    fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        let (collection, modifiers) = (self.collection(ns), query.modifiers);
+        let mut action = collection.count_documents(query.filter.clone());
         if let Some(collation) = &modifiers.collation {
             action = action.collation(of_driver(collation)?);
         }
@@ -82,37 +78,18 @@ impl Store for MongoDb {
         action.run().map_err(|e| self.explain(&e))
     }
 
-    fn distinct(&self, ns: &Namespace, field: &str, filter: &Document) -> Result<Vec<Bson>, StoreError> {
-        self.distinct_with(ns, field, filter, &Modifiers::default())
-    }
-
-    fn distinct_with(
-        &self,
-        ns: &Namespace,
-        field: &str,
-        filter: &Document,
-        modifiers: &Modifiers,
-    ) -> Result<Vec<Bson>, StoreError> {
+    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
         let collection = self.collection(ns);
-        let mut action = collection.distinct(field, filter.clone());
-        if let Some(collation) = &modifiers.collation {
+        let mut action = collection.distinct(field, query.filter.clone());
+        if let Some(collation) = &query.modifiers.collation {
             action = action.collation(of_driver(collation)?);
         }
         action.run().map_err(|e| self.explain(&e))
     }
 
-    fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
-        self.aggregate_with(ns, pipeline, &Modifiers::default())
-    }
-
-    fn aggregate_with(
-        &self,
-        ns: &Namespace,
-        pipeline: &[Document],
-        modifiers: &Modifiers,
-    ) -> Result<Documents<'_>, StoreError> {
-        let collection = self.collection(ns);
-        let mut action = collection.aggregate(pipeline.to_vec());
+    fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
+        let (collection, modifiers) = (self.collection(ns), pipeline.modifiers);
+        let mut action = collection.aggregate(pipeline.stages.to_vec());
         if let Some(collation) = &modifiers.collation {
             action = action.collation(of_driver(collation)?);
         }
@@ -136,21 +113,8 @@ impl Store for MongoDb {
         self.recorded(ns, made, || self.change(ns, update, timestamp))
     }
 
-    fn delete_with(
-        &self,
-        ns: &Namespace,
-        filter: &Document,
-        first_only: bool,
-        modifiers: &Modifiers,
-    ) -> Result<u64, StoreError> {
-        if modifiers.is_empty() {
-            return self.delete(ns, filter, first_only);
-        }
-        self.recorded(ns, |count| Made::removals(*count), || self.remove_with(ns, filter, first_only, modifiers))
-    }
-
-    fn delete(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        self.recorded(ns, |count| Made::removals(*count), || self.remove(ns, filter, first_only))
+    fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
+        self.recorded(ns, |count| Made::removals(*count), || self.remove(ns, query, first_only))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
@@ -341,30 +305,15 @@ impl MongoDb {
         }
     }
 
-    fn remove(&self, ns: &Namespace, filter: &Document, first_only: bool) -> Result<u64, StoreError> {
-        let collection = self.collection(ns);
-        let deleted = match first_only {
-            true => collection.delete_one(filter.clone()).run(),
-            false => collection.delete_many(filter.clone()).run(),
-        };
-        deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
-    }
-
-    fn remove_with(
-        &self,
-        ns: &Namespace,
-        filter: &Document,
-        first_only: bool,
-        modifiers: &Modifiers,
-    ) -> Result<u64, StoreError> {
-        let collection = self.collection(ns);
+    fn remove(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
+        let (collection, modifiers) = (self.collection(ns), query.modifiers);
         let mut options = DeleteOptions::default();
         options.collation = modifiers.collation.as_ref().map(of_driver).transpose()?;
         options.let_vars = Some(modifiers.variables.clone()).filter(|variables| !variables.is_empty());
         options.hint = modifiers.hint.as_ref().map(hint_of_driver);
         let deleted = match first_only {
-            true => collection.delete_one(filter.clone()).with_options(options).run(),
-            false => collection.delete_many(filter.clone()).with_options(options).run(),
+            true => collection.delete_one(query.filter.clone()).with_options(options).run(),
+            false => collection.delete_many(query.filter.clone()).with_options(options).run(),
         };
         deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
@@ -383,9 +332,8 @@ impl MongoDb {
         let request = UpdateRequest {
             filter: doc! { "_id": { "$eq": &id } },
             update: UpdateSpec::Document(with_id_first(document, &id)),
-            array_filters: Vec::new(),
-            many: false,
             upsert: true,
+            ..UpdateRequest::default()
         };
         Ok(self.update(ns, &request, timestamp)?.modified.min(1))
     }
@@ -412,6 +360,16 @@ impl MongoDb {
             true => collection.update_many(update.filter.clone(), changes),
             false => collection.update_one(update.filter.clone(), changes),
         };
+        let modifiers = &update.modifiers;
+        if let Some(collation) = &modifiers.collation {
+            action = action.collation(of_driver(collation)?);
+        }
+        if !modifiers.variables.is_empty() {
+            action = action.let_vars(modifiers.variables.clone());
+        }
+        if let Some(hint) = &modifiers.hint {
+            action = action.hint(hint_of_driver(hint));
+        }
         if !update.array_filters.is_empty() {
             action = action.array_filters(update.array_filters.clone());
         }
@@ -430,10 +388,17 @@ impl MongoDb {
             );
         }
         let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
-        self.collection(ns)
-            .replace_one(update.filter.clone(), body)
-            .upsert(update.upsert)
-            .run()
-            .map_err(|e| failure::explain_change(&self.address, ns, &e))
+        let (collection, modifiers) = (self.collection(ns), &update.modifiers);
+        let mut action = collection.replace_one(update.filter.clone(), body);
+        if let Some(collation) = &modifiers.collation {
+            action = action.collation(of_driver(collation)?);
+        }
+        if !modifiers.variables.is_empty() {
+            action = action.let_vars(modifiers.variables.clone());
+        }
+        if let Some(hint) = &modifiers.hint {
+            action = action.hint(hint_of_driver(hint));
+        }
+        action.upsert(update.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 }

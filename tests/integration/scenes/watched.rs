@@ -74,7 +74,7 @@ impl World {
 
     fn remove(&self, id: &str) -> Result<(), Failed> {
         let filter: Document = doc! { "_id": id };
-        self.store.delete(&self.objects, &filter, false)?;
+        self.store.delete(&self.objects, (&filter).into(), false)?;
         Ok(())
     }
 }

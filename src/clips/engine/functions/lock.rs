@@ -63,7 +63,7 @@ pub(super) fn force(state: &State<'_>, _: &Environment, arguments: Arguments<'_>
     let mine = doc! { "locked": true, "locked-by": { "$literal": &mutex.owner }, "lock-time": "$$NOW" };
     let update = UpdateSpec::Pipeline(vec![doc! { "$set": mine }, doc! { "$unset": "lock-until" }]);
     let filter = doc! { "_id": &mutex.name };
-    let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: false, upsert: true };
+    let request = UpdateRequest { filter, update, upsert: true, ..UpdateRequest::default() };
     state.memory.update(&mutex.namespace, &request).map_err(Failure::declined)?;
     Ok(Value::truth(true))
 }
@@ -87,7 +87,7 @@ pub(super) fn expire(state: &State<'_>, _: &Environment, arguments: Arguments<'_
     let filter = doc! { "locked": true, "$expr": { "$lte": ["$lock-time", { "$subtract": ["$$NOW", age] }] } };
     let free = doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } };
     let update = UpdateSpec::Document(free);
-    let request = UpdateRequest { filter, update, array_filters: Vec::new(), many: true, upsert: false };
+    let request = UpdateRequest { filter, update, many: true, ..UpdateRequest::default() };
     let updated = state.memory.update(&state.mutexes(), &request).map_err(Failure::declined)?;
     Ok(operation::number(updated.modified))
 }

@@ -79,8 +79,7 @@ pub(super) fn change(state: &State<'_>, arguments: Arguments<'_>, replacement: R
         _ => document,
     };
     let upsert = matches!(replacement, Replacement::Upsert | Replacement::SetOrInsert);
-    let request =
-        UpdateRequest { filter, update: UpdateSpec::Document(update), array_filters: Vec::new(), many: false, upsert };
+    let request = UpdateRequest { filter, update: UpdateSpec::Document(update), upsert, ..UpdateRequest::default() };
     let updated = state.memory.update(&ns, &request).map_err(Failure::declined)?;
     Ok(number(updated.matched + u64::from(updated.upserted.is_some())))
 }
