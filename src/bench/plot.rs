@@ -4,6 +4,7 @@
 //! They are those of the thesis' figures 6.2 and 6.3: an operation has the same scale in both.
 
 use super::{Figure, Operation, Work};
+use crate::views::pictures::Undrawn;
 use crate::views::{Axis, Chart, Kind, Picture, Point, Series, grid};
 
 /// Panels in a row.
@@ -20,18 +21,21 @@ pub struct Drawn {
 }
 
 /// The figures as pictures.
-#[must_use]
-pub fn plots(figures: &[Figure]) -> Vec<Drawn> {
+///
+/// # Errors
+/// If rmem was built without pictures.
+pub fn plots(figures: &[Figure]) -> Result<Vec<Drawn>, Undrawn> {
     [
         ("figure-6-2.svg", "Operations without an index", false),
         ("figure-6-3.svg", "Operations with an index on the name", true),
     ]
+    .into_iter()
     .map(|(name, title, is_indexed)| {
         let panels: Vec<Chart> =
             Work::all().filter(|work| work.is_indexed == is_indexed).map(|work| panel(work, figures)).collect();
-        Drawn { name, picture: grid(title, &panels, COLUMNS, PANEL) }
+        Ok(Drawn { name, picture: grid(title, &panels, COLUMNS, PANEL)? })
     })
-    .into()
+    .collect()
 }
 
 fn panel(work: Work, figures: &[Figure]) -> Chart {

@@ -16,6 +16,7 @@ use crate::memory::computables::Registry;
 use crate::output::Format;
 use crate::query::object_id;
 use crate::store::Namespace;
+use crate::views::pictures;
 
 /// The formats: lines appear as they are measured.
 const FORMATS: [Format; 3] = [Format::Jsonl, Format::Json, Format::Table];
@@ -52,6 +53,9 @@ pub struct BenchArgs {
 pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let extent = extent(args);
     let format = context.format(&FORMATS)?;
+    if args.plot.is_some() {
+        pictures::ready()?;
+    }
     let folder = tempfile::tempdir().context("a folder for the memory that is measured")?;
     let local = namespace("rmem_bench", "objects")?;
     let embedded = memory_at(&format!("file:{}", folder.path().join("bench.rmem").display()))?
@@ -81,7 +85,7 @@ pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     if let Some(folder) = &args.plot {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        for drawn in plots(&figures) {
+        for drawn in plots(&figures)? {
             context.output.write_file(&folder.join(drawn.name), drawn.picture.svg().as_bytes())?;
         }
     }

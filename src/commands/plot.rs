@@ -129,7 +129,7 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
         ))
         .into());
     }
-    write(&args.output, &chart.draw(), context)?;
+    write(&args.output, &chart.draw()?, context)?;
     Ok(Exit::Done)
 }
 

@@ -189,7 +189,7 @@ mod tests {
                 for log in [false, true] {
                     let mut chart = taken.clone().chart(&Fields::default(), kind, "t".into(), Some((600.0, 400.0)));
                     (chart.x.log, chart.y.log) = (log, log);
-                    let svg = chart.positive().draw().svg();
+                    let svg = chart.positive().draw().unwrap().svg();
                     assert!(svg.starts_with("<svg") && !svg.contains("NaN"), "{svg}");
                 }
             }

@@ -20,7 +20,7 @@ fn figures() -> Vec<Figure> {
 
 #[test]
 fn the_figures_are_as_on_record() {
-    for Drawn { name, picture } in plots(&figures()) {
+    for Drawn { name, picture } in plots(&figures()).unwrap() {
         let svg = picture.svg();
         for operation in Operation::ALL {
             assert!(svg.contains(operation.name()), "{} in {svg}", operation.name());
@@ -42,7 +42,7 @@ fn the_figures_are_as_on_record() {
 fn figures_of_one_size_or_of_none_are_drawn() {
     let few: Vec<Figure> = figures().into_iter().filter(|figure| figure.documents == 1_000).collect();
     for figures in [&few[..], &[]] {
-        for Drawn { picture, .. } in plots(figures) {
+        for Drawn { picture, .. } in plots(figures).unwrap() {
             let svg = picture.svg();
             assert!(svg.starts_with("<svg") && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         }

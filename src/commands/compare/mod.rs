@@ -20,6 +20,7 @@ use crate::output::Format;
 use crate::planner::{Host, Limits, Planner, Task};
 use crate::planning::comparison::{Measurement, Score, Setup, measure, scores};
 use crate::store::{Find, Namespace};
+use crate::views::pictures;
 
 /// The formats: lines appear as they are measured.
 const FORMATS: [Format; 5] = [Format::Jsonl, Format::Json, Format::Table, Format::Csv, Format::Tsv];
@@ -88,6 +89,9 @@ pub struct CompareArgs {
 }
 
 pub(super) fn run(args: &CompareArgs, context: &mut Context<'_>) -> Result<Exit> {
+    if args.plot.is_some() {
+        pictures::ready()?;
+    }
     let planners = planners(args, context)?;
     let memory = context.memory_to_fill()?;
     let place = args.stored.as_ref().map_or(Place::Paths(&args.paths), Place::Plans);
@@ -201,7 +205,7 @@ impl Comparison<'_> {
         let scores: Vec<Document> = scores(&self.measured).iter().map(Score::listed).collect();
         let runs: Vec<Document> = self.measured.iter().map(Measurement::listed).collect();
         if let Some(path) = &self.args.plot {
-            super::plot::write(path, &plot::solved(&self.measured).draw(), context)?;
+            super::plot::write(path, &plot::solved(&self.measured).draw()?, context)?;
         }
         let printed: Vec<Document> = match (self.format, self.args.scores) {
             (Format::Json, false) => {

@@ -68,7 +68,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     };
     if format == Format::Timeline {
         let chart = timeline(&found, &record.progress(), format!("plan {id}"));
-        context.output.stdout().write_all(chart.draw().svg().as_bytes())?;
+        context.output.stdout().write_all(chart.draw()?.svg().as_bytes())?;
         return Ok(Exit::Done);
     }
     let statuses: Vec<Status> = record.progress().iter().map(|progress| progress.status).collect();

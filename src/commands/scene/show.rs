@@ -56,7 +56,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     if chart.series.is_empty() {
         return Err(WrongInput::new("there are neither objects nor frames to draw").into());
     }
-    plot::write(&args.output, &chart.draw(), context)?;
+    plot::write(&args.output, &chart.draw()?, context)?;
     Ok(Exit::Done)
 }
 

@@ -2,12 +2,15 @@
 
 use kuva::render::figure::{Figure, FigureLegendPosition};
 
-use super::chart::Chart;
 use super::picture::Picture;
+use crate::views::chart::Chart;
+use crate::views::pictures::Undrawn;
 
 /// Draws charts in rows of so many columns; all are of one size, and the legend of all is below them.
-#[must_use]
-pub fn grid(title: &str, charts: &[Chart], columns: usize, (width, height): (f64, f64)) -> Picture {
+///
+/// # Errors
+/// If rmem was built without pictures.
+pub fn grid(title: &str, charts: &[Chart], columns: usize, (width, height): (f64, f64)) -> Result<Picture, Undrawn> {
     let (plots, layouts) = charts.iter().map(Chart::parts).unzip();
     let figure = Figure::new(charts.len().div_ceil(columns), columns)
         .with_title(title)
@@ -15,5 +18,5 @@ pub fn grid(title: &str, charts: &[Chart], columns: usize, (width, height): (f64
         .with_plots(plots)
         .with_layouts(layouts)
         .with_shared_legend_position(FigureLegendPosition::BottomCenter);
-    Picture::new(figure.render())
+    Ok(Picture::new(figure.render()))
 }

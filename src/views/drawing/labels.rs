@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use kuva::render::layout::ComputedLayout;
 use kuva::render::render::{Primitive, TextAnchor};
 
-use super::chart::Chart;
 use super::words;
+use crate::views::chart::Chart;
 
 /// The size of names in pixels.
 const SIZE: u32 = 11;
@@ -132,10 +132,10 @@ impl Taken {
 
 #[cfg(test)]
 mod tests {
-    use super::super::chart::{Axis, Chart, Kind, Point, Series};
     use super::super::frame::layout;
     use super::super::marks::marks;
     use super::*;
+    use crate::views::chart::{Axis, Chart, Kind, Point, Series};
 
     fn crowd(count: u32) -> Chart {
         let point = |nth: u32| {

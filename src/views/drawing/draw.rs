@@ -4,19 +4,22 @@ use kuva::render::layout::{ComputedLayout, Layout};
 use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
 
-use super::chart::{Chart, Kind};
 use super::frame::layout;
 use super::labels::place;
 use super::marks::marks;
 use super::picture::Picture;
+use crate::views::chart::{Chart, Kind};
+use crate::views::pictures::Undrawn;
 
 impl Chart {
     /// Draws the chart.
-    #[must_use]
-    pub fn draw(&self) -> Picture {
+    ///
+    /// # Errors
+    /// If rmem was built without pictures.
+    pub fn draw(&self) -> Result<Picture, Undrawn> {
         let (plots, mut layout) = self.parts();
         if self.kind != Kind::Map {
-            return Picture::new(render_multiple(plots, layout));
+            return Ok(Picture::new(render_multiple(plots, layout)));
         }
         let (mut names, mut left_out) = place(self, &ComputedLayout::from_layout(&layout));
         if left_out > 0 {
@@ -27,7 +30,7 @@ impl Chart {
         }
         let mut scene = render_multiple(plots, layout);
         names.into_iter().for_each(|name| scene.add(name));
-        Picture::new(scene)
+        Ok(Picture::new(scene))
     }
 
     /// What the chart is made of, to be drawn alone or among others.

@@ -4,8 +4,8 @@ use kuva::plot::scatter::{MarkerShape, ScatterPlot};
 use kuva::plot::{BarPlot, GanttPlot, GanttTask, LinePlot, QuiverPlot};
 use kuva::render::plots::Plot;
 
-use super::chart::{COLORS, Chart, Interval, Kind, Series};
 use super::words::clipped;
+use crate::views::chart::{COLORS, Chart, Interval, Kind, Series};
 
 /// The markers of series, in their order.
 const MARKERS: [MarkerShape; 4] =

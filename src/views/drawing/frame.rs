@@ -7,9 +7,10 @@ use kuva::render::layout::{AxisLabelOverlap, Layout, TickFormat};
 use kuva::render::plots::Plot;
 
 use super::calendar;
-use super::chart::{Axis, Chart, Kind, span};
+use super::extent::span;
 use super::marks::categories;
 use super::words;
+use crate::views::chart::{Axis, Chart, Kind};
 
 /// The part of a chart's width, and of its height, that its axes take.
 const INSIDE: f64 = 0.75;
