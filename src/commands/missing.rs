@@ -1,7 +1,7 @@
 //! The message about a collection that does not exist.
 
-use super::{Context, WrongInput, mongosh};
-use crate::formats::nearest;
+use super::{Context, WrongInput};
+use crate::formats::{mongosh, nearest};
 use crate::memory::Memory;
 use crate::store::Namespace;
 

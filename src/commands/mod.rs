@@ -38,7 +38,6 @@ mod man;
 mod map_reduce;
 mod missing;
 mod modifiers;
-pub(crate) mod mongosh;
 mod plan;
 mod plot;
 mod print;

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::context::STDIN;
 use super::{Context, WrongInput, missing};
 use crate::error::Result;
-use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, shell};
+use crate::formats::{Diagnostic, Diagnostics, Source, command_line, pddl::Dialect, shell};
 use crate::memory::Memory;
 use crate::pddl::Domain;
 use crate::problem::{self, Generated, Request, SectionReport, Syntax, check_use, read_parts, takes_goal};
@@ -103,7 +103,7 @@ pub(super) fn render_domain(
     let generated = problem::generate(&request, memory)?;
     report(&generated, options.strict, memory, context)?;
     let dialect = Dialect { lenient: options.lenient };
-    Domain::read(&generated.source(), dialect).map_err(|wrong| Diagnostics(generated.explain(wrong)))?;
+    generated.check_domain(dialect).map_err(Diagnostics)?;
     Ok((Source::new(request.template.name(), generated.text), request))
 }
 
@@ -205,8 +205,8 @@ fn why(section: &SectionReport, memory: &Memory, context: &mut Context<'_>) {
     // The template was rendered: what a diagnosis meets now is no error of it.
     let documents = memory.count_stored(&section.namespace, &Document::new()).unwrap_or_default();
     if documents > DIAGNOSED && !context.output.is_verbose() {
-        let query = shell::relaxed(&filter);
-        context.output.note(&format!("  rmem query {} '{query}' --why says why", section.namespace));
+        let query = command_line::word(&shell::relaxed(&filter));
+        context.output.note(&format!("  rmem query {} {query} --why says why", section.namespace));
         return;
     }
     let Ok(diagnosis) = memory.diagnose(&section.namespace, &filter) else { return };

@@ -6,12 +6,14 @@
 //! complaint about a place in such a text.
 
 pub mod clips;
+pub mod command_line;
 pub mod csv;
 pub mod diagnostic;
 pub mod marker;
 #[cfg(feature = "views")]
 pub mod mcap;
 pub mod mongodump;
+pub mod mongosh;
 mod nearest;
 pub mod pddl;
 pub(crate) mod plain;

@@ -3,15 +3,21 @@
 use crate::fault::{AtFault, Fault};
 use crate::formats::Diagnostics;
 use crate::plan::{PlanDocumentError, RepositoryError, SourceError};
-use crate::problem::ProblemError;
+use crate::problem::{Generated, ProblemError};
 use crate::store::StoreError;
 
 /// Why there is no result. That there is no plan is a result.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanningError {
     /// The domain or the problem is wrong.
-    #[error("{0}")]
-    Pddl(#[source] Diagnostics),
+    #[error("{wrong}")]
+    Pddl {
+        /// What is wrong, and where.
+        #[source]
+        wrong: Diagnostics,
+        /// The problem, where a template made it.
+        generated: Option<Box<Generated>>,
+    },
     /// The problem could not be generated.
     #[error("{0}")]
     Problem(#[source] ProblemError),
@@ -47,10 +53,21 @@ pub enum PlanningError {
     },
 }
 
+impl PlanningError {
+    /// Returns the problem that is wrong, where a template made it.
+    #[must_use]
+    pub fn generated(&self) -> Option<&Generated> {
+        match self {
+            Self::Pddl { generated, .. } => generated.as_deref(),
+            _ => None,
+        }
+    }
+}
+
 impl AtFault for PlanningError {
     fn fault(&self) -> Fault {
         match self {
-            Self::Pddl(wrong) => wrong.fault(),
+            Self::Pddl { wrong, .. } => wrong.fault(),
             Self::NoPlanner | Self::NoSource { .. } | Self::NotAPlan { .. } => Fault::Input,
             Self::Problem(error) => error.fault(),
             Self::Storing(error) | Self::Store(error) => error.fault(),
@@ -60,8 +77,8 @@ impl AtFault for PlanningError {
 }
 
 impl From<Diagnostics> for PlanningError {
-    fn from(error: Diagnostics) -> Self {
-        Self::Pddl(error)
+    fn from(wrong: Diagnostics) -> Self {
+        Self::Pddl { wrong, generated: None }
     }
 }
 

@@ -49,7 +49,10 @@ impl PlanningTask {
             Some(generated) => generated.check(domain, dialect),
             None => Problem::read(source.input.text(), domain, dialect),
         };
-        Ok(Self { problem: problem.map_err(Diagnostics)?, generated, started, time: clock.elapsed() })
+        match problem {
+            Ok(problem) => Ok(Self { problem, generated, started, time: clock.elapsed() }),
+            Err(wrong) => Err(PlanningError::Pddl { wrong: Diagnostics(wrong), generated: generated.map(Box::new) }),
+        }
     }
 
     /// Returns the memory's value for a name of the problem.

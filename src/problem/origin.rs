@@ -179,9 +179,22 @@ impl Generated {
     /// section got wrong for many documents is reported once.
     #[must_use]
     pub fn explain(&self, complaints: Vec<Diagnostic>) -> Vec<Diagnostic> {
+        self.explain_as(complaints, "problem")
+    }
+
+    /// Reads the text as a domain, where the template is that of a domain.
+    ///
+    /// # Errors
+    /// What is wrong with it, each at the template's place.
+    pub fn check_domain(&self, dialect: Dialect) -> Result<Domain, Vec<Diagnostic>> {
+        Domain::read(&self.source(), dialect).map_err(|complaints| self.explain_as(complaints, "domain"))
+    }
+
+    /// The same as [`Generated::explain`] of a `whole`: a problem or a domain.
+    fn explain_as(&self, complaints: Vec<Diagnostic>, whole: &str) -> Vec<Diagnostic> {
         let mut explained: Vec<(Diagnostic, usize)> = Vec::new();
         for complaint in &complaints {
-            let complaint = self.at_template(complaint);
+            let complaint = self.at_template(complaint, whole);
             let same = |(other, _): &&mut (Diagnostic, usize)| {
                 other.name() == complaint.name()
                     && other.span() == complaint.span()
@@ -207,7 +220,7 @@ impl Generated {
         self.text.get(placed.output.start..placed.output.end).filter(|_| goal)
     }
 
-    fn at_template(&self, complaint: &Diagnostic) -> Diagnostic {
+    fn at_template(&self, complaint: &Diagnostic, whole: &str) -> Diagnostic {
         let offset = complaint.span().start.min(self.text.len());
         let (span, document) = self.origin(Span::new(offset, complaint.span().end.max(offset)));
         let start = self.text.get(..offset).and_then(|text| text.rfind('\n')).map_or(0, |newline| newline + 1);
@@ -225,7 +238,7 @@ impl Generated {
             Some(goal) => diagnostic.hint(format!("the goal is {}", excerpt(&names::readable(goal)))),
             None => diagnostic,
         };
-        let diagnostic = diagnostic.hint(format!("it became line {number} of the problem: {short}"));
+        let diagnostic = diagnostic.hint(format!("it became line {number} of the {whole}: {short}"));
         match document.map(AsRef::as_ref) {
             Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
             None => diagnostic,

@@ -66,6 +66,10 @@ fn an_empty_memory_is_the_reason_that_is_said_where_the_problem_is_wrong() {
       = hint: it became line 4 of the problem: - room
     [exit code: 3]
     "#);
+    // Each query of the template is asked once, although its problem is wrong.
+    let verbose = lab.shell("cd p && rmem -v plan --domain domain.pddl --template problem.pddl.j2").exits(3);
+    let asked = |query: &str| verbose.stderr.matches(query).count();
+    assert_eq!((asked("find robmem.rooms:"), asked("find robmem.robots:")), (1, 1), "{verbose}");
 }
 
 #[test]

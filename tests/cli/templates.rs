@@ -423,7 +423,7 @@ fn a_domain_may_be_a_template() {
     3 |   (:predicats (idle ?x)){% endif %})
       |    ^^^^^^^^^^
       = hint: there are :requirements, :types, :constants, :predicates, :functions, :constraints, :derived, :action, :durative-action
-      = hint: it became line 3 of the problem: (:predicats (idle ?x)))
+      = hint: it became line 3 of the domain: (:predicats (idle ?x)))
     [exit code: 3]
     ");
 }

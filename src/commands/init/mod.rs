@@ -10,6 +10,7 @@ use clap::Args;
 use super::{Context, WrongInput, formats};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
+use crate::formats::command_line;
 
 /// The files, by their names.
 const FILES: [(&str, &str); 4] = [
@@ -59,21 +60,12 @@ pub(super) fn run(args: &InitArgs, context: &mut Context<'_>) -> Result<Exit> {
     let enter = if folder == Path::new(".") {
         String::new()
     } else {
-        format!("cd {} && ", shell_word(&folder.display().to_string()))
+        format!("cd {} && ", command_line::word(&folder.display().to_string()))
     };
     context.output.note(&format!(
         "a plan: {enter}rmem restore world.json && rmem plan --domain domain.pddl --template problem.pddl.j2"
     ));
     Ok(Exit::Done)
-}
-
-/// A word of a shell's command line, in quotes where it needs some.
-fn shell_word(text: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c);
-    match !text.is_empty() && text.chars().all(is_plain) {
-        true => text.to_owned(),
-        false => format!("'{}'", text.replace('\'', "'\\''")),
-    }
 }
 
 /// Refuses a folder that has one of the files.

@@ -8,7 +8,7 @@ use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::output::{Format, Progress};
-use crate::plan::{Input, PrintedPlan};
+use crate::plan::PrintedPlan;
 use crate::planner::{self, Host, Listener, Outcome, Planner};
 use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
 use crate::store::Namespace;
@@ -30,13 +30,9 @@ pub(super) fn find(
     context: &mut Context<'_>,
 ) -> Result<Found> {
     let prepared = planning::prepare(request, memory, &context.host());
-    if let (Err(_), Input::Template(template)) = (&prepared, &request.source.input) {
-        // What is wrong with the problem may be that the memory lacks what it asks.
-        sections.report_generated(template, memory, context)?;
-    }
+    sections.report(prepared.as_ref().map(PreparedSearch::task), memory, context)?;
     let prepared = prepared?;
-    sections.report(prepared.task(), memory, context)?;
-    sections.warn(request, prepared.task(), context);
+    sections.warn(&request.domain, prepared.task(), context);
     if request.options.anytime && !prepared.improves() {
         let names: Vec<&str> = request.planners.iter().map(|planner| planner.name()).collect();
         let message = format!("{} cannot improve a plan of this task; leave out --anytime", names.join(", "));

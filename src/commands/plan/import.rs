@@ -54,8 +54,11 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let is_printed = found.is_printed;
     let plan = Plan::from(found);
     let memory = context.memory()?;
-    let task = PlanningTask::instantiate(&source, None, &domain, &memory)?;
-    SectionCounts::from(&args.task.options).report(&task, &memory, context)?;
+    let task = PlanningTask::instantiate(&source, None, &domain, &memory);
+    let sections = SectionCounts::from(&args.task.options);
+    sections.report(task.as_ref(), &memory, context)?;
+    let task = task?;
+    sections.warn(&domain, &task, context);
     let mut plan = plan.spelled(domain.tree(), task.problem.tree());
     let mut verdict = validate(&domain, &task.problem, &plan.steps);
     if is_printed && matches!(verdict, Validation::Invalid(_)) {

@@ -8,9 +8,9 @@ use crate::commands::template::{self, TemplateArgs};
 use crate::commands::{Context, UsageError};
 use crate::error::Result;
 use crate::memory::Memory;
+use crate::pddl::Domain;
 use crate::plan::{Input, TaskSource};
-use crate::planning::{PlanRequest, PlanningTask};
-use crate::problem::{self, Request};
+use crate::planning::{PlanningError, PlanningTask};
 
 /// The task of a plan.
 #[derive(Debug, Clone, Args)]
@@ -87,29 +87,28 @@ impl From<&TemplateArgs> for SectionCounts {
 
 impl SectionCounts {
     /// Prints what is odd but not wrong in the domain and the problem.
-    pub(super) fn warn(self, request: &PlanRequest, task: &PlanningTask, context: &mut Context<'_>) {
+    pub(super) fn warn(self, domain: &Domain, task: &PlanningTask, context: &mut Context<'_>) {
         if self == Self::Silent {
             return;
         }
-        template::warn(request.domain.warnings(), context);
+        template::warn(domain.warnings(), context);
         let odd = task.problem.warnings().to_vec();
         let odd = task.generated.as_ref().map_or(odd.clone(), |generated| generated.explain(odd));
         template::warn(&odd, context);
     }
 
-    /// Reports them for a template whose problem is wrong; nothing where not even a problem came out.
-    pub(super) fn report_generated(self, template: &Request, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
-        match problem::generate(template, memory) {
-            Ok(generated) if self != Self::Silent => {
-                template::report(&generated, self == Self::Required, memory, context)
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Reports them for a task.
-    pub(super) fn report(self, task: &PlanningTask, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
-        match (&task.generated, self) {
+    /// Reports them for a task, also for one whose problem is wrong: the memory may lack what the template asks.
+    pub(super) fn report(
+        self,
+        task: Result<&PlanningTask, &PlanningError>,
+        memory: &Memory,
+        context: &mut Context<'_>,
+    ) -> Result<()> {
+        let generated = match task {
+            Ok(task) => task.generated.as_ref(),
+            Err(error) => error.generated(),
+        };
+        match (generated, self) {
             (None, _) | (_, Self::Silent) => Ok(()),
             (Some(generated), _) => template::report(generated, self == Self::Required, memory, context),
         }

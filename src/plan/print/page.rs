@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use bson::{Bson, Document};
 
+use crate::formats::clips::{Value, is_symbol, write_value};
 use crate::pddl::{Plan, Step, Structure};
 use crate::plan::Status;
 use crate::problem::names;
@@ -74,30 +75,26 @@ fn readable(value: &Bson) -> String {
 
 /// A value in a slot; what CLIPS has no word for is a string of JSON.
 pub(super) fn slot(value: &Bson) -> String {
-    match value {
-        Bson::String(text) => symbol(text),
-        Bson::Boolean(true) => "TRUE".to_owned(),
-        Bson::Boolean(false) => "FALSE".to_owned(),
-        Bson::Int32(number) => number.to_string(),
-        Bson::Int64(number) => number.to_string(),
-        Bson::Double(number) if number.is_finite() => format!("{number:?}"),
-        Bson::ObjectId(id) => quoted(&id.to_hex()),
-        other => quoted(&serde_json::to_string(other).unwrap_or_default()),
-    }
+    let value = match value {
+        Bson::String(text) => return symbol(text),
+        Bson::Boolean(flag) => Value::Symbol(if *flag { "TRUE" } else { "FALSE" }.to_owned()),
+        Bson::Int32(number) => Value::Integer(i64::from(*number)),
+        Bson::Int64(number) => Value::Integer(*number),
+        Bson::Double(number) if number.is_finite() => Value::Float(*number),
+        Bson::ObjectId(id) => Value::Text(id.to_hex()),
+        other => Value::Text(serde_json::to_string(other).unwrap_or_default()),
+    };
+    written(&value)
 }
 
 /// A symbol where the text reads back as one, else a string.
 pub(super) fn symbol(text: &str) -> String {
-    let delimiters = |c: char| c.is_whitespace() || c.is_control() || "\"()&|<~;".contains(c);
-    let variable = text.starts_with('?') || text.starts_with("$?");
-    // What starts like a number and ends like one reads as a number; `1a` does not.
-    let number = text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && text.parse::<f64>().is_ok();
-    match text.is_empty() || variable || number || text.contains(delimiters) {
-        true => quoted(text),
-        false => text.to_owned(),
-    }
+    let lexeme = if is_symbol(text) { Value::Symbol } else { Value::Text };
+    written(&lexeme(text.to_owned()))
 }
 
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+fn written(value: &Value) -> String {
+    let mut text = String::new();
+    write_value(value, &mut text);
+    text
 }

@@ -69,7 +69,7 @@ fn simulate(record: &Record, source: &TaskSource, left: &[usize], memory: &Memor
     let domain = &source.read_domain()?;
     let task = match PlanningTask::instantiate(source, None, domain, memory) {
         Ok(task) => task,
-        Err(PlanningError::Pddl(wrong)) => {
+        Err(PlanningError::Pddl { wrong, .. }) => {
             let message = format!("the problem cannot be instantiated any more:\n{wrong}");
             return Ok(Verdict::Broken(Fault { message, ..Fault::default() }));
         }

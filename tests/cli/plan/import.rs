@@ -42,6 +42,36 @@ fn a_plan_from_a_file_is_stored_if_it_is_valid() {
 }
 
 #[test]
+fn an_import_says_what_is_odd_in_what_it_read() {
+    let lab = Lab::new();
+    let domain = "(define (domain d) (:requirements :strips) (:constants o) (:predicates (a) (b))
+      (:action go :parameters (?x) :precondition (not (b)) :effect (b)))";
+    lab.write("d.pddl", domain);
+    lab.write("p.j2", "(define (problem p) (:domain d) (:objects o) (:init (a) (a)) (:goal (b)))\n");
+    lab.write("go.plan", "(go o)\n");
+    assert_run!(lab.rmem(&["-q", "--memory", "mem:", "plan", "import", "go.plan", "-d", "d.pddl", "-t", "p.j2"]), @r"
+    [ID]
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["--memory", "mem:", "plan", "import", "go.plan", "-d", "d.pddl", "-t", "p.j2"]), @r"
+    [ID]
+    ------- stderr -------
+    warning: d.pddl:2:55: this needs `:negative-preconditions`, which `:requirements` does not list
+      |
+    2 |       (:action go :parameters (?x) :precondition (not (b)) :effect (b)))
+      |                                                       ^^^
+    warning: p.j2:1:43: object `o` is a constant of the domain already; it is left out
+      |
+    1 | (define (problem p) (:domain d) (:objects o) (:init (a) (a)) (:goal (b)))
+      |                                           ^
+      = hint: it became line 1 of the problem: (define (problem p) (:domain d) (:objects o) (:init (a) (a)) (:goal (b)))
+    stored in robmem.plans as [ID]
+    [exit code: 0]
+    ");
+}
+
+#[test]
 fn a_temporal_plan_from_a_file_is_stored_and_drawn() {
     let lab = Lab::new();
     let task = ["-d", "fixtures/pddl/tasks/durdom.pddl", "-p", "fixtures/pddl/tasks/durp.pddl"];

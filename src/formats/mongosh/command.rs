@@ -1,66 +1,24 @@
-//! Lines of mongosh, like `db.orders.find({team: 'CYAN'})`, as commands of rmem.
+//! A line of mongosh as a command of rmem.
 
-/// The database of collections that are written as `db.NAME`.
-const DATABASE: &str = "robmem";
-
-/// A part of a line between dots: a name, with its arguments where it is called.
-struct Segment<'a> {
-    name: &'a str,
-    arguments: Option<Vec<&'a str>>,
-}
+use super::{Line, Segment, is_empty, is_text, unquoted};
+use crate::formats::command_line::word;
 
 /// Returns the command for a line; none where it is no such line, or rmem has no such command.
-pub(crate) fn command(line: &str) -> Option<String> {
+#[must_use]
+pub fn command(line: &str) -> Option<String> {
     let line = line.trim().trim_end_matches(';');
     let shown: Vec<&str> = line.split_whitespace().collect();
     if let ["show", "collections" | "tables" | "dbs" | "databases"] = shown.as_slice() {
         return Some("rmem collections".to_owned());
     }
-    let segments = segments(line.strip_prefix("await ").unwrap_or(line).trim())?;
-    let mut segments = segments.into_iter().peekable();
-    let is_db = segments.next_if(|segment| segment.name == "db" && segment.arguments.is_none()).is_some();
-    let mut database = is_db.then(|| DATABASE.to_owned());
-    let mut path: Vec<String> = Vec::new();
-    // `db.orders.find` without brackets asks for all documents.
-    let mut segments = segments.collect::<Vec<_>>();
-    if let Some(last) = segments.last_mut().filter(|last| is_db && last.arguments.is_none() && is_bare(last.name)) {
-        last.arguments = Some(Vec::new());
-    }
-    let mut segments = segments.into_iter();
-    for segment in segments.by_ref() {
-        match (segment.name, &segment.arguments) {
-            ("getSiblingDB" | "getDB", Some(arguments)) => database = Some(unquoted(arguments.first()?)),
-            ("getCollection", Some(arguments)) => path.push(unquoted(arguments.first()?)),
-            (name, None) => path.push(name.to_owned()),
-            (method, Some(arguments)) => {
-                let modifiers: Vec<Segment<'_>> = segments.collect();
-                let words = words(method, &namespace(database, &path)?, arguments, &modifiers)?;
-                return Some(words.join(" "));
-            }
-        }
-    }
-    None
-}
-
-/// Whether a method is one that is called without arguments, and hardly the name of a collection.
-fn is_bare(name: &str) -> bool {
-    ["find", "findOne", "countDocuments", "estimatedDocumentCount", "getIndexes", "drop", "watch"].contains(&name)
-}
-
-fn namespace(database: Option<String>, path: &[String]) -> Option<String> {
-    let path = path.join(".");
-    let name = match database {
-        Some(database) => format!("{database}.{path}"),
-        None if path.contains('.') => path,
-        None => format!("{DATABASE}.{path}"),
-    };
-    name.parse::<crate::store::Namespace>().is_ok().then_some(name)
+    let Line { namespace, method, arguments, modifiers } = Line::parse(line)?;
+    Some(words(method, &namespace, &arguments, &modifiers)?.join(" "))
 }
 
 /// The words of the command for a method; none where the line has options that they would leave out.
 fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) -> Option<Vec<String>> {
     let given = |nth: usize| arguments.get(nth).copied().filter(|text| !is_empty(text));
-    let word = |nth: usize| given(nth).map(quoted);
+    let word_of = |nth: usize| given(nth).map(quoted);
     let has =
         |option: &str| arguments.last().is_some_and(|text| members(text).any(|member| member == (option, "true")));
     let flag = |name: &str, is_set: bool| is_set.then(|| name.to_owned());
@@ -77,38 +35,38 @@ fn words(method: &str, ns: &str, arguments: &[&str], modifiers: &[Segment<'_>]) 
         return None;
     }
     Some(match method {
-        "find" if is_counted => with("count", vec![word(0)]),
+        "find" if is_counted => with("count", vec![word_of(0)]),
         "find" => {
-            let projection = word(1).map(|fields| format!("--fields {fields}"));
-            [with("query", vec![word(0), projection]), options(modifiers)].concat()
+            let projection = word_of(1).map(|fields| format!("--fields {fields}"));
+            [with("query", vec![word_of(0), projection]), options(modifiers)].concat()
         }
         "findOne" => {
-            let projection = word(1).map(|fields| format!("--fields {fields}"));
-            with("query", vec![word(0), projection, Some("--limit 1".to_owned())])
+            let projection = word_of(1).map(|fields| format!("--fields {fields}"));
+            with("query", vec![word_of(0), projection, Some("--limit 1".to_owned())])
         }
-        "insertOne" | "insertMany" | "insert" | "save" => with("insert", vec![word(0)]),
+        "insertOne" | "insertMany" | "insert" | "save" => with("insert", vec![word_of(0)]),
         "updateOne" => update(&[upsert])?,
         "updateMany" => update(&[Some("--many".to_owned()), upsert])?,
         "update" => update(&[flag("--many", arguments.len() > 2 && has("multi")), upsert])?,
         "replaceOne" => update(&[Some("--replace".to_owned()), upsert])?,
         "deleteMany" | "remove" if given(0).is_none() => with("delete", vec![Some("--all".to_owned())]),
-        "deleteMany" | "remove" => with("delete", vec![word(0), Some("--many".to_owned())]),
-        "deleteOne" => with("delete", vec![word(0)]),
+        "deleteMany" | "remove" => with("delete", vec![word_of(0), Some("--many".to_owned())]),
+        "deleteOne" => with("delete", vec![word_of(0)]),
         "findOneAndUpdate" => change("find-and-modify", &[upsert])?,
         "findOneAndReplace" => change("find-and-modify", &[Some("--replace".to_owned()), upsert])?,
-        "findOneAndDelete" => with("find-and-modify", vec![word(0), Some("--remove".to_owned())]),
-        "countDocuments" | "count" | "estimatedDocumentCount" => with("count", vec![word(0)]),
+        "findOneAndDelete" => with("find-and-modify", vec![word_of(0), Some("--remove".to_owned())]),
+        "countDocuments" | "count" | "estimatedDocumentCount" => with("count", vec![word_of(0)]),
         "aggregate" if arguments.len() > 1 && !arguments.first()?.starts_with('[') => {
             with("aggregate", vec![Some(quoted(&format!("[{}]", arguments.join(", "))))])
         }
         "aggregate" => with("aggregate", vec![Some(quoted(arguments.first().copied().unwrap_or("[]")))]),
-        "distinct" => with("distinct", vec![Some(unquoted(arguments.first()?)), word(1)]),
+        "distinct" => with("distinct", vec![Some(name(arguments.first()?)), word_of(1)]),
         "drop" => with("drop", Vec::new()),
         "createIndex" | "ensureIndex" => {
-            with("index", vec![word(0), flag("--unique", arguments.len() > 1 && has("unique"))])
+            with("index", vec![word_of(0), flag("--unique", arguments.len() > 1 && has("unique"))])
         }
         "getIndexes" => with("index", Vec::new()),
-        "dropIndex" => with("index", vec![Some(unquoted_or_quoted(arguments.first()?)), Some("--drop".to_owned())]),
+        "dropIndex" => with("index", vec![Some(name(arguments.first()?)), Some("--drop".to_owned())]),
         "watch" => with("watch", Vec::new()),
         _ => return None,
     })
@@ -132,7 +90,7 @@ fn is_understood(method: &str, arguments: &[&str], modifiers: &[Segment<'_>]) ->
     let is_refused = match method {
         "deleteOne" | "findOneAndDelete" => arguments.first().is_none_or(|query| is_empty(query)),
         "update" => arguments.get(1).is_none_or(|change| !change.contains('$')),
-        "distinct" => arguments.first().is_none_or(|field| field.contains(['\\', '$', '`', '!', ' '])),
+        "distinct" => arguments.first().is_none_or(|field| field.contains('\\')),
         _ => false,
     };
     let is_plain = |segment: &Segment<'_>| match segment.name {
@@ -169,90 +127,14 @@ fn options(modifiers: &[Segment<'_>]) -> Vec<String> {
     modifiers.iter().filter_map(option).collect()
 }
 
-/// Takes a line apart at the dots outside of brackets and quotes.
-fn segments(line: &str) -> Option<Vec<Segment<'_>>> {
-    let parts = split(line, b'.')?.into_iter().map(|part| match part.split_once('[') {
-        // `db["orders"]` is `db.orders`.
-        Some((name, key)) if !name.contains('(') => {
-            let key = key.trim().strip_suffix(']').map(str::trim).filter(|key| is_text(key))?;
-            let key = key.trim_matches(['"', '\'', '`']);
-            Some(vec![parsed(name)?, Segment { name: key, arguments: None }])
-        }
-        _ => Some(vec![parsed(part)?]),
-    });
-    Some(parts.collect::<Option<Vec<_>>>()?.into_iter().flatten().collect())
-}
-
-fn parsed(part: &str) -> Option<Segment<'_>> {
-    let part = part.trim();
-    let Some((name, rest)) = part.split_once('(') else {
-        return is_name(part).then_some(Segment { name: part, arguments: None });
-    };
-    let inner = rest.strip_suffix(')').filter(|_| is_name(name.trim()))?;
-    let arguments = split(inner, b',')?.into_iter().map(str::trim).filter(|text| !text.is_empty()).collect();
-    Some(Segment { name: name.trim(), arguments: Some(arguments) })
-}
-
-fn is_name(text: &str) -> bool {
-    !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '$'))
-}
-
-/// Splits a text at a sign outside of brackets and quotes; none where these are not closed.
-fn split(text: &str, sign: u8) -> Option<Vec<&str>> {
-    let (mut parts, mut start, mut depth) = (Vec::new(), 0, 0_usize);
-    let (mut quote, mut is_escaped) = (None, false);
-    for (at, byte) in text.bytes().enumerate() {
-        if let Some(mark) = quote {
-            (is_escaped, quote) =
-                if is_escaped { (false, quote) } else { (byte == b'\\', quote.filter(|_| byte != mark)) };
-            continue;
-        }
-        match byte {
-            b'"' | b'\'' | b'`' => quote = Some(byte),
-            b'(' | b'[' | b'{' => depth += 1,
-            b')' | b']' | b'}' => depth = depth.checked_sub(1)?,
-            _ if byte == sign && depth == 0 => {
-                parts.push(text.get(start..at)?);
-                start = at + 1;
-            }
-            _ => {}
-        }
-    }
-    parts.push(text.get(start..)?);
-    (depth == 0 && quote.is_none()).then_some(parts)
-}
-
-fn is_empty(text: &str) -> bool {
-    text.chars().filter(|c| !c.is_whitespace()).collect::<String>() == "{}"
-}
-
-fn is_text(text: &str) -> bool {
-    text.starts_with(['"', '\'', '`'])
-}
-
-fn unquoted(text: &str) -> String {
-    text.trim().trim_matches(['"', '\'', '`']).to_owned()
-}
-
-fn unquoted_or_quoted(text: &str) -> String {
-    if is_text(text) { unquoted(text) } else { quoted(text) }
-}
-
-/// A word of a shell's command line.
+/// A text as one word of a command line.
 fn quoted(text: &str) -> String {
-    let text = text.trim();
-    if text.contains(['$', '`', '"', '\\', '!']) && !text.contains('\'') {
-        return format!("'{text}'");
-    }
-    let mut word = String::from('"');
-    for c in text.chars() {
-        if matches!(c, '$' | '`' | '"' | '\\') {
-            word.push('\\');
-        }
-        word.push(c);
-    }
-    word.push('"');
-    word
+    word(text.trim())
+}
+
+/// The same of a name, which has quotes of its own in the line.
+fn name(text: &str) -> String {
+    if is_text(text) { word(&unquoted(text)) } else { quoted(text) }
 }
 
 #[cfg(test)]
