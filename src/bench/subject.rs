@@ -7,7 +7,7 @@ use bson::{Document, doc};
 use super::objects::{NEAREST, nearest};
 use super::work::Task;
 use crate::memory::Memory;
-use crate::memory::computables::{BodyKind, Definition};
+use crate::memory::computables::{BodyKind, Definition, Origin};
 use crate::store::{Find, Index, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 /// A memory or a database that does the work.
@@ -79,6 +79,7 @@ pub fn computable(namespace: &Namespace) -> Definition {
         cache: None,
         adds: None,
         body: BodyKind::Pipeline { from: namespace.clone(), stages: nearest() },
+        origin: Origin::program(),
     }
 }
 

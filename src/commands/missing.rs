@@ -22,10 +22,10 @@ pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context
 
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
 pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> {
-    if memory.computables().any(|computable| computable.definition.namespace == *namespace) {
+    // A hint is not worth an error.
+    if memory.computables().ok()?.iter().any(|computable| computable.definition.namespace == *namespace) {
         return None;
     }
-    // A hint is not worth an error.
     let names = memory.collections_beside(namespace).ok()?;
     let names: Vec<String> = names.iter().map(ToString::to_string).collect();
     let name = namespace.to_string();

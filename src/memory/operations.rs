@@ -157,10 +157,22 @@ impl Memory {
     /// that the query needs run, and `computables` says what they did.
     pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
         let mut explanation = self.answer(&[(ns, &find.filter)], true, |view| {
+            let chosen = self.choosing(ns, &find.filter, view)?;
+            if let (Some(extended), Some(chosen)) = (self.extended(&[(ns, &find.filter)], view)?, chosen) {
+                // The store chooses the documents; the query is answered, and sorted, over a copy with the added keys.
+                let choose = Find { filter: chosen, ..Find::default() };
+                let mut explanation = self.routes.reading(ns)?.explain(ns, &choose)?;
+                let returned = extended.find(ns, find)?.collect::<Result<Vec<_>, _>>()?;
+                explanation.insert("returned", i64::try_from(returned.len()).unwrap_or(i64::MAX));
+                if !find.sort.is_empty() {
+                    explanation.insert("sort", "memory");
+                }
+                return Ok(explanation);
+            }
             let find = Find { filter: view.filter(&find.filter), ..find.clone() };
             self.journal.note("explain", Some(ns), |_| 1, || self.routes.reading(ns)?.explain(ns, &find))
         })?;
-        if self.computables().next().is_some() {
+        if self.registry(ns)?.iter().next().is_some() {
             let computed: Vec<Document> = self.computed().iter().map(Computed::to_document).collect();
             explanation.insert("computables", computed);
         }

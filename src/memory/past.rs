@@ -49,9 +49,13 @@ impl Memory {
 impl Past {
     /// The copy, with a collection in it.
     fn with(&self, ns: &Namespace) -> Result<&Embedded, StoreError> {
-        // What rmem keeps for itself, such as what was computed, is of this process alone.
-        if !ns.is_own() && self.filled.borrow_mut().insert(ns.clone()) {
-            let documents = self.source.reading(ns)?.as_of(ns, self.at)?;
+        // What rmem keeps for itself, such as what was computed, is of this process alone; computables are those of now.
+        if (!ns.is_own() || ns.collection == computables::KEPT) && self.filled.borrow_mut().insert(ns.clone()) {
+            let source = self.source.reading(ns)?;
+            let documents = match ns.is_own() {
+                true => source.find(ns, &Find::default())?.collect::<Result<_, _>>()?,
+                false => source.as_of(ns, self.at)?,
+            };
             let documents: Result<Vec<Document>, _> = documents.iter().map(|raw| Document::try_from(&**raw)).collect();
             self.copy.insert(ns, documents.map_err(QueryError::from)?)?;
         }

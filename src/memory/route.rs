@@ -90,6 +90,15 @@ impl Lazy {
         self.nothing.get().map_or_else(|| self.get(), |nothing| Ok(nothing.as_ref()))
     }
 
+    /// The store for reading; none where its file is not there.
+    fn existing(&self) -> Result<Option<&dyn Store>, StoreError> {
+        let path = self.uri.as_ref().and_then(StoreUri::path);
+        match self.store.get().is_none() && path.is_some_and(|path| matches!(path.try_exists(), Ok(false))) {
+            true => Ok(None),
+            false => self.get().map(Some),
+        }
+    }
+
     pub(super) fn describe(&self) -> String {
         match (self.store.get(), &self.uri) {
             (Some(store), _) => store.describe(),
@@ -152,6 +161,26 @@ impl Routes {
     /// The same for what stores nothing.
     pub(super) fn reading(&self, ns: &Namespace) -> Result<&dyn Store, StoreError> {
         self.lazy(ns).reading()
+    }
+
+    /// The store for reading; none where its file is not there.
+    pub(super) fn existing(&self, ns: &Namespace) -> Result<Option<&dyn Store>, StoreError> {
+        self.lazy(ns).existing()
+    }
+
+    /// Whether a server keeps the database.
+    pub(super) fn is_on_server(&self, ns: &Namespace) -> bool {
+        self.lazy(ns).uri.as_ref().is_some_and(|uri| uri.path().is_none() && !uri.is_in_memory())
+    }
+
+    /// [`Routes::collections`], of stores that are there.
+    pub(super) fn existing_collections(&self) -> Result<Vec<Namespace>, StoreError> {
+        let mut all = Vec::new();
+        for lazy in [Some(&self.local), self.shared.as_ref()].into_iter().flatten() {
+            let Some(store) = lazy.existing()? else { continue };
+            all.extend(store.collections()?.into_iter().filter(|ns| std::ptr::eq(self.lazy(ns), lazy)));
+        }
+        Ok(all)
     }
 
     /// The same for what is stored to be found again, but can do without that: a file that

@@ -81,7 +81,7 @@ impl<'a> Monitor<'a> {
     /// Where the store cannot be watched.
     pub fn add(&mut self, namespaces: &[Namespace]) -> Result<bool, StoreError> {
         let before = self.sources.len();
-        let sources = self.memory.sources(namespaces);
+        let sources = self.memory.sources(namespaces)?;
         for namespace in sources.namespaces {
             if !self.sources.iter().any(|(other, _)| *other == namespace) {
                 let watch = watch(&namespace, Document::new(), self.memory)?;

@@ -10,8 +10,10 @@ use toml::{Spanned, Value};
 
 use super::quoted::Quoted;
 use crate::formats::quantity;
-use crate::formats::shell;
-use crate::memory::computables::{BUILTINS, BodyKind, Definition, Options, check_pipeline};
+use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::memory::computables::{
+    BUILTINS, BodyKind, Definition, NO_PROGRAMS, Options, Origin, check_adds, check_pipeline,
+};
 use crate::query::Filter;
 use crate::store::{Namespace, NamespaceError};
 
@@ -42,8 +44,13 @@ pub(super) struct Table {
 }
 
 /// Returns the definitions in the tables; commands run in `folder`. A mistake in a query or pipeline
-/// is placed inside the string of the `file` that holds it.
-pub(super) fn definitions(tables: &[Table], folder: &Path, file: &str) -> Result<Vec<Definition>, Mistake> {
+/// is placed inside the string of the `file` that holds it, which is at `path`.
+pub(super) fn definitions(
+    tables: &[Table],
+    folder: &Path,
+    file: &str,
+    path: &Path,
+) -> Result<Vec<Definition>, Mistake> {
     let mut definitions: Vec<Definition> = Vec::with_capacity(tables.len());
     for table in tables {
         let name = table.name.get_ref();
@@ -54,10 +61,43 @@ pub(super) fn definitions(tables: &[Table], folder: &Path, file: &str) -> Result
             ));
         }
         for namespace in table.namespaces()? {
-            definitions.push(table.definition(namespace, folder, file)?);
+            let line = file.get(..table.name.span().start).unwrap_or_default().matches('\n').count() + 1;
+            let origin = Origin::Settings(format!("{}:{line}", path.display()));
+            definitions.push(table.definition(namespace, folder, file, origin)?);
         }
     }
     Ok(definitions)
+}
+
+/// A file of computables alone.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tables {
+    #[serde(default, rename = "computable")]
+    computables: Vec<Table>,
+}
+
+/// Reads a file of `[[computable]]` tables that are to be kept in a memory: the definitions of each, one for each of its
+/// collections.
+///
+/// # Errors
+/// Where TOML, a key or a type is wrong, or a computable is a program.
+pub fn read_kept(source: &Source) -> Result<Vec<Vec<Definition>>, Diagnostic> {
+    let complain =
+        |span: Range<usize>, message: String| Diagnostic::new(source, Span::new(span.start, span.end), message);
+    let tables: Tables = toml::from_str(source.text()).map_err(|error| {
+        complain(error.span().unwrap_or_default(), error.message().lines().next().unwrap_or_default().to_owned())
+    })?;
+    for table in &tables.computables {
+        if let Some(command) = &table.command {
+            return Err(complain(command.span(), NO_PROGRAMS.to_owned()));
+        }
+    }
+    let path = Path::new(source.name());
+    let all = definitions(&tables.computables, Path::new(""), source.text(), path);
+    let all = all.map_err(|(span, message)| complain(span, message))?;
+    let same = |one: &Definition, other: &Definition| one.name == other.name;
+    Ok(all.chunk_by(same).map(<[Definition]>::to_vec).collect())
 }
 
 impl Table {
@@ -99,11 +139,21 @@ impl Table {
             (_, _, _, Some(builtin)) => {
                 Err((builtin.span(), "keys are added by a `pipeline` or a `command`, not by a builtin".to_owned()))
             }
+            (Some(keys), Value::Array(_), ..) => {
+                check_adds(keys).map_err(|wrong| (adds.span(), wrong))?;
+                Ok(Some(keys.clone()))
+            }
             _ => Ok(keys),
         }
     }
 
-    fn definition(&self, namespace: Namespace, folder: &Path, file: &str) -> Result<Definition, Mistake> {
+    fn definition(
+        &self,
+        namespace: Namespace,
+        folder: &Path,
+        file: &str,
+        origin: Origin,
+    ) -> Result<Definition, Mistake> {
         if self.name.get_ref().trim().is_empty() {
             return Err((self.name.span(), "expected a name for the computable, found an empty one".to_owned()));
         }
@@ -115,6 +165,7 @@ impl Table {
             cache: duration(self.cache.as_ref(), "leave `cache` out to compute for each query")?,
             body: self.body(&namespace, folder, file)?,
             namespace,
+            origin,
         })
     }
 

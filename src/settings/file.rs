@@ -141,7 +141,7 @@ impl File {
                 ));
             }
         }
-        computable::definitions(&self.computables, Path::new(""), &self.text)?;
+        computable::definitions(&self.computables, Path::new(""), &self.text, Path::new(""))?;
         self.scene.kinds(&self.text)?;
         history::rules(self.keep_history.as_ref(), self.history_size.as_ref())?;
         self.backend.check()
@@ -153,11 +153,11 @@ impl File {
         self.text.get(..span.start).unwrap_or_default().matches('\n').count() + 1
     }
 
-    /// The computables; commands run in `folder`.
+    /// The computables; commands run in `folder`. The file itself is at `path`.
     #[must_use]
-    pub fn computables(&self, folder: &Path) -> Vec<Definition> {
+    pub fn computables(&self, folder: &Path, path: &Path) -> Vec<Definition> {
         // `parse` has checked them.
-        computable::definitions(&self.computables, folder, &self.text).unwrap_or_default()
+        computable::definitions(&self.computables, folder, &self.text, path).unwrap_or_default()
     }
 
     /// The most documents that collections keep.

@@ -24,6 +24,7 @@ use crate::scene::ObjectKind;
 use crate::store::{HistoryRule, Namespace};
 use file::File;
 
+pub use computable::read_kept;
 pub use flags::{Color, Flags};
 
 /// The default namespace.
@@ -247,7 +248,7 @@ impl Settings {
             load: flags.load.clone(),
             planners: file.planners(folder),
             backends: file.backends(folder),
-            computables: file.computables(folder),
+            computables: file.computables(folder, below.path),
             histories,
             most_documents: file.most_documents(),
             object_kinds: file.object_kinds(),

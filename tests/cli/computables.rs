@@ -329,7 +329,7 @@ fn the_registered_are_listed_and_checked() {
         listed,
         "{\"name\":\"sum\",\"collection\":\"robmem.calc\",\"spec\":{\"compute\":\"sum\",\"x\":{\"$exists\":true},\
          \"y\":{\"$exists\":true}},\"priority\":3,\"cache\":\"500ms\",\"body\":\"nearest, with positions under \
-         translation\"}\n"
+         translation\",\"origin\":\"$LAB/robot/rmem.toml:3\"}\n"
     );
     let check = |ns: &str, query: &str| lab.rmem(&args(&["computables", "--check", ns, query])).success();
     assert_eq!(
@@ -584,11 +584,50 @@ fn one_computable_is_for_several_collections() {
     "#);
     assert_eq!(lab.rmem(&["count", "a.objects", "{distance: {$lt: 3}}"]).success(), "1\n");
     assert_run!(lab.rmem(&["computables"]), @r#"
-    {"name":"distance","collection":"a.people","spec":{"distance":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.people: [{\"$project\":{\"distance\":{\"$abs\":{\"$subtract\":[\"$x\",4]}}}}]","adds":["distance"]}
-    {"name":"distance","collection":"a.objects","spec":{"distance":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.objects: [{\"$project\":{\"distance\":{\"$abs\":{\"$subtract\":[\"$x\",4]}}}}]","adds":["distance"]}
+    {"name":"distance","collection":"a.people","spec":{"distance":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.people: [{\"$project\":{\"distance\":{\"$abs\":{\"$subtract\":[\"$x\",4]}}}}]","origin":"$LAB/rmem.toml:3","adds":["distance"]}
+    {"name":"distance","collection":"a.objects","spec":{"distance":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.objects: [{\"$project\":{\"distance\":{\"$abs\":{\"$subtract\":[\"$x\",4]}}}}]","origin":"$LAB/rmem.toml:3","adds":["distance"]}
     ------- stderr -------
     [exit code: 0]
     "#);
+}
+
+#[test]
+fn explain_and_why_count_keys_that_are_added() {
+    let lab = distances("['distance']", DISTANCE);
+    lab.rmem(&["index", "a.objects", "{name: 1}"]).success();
+    let near = "{distance: {$lt: 3}, name: 'cup'}";
+    assert_run!(lab.rmem(&["query", "a.objects", near, "--explain", "--sort", "{distance: 1}"]), @r#"
+    {"index":"name_1","keys":{"name":1},"bounds":{"name":["[\"cup\", \"cup\"]"]},"keys_examined":2,"documents_examined":2,"returned":1,"sort":"memory","computables":[{"name":"distance","namespace":"a.objects","cached":false,"documents":2,"milliseconds":[DURATION]}]}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["query", "a.objects", "{distance: {$lt: 3.5}, name: 'pan'}", "--why"]), @r#"
+    a.objects: 4 documents, 0 match
+      alone  together  condition
+          2         2  {"distance":{"$lt":3.5}}
+          0         0  {"name":"pan"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["query", "a.objects", "{distance: '3', name: 'cup'}", "--why"]), @r#"
+    a.objects: 4 documents, 0 match
+      alone  together  condition
+          0         0  {"distance":"3"}
+                       {distance: 3} matches 1 document
+          2         0  {"name":"cup"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn a_key_that_adds_does_not_name_is_an_error() {
+    let lab = distances("['distance']", "pipeline = \"[{$project: {distance: '$x', far: {$literal: true}}}]\"");
+    assert_run!(lab.rmem(&["query", "a.objects", "{distance: 3}"]), @r"
+    ------- stderr -------
+    error: the computable `distance` failed: it gives the key `far` to the document with _id 1, and `adds` names distance; name that one, too, or leave it out
+    [exit code: 3]
+    ");
 }
 
 #[test]
@@ -596,6 +635,10 @@ fn mistakes_in_what_is_added_are_shown_at_their_place() {
     for (adds, more, message) in [
         ("3", "", "rmem.toml:6:8: expected true, or an array of the added keys"),
         ("[1]", "", "rmem.toml:6:8: expected true, or an array of the added keys"),
+        ("[]", "", "rmem.toml:6:8: expected the keys that it adds, found none; `true` stands for any"),
+        ("['x', '_id']", "", "rmem.toml:6:8: `_id`: `_id` says which document gets the keys, and cannot be added"),
+        ("['x.y']", "", "rmem.toml:6:8: `x.y`: expected a key of the document itself"),
+        ("['x', 'x']", "", "rmem.toml:6:8: `x`: it is given twice"),
         ("true", "cache = '1s'", "rmem.toml:8:9: `cache` has no meaning where keys are added"),
         ("true", "builtin = 'nearest'", "keys are added by a `pipeline` or a `command`"),
     ] {

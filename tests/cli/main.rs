@@ -9,6 +9,7 @@ mod clips;
 mod compare;
 mod completions;
 mod computables;
+mod computables_kept;
 mod config;
 mod delete;
 mod diff;

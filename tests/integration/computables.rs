@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use bson::{Bson, Document, doc};
 use libtest_mimic::{Failed, Trial};
 use rmem::memory::Memory;
-use rmem::memory::computables::{BodyKind, Definition, Registry, Verdict};
+use rmem::memory::computables::{BodyKind, Definition, Origin, Registry, Verdict};
 use rmem::memory::dump::write;
 use rmem::process::Host;
 use rmem::store::{Find, Namespace, StoreUri, UpdateRequest, UpdateSpec};
@@ -57,8 +57,12 @@ const CASES: &[(&str, Case)] = cases![
 ];
 
 /// What needs a store that others open, too.
-const SHARED: &[(&str, Case)] =
-    cases![the_cache_is_shared, those_who_ask_at_once_compute_once, answers_are_whole_while_others_compute,];
+const SHARED: &[(&str, Case)] = cases![
+    what_the_memory_keeps_is_seen_by_all,
+    the_cache_is_shared,
+    those_who_ask_at_once_compute_once,
+    answers_are_whole_while_others_compute,
+];
 
 /// The names of all cases over a store called `prefix`.
 #[cfg(feature = "mongodb")]
@@ -172,6 +176,7 @@ impl Lab {
             cache: Some(Duration::from_secs(600)),
             adds: None,
             body: BodyKind::Pipeline { from: self.ns(from), stages },
+            origin: Origin::program(),
         }
     }
 
@@ -569,6 +574,37 @@ fn a_check_says_what_would_run_and_why(lab: &Lab) {
     assert!(matches!(verdicts(query)[2].1, Verdict::Cached { documents: 2, .. }));
 }
 
+fn what_the_memory_keeps_is_seen_by_all(lab: &Lab) {
+    let (one, other) = (lab.memory(Vec::new()), lab.memory(Vec::new()));
+    lab.blocks(&one);
+    let ask = |memory: &Memory| memory.count(&lab.ns("x"), &doc! { "relation": "on-table" }).unwrap();
+    assert_eq!([ask(&one), ask(&other)], [0, 0]);
+    one.keep_computables(&[vec![lab.low()]]).unwrap();
+    assert_eq!(ask(&one), 2);
+    soon(|| ask(&other) == 2);
+    let taken = other.keep_computables(&[vec![lab.low()]]).unwrap_err().to_string();
+    assert!(taken.starts_with("two computables are called `low`: that of "), "{taken}");
+    let settings = lab.memory(vec![lab.low()]);
+    let both = settings.count(&lab.ns("x"), &doc! {}).unwrap_err().to_string();
+    assert!(both.contains("that of this program, and that of") && both.contains(".rmem.computables"), "{both}");
+    assert!(other.forget_computable("low").unwrap());
+    assert_eq!(ask(&other), 0);
+    soon(|| ask(&one) == 0);
+    assert_eq!(settings.count(&lab.ns("x"), &doc! {}).unwrap(), 0);
+    assert!(!other.forget_computable("low").unwrap());
+}
+
+/// Waits until something holds.
+fn soon(holds: impl Fn() -> bool) {
+    for _ in 0..1_000 {
+        if holds() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("it does not hold");
+}
+
 fn transform(lab: &Lab) -> Definition {
     Definition {
         name: "tf".into(),
@@ -578,6 +614,7 @@ fn transform(lab: &Lab) -> Definition {
         cache: None,
         adds: None,
         body: BodyKind::builtin("transform", [("frames", lab.ns("frames").to_string())]),
+        origin: Origin::program(),
     }
 }
 
@@ -655,6 +692,7 @@ fn nearest(lab: &Lab) -> Definition {
         cache: Some(Duration::from_secs(600)),
         adds: None,
         body: BodyKind::builtin("nearest", [("position", "translation".to_owned())]),
+        origin: Origin::program(),
     }
 }
 
@@ -712,6 +750,7 @@ fn slow(lab: &Lab, log: &Path, cache: Duration, seconds: &str) -> Definition {
             folder: std::env::temp_dir(),
             timeout: Duration::from_secs(60),
         },
+        origin: Origin::program(),
     }
 }
 

@@ -101,7 +101,11 @@ fn failure(outcome: &Outcome, message: &str, tail: &str) -> String {
 /// Tries each computable, without storing what it computes: pipelines and programs run.
 pub(super) fn computables(asked: &[Document], memory: Option<&Memory>, context: &Context<'_>) -> Vec<Trial> {
     let tried = |definition: &Definition| Trial::of(&definition.name, computable(definition, asked, memory, context));
-    context.settings.computables.iter().map(tried).collect()
+    match memory.map(Memory::computables).transpose() {
+        Ok(None) => context.settings.computables.iter().map(tried).collect(),
+        Ok(Some(all)) => all.iter().map(|computable| tried(&computable.definition)).collect(),
+        Err(error) => vec![Trial::of("kept in the memory", Err(error.to_string()))],
+    }
 }
 
 fn computable(

@@ -12,6 +12,7 @@ use bson::{Bson, Document};
 use super::report::Computed;
 use super::state::{Others, Wanted};
 use super::view::View;
+use crate::formats::shell;
 use crate::memory::Memory;
 use crate::memory::journal::Operation;
 use crate::query::{QueryError, key};
@@ -32,18 +33,49 @@ impl Memory {
         questions: &[(&Namespace, &Document)],
         view: &View,
     ) -> Result<Option<Embedded>, StoreError> {
+        self.copied(questions, view, false)
+    }
+
+    /// A store with all documents of a collection, and the keys that computables add to them for a query; nothing where
+    /// none does.
+    pub(in crate::memory) fn extended_whole(
+        &self,
+        ns: &Namespace,
+        query: &Document,
+        view: &View,
+    ) -> Result<Option<Embedded>, StoreError> {
+        self.copied(&[(ns, query)], view, true)
+    }
+
+    /// The query that chooses the documents which computables add keys to; none where none does.
+    pub(in crate::memory) fn choosing(
+        &self,
+        ns: &Namespace,
+        query: &Document,
+        view: &View,
+    ) -> Result<Option<Document>, StoreError> {
+        let wanted = self.adding(ns, query)?;
+        Ok((!wanted.is_empty()).then(|| view.filter(&without(query, &added(&wanted)))))
+    }
+
+    fn copied(
+        &self,
+        questions: &[(&Namespace, &Document)],
+        view: &View,
+        is_whole: bool,
+    ) -> Result<Option<Embedded>, StoreError> {
         let mut parts: BTreeMap<&Namespace, Part<'_>> = BTreeMap::new();
         for (ns, query) in questions {
             let part = parts.entry(ns).or_default();
             part.queries.push(query);
-            part.wanted.extend(self.computables.adding(ns, query)?);
+            part.wanted.extend(self.adding(ns, query)?);
         }
         if parts.values().all(|part| part.wanted.is_empty()) {
             return Ok(None);
         }
         let extended = Embedded::in_memory()?;
         for (ns, part) in parts {
-            let documents = self.with_added(ns, &part, view)?;
+            let documents = self.with_added(ns, &part, view, is_whole)?;
             for index in self.routes.reading(ns)?.indexes(ns)?.iter().filter(|index| index.name != index::ID) {
                 // Some operators need their index. One that cannot be made here is missed by its operator.
                 let index = Index { unique: false, expire_after: None, ..index.clone() };
@@ -57,7 +89,7 @@ impl Memory {
     /// Whether computables add keys to the documents of these questions.
     pub(in crate::memory) fn is_extended(&self, questions: &[(&Namespace, &Document)]) -> Result<bool, StoreError> {
         for (ns, query) in questions {
-            if !self.computables.adding(ns, query)?.is_empty() {
+            if !self.adding(ns, query)?.is_empty() {
                 return Ok(true);
             }
         }
@@ -65,11 +97,15 @@ impl Memory {
     }
 
     /// The documents of a collection that may match, with the keys that are added.
-    fn with_added(&self, ns: &Namespace, part: &Part<'_>, view: &View) -> Result<Vec<Document>, StoreError> {
-        let added = part.wanted.iter().flat_map(|wanted| wanted.computable.definition.adds.iter().flatten());
-        let added: Vec<&str> = added.map(String::as_str).collect();
+    fn with_added(
+        &self,
+        ns: &Namespace,
+        part: &Part<'_>,
+        view: &View,
+        is_whole: bool,
+    ) -> Result<Vec<Document>, StoreError> {
         let filter = match part.queries.as_slice() {
-            [query] => without(query, &added),
+            [query] if !is_whole => without(query, &added(&part.wanted)),
             _ => Document::new(),
         };
         let find = Find { filter: view.filter(&filter), ..Find::default() };
@@ -92,7 +128,9 @@ impl Memory {
                 let id = document.get("_id").map(key::encode_value).unwrap_or_default();
                 if let Some(computed) = keys.remove(&id) {
                     count += 1;
-                    add(document, computed);
+                    let named = wanted.computable.definition.adds.as_deref().unwrap_or_default();
+                    add(document, computed, named)
+                        .map_err(|wrong| StoreError::computable(&wanted.computable.definition.name, wrong))?;
                 }
             }
             self.report(wanted, count, start);
@@ -119,13 +157,29 @@ fn plain(document: &Document) -> Document {
     document.iter().filter(|(key, _)| *key != metadata::INFO).map(|(key, value)| (key.clone(), value.clone())).collect()
 }
 
-/// Adds keys to a document that does not have them.
-fn add(document: &mut Document, computed: Document) {
+/// Adds keys to a document that does not have them; where some are `named`, no others.
+fn add(document: &mut Document, computed: Document, named: &[String]) -> Result<(), QueryError> {
     for (key, value) in computed {
-        if key != metadata::INFO && !document.contains_key(&key) {
-            document.insert(key, value);
+        if key == metadata::INFO || document.contains_key(&key) {
+            continue;
         }
+        if !named.is_empty() && !named.contains(&key) {
+            let id = document.get("_id").map(shell::relaxed_value).unwrap_or_default();
+            let message = format!(
+                "it gives the key `{key}` to the document with _id {id}, and `adds` names {}; name that one, too, or leave it out",
+                named.join(", ")
+            );
+            return Err(QueryError::bad_value(message));
+        }
+        document.insert(key, value);
     }
+    Ok(())
+}
+
+/// The keys that computables name.
+fn added<'a>(wanted: &'a [Wanted<'_>]) -> Vec<&'a str> {
+    let named = wanted.iter().flat_map(|wanted| wanted.computable.definition.adds.iter().flatten());
+    named.map(String::as_str).collect()
 }
 
 /// The conditions of a query that do not depend on keys that are added.
@@ -167,7 +221,10 @@ mod tests {
     #[test]
     fn a_stored_key_stays() {
         let mut document = doc! { "_id": 1, "a": 1 };
-        add(&mut document, doc! { "_id": 1, "a": 2, "b": 3, "_robmem_info": {} });
+        let computed = doc! { "_id": 1, "a": 2, "b": 3, "_robmem_info": {} };
+        add(&mut document, computed.clone(), &["b".to_owned()]).unwrap();
         assert_eq!(document, doc! { "_id": 1, "a": 1, "b": 3 });
+        let mut other = doc! { "_id": 1, "a": 1 };
+        assert!(add(&mut other, computed, &["c".to_owned()]).unwrap_err().message.contains("`b`"));
     }
 }

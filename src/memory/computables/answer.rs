@@ -63,7 +63,7 @@ impl Memory {
         repeatable: bool,
         mut work: impl FnMut(&View) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let wanted = self.computables.wanted(questions)?;
+        let wanted = self.wanted(questions)?;
         if self.computables.running.borrow().is_empty() {
             self.computables.computed.borrow_mut().clear();
         }

@@ -1,5 +1,7 @@
 //! Which computables a query would run, and why.
 
+use std::rc::Rc;
+
 use bson::{DateTime, Document};
 
 use super::cache::{Entry, State};
@@ -9,9 +11,9 @@ use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
 
 /// What a query means for one computable.
-pub struct Check<'a> {
+pub struct Check {
     /// The computable.
-    pub computable: &'a Computable,
+    pub computable: Rc<Computable>,
     /// What would become of it.
     pub verdict: Verdict,
 }
@@ -37,26 +39,22 @@ pub enum Verdict {
 }
 
 impl Memory {
-    /// The registered computables, in the order in which they run.
-    pub fn computables(&self) -> impl Iterator<Item = &Computable> {
-        self.computables.registry.iter()
-    }
-
-    /// The computables that a query needs, in the order in which they run. No store is asked.
+    /// The computables that a query needs, in the order in which they run.
     ///
     /// # Errors
-    /// Where an expression in a spec fails on the query.
-    pub fn needed(&self, ns: &Namespace, query: &Document) -> Result<Vec<&Computable>, StoreError> {
-        self.computables.registry.matching(ns, query)
+    /// Where the store fails, what it keeps is no computable, or an expression in a spec fails on the query.
+    pub fn needed(&self, ns: &Namespace, query: &Document) -> Result<Vec<Rc<Computable>>, StoreError> {
+        self.registry(ns)?.matching(ns, query)
     }
 
     /// What a query would mean for each computable. Nothing is computed.
     ///
     /// # Errors
     /// Where the store fails, or an expression in a spec fails on the query.
-    pub fn check_computables(&self, ns: &Namespace, query: &Document) -> Result<Vec<Check<'_>>, StoreError> {
-        let check = |computable| Ok(Check { verdict: self.verdict(computable, ns, query)?, computable });
-        self.computables().map(check).collect()
+    pub fn check_computables(&self, ns: &Namespace, query: &Document) -> Result<Vec<Check>, StoreError> {
+        let check =
+            |computable: Rc<Computable>| Ok(Check { verdict: self.verdict(&computable, ns, query)?, computable });
+        self.computables()?.into_iter().map(check).collect()
     }
 
     fn verdict(&self, computable: &Computable, ns: &Namespace, query: &Document) -> Result<Verdict, StoreError> {

@@ -9,7 +9,7 @@ use crate::query::key;
 /// The key under which the answer of a computable to a query is kept: the same for all
 /// processes with this computable, and for the keys of the query in any order.
 pub(super) fn of(definition: &Definition, query: &Document) -> String {
-    let Definition { name, namespace, spec, body, cache, priority: _, adds: _ } = definition;
+    let Definition { name, namespace, spec, body, cache, priority: _, adds: _, origin: _ } = definition;
     let digest = Sha256::new()
         .chain_update(format!("{name}\0{namespace}\0{spec}\0{cache:?}\0{body:?}\0"))
         .chain_update(key::encode_value(&Bson::Document(sorted(query))))
@@ -35,7 +35,7 @@ fn sorted_value(value: &Bson) -> Bson {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::memory::computables::BodyKind;
+    use crate::memory::computables::{BodyKind, Origin};
     use crate::store::Namespace;
     use bson::doc;
 
@@ -48,6 +48,7 @@ mod tests {
             cache: None,
             adds: None,
             body: BodyKind::builtin("nearest", [("position", "translation".to_owned())]),
+            origin: Origin::program(),
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A computable has a *spec*, a query that is matched against the asked query
 //! as a document ([`spec`]). The [`registry`] knows which of them a query needs,
-//! and in which order; without asking a store. Each has a [`body`], one
+//! and in which order: those of the settings, and those that the memory itself keeps ([`kept`], as documents: [`record`]). Each has a [`body`], one
 //! file per kind: [`pipeline`], [`command`], [`transform`], [`nearest`]. What a
 //! body gives is stored beside the other documents, with an entry in the
 //! [`cache`] that all processes share; then the query is answered over all of
@@ -33,10 +33,12 @@ mod check;
 mod command;
 mod definition;
 mod example;
+mod kept;
 mod key;
 mod nearest;
 mod pipeline;
 mod questions;
+mod record;
 mod registry;
 mod report;
 mod sources;
@@ -48,13 +50,15 @@ mod view;
 pub use body::{Builtin, Options};
 pub use builtin::BUILTINS;
 pub use check::{Check, Verdict};
-pub use definition::{BodyKind, Definition};
+pub use definition::{BodyKind, Definition, NO_PROGRAMS, Origin, check_adds};
 pub use pipeline::check as check_pipeline;
+pub use record::read;
 pub use registry::{Computable, Registry};
 pub use report::Computed;
 pub use sources::Sources;
 
 pub(super) use cache::forget;
+pub(super) use kept::COLLECTION as KEPT;
 pub(super) use questions::{questions, target, visible_stages};
 pub(super) use state::Computables;
 pub(super) use view::View;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::memory::Memory;
-use crate::store::Namespace;
+use crate::store::{Namespace, StoreError};
 
 /// Collections whose changes are changes of what is asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,13 +17,16 @@ pub struct Sources {
 
 impl Memory {
     /// What the documents of these collections come from.
-    #[must_use]
-    pub fn sources(&self, asked: &[Namespace]) -> Sources {
+    ///
+    /// # Errors
+    /// Where the store fails, or what it keeps is no computable.
+    pub fn sources(&self, asked: &[Namespace]) -> Result<Sources, StoreError> {
         let mut sources = Sources { namespaces: asked.to_vec(), delay: Duration::ZERO };
         let mut next = 0;
         while let Some(namespace) = sources.namespaces.get(next).cloned() {
             next += 1;
-            for computable in self.computables().filter(|other| other.definition.namespace == namespace) {
+            let registry = self.registry(&namespace)?;
+            for computable in registry.iter().filter(|other| other.definition.namespace == namespace) {
                 sources.delay = sources.delay.max(computable.definition.cache.unwrap_or_default());
                 for source in computable.body.sources(&namespace) {
                     if !sources.namespaces.contains(&source) {
@@ -32,6 +35,6 @@ impl Memory {
                 }
             }
         }
-        sources
+        Ok(sources)
     }
 }

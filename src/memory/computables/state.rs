@@ -1,6 +1,9 @@
 //! The computables of a memory: which are registered, which are running, what the last operation computed.
 
 use std::cell::{Cell, RefCell};
+use std::collections::HashMap;
+use std::rc::Rc;
+use std::time::Instant;
 
 use bson::oid::ObjectId;
 use bson::{DateTime, Document};
@@ -10,12 +13,15 @@ use super::key;
 use super::registry::{Computable, Registry};
 use super::report::Computed;
 use super::view::View;
-use crate::store::{Namespace, StoreError};
+use crate::store::Namespace;
 
 /// The computables of a memory.
 #[derive(Default)]
 pub(in crate::memory) struct Computables {
-    pub(super) registry: Registry,
+    /// Those of the settings.
+    pub(super) declared: Rc<Registry>,
+    /// Those of each database that was asked, by its name.
+    pub(super) kept: RefCell<HashMap<String, Kept>>,
     /// Those whose bodies are running, each for a query of the one before.
     pub(super) running: RefCell<Vec<Running>>,
     /// What was computed for the last operation.
@@ -24,11 +30,27 @@ pub(in crate::memory) struct Computables {
     is_shown: Cell<bool>,
 }
 
+/// The computables of a database: those of the settings, and those that it keeps.
+pub(super) struct Kept {
+    /// What is kept.
+    pub(super) records: Vec<Document>,
+    pub(super) registry: Rc<Registry>,
+    /// When the records were read.
+    pub(super) read: Instant,
+}
+
 /// A computable that a query needs.
 pub(super) struct Wanted<'a> {
-    pub(super) computable: &'a Computable,
+    pub(super) computable: Rc<Computable>,
     pub(super) query: &'a Document,
     pub(super) key: String,
+}
+
+impl<'a> Wanted<'a> {
+    pub(super) fn new(computable: Rc<Computable>, query: &'a Document) -> Self {
+        let key = key::of(&computable.definition, query);
+        Self { computable, query, key }
+    }
 }
 
 /// The other computables that a query needs, seen from one of them.
@@ -53,8 +75,8 @@ pub(super) struct Running {
 }
 
 impl Computables {
-    pub(in crate::memory) fn new(registry: Registry) -> Self {
-        Self { registry, ..Self::default() }
+    pub(in crate::memory) fn new(declared: Registry) -> Self {
+        Self { declared: Rc::new(declared), ..Self::default() }
     }
 
     /// Shows all that the cache holds, or only what was computed for an operation.
@@ -67,34 +89,8 @@ impl Computables {
         self.computed.borrow().clone()
     }
 
-    /// All that the questions need, in the order in which it runs.
-    pub(super) fn wanted<'a>(
-        &'a self,
-        questions: &[(&Namespace, &'a Document)],
-    ) -> Result<Vec<Wanted<'a>>, StoreError> {
-        let mut wanted: Vec<Wanted<'a>> = Vec::new();
-        for (ns, query) in questions {
-            let documents = self.registry.matching(ns, query)?.into_iter();
-            for computable in documents.filter(|computable| computable.definition.adds.is_none()) {
-                let key = key::of(&computable.definition, query);
-                if !wanted.iter().any(|other| other.key == key) && !self.is_due(&computable.definition) {
-                    wanted.push(Wanted { computable, query, key });
-                }
-            }
-        }
-        wanted.sort_by_key(|wanted| std::cmp::Reverse(wanted.computable.definition.priority));
-        Ok(wanted)
-    }
-
-    /// The computables that add keys to what a query asks for, in the order in which they run.
-    pub(super) fn adding<'a>(&'a self, ns: &Namespace, query: &'a Document) -> Result<Vec<Wanted<'a>>, StoreError> {
-        let adding = self.registry.matching(ns, query)?.into_iter();
-        let adding = adding.filter(|computable| computable.definition.adds.is_some());
-        Ok(adding.map(|computable| Wanted { computable, query, key: key::of(&computable.definition, query) }).collect())
-    }
-
     /// Whether a computable runs after one whose body is running.
-    fn is_due(&self, definition: &Definition) -> bool {
+    pub(super) fn is_due(&self, definition: &Definition) -> bool {
         let running = self.running.borrow();
         running.iter().any(|at| at.namespace == definition.namespace && at.later.contains(&definition.name))
     }

@@ -57,7 +57,12 @@ impl Memory {
     /// Where the store fails, or the query is wrong.
     pub fn diagnose(&self, ns: &Namespace, filter: &Document) -> Result<Diagnosis, StoreError> {
         self.answer(&[(ns, filter)], true, |view| {
-            let examiner = Examiner { store: self.routes.reading(ns)?, ns, view };
+            let extended = self.extended_whole(ns, filter, view)?;
+            let store: &dyn Store = match &extended {
+                Some(extended) => extended,
+                None => self.routes.reading(ns)?,
+            };
+            let examiner = Examiner { store, ns, view };
             examiner.diagnose(filter)
         })
     }

@@ -132,7 +132,7 @@ impl<'a> Browser<'a> {
             Key::Char('s') => self.ask(true),
             Key::Char('e') => self.explain()?,
             Key::Char('p') => self.plan()?,
-            Key::Char('c') => self.computables(),
+            Key::Char('c') => self.computables()?,
             Key::Char('r') => self.reread()?,
             Key::Up | Key::Char('k') => self.go(-1),
             Key::Down | Key::Char('j') => self.go(1),
@@ -289,8 +289,9 @@ impl<'a> Browser<'a> {
         Ok(())
     }
 
-    fn computables(&mut self) {
-        let listed = self.memory.computables().map(|computable| {
+    fn computables(&mut self) -> Result<(), StoreError> {
+        let computables = self.memory.computables()?;
+        let listed = computables.iter().map(|computable| {
             let definition = &computable.definition;
             let (name, namespace) = (&definition.name, &definition.namespace);
             format!(
@@ -300,8 +301,9 @@ impl<'a> Browser<'a> {
             )
         });
         let text: String = listed.collect();
-        let text = if text.is_empty() { "no computables are declared in rmem.toml".to_owned() } else { text };
+        let text = if text.is_empty() { "there are no computables".to_owned() } else { text };
         self.show("computables".to_owned(), &text);
+        Ok(())
     }
 }
 

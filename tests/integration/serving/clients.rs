@@ -10,6 +10,7 @@ use super::{Case, Served, code};
 pub(super) const CASES: &[(&str, Case)] = &[
     ("plain_clients_see_no_metadata_unless_it_is_shown", metadata),
     ("computables_run_for_whoever_asks", computables),
+    ("computables_that_are_added_meanwhile_run_too", added),
     ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
     ("mistakes_have_the_codes_and_names_of_mongodb", mistakes),
     ("what_is_not_supported_is_refused_by_its_name", refusals),
@@ -52,6 +53,25 @@ fn computables() -> Result<(), Failed> {
     let found = things.find_one(doc! { "double": 42 }).run()?.ok_or("nothing was computed")?;
     assert_eq!(found.get("double"), Some(&Bson::Int32(42)));
     assert_eq!(things.count_documents(doc! {}).run()?, 1);
+    Ok(())
+}
+
+fn added() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    things.insert_one(doc! { "_id": 1, "n": 21 }).run()?;
+    assert_eq!(things.find_one(doc! { "half": 21 }).run()?, None);
+    let half = "{name: 'half', collection: 'a.things', spec: {half: {$exists: true}}, adds: ['half'], \
+                pipeline: [{$project: {half: '$n'}}]}";
+    for (arguments, found) in
+        [(["add", half], Some(doc! { "_id": 1, "n": 21, "half": 21 })), (["remove", "half"], None)]
+    {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_rmem"));
+        command.args(["--memory", "file:robot.rmem", "computables"]).args(arguments).current_dir(folder.path());
+        assert_eq!(command.output()?.status.code(), Some(0));
+        assert_eq!(things.find_one(doc! { "half": 21 }).run()?, found);
+    }
     Ok(())
 }
 
