@@ -180,6 +180,10 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
             warned.push(&section.namespace);
         }
     }
+    if generated.is_goal_unused {
+        let message = "the goal is not in the problem: the part of the template that uses it was left out";
+        context.output.warn(message);
+    }
     generated.respelled.iter().for_each(|name| context.output.note(name));
     for namespace in &generated.namespaces {
         if !warned.contains(&namespace) && !generated.sections.iter().any(|section| section.namespace == *namespace) {

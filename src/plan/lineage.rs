@@ -9,7 +9,7 @@ use sha2::{Digest as _, Sha256};
 use super::{Input, TaskSource};
 use crate::formats::shell;
 use crate::pddl::{Problem, Why};
-use crate::problem::{SectionReport, names};
+use crate::problem::{Generated, SectionReport, names};
 
 /// What stands for the planner of a plan that came from a file.
 pub const IMPORTED: &str = "import";
@@ -125,19 +125,21 @@ impl Lineage {
     /// That of a plan before it is looked for: what it is made from, the problem that this gave, and the
     /// queries that its template asked.
     #[must_use]
-    pub fn of(source: TaskSource, problem: &Problem, sections: &[SectionReport]) -> Self {
+    pub fn of(source: TaskSource, problem: &Problem, generated: Option<&Generated>) -> Self {
         let request = match &source.input {
             Input::Template(request) => Some(request),
             Input::Problem(_) => None,
         };
+        // One that a part of the template would have used that was left out is not the goal of the problem.
+        let given = request.filter(|_| generated.is_none_or(|generated| !generated.is_goal_unused));
         let goal = || problem.tree().goal.as_ref().map(ToString::to_string).unwrap_or_default();
         Self {
             domain: hash(source.domain.text()),
             problem: hash(problem.source().text()),
             template: request.map(|request| hash(request.template.text())),
             metric: problem.tree().metric.as_ref().map(|metric| bare(&metric.expression.to_string())),
-            goal: request.and_then(|request| request.goal.clone()).unwrap_or_else(goal),
-            queries: sections.iter().map(Answered::from).collect(),
+            goal: given.and_then(|request| request.goal.clone()).unwrap_or_else(goal),
+            queries: generated.iter().flat_map(|generated| &generated.sections).map(Answered::from).collect(),
             sources: Some(source),
             ..Self::default()
         }

@@ -8,11 +8,10 @@ impl PlanningTask {
     /// Returns the lineage of a plan for this problem, before it is searched for.
     #[must_use]
     pub fn lineage(&self, source: TaskSource) -> Lineage {
-        let sections = self.generated.as_ref().map_or(&[][..], |generated| &generated.sections);
         Lineage {
             started: Some(self.started),
             times: vec![("instantiate".to_owned(), self.time)],
-            ..Lineage::of(source, &self.problem, sections)
+            ..Lineage::of(source, &self.problem, self.generated.as_ref())
         }
     }
 }

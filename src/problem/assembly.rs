@@ -19,6 +19,8 @@ pub(super) struct Emitted {
     pub(super) number: bool,
     /// The place in the template.
     pub(super) template: Span,
+    /// Whether it is the value of that place. Else it was put into text, which another place wrote.
+    pub(super) is_placed: bool,
     pub(super) document: Option<DocumentId>,
     /// Whether it is the goal: PDDL text, and no name.
     pub(super) goal: bool,
@@ -28,7 +30,7 @@ pub(super) struct Emitted {
 
 enum Part<'a> {
     /// Text, and where it stands in the template if that is known.
-    Text(&'a str, Option<Literal>),
+    Text(&'a str, Option<Place>),
     Value(Cow<'a, Emitted>),
 }
 
@@ -48,10 +50,23 @@ pub(super) struct Literal {
     pub(super) document: Option<DocumentId>,
 }
 
-impl Literal {
+/// Where text comes from.
+#[derive(Debug, Clone)]
+enum Place {
+    Literal(Literal),
+    /// What made it of other text.
+    Made(Span),
+}
+
+impl Place {
     /// The place of the text `length` bytes further.
     fn after(&self, length: usize) -> Self {
-        Self { start: self.start + length, document: self.document.clone() }
+        match self {
+            Self::Literal(Literal { start, document }) => {
+                Self::Literal(Literal { start: start + length, document: document.clone() })
+            }
+            Self::Made(span) => Self::Made(*span),
+        }
     }
 }
 
@@ -107,7 +122,12 @@ impl<'a> Assembler<'a> {
 
     /// Adds text of the template.
     pub(super) fn literal(&mut self, text: &'a str, place: Literal) -> Result<(), Diagnostic> {
-        self.stretch(text, Some(place))
+        self.stretch(text, Some(Place::Literal(place)))
+    }
+
+    /// Adds text that the expression or the tag at `template` made of other text.
+    pub(super) fn made(&mut self, text: &'a str, template: Span) -> Result<(), Diagnostic> {
+        self.stretch(text, Some(Place::Made(template)))
     }
 
     /// Adds the goal, which the marker or the expression at `template` stands for.
@@ -119,7 +139,7 @@ impl<'a> Assembler<'a> {
         Ok(())
     }
 
-    fn stretch(&mut self, text: &'a str, place: Option<Literal>) -> Result<(), Diagnostic> {
+    fn stretch(&mut self, text: &'a str, place: Option<Place>) -> Result<(), Diagnostic> {
         let after = |length: usize| place.as_ref().map(|place| place.after(length));
         let mut start = 0;
         if !self.token.is_empty() {
@@ -144,18 +164,16 @@ impl<'a> Assembler<'a> {
     }
 
     /// Writes text into the problem, and notes where it came from.
-    fn write(&mut self, text: &str, place: Option<Literal>) {
+    fn write(&mut self, text: &str, place: Option<Place>) {
         let at = self.out.len();
         self.out.push_str(text);
-        if let Some(Literal { start, document }) = place.filter(|_| !text.is_empty()) {
-            let output = Span::new(at, self.out.len());
-            self.placed.push(Placed {
-                output,
-                template: Span::new(start, start + text.len()),
-                document,
-                kind: StretchKind::Text,
-            });
-        }
+        let output = Span::new(at, self.out.len());
+        self.placed.extend(place.filter(|_| !text.is_empty()).map(|place| match place {
+            Place::Literal(Literal { start, document }) => {
+                Placed { output, template: Span::new(start, start + text.len()), document, kind: StretchKind::Text }
+            }
+            Place::Made(template) => Placed { output, template, document: None, kind: StretchKind::Made },
+        }));
     }
 
     /// Adds a value.
@@ -284,7 +302,7 @@ mod tests {
             let (number, value) = value.strip_prefix('#').map_or((false, value), |value| (true, value));
             let template = Span::at(text.len() - after.len());
             let text = value.to_owned();
-            let emitted = Emitted { text, number, template, document: None, goal: false, value: None };
+            let emitted = Emitted { text, number, template, is_placed: true, document: None, goal: false, value: None };
             assembler.value(Cow::Owned(emitted));
             rest = after;
         }

@@ -44,6 +44,8 @@ pub(super) enum StretchKind {
     Value,
     /// Text of the template, as it is there.
     Text,
+    /// Text that an expression or a filter made of other text.
+    Made,
     Goal,
 }
 
@@ -69,6 +71,8 @@ pub struct Generated {
     pub namespaces: Vec<Namespace>,
     /// Keys that documents have in another spelling than the template: sentences for the user.
     pub respelled: Vec<String>,
+    /// Whether a goal was given that nothing of what was rendered used.
+    pub is_goal_unused: bool,
     pub(super) template: Texts,
     /// In the order of the output, without overlaps.
     pub(super) placed: Vec<Placed>,

@@ -48,6 +48,9 @@ fn unused(name: &str, all: &[(Syntax, Taken)]) -> Diagnostic {
     let diagnostic = Diagnostic::new(&source, Span::new(0, name.len()), message);
     let names: BTreeSet<&str> = all.iter().flat_map(|(_, taken)| taken.names.iter().map(String::as_str)).collect();
     let list = names.iter().copied().collect::<Vec<_>>().join(", ");
+    if name.eq_ignore_ascii_case("goal") {
+        return diagnostic.hint("give the goal with --goal");
+    }
     match nearest(name, names.iter().copied()) {
         Some(near) => diagnostic.hint(format!("did you mean `{near}`?")),
         None if list.is_empty() => diagnostic.hint("it uses no parameters; leave -D out"),

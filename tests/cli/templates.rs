@@ -459,3 +459,180 @@ fn a_goal_for_a_problem_that_has_its_own_is_refused() {
     [exit code: 2]
     ");
 }
+
+/// A template of a problem with this text in its initial state.
+fn within_init(text: &str) -> String {
+    format!("(define (problem p) (:domain d) (:objects a b)\n (:init (idle a)\n{text}\n )\n (:goal (and)))\n")
+}
+
+#[test]
+fn mistakes_in_text_that_filters_and_variables_write_are_at_their_own_places() {
+    let raw = "{% raw %}\n  (idle b)\n  (idel b)\n{% endraw %}";
+    assert_run!(rendered(&lab(), &within_init(raw), &[]), @r"
+    ------- stderr -------
+    error: t.j2:5:4: predicate `idel` is not declared
+      |
+    5 |   (idel b)
+      |    ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 5 of the problem: (idel b)
+    [exit code: 3]
+    ");
+    let upper =
+        "{% filter upper %}\n  (idle b) (idel b)\n  (up {{ 'b' }}) (upp {{ 'b' }})\n  (idel b)\n{% endfilter %}";
+    assert_run!(rendered(&lab(), &within_init(upper), &[]), @r"
+    ------- stderr -------
+    error: t.j2:4:13: predicate `IDEL` is not declared
+      |
+    4 |   (idle b) (idel b)
+      |             ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 4 of the problem: (IDLE B) (IDEL B)
+    error: t.j2:5:19: predicate `UPP` is not declared
+      |
+    5 |   (up {{ 'b' }}) (upp {{ 'b' }})
+      |                   ^^^
+      = hint: did you mean `up`?
+      = hint: it became line 5 of the problem: (UP b) (UPP b)
+    error: t.j2:6:4: predicate `IDEL` is not declared
+      |
+    6 |   (idel b)
+      |    ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 6 of the problem: (IDEL B)
+    [exit code: 3]
+    ");
+    let replace = "{%- filter replace('idel', 'ydel')|indent(2) -%}\n  (idle b)\n  (idel b)\n{% endfilter %}";
+    assert_run!(rendered(&lab(), &within_init(replace), &[]), @r"
+    ------- stderr -------
+    error: t.j2:3:1: predicate `ydel` is not declared
+      |
+    3 | {%- filter replace('idel', 'ydel')|indent(2) -%}
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 3 of the problem: (ydel b)
+    [exit code: 3]
+    ");
+    let set = "{% set facts %}\n  (idle b)\n  (idel b)\n{% endset %}\n{% if facts|length > 3 %}{{ facts }}{% endif %}";
+    assert_run!(rendered(&lab(), &within_init(set), &[]), @r"
+    ------- stderr -------
+    error: t.j2:5:4: predicate `idel` is not declared
+      |
+    5 |   (idel b)
+      |    ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 6 of the problem: (idel b)
+    [exit code: 3]
+    ");
+    let filtered = "{% set facts | replace('idel', 'ydel') %}\n  (idle b)\n  (idel b)\n{% endset %}\n{{ facts }}";
+    assert_run!(rendered(&lab(), &within_init(filtered), &[]), @r"
+    ------- stderr -------
+    error: t.j2:7:1: predicate `ydel` is not declared
+      |
+    7 | {{ facts }}
+      | ^^^^^^^^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 6 of the problem: (ydel b)
+    [exit code: 3]
+    ");
+    let called = "{% macro f(x) %}\n  (idle b)\n  (idel {{ x }}) (idelx b)\n{% endmacro %}\n{% if f('b') %}{{ f('b') }}{% endif %}";
+    assert_run!(rendered(&lab(), &within_init(called), &[]), @r"
+    ------- stderr -------
+    error: t.j2:5:4: predicate `idel` is not declared
+      |
+    5 |   (idel {{ x }}) (idelx b)
+      |    ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 6 of the problem: (idel b) (idelx b)
+    error: t.j2:5:19: predicate `idelx` is not declared
+      |
+    5 |   (idel {{ x }}) (idelx b)
+      |                   ^^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 6 of the problem: (idel b) (idelx b)
+    [exit code: 3]
+    ");
+    // One value for PDDL, since this filter takes the text for a value.
+    let title = "{% filter title %}(idle b){% endfilter %}";
+    assert_run!(rendered(&lab(), &within_init(title), &[]), @r#"
+    ------- stderr -------
+    error: t.j2:3:1: in `:init`: expected a condition, found `(Idle B)`
+      |
+    3 | {% filter title %}(idle b){% endfilter %}
+      | ^^^^^^^^^^^^^^^^^^
+      = hint: this is written (:init (NAME OBJECT …) (= (FUNCTION OBJECT …) NUMBER) …)
+      = hint: it became line 3 of the problem: "(Idle B)"
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn text_that_a_template_compares_is_as_it_is_written() {
+    let template = "{% set kind %}{% if true %}idle{% endif %}{% endset %}\
+        {% macro same(x) %}{% filter lower %}{% raw %}IDLE{% endraw %}{% endfilter %}{% endmacro %}\
+        {% if kind == 'idle' and same(1) == 'idle' %}({{ kind }} b){% endif %}";
+    let printed = rendered(&lab(), &within_init(template), &[]);
+    assert!(printed.success().contains("\n(idle b)\n"), "{template}");
+}
+
+#[test]
+fn what_other_languages_write_gets_a_hint() {
+    let lab = lab();
+    lab.write("w.json", r#"{"robmem.orders": [{"_id": 1, "name": "o1", "at-x": 3}]}"#);
+    let orders = "{% for r in query('robmem.orders') %}";
+    let length = |of: &str| format!("how many there are is a filter: write {{{{ {of}|length }}}}");
+    let clock = "a template has no clock, so that the same memory gives the same problem: give the time with -D now=… and write \
+                 {{ now }}, or compare dates in a query: {$expr: {$lt: ['$until', '$$NOW']}}";
+    for (expression, hint) in [
+        ("{% set docs = query('robmem.orders') %}{{ docs.length }}", length("docs")),
+        ("{{ query('robmem.orders').size() }}", length("boxes")),
+        (&format!("{orders}{{{{ r.name.length }}}}{{% endfor %}}"), length("r.name")),
+        (
+            &format!("{orders}{{{{ r.at-x }}}}{{% endfor %}}"),
+            "a key with a hyphen is written r[\"at-x\"], or r.at_x; `-` subtracts".to_owned(),
+        ),
+        (
+            "{% for r in query(\"db.orders.find({team: 'CYAN'})\") %}{% endfor %}",
+            "write: query(\"robmem.orders\", \"{team: 'CYAN'}\")".to_owned(),
+        ),
+        ("{{ datetime.now() }}", clock.to_owned()),
+        ("{{ now() }}", clock.to_owned()),
+    ] {
+        let finished = rendered(&lab, expression, &["--load", "w.json"]).exits(3);
+        let hints: Vec<&str> =
+            finished.stderr.lines().filter_map(|line| line.trim().strip_prefix("= hint: ")).collect();
+        assert_eq!(hints.join("\n"), hint, "{expression}");
+    }
+    assert_run!(rendered(&lab, "{{ goal }}", &["-D", "goal=(idle a)"]), @r"
+    ------- stderr -------
+    error: <parameter>:1:1: the template does not use a parameter `goal`
+      |
+    1 | goal
+      | ^^^^
+      = hint: give the goal with --goal
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_goal_that_a_part_would_use_that_was_left_out_is_not_recorded() {
+    let lab = lab();
+    let template = "(define (problem p) (:domain d) (:objects a b) (:init (idle a) (idle b))
+      (:goal {% if query('robmem.orders') %}{{ goal }}{% else %}(up b){% endif %}))";
+    lab.write("t.j2", template);
+    let task = ["plan", "-d", "d.pddl", "-t", "t.j2", "--goal", "(up a)"];
+    assert_run!(lab.rmem(&task), @r"
+    (go b)
+    ; cost = 1 (unit cost)
+    ------- stderr -------
+    warning: line 2: query('robmem.orders') in robmem.orders: 0 documents
+      no collection robmem.orders; the memory is empty
+    warning: the goal is not in the problem: the part of the template that uses it was left out
+    stored in robmem.plans as [ID]
+    [exit code: 0]
+    ");
+    assert!(lab.rmem(&["plan", "why", "last"]).success().contains("goal        (up b)\n"));
+    // The goal is kept for the next time.
+    lab.rmem(&["insert", "robmem.orders", "{}"]).success();
+    assert!(lab.rmem(&["plan", "rerun", "last"]).success().contains("(go a)"));
+}

@@ -304,7 +304,8 @@ fn a_mistake_in_a_template_says_what_there_is() {
         ("{{ len('abc') }}", vec!["unknown function `len`", "`length` is a filter: write {{ value|length }}"]),
         ("{{ 'a'|uper }}", vec!["unknown filter `uper`", "did you mean `upper`?", "there are the filters abs, "]),
         ("{% if 1 is defind %}{% endif %}", vec!["unknown test `defind`", "did you mean `defined`?"]),
-        ("{{ [1].count() }}", vec!["documents have the methods get, keys, values, items"]),
+        ("{{ [1].count() }}", vec!["how many there are is a filter: write {{ boxes|length }}"]),
+        ("{{ [1].push(2) }}", vec!["documents have the methods get, keys, values, items"]),
         (
             "{% for d in query('robmem.worldmodel', fields={'a': 1}) %}{% endfor %}",
             vec![
@@ -315,7 +316,10 @@ fn a_mistake_in_a_template_says_what_there_is() {
         ("{{ count('robmem.worldmodel', limit=1) }}", vec!["unknown keyword argument `limit`", "count(ns, filter)"]),
         ("{{ count('robmem.worldmodel', {}, 3) }}", vec!["expected count(ns, filter)"]),
         ("{{ count('robmem.worldmodel', ns='a.b') }}", vec!["unknown keyword argument 'ns'"]),
-        ("{{ count(\"db.orders.find({})\") }}", vec!["is not a namespace: it has a `(`"]),
+        (
+            "{{ count(\"db.orders.find({})\") }}",
+            vec!["is not a namespace: it has a `(`", "hint: write: query(\"robmem.orders\")"],
+        ),
     ] {
         let error = complaint(template, blocks());
         assert!(words.iter().all(|word| error.contains(word)), "{template}: {error}");

@@ -1,6 +1,6 @@
 //! A line of mongosh as a command of rmem.
 
-use super::{Line, Segment, is_empty, is_text, unquoted};
+use super::line::{Line, Segment, is_empty, is_text, unquoted};
 use crate::formats::command_line::word;
 
 /// Returns the command for a line; none where it is no such line, or rmem has no such command.

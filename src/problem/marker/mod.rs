@@ -12,7 +12,7 @@ use bson::raw::RawBsonRef;
 use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::assembly::{Assembled, Assembler, Emitted, Literal};
-use super::origin::{DocumentId, document_id};
+use super::origin::{DocumentId, StretchKind, document_id};
 use super::taken::Taken;
 use super::texts::Texts;
 use super::{Generated, ProblemError, Request, SectionReport};
@@ -53,7 +53,8 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let Assembled { text, placed, values } = expander.assembler.finish()?;
     let namespaces = expander.reports.first().map(|report| report.namespace.clone()).into_iter().collect();
     let (sections, respelled) = (expander.reports, expander.respelled.take());
-    Ok(Generated { text, sections, namespaces, respelled, template: texts.clone(), placed, values })
+    let is_goal_unused = goal.is_some() && !placed.iter().any(|placed| placed.kind == StretchKind::Goal);
+    Ok(Generated { text, sections, namespaces, respelled, is_goal_unused, template: texts.clone(), placed, values })
 }
 
 /// What the template takes from outside: keys of its markers may be those of documents, too.
@@ -288,7 +289,15 @@ impl<'a> Expander<'a> {
         if let Some((text, number)) = spell(value) {
             let value = Bson::try_from(value).ok().filter(|value| !matches!(value, Bson::String(_) | Bson::Symbol(_)));
             let (document, value) = (document.cloned(), value.map(Box::new));
-            self.assembler.value(Cow::Owned(Emitted { text, number, template, document, goal: false, value }));
+            self.assembler.value(Cow::Owned(Emitted {
+                text,
+                number,
+                template,
+                is_placed: true,
+                document,
+                goal: false,
+                value,
+            }));
             return Ok(());
         }
         if self.request.lenient {

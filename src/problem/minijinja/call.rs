@@ -7,7 +7,9 @@ use minijinja::value::{Kwargs, Rest, Value, ValueKind};
 use minijinja::{Error, ErrorKind};
 
 use super::context::{Context, invalid};
+use super::hint::Hint;
 use super::signature::Signature;
+use crate::formats::mongosh;
 use crate::store::{Find, Namespace};
 
 /// The arguments of a call, its place taken out.
@@ -45,7 +47,11 @@ impl Call {
     pub(super) fn namespace(&mut self, context: &Context) -> Result<Arc<Namespace>, Error> {
         let value = self.next("ns")?.ok_or_else(|| Error::new(ErrorKind::MissingArgument, "expected a namespace"))?;
         let text = value.as_str().ok_or_else(|| invalid("a namespace must be text like \"robmem.worldmodel\""))?;
-        let namespace = text.parse::<Namespace>().map_err(|error| invalid(error.to_string()))?;
+        let namespace = text.parse::<Namespace>().map_err(|error| {
+            let wrong = invalid(error.to_string());
+            let call = mongosh::call(text).map(|call| Hint(format!("write: {call}")));
+            call.into_iter().fold(wrong, Error::with_source)
+        })?;
         context.note_namespace(&namespace);
         Ok(Arc::new(namespace))
     }

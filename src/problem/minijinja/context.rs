@@ -1,8 +1,8 @@
 //! What the functions of one rendering share: the memory, its answers, and what was written.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bson::{Bson, Document, RawDocumentBuf};
@@ -23,6 +23,12 @@ pub(super) struct Context {
     pub(super) sites: Vec<Span>,
     /// The place of the expression that is written next.
     pub(super) at: AtomicUsize,
+    /// Whether nothing was written since that place was set.
+    is_next: AtomicBool,
+    /// Whether what is written now is what that place gave, and no part of it.
+    is_placed: AtomicBool,
+    /// The numbered places whose text is written as it is.
+    written: HashSet<usize>,
     pub(super) looked: Arc<Looked>,
     failure: Mutex<Option<StoreError>>,
     emitted: Mutex<Vec<Emitted>>,
@@ -68,11 +74,14 @@ pub(super) fn invalid(message: impl Into<String>) -> Error {
 }
 
 impl Context {
-    pub(super) fn new(asker: Asker, sites: Vec<Span>) -> Self {
+    pub(super) fn new(asker: Asker, sites: Vec<Span>, written: HashSet<usize>) -> Self {
         Self {
             asker,
             sites,
             at: AtomicUsize::new(usize::MAX),
+            is_next: AtomicBool::new(false),
+            is_placed: AtomicBool::new(false),
+            written,
             looked: Arc::default(),
             failure: Mutex::default(),
             emitted: Mutex::default(),
@@ -116,10 +125,9 @@ impl Context {
     pub(super) fn emit(&self, value: &Value, out: &mut Output<'_>) -> Result<(), Error> {
         let (text, number) = self.spell(value)?;
         let value = self.typed(value).or_else(|| lock(&self.named).get(&text).cloned()).map(Box::new);
-        self.keep(
-            Emitted { text, number, template: self.site(), document: self.looked.take(), goal: false, value },
-            out,
-        )
+        let is_placed = self.is_placed.load(Ordering::Relaxed);
+        let (template, document) = (self.site(), self.looked.take());
+        self.keep(Emitted { text, number, template, is_placed, document, goal: false, value }, out)
     }
 
     /// Keeps joined values, each for itself.
@@ -136,12 +144,27 @@ impl Context {
         Ok(())
     }
 
+    /// Sets the place of what is written next.
+    pub(super) fn set_site(&self, site: usize) {
+        self.at.store(site, Ordering::Relaxed);
+        self.is_next.store(true, Ordering::Relaxed);
+    }
+
+    /// Takes the number of the place that is written, where its text may get marks; nothing the next time.
+    pub(super) fn take_written(&self) -> Option<usize> {
+        let site = self.at.load(Ordering::Relaxed);
+        let is_next = self.is_next.swap(false, Ordering::Relaxed);
+        self.is_placed.store(is_next, Ordering::Relaxed);
+        (is_next && self.written.contains(&site)).then_some(site)
+    }
+
     /// Keeps the goal for the problem, like a value.
     pub(super) fn emit_goal(&self, goal: &str, out: &mut Output<'_>) -> Result<(), Error> {
         self.looked.take();
         let text = goal.to_owned();
-        let goal = Emitted { text, number: false, template: self.site(), document: None, goal: true, value: None };
-        self.keep(goal, out)
+        let template = self.site();
+        let is_placed = true;
+        self.keep(Emitted { text, number: false, template, is_placed, document: None, goal: true, value: None }, out)
     }
 
     /// The place of the expression that is written.
@@ -220,7 +243,7 @@ impl Context {
         pieces(text)
             .map(|piece| match piece {
                 Piece::Text(text) => text.to_owned(),
-                Piece::Mark(_) => String::new(),
+                Piece::Mark(_) | Piece::Begin(_) | Piece::End => String::new(),
                 Piece::Value(number) => emitted.get(number).map_or(String::new(), |value| value.text.clone()),
             })
             .collect()
@@ -309,6 +332,14 @@ pub(super) enum Piece<'a> {
     Value(usize),
     /// The number of the fixed text that begins here.
     Mark(usize),
+    /// The number of the place that wrote what follows, up to its end.
+    Begin(usize),
+    End,
+}
+
+/// Text that the expression or filter of a numbered place wrote.
+pub(super) fn bracketed(site: usize, text: &str) -> String {
+    format!("{OPEN}+{site}{CLOSE}{text}{OPEN}/{CLOSE}")
 }
 
 /// Takes rendered text apart.
@@ -319,9 +350,12 @@ pub(super) fn pieces(text: &str) -> impl Iterator<Item = Piece<'_>> {
             let (number, after) = after.split_once(CLOSE).unwrap_or((after, ""));
             rest = after;
             let parse = |number: &str| number.parse().unwrap_or(usize::MAX);
-            return Some(
-                number.strip_prefix('-').map_or_else(|| Piece::Value(parse(number)), |n| Piece::Mark(parse(n))),
-            );
+            return Some(match number.split_at_checked(1) {
+                Some(("-", number)) => Piece::Mark(parse(number)),
+                Some(("+", number)) => Piece::Begin(parse(number)),
+                Some(("/", "")) => Piece::End,
+                _ => Piece::Value(parse(number)),
+            });
         }
         let end = rest.find(OPEN).unwrap_or(rest.len());
         let (piece, after) = rest.split_at(end);

@@ -4,28 +4,49 @@
 //! or a `{% set %}` block made. So text inside of these is marked only where the template writes it and does
 //! nothing else with it.
 
+use std::collections::HashSet;
+
 use super::blocks::{closes, opens};
 use super::tags::{Tag, TagKind, tags};
 use crate::formats::Span;
 
-/// The stretches of fixed text that get a mark: without the white space around them, which tags may remove. `all` are the texts
-/// of all templates that are rendered together.
-pub(super) fn stretches(template: &str, all: &[&str]) -> Vec<Span> {
-    let mut stretches = Vec::new();
-    // Whether the text of each open block is written as it is.
-    let mut open: Vec<bool> = Vec::new();
-    let mut start = 0;
-    for tag in tags(template) {
-        stretches.extend(stretch(template, start, tag.span.start).filter(|_| open.iter().all(|is_plain| *is_plain)));
-        start = tag.span.end;
-        if opens(&tag) {
-            open.push(is_plain(&tag, all));
-        } else if closes(&tag).is_some() {
-            open.pop();
+/// What of a template gets a mark.
+#[derive(Debug, Default)]
+pub(super) struct Fixed {
+    /// The stretches of fixed text, without the white space around them, which tags may remove.
+    pub(super) stretches: Vec<Span>,
+    /// Where the expressions and filters start whose text is written as it is.
+    pub(super) written: HashSet<usize>,
+}
+
+impl Fixed {
+    /// That of a template; `all` are the texts of all templates that are rendered together.
+    pub(super) fn of(template: &str, all: &[&str]) -> Self {
+        let mut fixed = Self::default();
+        // Whether the text of each open block is written as it is.
+        let mut open: Vec<bool> = Vec::new();
+        let mut start = 0;
+        for tag in tags(template) {
+            let is_written = open.iter().all(|is_plain| *is_plain);
+            if is_written {
+                fixed.stretches.extend(stretch(template, start, tag.span.start));
+                fixed.stretches.extend(tag.raw().and_then(|raw| stretch(template, raw.start, raw.end)));
+            }
+            if is_written && (tag.kind == TagKind::Expression || tag.word() == "filter") {
+                fixed.written.insert(tag.span.start);
+            }
+            start = tag.span.end;
+            if opens(&tag) {
+                open.push(is_plain(&tag, all));
+            } else if closes(&tag).is_some() {
+                open.pop();
+            }
         }
+        if open.iter().all(|is_plain| *is_plain) {
+            fixed.stretches.extend(stretch(template, start, template.len()));
+        }
+        fixed
     }
-    stretches.extend(stretch(template, start, template.len()).filter(|_| open.iter().all(|is_plain| *is_plain)));
-    stretches
 }
 
 fn stretch(template: &str, start: usize, end: usize) -> Option<Span> {
@@ -94,13 +115,13 @@ mod tests {
     use super::*;
 
     fn marked(template: &str) -> Vec<&str> {
-        stretches(template, &[template]).into_iter().map(|span| &template[span.start..span.end]).collect()
+        Fixed::of(template, &[template]).stretches.into_iter().map(|span| &template[span.start..span.end]).collect()
     }
 
     #[test]
     fn text_is_marked_unless_something_looks_at_it() {
         assert_eq!(marked(" a {% if x %}\n(b c)\n{% else %} {% endif %}d"), ["a", "(b c)", "d"]);
-        assert_eq!(marked("{% filter upper %}a{% endfilter %}b{% raw %}c{% endraw %}"), ["b"]);
+        assert_eq!(marked("{% filter upper %}a{% endfilter %}b{% raw %}c{% endraw %}"), ["b", "c"]);
         assert_eq!(marked("{% macro f(x) %}a{% endmacro %}{{ f(1) }}{{ m.f((2)) }}"), ["a"]);
         for used in ["{% if f(1) == 'a' %}{% endif %}", "{{ f(1)|upper }}", "{{ g(f(1)) }}", "{{ f(f(1)) }}"] {
             assert_eq!(marked(&format!("{{% macro f(x) %}}a{{% endmacro %}}{used}")), [""; 0], "{used}");

@@ -1,7 +1,6 @@
 //! The functions and filters that templates have.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use bson::{Bson, doc};
 use minijinja::value::{Kwargs, Rest, Value, ValueKind};
@@ -108,7 +107,7 @@ pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>
     environment.set_unknown_method_callback(|_, value, name, arguments| method::call(value, name, arguments));
     let shared = Arc::clone(context);
     environment.add_filter(super::instrument::AT, move |value: Value, site: usize| {
-        shared.at.store(site, Ordering::Relaxed);
+        shared.set_site(site);
         value
     });
     let shared = Arc::clone(context);

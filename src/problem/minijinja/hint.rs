@@ -111,21 +111,92 @@ const SYNONYMS: [(&str, &str); 22] = [
     ("startswith", "startingwith"),
 ];
 
-/// What to do about a mistake, each a hint of its own. `template` is the text with the mistake, `missing` the key that
-/// the document in `expression` does not have.
-pub(super) fn hints(error: &Error, template: &str, expression: &str, missing: Option<&Missing>) -> Vec<String> {
+/// Ways to ask for the time. Templates have no clock, so that the same memory gives the same problem.
+const CLOCKS: [&str; 9] = ["now", "today", "time", "date", "datetime", "timestamp", "utcnow", "strftime", "clock"];
+
+/// Ways to ask how many there are, as methods and keys of other languages.
+const LENGTHS: [&str; 5] = ["length", "len", "size", "count", "__len__"];
+
+/// A hint that an error brings along, as its source.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(super) struct Hint(pub(super) String);
+
+/// A mistake that the engine found.
+pub(super) struct Mistake<'a> {
+    pub(super) error: &'a Error,
+    /// The text with the mistake.
+    pub(super) template: &'a str,
+    /// The expression that is wrong.
+    pub(super) expression: &'a str,
+    /// The same, and what follows it in the template.
+    pub(super) code: &'a str,
+    /// The key that the document in the expression does not have.
+    pub(super) missing: Option<&'a Missing>,
+}
+
+/// What to do about a mistake, each a hint of its own.
+pub(super) fn hints(mistake: &Mistake<'_>) -> Vec<String> {
+    let Mistake { error, template, expression, code, missing } = mistake;
     let detail = error.detail().unwrap_or_default();
+    if let Some(Hint(hint)) = std::error::Error::source(error).and_then(|source| source.downcast_ref()) {
+        return vec![hint.clone()];
+    }
     match error.kind() {
         ErrorKind::UnknownFunction => function(detail.strip_suffix(" is unknown").unwrap_or(detail), template),
         ErrorKind::UnknownFilter => listed("filters", quoted(detail), &FILTERS),
         ErrorKind::UnknownTest => listed("tests", quoted(detail), &TESTS),
+        ErrorKind::UnknownMethod if is_clock(detail) => vec![clock()],
         ErrorKind::UnknownMethod => {
+            let length =
+                called_length(detail).then(|| "how many there are is a filter: write {{ boxes|length }}".to_owned());
             let documents = format!("documents have the methods {}", METHODS.join(", "));
-            vec![documents, "anything else is a filter, like {{ boxes|length }}".to_owned()]
+            let others = || vec![documents, "anything else is a filter, like {{ boxes|length }}".to_owned()];
+            length.map_or_else(others, |length| vec![length])
         }
+        ErrorKind::UndefinedError if missing.is_none() && LENGTHS.iter().any(|word| is_key(expression, word)) => {
+            let owner = expression.rsplit_once('.').map_or("boxes", |(owner, _)| owner);
+            vec![format!("how many there are is a filter: write {{{{ {owner}|length }}}}")]
+        }
+        ErrorKind::UndefinedError if CLOCKS.contains(expression) => vec![clock()],
         ErrorKind::UndefinedError => missing.map(|missing| key(missing, expression)).unwrap_or_default(),
+        ErrorKind::InvalidOperation if detail.contains("use - operator") => subtraction(code).into_iter().collect(),
         _ => Vec::new(),
     }
+}
+
+/// Whether an expression is something's key of this name.
+fn is_key(expression: &str, key: &str) -> bool {
+    expression.strip_suffix(key).is_some_and(|owner| owner.ends_with('.') && !owner.contains(' '))
+}
+
+fn clock() -> String {
+    "a template has no clock, so that the same memory gives the same problem: give the time with -D now=… and write {{ now }}, \
+     or compare dates in a query: {$expr: {$lt: ['$until', '$$NOW']}}"
+        .to_owned()
+}
+
+/// Whether `… has no method named now (`datetime` is undefined)` asks for the time.
+fn is_clock(detail: &str) -> bool {
+    let undefined = detail.split('`').nth(1).filter(|_| detail.ends_with("is undefined)"));
+    undefined.is_some_and(|name| CLOCKS.contains(&name))
+}
+
+/// Whether `… has no method named size` asks how many there are.
+fn called_length(detail: &str) -> bool {
+    let name = detail.split_once("has no method named ").map(|(_, rest)| rest.split(' ').next().unwrap_or_default());
+    name.is_some_and(|name| LENGTHS.contains(&name))
+}
+
+/// The way to write a key with a hyphen, where `code` begins like one that was read as a subtraction: `r.at-x`.
+fn subtraction(code: &str) -> Option<String> {
+    let end = code.find(|c: char| !c.is_alphanumeric() && !matches!(c, '_' | '.' | '-')).unwrap_or(code.len());
+    let path = code.get(..end)?.trim_end_matches('-');
+    let (owner, key) = path.rsplit_once('.').filter(|(owner, _)| !owner.contains('-'))?;
+    let is_hyphened = key.contains('-') && !key.starts_with(|c: char| c.is_numeric()) && !key.contains("--");
+    let respelled = key.replace('-', "_");
+    is_hyphened
+        .then(|| format!("a key with a hyphen is written {owner}[\"{key}\"], or {owner}.{respelled}; `-` subtracts"))
 }
 
 /// The name in `filter NAME is unknown`.
@@ -135,6 +206,9 @@ pub(super) fn quoted(detail: &str) -> &str {
 
 fn function(name: &str, template: &str) -> Vec<String> {
     let lower = name.to_lowercase();
+    if CLOCKS.contains(&lower.as_str()) {
+        return vec![clock()];
+    }
     let synonym = SYNONYMS.iter().find(|(word, _)| *word == lower).map(|(_, known)| *known);
     if let Some(filter) = synonym.filter(|known| !FUNCTIONS.contains(known)).or_else(|| {
         let is_filter = FILTERS.contains(&lower.as_str());

@@ -4,9 +4,12 @@
 //! template called it. So each `{{ x }}` becomes `{{( x )|_at(n)}}`, and each
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
-//! Fixed text gets a mark, `OPEN-nCLOSE`, in front of its first character that is no white space.
+//! Fixed text gets a mark, `OPEN-nCLOSE`, in front of its first character that is no white space. A `{% filter x %}` becomes
+//! `{% filter x|_at(n) %}`.
 
-use super::fixed::stretches;
+use std::collections::HashSet;
+
+use super::fixed::Fixed;
 use super::tags::{TagKind, tags};
 use super::value::{CLOSE, OPEN};
 use crate::formats::Span;
@@ -20,8 +23,10 @@ pub(super) const AT: &str = "_at";
 /// The places that have a number, in all texts.
 #[derive(Debug, Default)]
 pub(super) struct Numbered {
-    /// Expressions and calls.
+    /// Expressions, filters and calls.
     pub(super) sites: Vec<Span>,
+    /// The sites whose text is written as it is.
+    pub(super) written: HashSet<usize>,
     /// Stretches of fixed text.
     pub(super) texts: Vec<Span>,
 }
@@ -64,7 +69,8 @@ impl Instrumented {
 /// Numbers the places of a template, whose first byte is at `base` among the texts; `all` are these texts.
 pub(super) fn instrument(template: &str, base: usize, all: &[&str], numbered: &mut Numbered) -> Instrumented {
     let mut result = Instrumented { base, ..Instrumented::default() };
-    let mut stretches = stretches(template, all).into_iter().peekable();
+    let Fixed { stretches, written } = Fixed::of(template, all);
+    let mut stretches = stretches.into_iter().peekable();
     let mut offset = 0;
     let mut text = |span: Span, numbered: &mut Numbered, result: &mut Instrumented| {
         let stretch = stretches.next_if(|stretch| stretch.start < span.end);
@@ -78,8 +84,13 @@ pub(super) fn instrument(template: &str, base: usize, all: &[&str], numbered: &m
     };
     for tag in tags(template) {
         text(Span::new(offset, tag.span.start), numbered, &mut result);
+        if written.contains(&tag.span.start) {
+            numbered.written.insert(numbered.sites.len());
+        }
         match tag.kind {
-            TagKind::Comment | TagKind::Raw => result.text.push_str(tag.text),
+            TagKind::Comment => result.text.push_str(tag.text),
+            TagKind::Raw => text(tag.span, numbered, &mut result),
+            TagKind::Statement if tag.word() == "filter" => filter(template, tag.span, numbered, &mut result),
             TagKind::Statement => calls(template, tag.span, numbered, &mut result),
             TagKind::Expression => expression(template, tag.span, numbered, &mut result),
         }
@@ -107,6 +118,20 @@ fn expression(template: &str, tag: Span, numbered: &mut Numbered, result: &mut I
     calls(template, Span::new(tag.start + open, tag.start + close), numbered, result);
     result.insert(&format!(")|{AT}({site})"));
     result.text.push_str(&text[close..]);
+}
+
+/// `{% filter x %}` to `{% filter x|_at(n) %}`.
+fn filter(template: &str, tag: Span, numbered: &mut Numbered, result: &mut Instrumented) {
+    let site = numbered.sites.len();
+    numbered.sites.push(Span::new(result.base + tag.start, result.base + tag.end));
+    let text = &template[tag.start..tag.end];
+    let code = text.strip_suffix("%}").map(|code| code.trim_end_matches(['-', '+']).trim_end());
+    let Some(code) = code.filter(|code| !code.ends_with("filter")) else {
+        return result.text.push_str(text);
+    };
+    calls(template, Span::new(tag.start, tag.start + code.len()), numbered, result);
+    result.insert(&format!("|{AT}({site})"));
+    result.text.push_str(&text[code.len()..]);
 }
 
 /// Copies a stretch of code, giving each call of such a function its number.
@@ -181,7 +206,9 @@ mod tests {
             ("{% for d in query('a.b', {'x': {'y': 1}}) %}", "{% for d in query(0, 'a.b', {'x': {'y': 1}}) %}"),
             ("{% if doc.count (1) or x|count() %}", "{% if doc.count (1) or x|count() %}"),
             ("{{ count() }}", "{{( count(1) )|_at(0)}}"),
-            ("{% raw %}{{ x }}{% endraw %}{# {{ x }} #}", "{% raw %}{{ x }}{% endraw %}{# {{ x }} #}"),
+            ("{% raw %}{{ x }}{% endraw %}{# {{ x }} #}", "{% raw %}<-0>{{ x }}{% endraw %}{# {{ x }} #}"),
+            ("{%- filter f(1) -%}a{% endfilter %}", "{%- filter f(1)|_at(0) -%}a{% endfilter %}"),
+            ("{% filter %}a{% endfilter %}", "{% filter %}a{% endfilter %}"),
             ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}} )|_at(0)}}"),
             ("{{ 'count(' }}", "{{( 'count(' )|_at(0)}}"),
             ("{{ }} {{", "{{ }} {{"),

@@ -4,6 +4,7 @@ use minijinja::{Error, ErrorKind};
 
 use super::context::Context;
 use super::files::Files;
+use super::hint::Mistake;
 use super::{blocks, hint};
 use crate::formats::{Diagnostic, Span};
 use crate::problem::ProblemError;
@@ -64,7 +65,9 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         ErrorKind::InvalidOperation => detail.to_owned(),
         kind => format!("{kind}: {detail}"),
     };
-    let hints = hint::hints(innermost, template.text(), expression, missing.as_ref());
+    let code = template.text().get(span.start..).unwrap_or_default();
+    let mistake = Mistake { error: innermost, template: template.text(), expression, code, missing: missing.as_ref() };
+    let hints = hint::hints(&mistake);
     let diagnostic = Diagnostic::new(template, span, message);
     ProblemError::Template(hints.into_iter().fold(diagnostic, Diagnostic::hint))
 }

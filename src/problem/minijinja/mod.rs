@@ -15,30 +15,33 @@ mod limits;
 mod method;
 mod mistake;
 mod signature;
+mod source_lines;
 mod tags;
 mod value;
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use minijinja::value::Value;
+use minijinja::value::{Object, Value};
 use minijinja::{AutoEscape, Environment, Error, UndefinedBehavior};
 
 use super::answer;
-use super::assembly::{Assembled, Assembler, Literal};
+use super::assembly::{Assembled, Assembler, Emitted, Literal};
 use super::taken::Taken;
 use super::texts::Texts;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::{Diagnostic, Span};
 use crate::memory::Memory;
 pub(super) use blocks::{Around, around};
-use context::{Context, Piece, pieces};
+use context::{Context, Piece, bracketed, pieces};
 use files::Files;
 use function::register;
 pub(super) use instrument::PLACED;
 use mistake::explain;
+use source_lines::SourceLines;
 pub(super) use tags::references;
 use value::{Joined, from_bson};
 
@@ -53,8 +56,9 @@ const STACK: usize = 32 << 20;
 pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> Result<Generated, ProblemError> {
     let (files, numbered) = Files::read(request)?;
     let (asker, answerer) = answer::pair();
-    let context = Arc::new(Context::new(asker, numbered.sites));
-    let variables = variables(request, goal);
+    let context = Arc::new(Context::new(asker, numbered.sites, numbered.written));
+    let is_goal_used = Arc::new(AtomicBool::new(false));
+    let variables = Variables { values: variables(request, goal), is_goal_used: Arc::clone(&is_goal_used) };
     // The memory stays here; the thread has what asks it, and goes with it.
     let rendered = thread::scope(|scope| {
         let shared = Arc::clone(&context);
@@ -74,7 +78,10 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let rendered = rendered.map_err(|error| place(&format!("no thread to render it: {error}")))?;
     let rendered = rendered.map_err(|_| place("the template environment failed"))?;
     match rendered {
-        Ok(text) => assemble(files.texts, &context, &numbered.texts, &text),
+        Ok(text) => {
+            let generated = assemble(files.texts, &context, &numbered.texts, &text)?;
+            Ok(Generated { is_goal_unused: goal.is_some() && !is_goal_used.load(Ordering::Relaxed), ..generated })
+        }
         Err(error) => Err(explain(&files, &context, &error)),
     }
 }
@@ -104,6 +111,24 @@ pub(super) fn taken(request: &Request) -> Taken {
     all
 }
 
+/// What a template is given, by name.
+#[derive(Debug)]
+struct Variables {
+    values: Vec<(String, Value)>,
+    /// Set once the goal was looked at.
+    is_goal_used: Arc<AtomicBool>,
+}
+
+impl Object for Variables {
+    fn get_value(self: &Arc<Self>, key: &Value) -> Option<Value> {
+        let key = key.as_str()?;
+        if key == "goal" {
+            self.is_goal_used.store(true, Ordering::Relaxed);
+        }
+        self.values.iter().find(|(name, _)| name == key).map(|(_, value)| value.clone())
+    }
+}
+
 /// Ends the answering when it goes.
 struct End<'a>(&'a Context);
 
@@ -123,7 +148,7 @@ fn variables(request: &Request, goal: Option<&str>) -> Vec<(String, Value)> {
     variables
 }
 
-fn run(files: &Files, variables: Vec<(String, Value)>, context: &Arc<Context>) -> Result<String, Error> {
+fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<String, Error> {
     let mut environment = Environment::new();
     environment.set_debug(true);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
@@ -137,8 +162,9 @@ fn run(files: &Files, variables: Vec<(String, Value)>, context: &Arc<Context>) -
     // It shows the engine's inside, as one name.
     environment.remove_global("debug");
     let shared = Arc::clone(context);
-    let goal = variables.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());
+    let goal = variables.values.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());
     environment.set_formatter(move |out, _, value| {
+        let written = shared.take_written();
         if let Some(joined) = value.downcast_object_ref::<Joined>() {
             return shared.emit_joined(joined, out);
         }
@@ -146,7 +172,10 @@ fn run(files: &Files, variables: Vec<(String, Value)>, context: &Arc<Context>) -
             if goal.as_ref().is_some_and(|goal| goal.is_safe() && goal.as_str() == Some(text)) {
                 return shared.emit_goal(text, out);
             }
-            return out.write_str(text).map_err(Error::from);
+            return match written {
+                Some(site) => out.write_str(&bracketed(site, text)).map_err(Error::from),
+                None => out.write_str(text).map_err(Error::from),
+            };
         }
         // The end of an `if` without `else`.
         if value.is_undefined() {
@@ -154,7 +183,7 @@ fn run(files: &Files, variables: Vec<(String, Value)>, context: &Arc<Context>) -
         }
         shared.emit(value, out)
     });
-    let given = variables.iter().filter(|(name, _)| name != "goal").cloned().collect();
+    let given = variables.values.iter().filter(|(name, _)| name != "goal").cloned().collect();
     limits::register(&mut environment);
     register(&mut environment, context, given);
     let mut named = files.named();
@@ -163,7 +192,7 @@ fn run(files: &Files, variables: Vec<(String, Value)>, context: &Arc<Context>) -
         environment.add_template(name, text)?;
     }
     let template = environment.template_from_named_str(name, text)?;
-    template.render(Value::from_pairs(variables))
+    template.render(Value::from_object(variables))
 }
 
 fn assemble(
@@ -176,14 +205,30 @@ fn assemble(
     let mut assembler = Assembler::new(&template);
     // The fixed text that begins here.
     let mut fixed = None;
+    // The expressions and filters that write what comes next, the innermost last.
+    let mut open: Vec<usize> = Vec::new();
+    let mut lines: HashMap<usize, SourceLines<'_>> = HashMap::new();
     for piece in pieces(rendered) {
         let place = fixed.take();
         match piece {
-            Piece::Text(text) => written(text, place, &template, &mut assembler)?,
+            Piece::Begin(site) => open.push(site),
+            Piece::End => drop(open.pop()),
+            Piece::Text(text) => match open.last().and_then(|site| Some((*site, *context.sites.get(*site)?))) {
+                Some((site, span)) if place.is_none() => {
+                    let lines = lines.entry(site).or_insert_with(|| SourceLines::of(span, &template));
+                    lines.write(text, &mut assembler)?;
+                }
+                _ => written(text, place, &template, &mut assembler)?,
+            },
             Piece::Mark(number) => fixed = fixed_texts.get(number).copied(),
             Piece::Value(number) => match emitted.get(number) {
                 Some(value) if value.goal => assembler.goal(&value.text, value.template)?,
-                Some(value) => assembler.value(Cow::Borrowed(value)),
+                Some(value) if value.is_placed => assembler.value(Cow::Borrowed(value)),
+                Some(value) => {
+                    let writer = open.last().and_then(|site| context.sites.get(*site)).copied();
+                    let template = writer.unwrap_or(value.template);
+                    assembler.value(Cow::Owned(Emitted { template, ..value.clone() }));
+                }
                 None => {
                     let message = "a filter took rendered text apart; apply it to the values before they are rendered";
                     return Err(template.complain(Span::default(), message).into());
@@ -205,7 +250,8 @@ fn assemble(
     });
     let sections = sections.collect();
     let (namespaces, respelled) = (context.namespaces(), context.looked.respelled.take());
-    Ok(Generated { text, sections, namespaces, respelled, template, placed, values })
+    drop(lines);
+    Ok(Generated { text, sections, namespaces, respelled, is_goal_unused: false, template, placed, values })
 }
 
 /// Adds text to the problem: that of a stretch of the template, and what follows it.

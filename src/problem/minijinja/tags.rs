@@ -40,6 +40,13 @@ impl<'a> Tag<'a> {
         inner.trim_start_matches(['-', '+']).trim_end_matches(['-', '+']).trim()
     }
 
+    /// The place of the text between `{% raw %}` and `{% endraw %}`.
+    pub(super) fn raw(&self) -> Option<Span> {
+        let start = self.text.find("%}").filter(|_| self.kind == TagKind::Raw)? + 2;
+        let end = self.text.rfind("{%").filter(|end| *end >= start)?;
+        Some(Span::new(self.span.start + start, self.span.start + end))
+    }
+
     /// The words of the code, outside of strings, each with its offset in the code.
     pub(super) fn words(&self) -> Vec<(usize, &'a str)> {
         words(self.code())
