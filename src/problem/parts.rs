@@ -1,12 +1,17 @@
 //! The templates that a template includes, extends or imports, and where they may be.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use super::generate::spelling;
 use super::{Request, Syntax, TemplatePart, minijinja};
-use crate::formats::{Diagnostic, Source};
+use crate::formats::{Diagnostic, Source, nearest};
 use crate::input::decode;
+
+/// How many files of a folder are looked at for a message, and how many are shown.
+const MOST_LOOKED_AT: usize = 1_000;
+const MOST_SHOWN: usize = 8;
 
 /// Reads the templates that a template includes, extends or imports, and those that these do, from the first of the folders that
 /// has one. A name leads to a file inside of its folder: it is relative, without `..`, and no symbolic link on the way leads out.
@@ -38,12 +43,42 @@ pub fn read_parts(request: &Request, folders: &[PathBuf]) -> Result<Vec<Template
                         [] => "a template from stdin has no folder; name one with --template-path".to_owned(),
                         looked => format!("looked for it in {}; --template-path names more folders", looked.join(", ")),
                     };
-                    return Err(complain(format!("there is no template `{}`", reference.name)).hint(looked));
+                    let error = complain(format!("there is no template `{}`", reference.name)).hint(looked);
+                    return Err(match there(&reference.name, folders, &source) {
+                        Some(hint) => error.hint(hint),
+                        None => error,
+                    });
                 }
             }
         }
     }
     Ok(parts)
+}
+
+/// What there is instead of a template: the one most like it, else those beside where it would be.
+fn there(name: &str, folders: &[PathBuf], from: &Source) -> Option<String> {
+    let path = Path::new(name);
+    let inner = path.parent().unwrap_or(Path::new(""));
+    let mut names: BTreeSet<String> = BTreeSet::new();
+    for folder in folders {
+        for place in [inner, Path::new("")] {
+            let Ok(entries) = fs::read_dir(Path::new(".").join(folder).join(place)) else { continue };
+            let files = entries.filter_map(Result::ok).filter(|entry| entry.path().is_file()).take(MOST_LOOKED_AT);
+            let files = files.filter(|entry| Path::new(&entry.file_name()).extension() == path.extension());
+            let files = files.filter(|entry| folder.join(place).join(entry.file_name()) != Path::new(from.name()));
+            names.extend(files.map(|entry| place.join(entry.file_name()).display().to_string()));
+        }
+    }
+    if let Some(near) = nearest(name, names.iter().map(String::as_str)) {
+        return Some(format!("did you mean `{near}`?"));
+    }
+    let rest = names.len().saturating_sub(MOST_SHOWN);
+    let shown: Vec<String> = names.into_iter().take(MOST_SHOWN).collect();
+    match (shown.as_slice(), rest) {
+        ([], _) => None,
+        (shown, 0) => Some(format!("there is {}", shown.join(", "))),
+        (shown, rest) => Some(format!("there is {}, and {rest} more", shown.join(", "))),
+    }
 }
 
 fn shown(folder: &Path) -> String {

@@ -239,6 +239,7 @@ fn templates_extend_import_and_include_others_of_their_folder_and_of_the_templat
     3 | {% block init %}{{ idle(machine) }} {% include 'more.j2' %}{% endblock %}
       |                                     ^^^^^^^^^^^^^^^^^^^^^^^
       = hint: looked for it in .; --template-path names more folders
+      = hint: did you mean `base.j2`?
     [exit code: 3]
     ");
     let path = ["--template-path", "shared"];
@@ -387,6 +388,88 @@ fn names_that_are_joined_by_blanks_are_names_of_their_own() {
         made("{% macro at(x) %}(at {{ x }}){% endmacro %}{{ [at('a b'), at('c')]|join(' ') }}"),
         "(at x--a_20b--x) (at c)"
     );
+}
+
+#[test]
+fn a_template_that_is_not_there_is_an_error_that_names_those_that_are() {
+    let lab = Lab::new();
+    lab.write("common.j2", "x");
+    lab.write("lib/base.j2", "x");
+    lab.write("parts/one.j2", "x");
+    lab.write("rmem.toml", "x = 1");
+    for (name, hint) in [
+        ("comon.j2", "did you mean `common.j2`?"),
+        ("parts/two.j2", "did you mean `parts/one.j2`?"),
+        ("zzzzzz.j2", "there is base.j2, common.j2"),
+        ("x.md", ""),
+    ] {
+        lab.write("t.j2", &format!("(a)\n  {{% include '{name}' %}}"));
+        let run = lab.rmem(&[
+            "--config",
+            "/dev/null",
+            "--memory",
+            "mem:",
+            "gen-problem",
+            "-t",
+            "t.j2",
+            "--template-path",
+            "lib",
+        ]);
+        let tag = format!("{{% include '{name}' %}}");
+        let hint = if hint.is_empty() { String::new() } else { format!("  = hint: {hint}\n") };
+        assert_eq!(
+            run.exits(3).stderr,
+            format!(
+                "error: t.j2:2:3: there is no template `{name}`\n  |\n2 |   {tag}\n  |   {}\n  = hint: looked for it in ., lib; \
+                 --template-path names more folders\n{hint}",
+                "^".repeat(tag.len())
+            )
+        );
+    }
+}
+
+#[test]
+fn what_is_joined_is_a_text_where_it_is_used_as_a_value() {
+    let lab = Lab::new();
+    for (expression, made) in [
+        ("j == 'a b c'", "true"),
+        ("j != 'a b c'", "false"),
+        ("j == k", "true"),
+        ("j is string", "true"),
+        ("j|length", "5"),
+        ("'b' in j", "true"),
+        ("j in ['a b c']", "true"),
+        ("{'a b c': 7}[j]", "7"),
+        ("[j, 'a b c']|unique|list|length", "1"),
+        ("j|split|length", "3"),
+        ("j|split(' ')|last", "c"),
+        ("j|first", "a"),
+        // A part of it, and what a filter makes of it, is a text like any other: one name.
+        ("j[0:3]", "x--a_20b--x"),
+        ("j|lower", "x--a_20b_20c--x"),
+        ("j|replace('b', '(')", "x--a_20_28_20c--x"),
+        ("j + '!'", "x--a_20b_20c_21--x"),
+        ("j ~ '!'", "x--a_20b_20c_21--x"),
+        // So is an equal text.
+        ("'a b c'", "x--a_20b_20c--x"),
+        ("k", "x--a_20b_20c--x"),
+        // As it is, it is names apart, however it came there.
+        ("j", "x--a_20b--x c"),
+        ("j|default('x')", "x--a_20b--x c"),
+        ("[j]|first", "x--a_20b--x c"),
+        ("[j, 'q r']|join(' ')", "x--a_20b--x c x--q_20r--x"),
+        ("[j, 'q']|join('_')", "x--a_20b_20c_5fq--x"),
+    ] {
+        lab.write(
+            "t.j2",
+            &format!("{{% set j = ['a b', 'c']|join(' ') %}}{{% set k = 'a b' ~ ' c' %}}{{{{ {expression} }}}}"),
+        );
+        assert_eq!(lab.rmem(&["--memory", "mem:", "gen-problem", "-t", "t.j2"]).success(), made, "{expression}");
+    }
+    lab.rmem(&["--memory", "file:m.rmem", "insert", "a.b", "{_id: 1, names: 'a b c'}", "{_id: 2, names: 'x'}"])
+        .success();
+    lab.write("t.j2", "{% for d in query('a.b', {'names': ['a b', 'c']|join(' ')}) %}{{ d._id }}{% endfor %}");
+    assert_eq!(lab.rmem(&["--memory", "file:m.rmem", "gen-problem", "-t", "t.j2"]).success(), "1");
 }
 
 #[test]

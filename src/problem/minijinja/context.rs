@@ -37,6 +37,8 @@ pub(super) struct Context {
     namespaces: Mutex<Vec<Namespace>>,
     /// Values that the filter `name` made texts of, by those texts.
     named: Mutex<HashMap<String, Bson>>,
+    /// Values that were joined, by where their text lies.
+    joined: Mutex<HashMap<usize, Arc<Joined>>>,
 }
 
 /// A query that was asked, perhaps several times with different filters.
@@ -69,6 +71,11 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Where a text lies in memory.
+fn address(text: &str) -> usize {
+    text.as_ptr().addr()
+}
+
 pub(super) fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidOperation, message.into())
 }
@@ -88,6 +95,7 @@ impl Context {
             asked: Mutex::default(),
             namespaces: Mutex::default(),
             named: Mutex::default(),
+            joined: Mutex::default(),
         }
     }
 
@@ -136,9 +144,10 @@ impl Context {
             if index > 0 {
                 out.write_str(&joined.between)?;
             }
-            match value.as_str().filter(|_| value.is_safe()) {
-                Some(written) => out.write_str(written)?,
-                None => self.emit(value, out)?,
+            match (value.as_str().filter(|_| value.is_safe()), self.joined(value)) {
+                (Some(written), _) => out.write_str(written)?,
+                (None, Some(inner)) => self.emit_joined(&inner, out)?,
+                (None, None) => self.emit(value, out)?,
             }
         }
         Ok(())
@@ -156,6 +165,22 @@ impl Context {
         let is_next = self.is_next.swap(false, Ordering::Relaxed);
         self.is_placed.store(is_next, Ordering::Relaxed);
         (is_next && self.written.contains(&site)).then_some(site)
+    }
+
+    /// The text of values that are joined by white space. As long as it is passed on as it is, it is known by where it
+    /// lies; whatever a filter makes of it is a text like any other, and one name.
+    pub(super) fn join(&self, values: Vec<Value>, between: String, text: String) -> Value {
+        let text: Arc<str> = text.into();
+        let joined = Joined { values, between, text: Arc::clone(&text) };
+        lock(&self.joined).insert(address(&text), Arc::new(joined));
+        Value::from(text)
+    }
+
+    /// What was joined to this text.
+    pub(super) fn joined(&self, value: &Value) -> Option<Arc<Joined>> {
+        let text = value.as_str()?;
+        let found = lock(&self.joined).get(&address(text)).cloned()?;
+        (found.text.len() == text.len()).then_some(found)
     }
 
     /// Keeps the goal for the problem, like a value.
@@ -206,9 +231,6 @@ impl Context {
 
     /// A value's text, and whether it is a number.
     fn spell(&self, value: &Value) -> Result<(String, bool), Error> {
-        if let Some(joined) = value.downcast_object_ref::<Joined>() {
-            return Ok((joined.text().to_owned(), false));
-        }
         if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
             return match other {
                 Bson::ObjectId(id) => Ok((id.to_hex(), false)),

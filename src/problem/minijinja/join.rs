@@ -4,7 +4,6 @@ use minijinja::value::{Kwargs, Value};
 use minijinja::{Error, State};
 
 use super::context::{Context, invalid};
-use super::value::Joined;
 
 /// Joins values: by white space, they stay apart; by anything else, they become one text.
 pub(super) fn join(
@@ -45,5 +44,5 @@ pub(super) fn join(
     }
     let texts: Vec<String> = values.iter().map(|value| context.plain(&value.to_string())).collect();
     let text = texts.join(&between);
-    Ok(if is_apart { Value::from_object(Joined::new(values, between, text)) } else { Value::from(text) })
+    Ok(if is_apart { context.join(values, between, text) } else { Value::from(text) })
 }

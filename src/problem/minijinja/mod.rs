@@ -43,7 +43,7 @@ pub(super) use instrument::PLACED;
 use mistake::explain;
 use source_lines::SourceLines;
 pub(super) use tags::references;
-use value::{Joined, from_bson};
+use value::from_bson;
 
 /// How many steps of the engine a template may take: enough for millions of documents.
 const FUEL: u64 = 500_000_000;
@@ -165,8 +165,8 @@ fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<St
     let goal = variables.values.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());
     environment.set_formatter(move |out, _, value| {
         let written = shared.take_written();
-        if let Some(joined) = value.downcast_object_ref::<Joined>() {
-            return shared.emit_joined(joined, out);
+        if let Some(joined) = shared.joined(value) {
+            return shared.emit_joined(&joined, out);
         }
         if let Some(text) = value.as_str().filter(|_| value.is_safe()) {
             if goal.as_ref().is_some_and(|goal| goal.is_safe() && goal.as_str() == Some(text)) {

@@ -228,37 +228,13 @@ impl Object for Other {
     }
 }
 
-/// Values with white space between them. As text they are one; in a problem, each is a name or a number of its own.
+/// Values with white space between them. As a value they are one text; in a problem, each is a name or a number of its own.
 #[derive(Debug)]
 pub(super) struct Joined {
     pub(super) values: Vec<Value>,
     pub(super) between: String,
-    text: String,
-}
-
-impl Joined {
-    pub(super) fn new(values: Vec<Value>, between: String, text: String) -> Self {
-        Self { values, between, text }
-    }
-
-    /// As text.
-    pub(super) fn text(&self) -> &str {
-        &self.text
-    }
-}
-
-impl Object for Joined {
-    fn repr(self: &Arc<Self>) -> ObjectRepr {
-        ObjectRepr::Plain
-    }
-
-    fn is_true(self: &Arc<Self>) -> bool {
-        !self.text.is_empty()
-    }
-
-    fn render(self: &Arc<Self>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.text)
-    }
+    /// The text. It is told from an equal text of another origin by where it lies in memory, so it is kept.
+    pub(super) text: Arc<str>,
 }
 
 /// A text from outside.
@@ -290,9 +266,6 @@ fn nested(value: &Value, plain: &dyn Fn(&str) -> String, depth: usize) -> Result
     }
     if let Some(Other(value)) = value.downcast_object_ref::<Other>() {
         return Ok(value.clone());
-    }
-    if let Some(joined) = value.downcast_object_ref::<Joined>() {
-        return Ok(Bson::String(joined.text().to_owned()));
     }
     if let Some(doc) = value.downcast_object_ref::<Doc>() {
         return doc.document().map(Bson::Document);
