@@ -115,7 +115,8 @@ pub struct Run {
     pub time: Duration,
     /// Processor time of all its processes, to a hundredth of a second, where it is known.
     pub cpu: Option<Duration>,
-    /// The most memory that its processes had resident, in bytes; known where there is a limit of memory.
+    /// The most memory that its processes had resident, in bytes: of one of them, or of all at once, where there is a limit of
+    /// memory and as far as it was seen.
     pub memory: Option<u64>,
     /// Why the plan could not be simulated, where that is so.
     pub unjudged: Option<String>,

@@ -104,7 +104,8 @@ pub(crate) struct Ended {
     pub(crate) wall: Duration,
     /// The processor time of all its processes, if the supervisor reported it.
     pub(crate) cpu: Option<Duration>,
-    /// The most memory that all its processes had resident, in bytes; known where there is a limit of memory.
+    /// The most memory that its processes had resident, in bytes: of one of them, or of all at once, where there is a limit of
+    /// memory and as far as it was seen.
     pub(crate) resident: Option<u64>,
     /// It ran into the limit of memory.
     pub(crate) out_of_memory: bool,
@@ -257,7 +258,7 @@ struct Usage {
     peak: u64,
     /// Processor time.
     cpu: Duration,
-    /// Resident memory at most, as far as it was looked at, in KiB.
+    /// Resident memory at most, of one process or of all as far as they were looked at, in KiB.
     resident: u64,
 }
 
@@ -401,7 +402,7 @@ impl Supervisor {
         let mut number = || numbers.next().unwrap_or_default();
         let usage = |peak: i64, cpu: i64, resident: i64| Usage {
             peak: u64::try_from(peak).unwrap_or_default(),
-            cpu: Duration::from_millis(u64::try_from(cpu).unwrap_or_default()),
+            cpu: Duration::from_micros(u64::try_from(cpu).unwrap_or_default()),
             resident: u64::try_from(resident).unwrap_or_default(),
         };
         match verb {

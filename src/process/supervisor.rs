@@ -9,7 +9,7 @@
 //! | report | |
 //! |---|---|
 //! | `started PID` | the program is there, and waits for rmem's `go`; `PID` is its group |
-//! | `exited CODE PEAK CPU RESIDENT` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` ms of processors, `RESIDENT` KiB of memory |
+//! | `exited CODE PEAK CPU RESIDENT` | it ended with an exit code; `PEAK` KiB of address space were seen, `CPU` µs of processors, `RESIDENT` KiB of memory |
 //! | `killed SIGNAL PEAK CPU RESIDENT` | it ended by a signal |
 //! | `starved PEAK CPU RESIDENT` | its processes together were over the limit of memory, and were ended |
 //! | `missing` | there is no such program |
@@ -288,15 +288,17 @@ impl Supervised {
             let _ = kill_process_group(group, Signal::KILL);
             reap();
         }
+        let (cpu, most) = usage::ended();
+        // Before it became the program, its process was rmem: a figure like that of rmem itself says nothing where there is a better one.
+        let is_its_own = self.resident == 0 || most > usage::most(getpid());
+        let resident = if is_its_own { self.resident.max(most) } else { self.resident };
+        let used = format!("{} {} {resident}", self.peak, cpu.as_micros());
         match status {
             Ok(Watched::Ended(status)) => match status.code() {
-                Some(code) => format!("exited {code} {} {} {}", self.peak, spent(), self.resident),
-                None => {
-                    let signal = status.signal().unwrap_or_default();
-                    format!("killed {signal} {} {} {}", self.peak, spent(), self.resident)
-                }
+                Some(code) => format!("exited {code} {used}"),
+                None => format!("killed {} {used}", status.signal().unwrap_or_default()),
             },
-            Ok(Watched::Starved) => format!("starved {} {} {}", self.peak, spent(), self.resident),
+            Ok(Watched::Starved) => format!("starved {used}"),
             Err(error) => format!("failed {error}"),
         }
     }
@@ -375,14 +377,6 @@ fn reap() {
             Err(_) => return,
         }
     }
-}
-
-/// How much processor time the children that were waited for had, and theirs, in milliseconds: two fields of
-/// `stat` that count hundredths of a second.
-fn spent() -> u64 {
-    let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields = stat.rsplit_once(") ").map_or("", |(_, fields)| fields).split(' ').skip(13).take(2);
-    fields.filter_map(|field| field.parse::<u64>().ok()).sum::<u64>() * 10
 }
 
 /// The living children of this process.

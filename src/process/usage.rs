@@ -1,7 +1,10 @@
-//! The memory of processes, from `/proc`.
+//! The memory of processes, from `/proc`, and what the kernel says of those that have ended.
 
 use std::fs;
+use std::time::Duration;
 
+use nix::sys::resource::{UsageWho, getrusage};
+use nix::sys::time::{TimeVal, TimeValLike as _};
 use rustix::process::Pid;
 
 /// How many bytes everything that comes from `keeper` has resident, as far as that matters to `limit`: what
@@ -18,6 +21,20 @@ pub(super) fn resident(keeper: Pid, program: Option<Pid>, limit: u64) -> u64 {
         // The exact figure costs more to get.
         _ => sum("smaps_rollup", "Pss:"),
     }
+}
+
+/// What the processes used that this one started and waited for, and theirs: processor time, and the most memory that one
+/// of them had resident, in KiB.
+pub(super) fn ended() -> (Duration, u64) {
+    let Ok(usage) = getrusage(UsageWho::RUSAGE_CHILDREN) else { return Default::default() };
+    let micros = |time: TimeVal| Duration::from_micros(u64::try_from(time.num_microseconds()).unwrap_or_default());
+    let resident = u64::try_from(usage.max_rss()).unwrap_or_default();
+    (micros(usage.user_time()) + micros(usage.system_time()), resident)
+}
+
+/// The most memory that a living process has had resident, in KiB.
+pub(super) fn most(process: Pid) -> u64 {
+    figure(process, "status", "VmHWM:")
 }
 
 /// Whether a process is stopped, by a signal and not by a debugger: the state behind the name in `stat`.

@@ -46,9 +46,21 @@ fn planners_are_run_on_tasks_and_scored() {
     );
     let run = &value["runs"][0];
     assert!(run["seconds"].as_f64().unwrap() > 0.0 && run["cost"] == run["steps"], "{run}");
+    // Also of runs that are over before their processes are looked at.
+    for run in value["runs"].as_array().unwrap() {
+        assert!(run["cpu"].as_f64().unwrap() > 0.0 && run["memory"].as_i64().unwrap() > 100_000, "{run}");
+    }
     let [best, worst] = [0, 1].map(|nth| value["scores"][nth].clone());
     assert_eq!((&best["solved"], &best["ipc_satisficing"], &best["coverage"]), (&2.into(), &2.0.into(), &1.0.into()));
     assert_eq!((&worst["solved"], &worst["par10"]), (&0.into(), &600.0.into()));
+}
+
+#[test]
+fn a_plot_is_drawn_without_a_word_where_nothing_is_solved() {
+    let lab = lab();
+    let args = ["compare", "tasks", "--only", "one", "--planner", "quitter", "--plot", "none.svg"];
+    assert_eq!(lab.rmem(&args).exits(0).stderr, "");
+    assert!(std::fs::read_to_string(lab.path().join("none.svg")).unwrap().contains("quitter 0 of 1"));
 }
 
 #[test]

@@ -138,12 +138,17 @@ impl Comparison<'_> {
     /// Measures every planner on every task; returns false where it was interrupted.
     fn measure_all(&mut self, tasks: &[Named], context: &mut Context<'_>) -> Result<bool> {
         let progress = context.output.progress("reading the tasks");
-        for (place, named) in tasks.iter().enumerate() {
-            let Some((domain, problem)) = named.read(&self.memory, context)? else { continue };
+        let (mut place, mut count) = (0, tasks.len());
+        for named in tasks {
+            let Some((domain, problem)) = named.read(&self.memory, context)? else {
+                count -= 1;
+                continue;
+            };
+            place += 1;
             let task = Task { domain: &domain, problem: &problem };
             for nth in 0..self.planners.len() {
                 let planner = self.planners.get(nth).map(|planner| planner.name()).unwrap_or_default();
-                progress.say(&format!("task {} of {}: {planner} on {}", place + 1, tasks.len(), named.name));
+                progress.say(&format!("task {place} of {count}: {planner} on {}", named.name));
                 let Some(measured) = self.measured_one(nth, &named.name, &task)? else { return Ok(false) };
                 self.print(&measured, context)?;
                 self.measured.push(measured);
@@ -205,7 +210,7 @@ impl Comparison<'_> {
         let scores: Vec<Document> = scores(&self.measured).iter().map(Score::listed).collect();
         let runs: Vec<Document> = self.measured.iter().map(Measurement::listed).collect();
         if let Some(path) = &self.args.plot {
-            super::plot::write(path, &plot::solved(&self.measured).draw()?, context)?;
+            super::plot::write(path, &plot::solved(&self.measured).positive().draw()?, context)?;
         }
         let printed: Vec<Document> = match (self.format, self.args.scores) {
             (Format::Json, false) => {

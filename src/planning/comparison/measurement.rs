@@ -34,7 +34,7 @@ pub struct Measurement {
     pub seconds: f64,
     /// Processor time of all its processes, in seconds.
     pub cpu: Option<f64>,
-    /// The most memory that all its processes had resident, in bytes, as far as it was seen.
+    /// The most memory that its processes had resident, in bytes: of one of them, or of all at once as far as it was seen.
     pub memory: Option<i64>,
     /// The plan's cost by its metric, else its number of steps.
     pub cost: Option<f64>,
