@@ -1,6 +1,6 @@
 //! Facts that replace documents by keys other than `_id`.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use bson::{Bson, Document, doc};
 
@@ -61,7 +61,8 @@ pub fn spelled(keys: &[String], documents: &Found, respelled: &Respelled) -> Vec
     keys.iter().map(spelled).collect()
 }
 
-/// Gives each document the `_id` of the stored document that has the same values under all `keys`.
+/// Gives each document the `_id` of the stored document that has the same values under all `keys`,
+/// whose stored spelling may differ in hyphens and underscores.
 /// Removes the initial fact, which CLIPS asserts by itself.
 ///
 /// # Errors
@@ -72,12 +73,13 @@ pub fn give_ids(
     documents: &mut Found,
     memory: &Memory,
     namespace: &Namespace,
+    respelled: &Respelled,
 ) -> Result<(), KeyError> {
     let is_initial = |document: &Document| document.get_str(RELATION).is_ok_and(|name| name == INITIAL);
     documents.retain(|(_, document)| !is_initial(document));
     check_unique(keys, source, documents)?;
     for batch in documents.chunks_mut(BATCH) {
-        let stored = stored(keys, batch, memory, namespace)?;
+        let stored = stored(keys, batch, memory, namespace, respelled)?;
         for (_, document) in batch {
             if let Some(id) =
                 identity(keys, document).and_then(|identity| stored.get(&canonical::encode_value(&identity)))
@@ -126,34 +128,53 @@ fn check_unique(keys: &[String], source: &Source, documents: &Found) -> Result<(
     Ok(())
 }
 
-/// The `_id`s of the stored documents with the values of these under the keys, by the values' canonical keys.
+/// The `_id`s of the stored documents with the values of these under the keys, by the values' canonical keys. A stored key may
+/// differ in hyphens and underscores; a document with the exact keys goes first.
 fn stored(
     keys: &[String],
     documents: &[(Span, Document)],
     memory: &Memory,
     namespace: &Namespace,
+    respelled: &Respelled,
 ) -> Result<HashMap<Vec<u8>, Bson>, KeyError> {
-    let (mut filter, mut projection) = (Document::new(), Document::new());
+    let (mut conditions, mut projection) = (Vec::new(), Document::new());
     for key in keys {
         let values: Vec<Bson> = documents.iter().filter_map(|(_, document)| document.get(key).cloned()).collect();
-        filter.insert(key, doc! { "$in": values });
-        projection.insert(key, 1);
+        let spellings: BTreeSet<String> = [key.clone(), key.replace('_', "-"), key.replace('-', "_")].into();
+        projection.extend(spellings.iter().map(|spelling| (spelling.clone(), Bson::Int32(1))));
+        let any = spellings.into_iter().map(|spelling| doc! { spelling: { "$in": values.clone() } });
+        conditions.push(doc! { "$or": any.collect::<Vec<_>>() });
     }
     let wanted: HashSet<Vec<u8>> = documents
         .iter()
         .filter_map(|(_, document)| identity(keys, document))
         .map(|identity| canonical::encode_value(&identity))
         .collect();
-    let find = Find { filter, projection, ..Find::default() };
-    let mut ids = HashMap::new();
+    let find = Find { filter: doc! { "$and": conditions }, projection, ..Find::default() };
+    // Each with whether the keys are spelled as they are there.
+    let mut ids: HashMap<Vec<u8>, (Bson, bool)> = HashMap::new();
     for document in memory.find(namespace, &find)? {
         let mut document =
             Document::try_from(&*document?).map_err(|error| StoreError::from(QueryError::from(error)))?;
-        let (Some(identity), Some(id)) = (identity(keys, &document), document.remove("_id")) else { continue };
+        let spelled: Vec<String> =
+            keys.iter().map(|key| alike(key, document.keys().map(String::as_str)).unwrap_or(key).to_owned()).collect();
+        let is_exact = spelled == keys;
+        let (Some(identity), Some(id)) = (identity(&spelled, &document), document.remove("_id")) else { continue };
         let name = canonical::encode_value(&identity);
-        if wanted.contains(&name) && ids.insert(name, id).is_some() {
-            return Err(KeyError::Ambiguous { namespace: namespace.clone(), key: named(keys, &document) });
+        if !wanted.contains(&name) {
+            continue;
         }
+        match ids.get(&name) {
+            Some((_, known)) if *known == is_exact => {
+                return Err(KeyError::Ambiguous { namespace: namespace.clone(), key: named(&spelled, &document) });
+            }
+            Some((_, true)) => continue,
+            _ => drop(ids.insert(name, (id, is_exact))),
+        }
+        keys.iter()
+            .zip(&spelled)
+            .filter(|(key, found)| key != found)
+            .for_each(|(key, found)| respelled.add(key, found));
     }
-    Ok(ids)
+    Ok(ids.into_iter().map(|(name, (id, _))| (name, id)).collect())
 }

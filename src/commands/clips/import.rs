@@ -60,7 +60,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
         [] => remove_stored(&mut found, &memory, &namespace)?,
         keys => {
             let keys = &spelled(keys, &found, &schema.respelled);
-            give_ids(keys, &source, &mut found, &memory, &namespace)?;
+            give_ids(keys, &source, &mut found, &memory, &namespace, &schema.respelled)?;
             0
         }
     };

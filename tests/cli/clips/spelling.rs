@@ -81,3 +81,44 @@ fn a_slot_is_found_by_a_key_with_underscores() {
     let stored = "{\"relation\":\"domain-fact\",\"name\":\"at\",\"param-values\":[\"r1\",\"c1\"],\"sync-id\":3}\n";
     assert_eq!(lab.rmem(&["query", "robmem.worldmodel", "--fields", "{_id: 0}"]).success(), stored);
 }
+
+#[test]
+fn a_stored_key_is_found_by_the_other_spelling() {
+    let lab = lab();
+    let import = ["clips", "import", "--into", "a.b", "--key", "name,sync-id", "-"];
+    lab.rmem(&[
+        "insert",
+        "a.b",
+        "{_id: 1, relation: 'at', name: 'r1', sync_id: 3, x: 1}",
+        "{_id: 2, name: 'r1', sync_id: 4}",
+    ])
+    .success();
+    assert_run!(lab.rmem_with(&import, "(at (name r1) (sync-id 3) (x 2)) (at (name r2) (sync-id 3) (x 2))"), @r#"
+    {"inserted":1,"replaced":1,"unchanged":0}
+    ------- stderr -------
+    `sync-id` was found as `sync_id`
+    [exit code: 0]
+    "#);
+    // The exact spelling goes first; two that are alike are one too many.
+    lab.rmem(&["insert", "a.b", "{_id: 3, relation: 'at', name: 'r1', sync_id: 3, x: 1}"]).success();
+    assert_run!(lab.rmem_with(&import, "(at (name r1) (sync-id 3) (x 4))"), @r#"
+    {"inserted":0,"replaced":1,"unchanged":0}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["query", "a.b", "{}", "--sort", "{_id: 1}"]), @r#"
+    {"_id":1,"relation":"at","name":"r1","sync-id":3,"x":4}
+    {"_id":2,"name":"r1","sync_id":4}
+    {"_id":3,"relation":"at","name":"r1","sync_id":3,"x":1}
+    {"_id":{"$oid":"[ID]"},"relation":"at","name":"r2","sync-id":3,"x":2}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    lab.rmem(&["delete", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["insert", "a.b", "{_id: 4, relation: 'at', name: 'r1', sync_id: 3, x: 1}"]).success();
+    assert_run!(lab.rmem_with(&import, "(at (name r1) (sync-id 3) (x 5))"), @r#"
+    ------- stderr -------
+    error: a.b has two documents with the `name` "r1", `sync_id` 3; nothing was imported
+    [exit code: 3]
+    "#);
+}
