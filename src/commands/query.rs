@@ -7,6 +7,7 @@ use super::modifiers::ModifierArgs;
 use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
+use crate::fault::{AtFault as _, Fault};
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::memory::{Diagnosis, Memory};
 use crate::store::{Find, Namespace, StoreError};
@@ -156,6 +157,10 @@ pub(super) fn owned(document: bson::RawDocumentBuf) -> Result<bson::Document, St
 /// in the first of the texts that has it; the kind of any other error stays.
 pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error {
     let StoreError::Query(query) = &error else { return error.into() };
+    // Not what was asked is at fault, but the disk.
+    if error.fault() != Fault::Input {
+        return error.into();
+    }
     // The default of a query was not typed.
     let texts: Vec<(&'static str, &str)> = texts.iter().copied().filter(|(_, text)| *text != "{}").collect();
     let place = query

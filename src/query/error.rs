@@ -20,7 +20,10 @@ pub struct QueryError {
 
 impl AtFault for QueryError {
     fn fault(&self) -> Fault {
-        Fault::Input
+        match self.code {
+            OUT_OF_DISK_SPACE | FILE_FAILED => Fault::Store,
+            _ => Fault::Input,
+        }
     }
 }
 
@@ -33,6 +36,10 @@ pub(super) const BAD_VALUE: i32 = 2;
 pub(super) const FAILED_TO_PARSE: i32 = 9;
 /// MongoDB's code for a value of the wrong type.
 pub(super) const TYPE_MISMATCH: i32 = 14;
+/// MongoDB's code for a disk without room.
+const OUT_OF_DISK_SPACE: i32 = 14_031;
+/// MongoDB's code for a sort whose file cannot be written.
+const FILE_FAILED: i32 = 16_821;
 
 impl QueryError {
     /// Where a text has the operator that is complained about, or the first one that the message names.
@@ -70,6 +77,16 @@ impl QueryError {
     #[must_use]
     pub fn type_mismatch(message: impl Into<String>) -> Self {
         Self::invalid(TYPE_MISMATCH, message)
+    }
+
+    /// Returns that there is no room for temporary files.
+    pub(super) fn disk_full(message: String) -> Self {
+        Self::invalid(OUT_OF_DISK_SPACE, message)
+    }
+
+    /// Returns that a temporary file cannot be used.
+    pub(super) fn of_file(message: String) -> Self {
+        Self::invalid(FILE_FAILED, message)
     }
 
     /// Returns the error with the operator or field that it is about, unless it has one already.

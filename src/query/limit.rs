@@ -97,6 +97,19 @@ impl Memory {
         check_memory(self.bytes)
     }
 
+    /// Adds several values.
+    ///
+    /// # Errors
+    /// As [`Memory::add`].
+    pub(super) fn add_all(&mut self, values: &[Bson]) -> Result<()> {
+        values.iter().try_for_each(|value| self.add(value))
+    }
+
+    /// Returns the bytes of all values.
+    pub(super) fn bytes(&self) -> usize {
+        self.bytes
+    }
+
     /// Adds the fields that a document gets from another one.
     ///
     /// # Errors

@@ -7,8 +7,10 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use super::decimal::Rounding;
 use super::error::{QueryError, Result};
 use super::keys::Keys;
+use super::limit::ALLOCATION;
 use super::number::Number;
 use super::path::Path;
+use super::spill::{Sorter, Spill};
 use super::view::Fields;
 
 /// The most fields a pattern may have.
@@ -103,59 +105,89 @@ impl Sort {
         Ok(least.unwrap_or_default())
     }
 
-    /// Returns the documents in order, at most `limit` of them; equal ones stay in the order they came.
+    /// Returns the documents in order, at most `limit` of them; equal ones stay in the order they came. Beyond the
+    /// limit of memory they go to temporary files.
     ///
     /// # Errors
-    /// The first error of the input, or parallel arrays.
+    /// The first error of the input, parallel arrays, or a temporary file that cannot be used.
     pub fn sort<E: From<QueryError>>(
         &self,
-        documents: impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
+        mut documents: impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
         limit: Option<usize>,
-    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
-        if self.keys.is_empty() {
-            let mut all: Vec<_> = if self.reversed {
-                documents.collect::<std::result::Result<_, E>>()?
-            } else {
-                documents.take(limit.unwrap_or(usize::MAX)).collect::<std::result::Result<_, E>>()?
-            };
-            if self.reversed {
-                all.reverse();
-                all.truncate(limit.unwrap_or(usize::MAX));
+        spill: &Spill,
+    ) -> std::result::Result<Sorted, E> {
+        let first = match limit.map(|limit| self.top(&mut documents, limit, spill.limit)).transpose()? {
+            Some(Ok(all)) => {
+                let all = all.into_sorted_vec().into_iter().map(|ranked| Ok(ranked.document));
+                return Ok(Sorted(Box::new(all)));
             }
-            return Ok(all);
+            Some(Err(first)) => first,
+            None => Vec::new(),
+        };
+        let mut sorter = Sorter::new(spill);
+        let mut place = 0;
+        for ranked in first {
+            place = ranked.rank.1 + 1;
+            sorter.add(&ranked.rank.0, ranked.document.as_bytes())?;
         }
-        match limit {
-            Some(limit) => self.top(documents, limit),
-            None => {
-                let keyed = documents.map(|document| {
-                    let document = document?;
-                    Ok((self.key(&document)?, document))
-                });
-                let mut all = keyed.collect::<std::result::Result<Vec<_>, E>>()?;
-                all.sort_by(|a, b| a.0.cmp(&b.0));
-                Ok(all.into_iter().map(|(_, document)| document).collect())
-            }
+        for (place, document) in (place..).zip(documents) {
+            let document = document?;
+            sorter.add(&self.rank(&document, place)?.0, document.as_bytes())?;
+        }
+        let sorted = sorter.finish()?.take(limit.unwrap_or(usize::MAX));
+        Ok(Sorted(Box::new(sorted.map(|body| Ok(RawDocumentBuf::from_bytes(body?)?)))))
+    }
+
+    /// Returns the place of a document among all: its key, and for equal ones which came first.
+    fn rank(&self, document: &RawDocument, place: usize) -> Result<(Vec<u8>, usize)> {
+        match (self.keys.is_empty(), self.reversed) {
+            (false, _) => Ok((self.key(document)?, place)),
+            (true, false) => Ok((Vec::new(), place)),
+            (true, true) => Ok(((usize::MAX - place).to_be_bytes().to_vec(), place)),
         }
     }
 
-    /// Returns the first few, keeping only so many in memory.
+    /// Returns the first few, keeping only so many in memory; those that were read, in the order they came, where
+    /// even they are more than `most` bytes.
     fn top<E: From<QueryError>>(
         &self,
-        documents: impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
+        documents: &mut impl Iterator<Item = std::result::Result<RawDocumentBuf, E>>,
         limit: usize,
-    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
+        most: usize,
+    ) -> std::result::Result<std::result::Result<BinaryHeap<Ranked>, Vec<Ranked>>, E> {
         let mut heap: BinaryHeap<Ranked> = BinaryHeap::new();
-        for (place, document) in documents.enumerate() {
+        let (mut held, mut place) = (0, 0);
+        while held <= most {
+            if heap.len() == limit && self.keys.is_empty() && !self.reversed {
+                return Ok(Ok(heap));
+            }
+            let Some(document) = documents.next() else { return Ok(Ok(heap)) };
             let document = document?;
-            let ranked = Ranked { rank: (self.key(&document)?, place), document };
+            let ranked = Ranked { rank: self.rank(&document, place)?, document };
+            place += 1;
             if heap.len() < limit {
+                held += ranked.bytes();
                 heap.push(ranked);
             } else if heap.peek().is_some_and(|worst| ranked.rank < worst.rank) {
-                heap.pop();
+                held += ranked.bytes();
+                held -= heap.pop().map_or(0, |worst| worst.bytes());
                 heap.push(ranked);
             }
         }
-        Ok(heap.into_sorted_vec().into_iter().map(|ranked| ranked.document).collect())
+        let mut first = heap.into_vec();
+        first.sort_unstable_by_key(|ranked| ranked.rank.1);
+        Ok(Err(first))
+    }
+}
+
+/// Documents in order.
+pub struct Sorted(Box<dyn Iterator<Item = Result<RawDocumentBuf>>>);
+
+impl Iterator for Sorted {
+    type Item = Result<RawDocumentBuf>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.0.next()
     }
 }
 
@@ -182,6 +214,13 @@ fn check_name(name: &str) -> Result<()> {
 struct Ranked {
     rank: (Vec<u8>, usize),
     document: RawDocumentBuf,
+}
+
+impl Ranked {
+    /// Returns the memory that it needs.
+    fn bytes(&self) -> usize {
+        size_of::<Self>() + 2 * ALLOCATION + self.rank.0.len() + self.document.as_bytes().len()
+    }
 }
 
 impl PartialEq for Ranked {
@@ -211,8 +250,8 @@ mod tests {
 
     fn sorted(pattern: Document, documents: &[RawDocumentBuf], limit: Option<usize>) -> Vec<i32> {
         let input = documents.iter().cloned().map(Ok::<_, QueryError>);
-        let output = Sort::parse(&pattern).unwrap().sort(input, limit).unwrap();
-        output.iter().map(|document| document.get_i32("_id").unwrap()).collect()
+        let output = Sort::parse(&pattern).unwrap().sort(input, limit, &Spill::default()).unwrap();
+        output.map(|document| document.unwrap().get_i32("_id").unwrap()).collect()
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Sums, means and deviations over numbers of all types.
 
-use bson::Bson;
+use bson::{Bson, Decimal128};
 
 use super::decimal::Decimal;
 use super::number::Number;
@@ -61,6 +61,33 @@ impl Sum {
         self.rest = lost + error;
     }
 
+    /// Returns what [`Sum::load`] makes the same sum of.
+    pub(super) fn save(self) -> Vec<u8> {
+        let mut bytes = self.integers.to_le_bytes().to_vec();
+        for double in [self.double, self.rest, self.plain] {
+            bytes.extend_from_slice(&double.to_le_bytes());
+        }
+        bytes.extend_from_slice(&[self.has_longs.into(), self.floating.into()]);
+        if let Some(Bson::Decimal128(decimal)) = self.decimal.map(|decimal| Number::Decimal(decimal).into()) {
+            bytes.extend_from_slice(&decimal.bytes());
+        }
+        bytes
+    }
+
+    /// Returns the sum that was saved.
+    pub(super) fn load(mut bytes: &[u8]) -> Self {
+        let mut sum = Self { integers: i128::from_le_bytes(part(&mut bytes)), ..Self::default() };
+        for double in [&mut sum.double, &mut sum.rest, &mut sum.plain] {
+            *double = f64::from_le_bytes(part(&mut bytes));
+        }
+        let [has_longs, floating] = part(&mut bytes);
+        (sum.has_longs, sum.floating) = (has_longs != 0, floating != 0);
+        if !bytes.is_empty() {
+            sum.decimal = Some(Decimal128::from_bytes(part(&mut bytes)).into());
+        }
+        sum
+    }
+
     fn to_double(self) -> f64 {
         if self.double.is_nan() { self.plain } else { self.double }
     }
@@ -102,6 +129,13 @@ impl Sum {
     }
 }
 
+/// Takes so many bytes off the front; zeros where there are fewer.
+fn part<const N: usize>(bytes: &mut &[u8]) -> [u8; N] {
+    let Some((first, rest)) = bytes.split_first_chunk() else { return [0; N] };
+    *bytes = rest;
+    *first
+}
+
 /// Returns the sum.
 pub(super) fn total(numbers: impl Iterator<Item = Number>) -> Number {
     let mut sum = Sum::default();
@@ -136,6 +170,17 @@ impl Deviation {
         self.count += 1.0;
         self.mean += delta / self.count;
         self.squares += delta * (value - self.mean);
+    }
+
+    /// Returns what [`Deviation::load`] makes the same of.
+    pub(super) fn save(self) -> [f64; 3] {
+        [self.count, self.mean, self.squares]
+    }
+
+    /// Returns the deviation that was saved.
+    pub(super) fn load(mut parts: impl Iterator<Item = f64>) -> Self {
+        let mut part = || parts.next().unwrap_or_default();
+        Self { count: part(), mean: part(), squares: part() }
     }
 
     pub(super) fn value(self, sample: bool) -> Bson {

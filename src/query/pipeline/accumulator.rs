@@ -6,6 +6,7 @@ use bson::{Bson, Document};
 
 use super::run::Run;
 use super::script::Script;
+use super::state::{State, in_order};
 use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, field_value};
@@ -58,20 +59,6 @@ enum Operator {
         count: Option<Expression>,
     },
     Script(Box<Script>),
-}
-
-/// The state of an accumulator.
-#[derive(Debug, Clone)]
-pub(super) enum State {
-    Sum(Sum),
-    Average(Sum, u64),
-    Deviation(Deviation),
-    One(Option<Bson>),
-    Many(Vec<Bson>, Memory),
-    Distinct(std::collections::BTreeMap<Vec<u8>, (usize, Bson)>, Memory),
-    Merged(Document, Memory),
-    Counted(usize, Vec<Bson>, Memory),
-    Ranked(usize, Vec<(Vec<u8>, Bson)>, Memory),
 }
 
 impl Accumulator {
@@ -309,9 +296,7 @@ impl Accumulator {
                 Bson::Array(values)
             }
             (_, State::Distinct(values, _)) => {
-                let mut values: Vec<_> = values.into_values().collect();
-                values.sort_by_key(|(place, _)| *place);
-                Bson::Array(values.into_iter().map(|(_, value)| value).collect())
+                Bson::Array(in_order(values))
             }
             (_, State::Merged(document, _)) => Bson::Document(document),
             (Operator::Ranked { count: None, .. }, State::Ranked(_, ranked, _)) => {

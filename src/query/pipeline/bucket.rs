@@ -4,7 +4,7 @@ use bson::{Bson, Document, RawDocumentBuf};
 
 use super::documents::{Documents, encode};
 use super::granularity::Granularity;
-use super::group::{Accumulators, Groups};
+use super::groups::{Accumulators, Groups};
 use super::run::Run;
 use crate::query::compare::{canonical_type, compare_values};
 use crate::query::error::{QueryError, Result};

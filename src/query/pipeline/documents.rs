@@ -24,16 +24,23 @@ pub struct Origin {
 pub(super) fn deferred<'a, E: 'a>(
     compute: impl FnOnce() -> std::result::Result<Vec<RawDocumentBuf>, E> + 'a,
 ) -> Documents<'a, E> {
-    let mut compute = Some(compute);
-    let mut ready = Vec::new().into_iter();
+    lazy(move || Ok(Box::new(compute()?.into_iter().map(Ok))))
+}
+
+/// Returns a stream that is begun when the first document is requested.
+pub(super) fn lazy<'a, E: 'a>(
+    begin: impl FnOnce() -> std::result::Result<Documents<'a, E>, E> + 'a,
+) -> Documents<'a, E> {
+    let mut begin = Some(begin);
+    let mut ready: Documents<'a, E> = Box::new(std::iter::empty());
     Box::new(std::iter::from_fn(move || {
-        if let Some(compute) = compute.take() {
-            match compute() {
-                Ok(documents) => ready = documents.into_iter(),
+        if let Some(begin) = begin.take() {
+            match begin() {
+                Ok(documents) => ready = documents,
                 Err(error) => return Some(Err(error)),
             }
         }
-        ready.next().map(Ok)
+        ready.next()
     }))
 }
 

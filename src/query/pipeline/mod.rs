@@ -14,14 +14,17 @@ mod fill;
 mod granularity;
 mod graph;
 mod group;
+mod groups;
 mod lookup;
 mod near;
 mod output;
 mod parse;
+mod partition;
 mod redact;
 mod run;
 mod script;
 mod stage;
+mod state;
 mod unwind;
 mod window;
 
@@ -32,6 +35,7 @@ use super::expression::{Scope, Variables};
 use super::filter::Filter;
 use super::geo::Near;
 use super::limit::check_result;
+use super::spill::Spill;
 pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
 use run::Run;
@@ -117,7 +121,18 @@ impl Pipeline {
         now: DateTime,
         sources: &'a Sources<'a, E>,
     ) -> Documents<'a, E> {
-        let results = self.run_with(input, Run::new(now, self.variables.clone(), sources));
+        self.run_within(input, now, sources, Spill::default())
+    }
+
+    /// [`Pipeline::run`] with a limit of the memory that a sort or `$group` may hold.
+    pub fn run_within<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        input: Documents<'a, E>,
+        now: DateTime,
+        sources: &'a Sources<'a, E>,
+        spill: Spill,
+    ) -> Documents<'a, E> {
+        let results = self.run_with(input, Run::new(now, self.variables.clone(), sources, spill));
         Box::new(results.map(|result| {
             let result = result?;
             check_result(&result)?;

@@ -6,6 +6,7 @@ use bson::DateTime;
 
 use super::documents::{Documents, Origin, Sources};
 use crate::query::expression::{Environment, Variables};
+use crate::query::spill::Spill;
 use crate::query::view::Fields;
 
 /// The state that all stages of a run share.
@@ -13,26 +14,32 @@ pub(super) struct Run<'a, E> {
     pub(super) now: DateTime,
     pub(super) variables: Rc<Variables>,
     sources: &'a Sources<'a, E>,
+    spill: Rc<Spill>,
 }
 
 impl<E> Clone for Run<'_, E> {
     fn clone(&self) -> Self {
-        Self { now: self.now, variables: Rc::clone(&self.variables), sources: self.sources }
+        Self { variables: Rc::clone(&self.variables), spill: Rc::clone(&self.spill), ..*self }
     }
 }
 
 impl<'a, E> Run<'a, E> {
-    pub(super) fn new(now: DateTime, variables: Variables, sources: &'a Sources<'a, E>) -> Self {
-        Self { now, variables: Rc::new(variables), sources }
+    pub(super) fn new(now: DateTime, variables: Variables, sources: &'a Sources<'a, E>, spill: Spill) -> Self {
+        Self { now, variables: Rc::new(variables), sources, spill: Rc::new(spill) }
     }
 
     /// Returns the same run with other variables.
     pub(super) fn with(&self, variables: Variables) -> Self {
-        Self { now: self.now, variables: Rc::new(variables), sources: self.sources }
+        Self { variables: Rc::new(variables), spill: Rc::clone(&self.spill), ..*self }
     }
 
     pub(super) fn source(&self, origin: &Origin) -> Result<Documents<'a, E>, E> {
         (self.sources)(origin)
+    }
+
+    /// How much memory a stage may hold.
+    pub(super) fn spill(&self) -> &Spill {
+        &self.spill
     }
 
     pub(super) fn environment<'b>(&'b self, fields: Fields<'b>) -> Environment<'b> {

@@ -4,7 +4,7 @@ use bson::{Document, RawDocumentBuf};
 
 use super::bucket::{AutoBucket, Bucket};
 use super::densify::Densify;
-use super::documents::{Documents, deferred, encode};
+use super::documents::{Documents, deferred, encode, lazy};
 use super::facet::Facet;
 use super::graph::GraphLookup;
 use super::group::Group;
@@ -79,7 +79,10 @@ impl Stage {
             })),
             Self::Sort(sort) => {
                 let limit = limit.and_then(|limit| usize::try_from(limit).ok());
-                deferred(move || sort.sort(input, limit))
+                lazy(move || {
+                    let sorted = sort.sort(input, limit, run.spill())?;
+                    Ok(Box::new(sorted.map(|document| Ok(document?))))
+                })
             }
             Self::Limit(limit) => Box::new(input.take(usize::try_from(*limit).unwrap_or(usize::MAX))),
             Self::Skip(skip) => {
@@ -92,7 +95,7 @@ impl Stage {
             }
             Self::Count(name) => deferred(move || count(name, input)),
             Self::Unwind(unwind) => unwind.run(input),
-            Self::Group(group) => deferred(move || group.run(input, &run)),
+            Self::Group(group) => lazy(move || group.run(input, &run)),
             Self::Bucket(bucket) => deferred(move || bucket.run(input, &run)),
             Self::AutoBucket(bucket) => deferred(move || bucket.run(input, &run)),
             Self::Lookup(lookup) => lookup.run(input, run),

@@ -8,7 +8,7 @@ use super::Embedded;
 use super::indexed::decay;
 use super::scan::{Scan, sharpen};
 use super::snapshot::Snapshot;
-use crate::query::{self, Filter, Projection, QueryError, Sort};
+use crate::query::{self, Filter, Projection, QueryError, Sort, Spill};
 use crate::store::{Documents, Find, Modifiers, Namespace, Query, StoreError, metadata};
 
 impl Embedded {
@@ -31,7 +31,11 @@ impl Embedded {
         let matches = scan.map(|found| found.map(|found| found.body));
         let ordered: Documents<'_> = match is_sorted {
             true => Box::new(matches),
-            false => Box::new(sort.sort(matches, skip.checked_add(limit))?.into_iter().map(Ok)),
+            false => {
+                let limit = (find.limit > 0).then(|| skip.saturating_add(limit));
+                let sorted = sort.sort(matches, limit, &Spill::default())?;
+                Box::new(sorted.map(|document| Ok(document?)))
+            }
         };
         let chosen = ordered.skip(skip).take(limit);
         let Some(projection) = projection else { return Ok(Box::new(chosen)) };

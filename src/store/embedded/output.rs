@@ -21,13 +21,16 @@ const NO_MATCH: i32 = 13_113;
 /// The code of a document without a value to merge on.
 const MISSING_ON: i32 = 51_132;
 
+/// The results of a pipeline.
+pub(super) type Results<'a> = &'a mut dyn Iterator<Item = Result<RawDocumentBuf, StoreError>>;
+
 impl Embedded {
     /// Writes the results of a pipeline over `ns`.
     pub(super) fn write_results(
         &self,
         ns: &Namespace,
         output: &Output,
-        results: Vec<RawDocumentBuf>,
+        results: Results<'_>,
         now: DateTime,
     ) -> Result<(), StoreError> {
         match output {
@@ -40,13 +43,13 @@ impl Embedded {
         }
     }
 
-    fn replace_collection(&self, ns: &Namespace, results: Vec<RawDocumentBuf>) -> Result<(), StoreError> {
+    fn replace_collection(&self, ns: &Namespace, results: Results<'_>) -> Result<(), StoreError> {
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
             self.note_drop(ns, collection)?;
             self.clear(collection)?;
             for result in results {
-                let (id, body) = document::settle(Document::try_from(&*result).map_err(QueryError::from)?)?;
+                let (id, body) = document::settle(Document::try_from(&*result?).map_err(QueryError::from)?)?;
                 self.add(ns, collection, &id, &body)?;
             }
             Ok(())
@@ -68,14 +71,14 @@ impl Embedded {
         &self,
         ns: &Namespace,
         merge: &Merge,
-        results: Vec<RawDocumentBuf>,
+        results: Results<'_>,
         now: DateTime,
     ) -> Result<(), StoreError> {
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
             self.sweep(ns, collection)?;
             for result in results {
-                let result = Document::try_from(&*result).map_err(QueryError::from)?;
+                let result = Document::try_from(&*result?).map_err(QueryError::from)?;
                 self.merge_one(ns, collection, merge, result, now)?;
             }
             Ok(())

@@ -6,7 +6,7 @@ use bson::{DateTime, Document};
 
 use super::Embedded;
 use super::scan::Scan;
-use crate::query::{Filter, Origin, Pipeline, Sort, constants};
+use crate::query::{Filter, Origin, Pipeline, Sort, Spill, Spool, constants};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
@@ -14,7 +14,7 @@ const PIECE: usize = 256;
 
 impl Embedded {
     /// Runs a pipeline. Where its stages allow it, results are computed as they are read;
-    /// otherwise they are held in memory, but the documents they are computed from are not.
+    /// otherwise all of them before, and kept in a temporary file where they are many.
     pub(super) fn run_pipeline(
         &self,
         ns: &Namespace,
@@ -35,11 +35,15 @@ impl Embedded {
             return Ok(self.pieces(ns, pipeline, input, now));
         }
         let sources = |origin: &Origin| self.matches(&named(origin, ns), &Document::new());
-        let results: Vec<_> = pipeline.run(input, now, &sources).collect::<Result<_, StoreError>>()?;
+        let mut results = Spool::new(&Spill::default());
+        for result in pipeline.run(input, now, &sources) {
+            results.push(&result?)?;
+        }
+        let results = results.read()?.map(|result| Ok(result?));
         match pipeline.output() {
-            None => Ok(Box::new(results.into_iter().map(Ok))),
+            None => Ok(Box::new(results)),
             Some(output) => {
-                self.write_results(ns, output, results, now)?;
+                self.write_results(ns, output, &mut results.into_iter(), now)?;
                 Ok(Box::new(std::iter::empty()))
             }
         }
