@@ -43,11 +43,10 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
     }
     let modifiers = args.modifiers.read()?;
     let query = Query { filter: &filter, modifiers: &modifiers };
-    let values = memory.distinct(&args.namespace, &args.field, query);
+    let values = memory.values(&args.namespace, &args.field, query);
     let values = values.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
-    let is_empty = values.is_empty();
-    context.print_values(values)?;
-    if is_empty {
+    let values = values.map(|value| value.map_err(|error| blame(error, &[("<query>", &args.query)])));
+    if context.print_values(values)? == 0 {
         missing::warn(&args.namespace, &memory, context);
     }
     Ok(Exit::Done)

@@ -90,7 +90,7 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> 
     // What was read before a mistake is stored all the same: the documents are stored in order.
     let stored = batch.store(&memory, context);
     if batch.format == Format::Json {
-        context.print_values(std::mem::take(&mut batch.ids))?;
+        context.print_values(std::mem::take(&mut batch.ids).into_iter().map(Ok))?;
     }
     if let Err(error) = stored.and(read) {
         return Err(after(error, batch.stored));

@@ -82,19 +82,30 @@ impl Context<'_> {
         Ok(count)
     }
 
-    /// Prints values, one a line or as one array.
+    /// Prints values as they come, one a line or as one array; returns how many.
     ///
     /// # Errors
-    /// Where stdout fails.
-    pub fn print_values(&mut self, values: Vec<Bson>) -> Result<()> {
-        match self.format(&formats::VALUES)? {
-            Format::Json => self.output.line(&shell::pretty(&Bson::Array(values)))?,
-            Format::Canonical => {
-                values.iter().try_for_each(|value| self.output.line(&shell::canonical_value(value)))?
+    /// Where a value cannot be had or stdout fails.
+    pub fn print_values(&mut self, values: impl Iterator<Item = Result<Bson>>) -> Result<u64> {
+        let format = self.format(&formats::VALUES)?;
+        let mut count = 0;
+        for value in values {
+            let value = value?;
+            match format {
+                Format::Json => {
+                    let separator = if count == 0 { "[" } else { "," };
+                    let value = shell::pretty(&value).replace('\n', "\n  ");
+                    write!(self.output.stdout(), "{separator}\n  {value}")?;
+                }
+                Format::Canonical => self.output.line(&shell::canonical_value(&value))?,
+                _ => self.output.line(&shell::relaxed_value(&value))?,
             }
-            _ => values.iter().try_for_each(|value| self.output.line(&shell::relaxed_value(value)))?,
+            count += 1;
         }
-        Ok(())
+        if format == Format::Json {
+            self.output.line(if count == 0 { "[]" } else { "\n]" })?;
+        }
+        Ok(count)
     }
 
     /// Prints the one document that is the result of a command.

@@ -21,6 +21,9 @@ pub struct Operation {
     pub took: Duration,
 }
 
+/// Documents or values, as they are read.
+type Results<'a, T> = Box<dyn Iterator<Item = Result<T, StoreError>> + 'a>;
+
 /// Called with each operation when it is over.
 pub type Observer = Rc<dyn Fn(&Operation)>;
 
@@ -79,15 +82,15 @@ impl Journal {
         }
     }
 
-    /// Reports a query when its documents are dropped.
-    pub(super) fn watch<'a>(
+    /// Reports a query when its results are dropped.
+    pub(super) fn watch<'a, T: 'a>(
         &self,
         name: &'static str,
         namespace: &Namespace,
         start: Instant,
-        documents: Documents<'a>,
-    ) -> Documents<'a> {
-        let Some(observer) = &self.observer else { return documents };
+        results: Results<'a, T>,
+    ) -> Results<'a, T> {
+        let Some(observer) = &self.observer else { return results };
         let watched = Watched {
             observer: observer.clone(),
             operation: Operation {
@@ -96,25 +99,25 @@ impl Journal {
                 count: Some(0),
                 took: start.elapsed(),
             },
-            documents,
+            results,
         };
         Box::new(watched)
     }
 }
 
-/// Documents that are counted, with the time spent on them alone.
-struct Watched<'a> {
+/// Results that are counted, with the time spent on them alone.
+struct Watched<'a, T> {
     observer: Observer,
     operation: Operation,
-    documents: Documents<'a>,
+    results: Results<'a, T>,
 }
 
-impl Iterator for Watched<'_> {
-    type Item = <Documents<'static> as Iterator>::Item;
+impl<T> Iterator for Watched<'_, T> {
+    type Item = Result<T, StoreError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let start = Instant::now();
-        let next = self.documents.next();
+        let next = self.results.next();
         let operation = &mut self.operation;
         operation.took += start.elapsed();
         match &next {
@@ -126,7 +129,7 @@ impl Iterator for Watched<'_> {
     }
 }
 
-impl Drop for Watched<'_> {
+impl<T> Drop for Watched<'_, T> {
     fn drop(&mut self) {
         (self.observer)(&self.operation);
     }

@@ -13,7 +13,7 @@ use super::route::{Lazy, Routes};
 use crate::query::QueryError;
 use crate::store::{
     Aggregation, Documents, Find, Inserted, Namespace, Put, Query, Role, Store, StoreError, StoreUri, UpdateRequest,
-    Updated, metadata,
+    Updated, Values, metadata,
 };
 
 /// A local store and, perhaps, another one for shared databases.
@@ -192,21 +192,27 @@ impl Memory {
         })
     }
 
-    /// Distinct values; see [`Store::distinct`].
+    /// All distinct values; see [`Store::distinct`].
     pub fn distinct<'q>(
         &self,
         ns: &Namespace,
         field: &str,
         query: impl Into<Query<'q>>,
     ) -> Result<Vec<Bson>, StoreError> {
+        self.values(ns, field, query)?.collect()
+    }
+
+    /// Distinct values; see [`Store::values`].
+    pub fn values<'q>(&self, ns: &Namespace, field: &str, query: impl Into<Query<'q>>) -> Result<Values, StoreError> {
         let query = query.into();
         self.answer(&[(ns, query.filter)], true, |view| {
             if let Some(extended) = self.extended(&[(ns, query.filter)], view)? {
-                return extended.distinct(ns, field, query);
+                return extended.values(ns, field, query);
             }
             let visible = view.filter(query.filter);
-            let distinct = || self.routes.reading(ns)?.distinct(ns, field, Query { filter: &visible, ..query });
-            self.journal.note("distinct", Some(ns), |values: &Vec<Bson>| length(values), distinct)
+            let start = Instant::now();
+            let values = self.routes.reading(ns)?.values(ns, field, Query { filter: &visible, ..query })?;
+            Ok(self.journal.watch("distinct", ns, start, values))
         })
     }
 

@@ -6,7 +6,7 @@
 use std::cell::RefCell;
 use std::collections::HashSet;
 
-use bson::{Bson, DateTime, Document};
+use bson::{DateTime, Document};
 
 use super::clock::Clock;
 use super::computables;
@@ -16,7 +16,7 @@ use crate::calendar::day_and_time;
 use crate::query::QueryError;
 use crate::store::{
     Aggregation, Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError,
-    UpdateRequest, Updated,
+    UpdateRequest, Updated, Values,
 };
 
 /// Stores as they were.
@@ -85,8 +85,8 @@ impl Store for Past {
         self.with(ns)?.count(ns, query)
     }
 
-    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
-        self.with(ns)?.distinct(ns, field, query)
+    fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
+        self.with(ns)?.values(ns, field, query)
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {

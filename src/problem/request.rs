@@ -121,7 +121,9 @@ impl ProblemError {
     /// A store's complaint about the query at `span`: the template's fault if the query is bad.
     pub(super) fn store(source: &Source, span: Span, error: StoreError) -> Self {
         match error {
-            StoreError::Query(error) if error.fault() == Fault::Input => Self::Template(Diagnostic::new(source, span, error.message)),
+            StoreError::Query(error) if error.fault() == Fault::Input => {
+                Self::Template(Diagnostic::new(source, span, error.message))
+            }
             error => {
                 let (line, column) = source.position(span.start);
                 Self::Store { place: format!("{}:{line}:{column}", source.name()), error }

@@ -35,6 +35,8 @@ mod reshape;
 mod series;
 mod sort;
 mod spill;
+#[cfg(test)]
+mod spilled;
 mod statistics;
 mod u256;
 mod update;
@@ -44,7 +46,7 @@ mod zone;
 
 pub use collation::Collation;
 pub use compare::{compare, compare_values};
-pub use distinct::distinct;
+pub use distinct::Distinct;
 pub use error::QueryError;
 pub use filter::Filter;
 pub use geo::Near;

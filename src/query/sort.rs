@@ -183,6 +183,12 @@ impl Sort {
 /// Documents in order.
 pub struct Sorted(Box<dyn Iterator<Item = Result<RawDocumentBuf>>>);
 
+impl std::fmt::Debug for Sorted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Sorted").finish_non_exhaustive()
+    }
+}
+
 impl Iterator for Sorted {
     type Item = Result<RawDocumentBuf>;
 

@@ -44,6 +44,9 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf};
 /// Documents in answer to a query, produced as they are asked for.
 pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreError>> + 'a>;
 
+/// Values that were found, which need the store no more.
+pub type Values = Box<dyn Iterator<Item = Result<Bson, StoreError>>>;
+
 /// What a memory needs of a database. Implementations are used from one thread
 /// at a time, but several processes may use one database at once.
 pub trait Store: Send {
@@ -67,7 +70,12 @@ pub trait Store: Send {
 
     /// The distinct values of a (dotted) field among matching documents, array
     /// elements counted one by one, in the order MongoDB gives them.
-    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError>;
+    fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError>;
+
+    /// All of [`Store::values`].
+    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
+        self.values(ns, field, query)?.collect()
+    }
 
     /// The results of an aggregation pipeline.
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError>;

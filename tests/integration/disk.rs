@@ -12,6 +12,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     [
         Trial::test("disk::deleting_helps_where_documents_filled_the_disk", || deleting_helps(&filled)),
         Trial::test("disk::deleting_helps_where_changes_of_one_document_filled_the_disk", || deleting_helps(&changed)),
+        Trial::test("disk::a_sort_without_room_for_its_temporary_files_says_so", sort_without_room),
     ]
     .into_iter()
     .map(|trial| trial.with_ignored_flag(cannot_mount))
@@ -41,6 +42,34 @@ impl Drop for SmallDisk {
     fn drop(&mut self) {
         let _ = Command::new("umount").arg(self.0.path()).status();
     }
+}
+
+/// What is sorted is larger than the memory of a sort, and the disk.
+fn sort_without_room() -> Result<(), Failed> {
+    let disk = SmallDisk::mount().ok_or("no file system can be mounted")?;
+    let world = tempfile::Builder::new().suffix(".jsonl").tempfile()?;
+    let lines = (0..30).map(|n| format!("{{\"_id\": {n}, \"text\": \"{}\"}}\n", "x".repeat(2 << 20)));
+    std::fs::write(world.path(), lines.collect::<String>())?;
+    let memory = tempfile::tempdir()?;
+    let memory = format!("file:{}", memory.path().join("m.rmem").display());
+    let rmem = |args: &[&str]| {
+        let mut rmem = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        rmem.args(["--memory", &memory, "--quiet"]).args(args).env("TMPDIR", disk.0.path()).output()
+    };
+    assert!(rmem(&["insert", "a.b", "--file", &world.path().display().to_string()])?.status.success());
+    let sorted: [&[&str]; 3] = [
+        &["query", "a.b", "--sort", "{text: 1}"],
+        &["aggregate", "a.b", "[{$sort: {text: 1}}]"],
+        &["aggregate", "a.b", "[{$group: {_id: '$_id', text: {$first: '$text'}}}]"],
+    ];
+    for args in sorted {
+        let refused = rmem(args)?;
+        let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(4), "{message}");
+        let expected = format!("error: the disk is full: no room in {} for temporary files", disk.0.path().display());
+        assert!(message.starts_with(&expected), "{message}");
+    }
+    Ok(())
 }
 
 /// What fills the disk until rmem refuses; gives the refusal.

@@ -11,7 +11,7 @@ use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names};
 use rmem::store::embedded::Embedded;
 use rmem::store::{
     Aggregation, Documents, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest,
-    Updated,
+    Updated, Values,
 };
 
 fn memory(documents: Vec<Document>) -> Memory {
@@ -466,7 +466,7 @@ impl Store for Talkative {
         unreachable!("templates only read")
     }
 
-    fn distinct(&self, _: &Namespace, _: &str, _: Query<'_>) -> Result<Vec<Bson>, StoreError> {
+    fn values(&self, _: &Namespace, _: &str, _: Query<'_>) -> Result<Values, StoreError> {
         unreachable!("not asked here")
     }
 

@@ -144,7 +144,7 @@ mod properties {
     use bson::oid::ObjectId;
     use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp};
     use proptest::prelude::*;
-    use rmem::query::{Filter, Sort, Update, compare_values, key};
+    use rmem::query::{Filter, Sort, Spill, Update, compare_values, key};
 
     /// Values of all types that can be ordered, with numbers that are close to one another.
     fn value() -> impl Strategy<Value = Bson> {
@@ -228,9 +228,9 @@ mod properties {
                 .map(|value| RawDocumentBuf::try_from(&bson::doc! {"v": value.clone()}).unwrap())
                 .collect();
             let input = || documents.iter().cloned().map(Ok::<_, rmem::query::QueryError>);
-            let mut whole = sort.sort(input(), None).unwrap();
-            whole.truncate(limit);
-            prop_assert_eq!(sort.sort(input(), Some(limit)).unwrap(), whole);
+            let sorted = |limit| sort.sort(input(), limit, &Spill::default()).unwrap().map(Result::unwrap);
+            let whole: Vec<_> = sorted(None).take(limit).collect();
+            prop_assert_eq!(sorted(Some(limit)).collect::<Vec<_>>(), whole);
         }
     }
 }

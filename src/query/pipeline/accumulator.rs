@@ -295,9 +295,7 @@ impl Accumulator {
                 values.truncate(limit);
                 Bson::Array(values)
             }
-            (_, State::Distinct(values, _)) => {
-                Bson::Array(in_order(values))
-            }
+            (_, State::Distinct(values, _)) => Bson::Array(in_order(values)),
             (_, State::Merged(document, _)) => Bson::Document(document),
             (Operator::Ranked { count: None, .. }, State::Ranked(_, ranked, _)) => {
                 ranked.into_iter().next().map_or(Bson::Null, |(_, value)| value)

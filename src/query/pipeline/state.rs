@@ -28,7 +28,7 @@ impl State {
     /// Returns the bytes of memory that it needs beside itself.
     pub(super) fn bytes(&self) -> usize {
         let spare = |values: &Vec<Bson>| (values.capacity() - values.len()) * size_of::<Bson>();
-        match self {
+        let bytes = match self {
             Self::Sum(_) | Self::Average(..) | Self::Deviation(_) | Self::One(None) => 0,
             Self::One(Some(value)) => memory(value).unwrap_or_default(),
             Self::Many(values, held) | Self::Counted(_, values, held) => held.bytes() + spare(values),
@@ -38,7 +38,9 @@ impl State {
             Self::Ranked(_, ranked, held) => {
                 held.bytes() + ranked.iter().map(|(key, _)| key.len() + 2 * ALLOCATION).sum::<usize>()
             }
-        }
+        };
+        // Tables of documents have room to spare, and allocations are rounded up.
+        bytes + bytes / 2
     }
 
     /// Returns what [`State::load`] makes the same state of.

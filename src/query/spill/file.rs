@@ -1,7 +1,7 @@
 //! A temporary file of parts, each with its length in front.
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek as _, Write as _};
+use std::io::{self, BufReader, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use crate::query::error::{QueryError, Result};

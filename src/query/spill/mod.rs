@@ -9,7 +9,7 @@ mod spool;
 
 use std::path::PathBuf;
 
-pub(super) use file::{Kept, Keeper};
+pub(super) use file::{Keeper, Kept};
 pub(super) use runs::Runs;
 pub(super) use sorter::Sorter;
 pub use spool::Spool;

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::path::{Path, PathBuf};
 
-use super::file::{Kept, Keeper};
+use super::file::{Keeper, Kept};
 use crate::query::error::{QueryError, Result};
 
 /// The most runs of one level; so many become one of the next.
@@ -18,10 +18,13 @@ pub(in crate::query) struct Runs {
     runs: Vec<(u32, Kept)>,
 }
 
+/// The next record of a run: its key, the number of the run, and its body.
+type Next = (Vec<u8>, usize, Vec<u8>);
+
 /// The records of all runs in order of their keys; of equal ones, those of earlier runs come first.
 pub(in crate::query) struct Merged {
     runs: Vec<Kept>,
-    next: BinaryHeap<Reverse<(Vec<u8>, usize, Vec<u8>)>>,
+    next: BinaryHeap<Reverse<Next>>,
 }
 
 impl Runs {

@@ -8,8 +8,8 @@ use super::Embedded;
 use super::indexed::decay;
 use super::scan::{Scan, sharpen};
 use super::snapshot::Snapshot;
-use crate::query::{self, Filter, Projection, QueryError, Sort, Spill};
-use crate::store::{Documents, Find, Modifiers, Namespace, Query, StoreError, metadata};
+use crate::query::{self, Distinct, Filter, Projection, QueryError, Sort, Spill};
+use crate::store::{Documents, Find, Modifiers, Namespace, Query, StoreError, Values, metadata};
 
 impl Embedded {
     pub(super) fn answer(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -90,14 +90,14 @@ impl Embedded {
         }
     }
 
-    pub(super) fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
+    pub(super) fn distinct_values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
         check_path(field)?;
         let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
-        let Some(collection) = self.collection(ns)? else {
-            return crate::query::distinct(std::iter::empty::<Result<_, StoreError>>(), field);
-        };
+        let values = Distinct::new(field, &Spill::default())?;
+        let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
         let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), query.modifiers.hint.as_ref())?;
-        crate::query::distinct(found.map(|found| found.map(|found| found.body)), field)
+        let values = values.of(found.map(|found| found.map(|found| found.body)))?;
+        Ok(Box::new(values.map(|value| Ok(value?))))
     }
 }
 

@@ -67,13 +67,7 @@ impl Embedded {
         Ok(())
     }
 
-    fn merge(
-        &self,
-        ns: &Namespace,
-        merge: &Merge,
-        results: Results<'_>,
-        now: DateTime,
-    ) -> Result<(), StoreError> {
+    fn merge(&self, ns: &Namespace, merge: &Merge, results: Results<'_>, now: DateTime) -> Result<(), StoreError> {
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
             self.sweep(ns, collection)?;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use bson::{Bson, DateTime, Document, RawDocumentBuf};
+use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::catalog::Collection;
 use super::change_log::Noted;
@@ -13,7 +13,7 @@ use crate::query::Collation;
 use crate::query::collation::during;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name,
-    Namespace, Put, Query, Scope, Store, StoreError, UpdateRequest, Updated,
+    Namespace, Put, Query, Scope, Store, StoreError, UpdateRequest, Updated, Values,
 };
 
 impl Store for Embedded {
@@ -38,8 +38,8 @@ impl Store for Embedded {
         during(query.modifiers.collation.as_ref(), || self.tally(ns, query))
     }
 
-    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
-        during(query.modifiers.collation.as_ref(), || self.values(ns, field, query))
+    fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
+        during(query.modifiers.collation.as_ref(), || self.distinct_values(ns, field, query))
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {

@@ -14,7 +14,7 @@ use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
     Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Query,
-    Store, StoreError, UpdateRequest, UpdateSpec, Updated,
+    Store, StoreError, UpdateRequest, UpdateSpec, Updated, Values,
 };
 
 /// The server's own databases.
@@ -78,13 +78,14 @@ impl Store for MongoDb {
         action.run().map_err(|e| self.explain(&e))
     }
 
-    fn distinct(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Vec<Bson>, StoreError> {
+    fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
         let collection = self.collection(ns);
         let mut action = collection.distinct(field, query.filter.clone());
         if let Some(collation) = &query.modifiers.collation {
             action = action.collation(of_driver(collation)?);
         }
-        action.run().map_err(|e| self.explain(&e))
+        let values = action.run().map_err(|e| self.explain(&e))?;
+        Ok(Box::new(values.into_iter().map(Ok)))
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
