@@ -7,7 +7,7 @@ use super::query::{argument, blame};
 use super::{Context, at, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::memory::history::{Selection, listed};
+use crate::memory::history::{HistoryState, Selection, listed};
 use crate::store::Namespace;
 
 /// What stands below the help of `history`.
@@ -74,6 +74,20 @@ pub(super) fn run(args: &HistoryArgs, context: &mut Context<'_>) -> Result<Exit>
     let memory = context.memory()?;
     let query = [("<query>", args.changes.query.as_str())];
     let entries = memory.history(&selection).map_err(|error| blame(error, &query))?;
+    let ns = &selection.namespace;
+    match memory.history_state(ns)? {
+        HistoryState::Coming => {
+            let message = format!(
+                "{ns} was not changed since rmem.toml has keep_history; its history begins with the next write"
+            );
+            context.output.note(&message);
+        }
+        HistoryState::Ending => {
+            let message = format!("keep_history is off for {ns}: these changes go with the next write");
+            context.output.warn(&message);
+        }
+        HistoryState::None | HistoryState::Kept => {}
+    }
     let listed = entries.map(|entry| Ok(listed(&selection.namespace, &entry?, args.meta)?));
     match args.limit {
         None => context.print_documents(listed)?,

@@ -64,19 +64,15 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
         );
         return Err(UsageError::new(message).into());
     }
-    let (mut plan, mut conflict) = (UndoPlan::default(), None);
-    memory
-        .as_one(ns, &mut || {
-            plan = memory.plan_undo(&selection, last(args))?;
-            conflict = if args.force { None } else { conflicts(&plan) };
-            if args.dry_run || conflict.is_some() { Ok(()) } else { memory.undo(ns, &plan) }
-        })
-        .map_err(|error| blame(error, &query))?;
+    let last = last(args);
+    let plan = memory.plan_undo(&selection, last).map_err(|error| blame(error, &query))?;
     if args.dry_run {
         plan.documents.iter().for_each(|document| context.output.note(&described(document)));
-    }
-    if let Some(what) = conflict.filter(|_| !args.dry_run) {
-        return Err(StoreError::Held { what }.into());
+    } else {
+        if let Some(what) = conflicts(&plan).filter(|_| !args.force) {
+            return Err(StoreError::Held { what }.into());
+        }
+        memory.undo_unless_changed(&selection, last, &plan)?;
     }
     context.print_result(result(&plan))?;
     if plan.changes == 0 {

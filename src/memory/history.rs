@@ -29,6 +29,19 @@ pub struct Selection {
     pub positions: Vec<String>,
 }
 
+/// How it is with the history of a collection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HistoryState {
+    /// None is kept.
+    None,
+    /// The settings keep it, from the next write on.
+    Coming,
+    /// It is kept.
+    Kept,
+    /// It was kept, and goes with the next write: the settings switch it off.
+    Ending,
+}
+
 impl Memory {
     /// The same memory, which keeps the histories of these rules and signs changes with a name.
     #[must_use]
@@ -70,19 +83,41 @@ impl Memory {
         })
     }
 
+    /// How it is with the history of a collection.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn history_state(&self, ns: &Namespace) -> Result<HistoryState, StoreError> {
+        let is_kept = self.routes.reading(ns)?.history(ns, Some(DateTime::now()))?.is_some();
+        let rules = self.routes.histories(ns);
+        Ok(match is_kept {
+            true if HistoryRule::is_off(&rules, ns) => HistoryState::Ending,
+            true => HistoryState::Kept,
+            false if HistoryRule::of(&rules, ns).is_some() => HistoryState::Coming,
+            false => HistoryState::None,
+        })
+    }
+
     /// The kept changes that a selection wants, in order.
     ///
     /// # Errors
-    /// Where the filter is wrong, no history is kept, or the store fails.
+    /// Where the filter is wrong, no history is or will be kept, or the store fails.
     pub fn history(
         &self,
         selection: &Selection,
     ) -> Result<impl Iterator<Item = Result<Entry, StoreError>> + '_, StoreError> {
         let ns = &selection.namespace;
         let filter = Filter::parse(&selection.filter)?;
-        let history = self.routes.reading(ns)?.history(ns, selection.since)?.ok_or_else(|| not_kept(ns))?;
+        let history = self.routes.reading(ns)?.history(ns, selection.since)?;
+        let rules = self.routes.histories(ns);
+        let entries = match history {
+            Some(history) => history.entries,
+            // It begins with the next change.
+            None if HistoryRule::of(&rules, ns).is_some() => Box::new(std::iter::empty()),
+            None => return Err(not_kept(ns, &rules)),
+        };
         let wanted = Wanted { filter, selection: selection.clone() };
-        Ok(history.entries.filter_map(move |entry| match entry {
+        Ok(entries.filter_map(move |entry| match entry {
             Ok(entry) => match wanted.wants(&entry) {
                 Ok(true) => Some(Ok(entry)),
                 Ok(false) => None,

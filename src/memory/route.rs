@@ -143,6 +143,11 @@ impl Routes {
         });
     }
 
+    /// Returns the rules of histories in force for the store of a collection.
+    pub(super) fn histories(&self, ns: &Namespace) -> Vec<HistoryRule> {
+        self.lazy(ns).keeping.borrow().histories.clone()
+    }
+
     /// Signs the changes that follow.
     pub(super) fn sign(&self, author: &str) {
         [Some(&self.local), self.shared.as_ref()].into_iter().flatten().for_each(|lazy| lazy.sign(author));

@@ -120,6 +120,30 @@ impl Memory {
         Ok(Some(Restoration { id, target, later: changes.later, differs }))
     }
 
+    /// Does what was planned where it still is what the selection asks for: on an embedded store, nothing is changed between the
+    /// look and the change. So of two processes that take back the same change, one does.
+    ///
+    /// # Errors
+    /// Where another process has changed the collection since the plan was made, or the store fails.
+    pub fn undo_unless_changed(
+        &self,
+        selection: &Selection,
+        last: Option<usize>,
+        plan: &UndoPlan,
+    ) -> Result<(), StoreError> {
+        let ns = &selection.namespace;
+        self.as_one(ns, &mut || {
+            if self.plan_undo(selection, last)? == *plan {
+                return self.undo(ns, plan);
+            }
+            let what = format!(
+                "another process has changed {ns} meanwhile, and nothing was done; `rmem history {ns}` shows how, and \
+                 `rmem undo` again takes back what is last now"
+            );
+            Err(StoreError::Held { what })
+        })
+    }
+
     /// Does what was planned, on an embedded store as one change.
     ///
     /// # Errors
@@ -155,4 +179,39 @@ fn start_of_runs(entries: &[Entry], last: usize) -> usize {
         start = nth;
     }
     start
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::fault::{AtFault as _, Fault};
+    use crate::store::{HistoryRule, Scope, StoreUri};
+
+    #[test]
+    fn of_two_that_take_back_the_same_change_one_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let uri = StoreUri::parse(&format!("file:{}", folder.path().join("robot.rmem").display())).unwrap();
+        let rules = [HistoryRule { scope: Scope::All, age: Duration::from_secs(3600), size: 1 << 20 }];
+        let open = |name| Memory::at(uri.clone(), uri.clone(), Vec::new()).with_history(&rules, name);
+        let (one, other) = (open("one"), open("other"));
+        let ns = Namespace::parse("robmem.worldmodel").unwrap();
+        one.insert(&ns, vec![doc! { "_id": 1 }]).unwrap();
+        one.sign("one again");
+        one.insert(&ns, vec![doc! { "_id": 2 }]).unwrap();
+        let selection =
+            Selection { namespace: ns.clone(), filter: doc! {}, since: None, by: None, positions: Vec::new() };
+        let planned = other.plan_undo(&selection, Some(1)).unwrap();
+        one.sign("an undo");
+        let plan = one.plan_undo(&selection, Some(1)).unwrap();
+        one.undo_unless_changed(&selection, Some(1), &plan).unwrap();
+        let error = other.undo_unless_changed(&selection, Some(1), &planned).unwrap_err();
+        assert_eq!(error.fault(), Fault::Conflict, "{error}");
+        assert_eq!(one.count(&ns, &doc! {}).unwrap(), 1, "the undo is not taken back");
+        // From what is there now, an undo takes the undo back.
+        let planned = other.plan_undo(&selection, Some(1)).unwrap();
+        other.undo_unless_changed(&selection, Some(1), &planned).unwrap();
+        assert_eq!(one.count(&ns, &doc! {}).unwrap(), 2);
+    }
 }

@@ -46,6 +46,16 @@ impl HistoryRule {
     /// Returns the rule for a collection.
     #[must_use]
     pub fn of<'r>(rules: &'r [Self], ns: &Namespace) -> Option<&'r Self> {
+        Self::fitting(rules, ns).filter(|rule| !rule.age.is_zero())
+    }
+
+    /// Returns whether a rule says that none is kept.
+    #[must_use]
+    pub fn is_off(rules: &[Self], ns: &Namespace) -> bool {
+        Self::fitting(rules, ns).is_some_and(|rule| rule.age.is_zero())
+    }
+
+    fn fitting<'r>(rules: &'r [Self], ns: &Namespace) -> Option<&'r Self> {
         let fits = |rule: &&Self| match &rule.scope {
             Scope::Collection(own) => own == ns,
             Scope::Database(database) => *database == ns.database && !ns.is_own(),
@@ -56,15 +66,18 @@ impl HistoryRule {
             Scope::Database(_) => 1,
             Scope::All => 0,
         };
-        rules.iter().filter(fits).max_by_key(narrowness).filter(|rule| !rule.age.is_zero())
+        rules.iter().filter(fits).max_by_key(narrowness)
     }
 }
 
 /// The error where the history of a collection is not kept.
 #[must_use]
-pub fn not_kept(ns: &Namespace) -> StoreError {
-    let reason = "no history is kept; keep_history = \"24h\" in rmem.toml keeps it from the next write on".to_owned();
-    StoreError::Unfit { address: ns.to_string(), reason }
+pub fn not_kept(ns: &Namespace, rules: &[HistoryRule]) -> StoreError {
+    let reason = match HistoryRule::of(rules, ns) {
+        Some(_) => "nothing was changed since rmem.toml has keep_history; the history begins with the next write",
+        None => "no history is kept; keep_history = \"24h\" in rmem.toml keeps it from the next write on",
+    };
+    StoreError::Unfit { address: ns.to_string(), reason: reason.to_owned() }
 }
 
 /// The error where the history of a collection does not reach back to a time.
@@ -92,5 +105,7 @@ mod tests {
         let age = |name: &str| HistoryRule::of(&rules, &ns(name)).map(|rule| rule.age.as_secs());
         assert_eq!([age("a.b"), age("a.c"), age("x.y")], [Some(3), Some(2), Some(1)]);
         assert_eq!([age("a.off"), age("a.rmem.own")], [None, None]);
+        let is_off = |name: &str| HistoryRule::is_off(&rules, &ns(name));
+        assert_eq!([is_off("a.off"), is_off("a.b"), is_off("a.rmem.own")], [true, false, false]);
     }
 }

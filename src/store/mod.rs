@@ -188,7 +188,7 @@ pub trait Store: Send {
     /// The documents of a collection as they were at a time, without those of computables.
     fn as_of(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
         let _ = at;
-        Err(history::not_kept(ns))
+        Err(history::not_kept(ns, &[]))
     }
 
     /// Records the history of what all clients change until `stop`, where they do not do so themselves; calls

@@ -1,6 +1,6 @@
 //! history, undo, and --at: what a memory was, and how it became what it is.
 
-use crate::lab::{Lab, TASK};
+use crate::lab::{Lab, TASK, assert_run};
 
 const NS: &str = "robmem.worldmodel";
 
@@ -93,6 +93,31 @@ fn rules_are_for_databases_and_collections() {
     lab.write("rmem.toml", "memory = 'file:robot.rmem'\nkeep_history = { robmem = 'off' }\n");
     lab.rmem(&["insert", NS, "{_id: 2}"]).success();
     assert!(lab.rmem(&["history", NS]).exits(2).stderr.contains("no history"));
+}
+
+#[test]
+fn before_the_first_change_and_after_the_setting_is_gone_the_history_says_how_it_is() {
+    let lab = lab();
+    assert_run!(lab.rmem(&["history", NS]), @r"
+    ------- stderr -------
+    robmem.worldmodel was not changed since rmem.toml has keep_history; its history begins with the next write
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["undo", NS]), @r#"
+    {"changes":0,"restored":0,"removed":0}
+    ------- stderr -------
+    error: no change of robmem.worldmodel is to be taken back
+    [exit code: 1]
+    "#);
+    lab.rmem(&["insert", "robmem.other", "{_id: 1}"]).success();
+    assert_run!(lab.rmem(&["history", NS]), @r"
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    lab.write("rmem.toml", "memory = 'file:robot.rmem'\nkeep_history = 'off'\n");
+    let run = lab.rmem(&["history", "robmem.other"]).exits(0);
+    assert_eq!(run.stderr, "warning: keep_history is off for robmem.other: these changes go with the next write\n");
+    assert_eq!(lines(&run.stdout).len(), 1);
 }
 
 #[test]

@@ -52,7 +52,9 @@ impl Embedded {
     /// The documents of a collection as they were, without those of computables.
     pub(super) fn rewound(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
         let _snapshot = Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))?;
-        let kept = history::of(&self.connection, ns).map_err(|e| self.explain(&e))?.ok_or_else(|| not_kept(ns))?;
+        let kept = history::of(&self.connection, ns)
+            .map_err(|e| self.explain(&e))?
+            .ok_or_else(|| not_kept(ns, &self.log.keeping.rules.borrow()))?;
         if at < kept.since {
             return Err(too_old(ns, at, kept.since));
         }

@@ -262,7 +262,7 @@ impl MongoDb {
     pub(super) fn rewound(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
         // The documents first: what is changed from here on is in the history.
         let now: Vec<RawDocumentBuf> = self.find(ns, &Find::default())?.collect::<Result<_, _>>()?;
-        let history = self.past(ns, Some(at))?.ok_or_else(|| not_kept(ns))?;
+        let history = self.past(ns, Some(at))?.ok_or_else(|| not_kept(ns, &self.keeping().rules))?;
         if at < history.since {
             return Err(too_old(ns, at, history.since));
         }
@@ -300,7 +300,7 @@ impl MongoDb {
         stop: &AtomicBool,
         begun: &mut dyn FnMut(),
     ) -> Result<u64, StoreError> {
-        let rule = self.rule(ns).ok_or_else(|| not_kept(ns))?;
+        let rule = self.rule(ns).ok_or_else(|| not_kept(ns, &[]))?;
         self.begin(ns)?;
         let mut changes = self.follow(ns, Some(&name(ns)))?;
         begun();
