@@ -33,6 +33,9 @@ pub struct Cli {
     /// The names of the command and its subcommands, e.g. `plan step`.
     #[arg(skip)]
     pub name: String,
+    /// The formats that it has; none where it prints nothing in a format.
+    #[arg(skip)]
+    pub formats: Vec<String>,
 }
 
 /// Returns the description of the command line.
@@ -48,18 +51,21 @@ pub fn command() -> clap::Command {
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
     let command = command();
     let matches = command.clone().try_get_matches_from(args).map_err(tips::with_tip)?;
-    check_format(&command, &matches)?;
-    Ok(Cli { name: name(&matches), ..Cli::from_arg_matches(&matches)? })
+    let (name, formats) = called(&command, &matches);
+    check_format(&name, &formats, &matches)?;
+    Ok(Cli { name, formats, ..Cli::from_arg_matches(&matches)? })
 }
 
-/// Returns the names of the command and its subcommands.
-fn name(mut matches: &ArgMatches) -> String {
+/// Returns the names of the command and its subcommands, and the formats that it has.
+fn called(mut command: &clap::Command, mut matches: &ArgMatches) -> (String, Vec<String>) {
     let mut words = Vec::new();
-    while let Some((word, inner)) = matches.subcommand() {
-        words.push(word);
-        matches = inner;
+    while let Some((name, inner)) = matches.subcommand() {
+        words.push(name);
+        (command, matches) = (command.find_subcommand(name).unwrap_or(command), inner);
     }
-    words.join(" ")
+    let own = command.get_arguments().find(|argument| argument.get_id() == formats::ID && !argument.is_hide_set());
+    let names = own.map(|own| own.get_possible_values().iter().map(|value| value.get_name().to_owned()).collect());
+    (words.join(" "), names.unwrap_or_default())
 }
 
 /// Hides `--format` from the help of commands that do not have it.
@@ -72,24 +78,14 @@ fn with_formats(command: clap::Command) -> clap::Command {
 }
 
 /// Refuses a `--format` before the command that the command does not have.
-fn check_format(command: &clap::Command, matches: &ArgMatches) -> Result<(), Error> {
+fn check_format(name: &str, allowed: &[String], matches: &ArgMatches) -> Result<(), Error> {
     let is_given = matches.value_source(formats::ID) == Some(ValueSource::CommandLine);
     let Some(format) = matches.get_one::<Format>(formats::ID).filter(|_| is_given) else { return Ok(()) };
-    let (mut command, mut matches) = (command, matches);
-    let mut words = vec!["rmem"];
-    while let Some((name, inner)) = matches.subcommand() {
-        words.push(name);
-        (command, matches) = (command.find_subcommand(name).unwrap_or(command), inner);
-    }
-    let own = command.get_arguments().find(|argument| argument.get_id() == formats::ID && !argument.is_hide_set());
-    let allowed: Vec<String> = own
-        .map(|argument| argument.get_possible_values().iter().map(|value| value.get_name().to_owned()).collect())
-        .unwrap_or_default();
     if allowed.iter().any(|name| name == format.name()) {
         return Ok(());
     }
     let expected = if allowed.is_empty() { "it has none".to_owned() } else { format!("it has {}", allowed.join(", ")) };
-    let message = format!("`{}` has no format `{}`; {expected}\n", words.join(" "), format.name());
+    let message = format!("`rmem {name}` has no format `{}`; {expected}\n", format.name());
     Err(Error::raw(ErrorKind::InvalidValue, message))
 }
 

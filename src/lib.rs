@@ -145,7 +145,7 @@ use commands::{Context, report};
 use exit::Exit;
 use output::Output;
 use process::supervisor;
-use settings::{Environment, Settings};
+use settings::{Environment, Origin, Settings};
 
 /// What a process gives to [`run`]: its streams and surroundings, as values.
 pub struct Process<'a> {
@@ -207,6 +207,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         cli::command,
     );
     context.author = format!("rmem {}", cli.name);
+    warn_of_format(&cli.name, &cli.formats, &mut context);
     let result = commands::run(&cli.command, &mut context);
     context.report_operations();
     let result = result.and_then(|exit| match context.output.flush() {
@@ -217,6 +218,20 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
     match result {
         Ok(exit) => exit,
         Err(error) => report(&error, &mut context.output),
+    }
+}
+
+/// Warns of a format of the environment that a command does not have. One of `rmem.toml` is for the commands that have it.
+fn warn_of_format(command: &str, formats: &[String], context: &mut Context<'_>) {
+    let format = &context.settings.format;
+    let name = match (format.value, &format.origin) {
+        (Some(format), Origin::Environment(_)) if !formats.is_empty() => format.name(),
+        _ => return,
+    };
+    if !formats.iter().any(|own| own == name) {
+        let list = formats.join(", ");
+        let message = format!("`rmem {command}` has no format `{name}`, which RMEM_FORMAT names; it has {list}");
+        context.output.warn(&message);
     }
 }
 

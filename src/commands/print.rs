@@ -16,16 +16,15 @@ impl Context<'_> {
     /// # Errors
     /// Where `--format` names one that this command does not have.
     pub fn format(&self, allowed: &[Format]) -> Result<Format, UsageError> {
-        let Some(format) = self.settings.format.value else {
-            let table = self.terminal && allowed.contains(&Format::Table);
-            return Ok(if table { Format::Table } else { allowed[0] });
-        };
+        let table = self.terminal && allowed.contains(&Format::Table);
+        let default = if table { Format::Table } else { allowed[0] };
+        let Some(format) = self.settings.format.value else { return Ok(default) };
         if allowed.contains(&format) {
             return Ok(format);
         }
         if !matches!(self.settings.format.origin, Origin::Flag(_)) {
             // A format of the environment or of rmem.toml is for the commands that have it.
-            return Ok(allowed[0]);
+            return Ok(default);
         }
         let names: Vec<_> = allowed.iter().map(|format| format.name()).collect();
         Err(UsageError::new(format!("this command has no format `{}`; it has {}", format.name(), names.join(", "))))

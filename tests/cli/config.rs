@@ -78,8 +78,18 @@ fn credentials_are_never_shown() {
 fn a_format_set_for_good_is_for_the_commands_that_have_it() {
     let lab = Lab::new().env("RMEM_FORMAT", "clips");
     lab.rmem(&["insert", "robmem.x", "{_id: 1}", "-q"]).success();
-    assert_eq!(lab.rmem(&["query", "robmem.x"]).success(), "{\"_id\":1}\n");
+    assert_run!(lab.rmem(&["query", "robmem.x"]), @r#"
+    {"_id":1}
+    ------- stderr -------
+    warning: `rmem query` has no format `clips`, which RMEM_FORMAT names; it has jsonl, json, canonical, table, csv, tsv
+    [exit code: 0]
+    "#);
     lab.rmem(&["query", "robmem.x", "--format", "clips"]).exits(2);
+    assert_eq!(lab.rmem(&["collections"]).exits(0).stderr.matches("no format").count(), 1);
+    // A format of the settings is for the commands that have it.
+    let lab = Lab::new();
+    lab.write("rmem.toml", "format = 'clips'\n");
+    assert_eq!(lab.rmem(&["--memory", "mem:", "collections"]).exits(0).stderr, "");
 }
 
 #[test]
