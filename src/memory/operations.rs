@@ -222,7 +222,8 @@ impl Memory {
         ns: &Namespace,
         pipeline: impl Into<Aggregation<'p>>,
     ) -> Result<Documents<'_>, StoreError> {
-        Ok(without_metadata(self.aggregate_with_metadata(ns, pipeline.into())?))
+        let results = self.aggregate_with_metadata(ns, pipeline.into())?;
+        Ok(Box::new(results.map(|document| Ok(metadata::hide_within(document?)?))))
     }
 
     /// Runs a pipeline; its results keep their metadata.

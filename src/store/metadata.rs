@@ -215,6 +215,33 @@ pub fn hide(document: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
     }
 }
 
+/// The same without the metadata of documents within it: `$lookup`, `$facet` and `$$ROOT` put documents into others.
+///
+/// # Errors
+/// As [`hide`].
+pub fn hide_within(document: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
+    let document = hide(document)?;
+    if memchr::memmem::find(document.as_bytes(), INFO.as_bytes()).is_none() {
+        return Ok(document);
+    }
+    let mut decoded = Document::try_from(&*document)?;
+    forget_within(&mut decoded);
+    Ok(RawDocumentBuf::try_from(&decoded)?)
+}
+
+fn forget_within(document: &mut Document) {
+    document.remove(INFO);
+    document.iter_mut().for_each(|(_, value)| forget_in(value));
+}
+
+fn forget_in(value: &mut Bson) {
+    match value {
+        Bson::Document(document) => forget_within(document),
+        Bson::Array(values) => values.iter_mut().for_each(forget_in),
+        _ => {}
+    }
+}
+
 /// Whether a computable made the document.
 pub(crate) fn is_computed(document: &RawDocument) -> Result<bool, QueryError> {
     let info = document.get(INFO)?.and_then(|info| info.as_document());
@@ -289,6 +316,17 @@ mod tests {
 
     fn at(millis: i64) -> DateTime {
         DateTime::from_millis(millis)
+    }
+
+    #[test]
+    fn metadata_is_hidden_in_documents_within_others() {
+        let info = || doc! { INSERTED: at(1) };
+        let inner = doc! { "_id": 2, INFO: info(), "n": { INFO: info() } };
+        let document = doc! { INFO: info(), "one": inner.clone(), "all": [[inner.clone()], 3, inner], "s": INFO };
+        let plain = doc! { "_id": 2, "n": {} };
+        let expected = doc! { "one": plain.clone(), "all": [[plain.clone()], 3, plain], "s": INFO };
+        assert_eq!(hide_within(raw(&document)).unwrap(), raw(&expected));
+        assert_eq!(hide_within(raw(&expected)).unwrap(), raw(&expected));
     }
 
     #[test]

@@ -53,3 +53,18 @@ fn a_pipeline_does_not_leave_its_store() {
     lab.rmem(&["aggregate", "team.a", "[{$out: {db: 'team', coll: 'b'}}]"]).success();
     assert_eq!(lab.rmem(&["collections"]).success().lines().count(), 3);
 }
+
+#[test]
+fn metadata_of_joined_documents_is_hidden() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "-q", "robmem.rooms", "{_id: 'kitchen'}"]).success();
+    lab.rmem(&["insert", "-q", "robmem.cups", "{_id: 1, room: 'kitchen'}"]).success();
+    let pipeline =
+        "[{$lookup: {from: 'rooms', localField: 'room', foreignField: '_id', as: 'room'}}, {$project: {room: 1}}]";
+    let plain = lab.rmem(&["aggregate", "robmem.cups", pipeline]).success();
+    assert_eq!(plain, "{\"_id\":1,\"room\":[{\"_id\":\"kitchen\"}]}\n");
+    // Unless it is asked for by its name.
+    let named =
+        lab.rmem(&["aggregate", "robmem.cups", "[{$project: {_id: 0, known: {$type: '$_robmem_info.inserted'}}}]"]);
+    assert_eq!(named.success(), "{\"known\":\"date\"}\n");
+}
