@@ -1,13 +1,12 @@
 //! `rmem map-reduce NS --map FUNCTION --reduce FUNCTION`: values reduced by key, with functions in JavaScript.
 
-use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::Context;
 use super::query::{argument, blame};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
-use crate::query::MapReduce;
+use crate::query::{MapReduce, Merging};
 use crate::store::{Find, Namespace};
 
 /// Reduce values by key, with functions in JavaScript
@@ -63,7 +62,8 @@ pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> Result<Exi
     let results = functions.run(documents).map_err(|error| blame(error, &texts))?;
     match &args.out {
         Some(out) => {
-            memory.aggregate(out, &writing(out, results))?.try_for_each(|document| document.map(drop))?;
+            let stages = Merging::Replace.stages(&out.database, &out.collection, results);
+            memory.aggregate(out, &stages)?.try_for_each(|document| document.map(drop))?;
         }
         None => drop(context.print_documents(results.into_iter().map(Ok))?),
     }
@@ -76,14 +76,4 @@ fn function(text: &str) -> Result<String> {
         Some(path) => std::fs::read_to_string(path).with_context(|| format!("cannot read {path}")),
         None => Ok(text.to_owned()),
     }
-}
-
-/// Returns a pipeline that replaces a collection by documents in one step.
-fn writing(out: &Namespace, documents: Vec<Document>) -> Vec<Document> {
-    let documents: Vec<Bson> = documents.into_iter().map(Bson::Document).collect();
-    vec![
-        doc! { "$match": { "$alwaysFalse": 1 } },
-        doc! { "$unionWith": { "pipeline": [{ "$documents": { "$literal": documents } }] } },
-        doc! { "$out": { "db": &out.database, "coll": &out.collection } },
-    ]
 }

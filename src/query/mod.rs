@@ -50,7 +50,7 @@ pub use distinct::Distinct;
 pub use error::QueryError;
 pub use filter::Filter;
 pub use geo::Near;
-pub use javascript::MapReduce;
+pub use javascript::{MapReduce, Merging};
 pub use nesting::check;
 pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched};
 pub use projection::Projection;

@@ -42,6 +42,7 @@ pub(super) mod codes {
     pub(in crate::serve) const STREAM_FATAL: i32 = 280;
     pub(in crate::serve) const NO_MECHANISM: i32 = 334;
     pub(in crate::serve) const NO_QUERY: i32 = 352;
+    pub(in crate::serve) const TOO_LARGE: i32 = 10_334;
     pub(in crate::serve) const DUPLICATE: i32 = 11_000;
     pub(in crate::serve) const UNKNOWN_FIELD: i32 = 40_415;
     pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;

@@ -50,6 +50,8 @@ fn cases() -> impl Iterator<Item = (&'static str, Case)> {
         .chain(&mixtures::CASES)
         .chain(&watched::CASES)
         .chain(&views::CASES);
+    #[cfg(feature = "serve")]
+    let cases = cases.chain(crate::serving::IN_FRONT);
     cases.chain(planning::CASES).chain(&history::CASES).copied()
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use bson::{Bson, Document, RawDocument};
+use bson::{Bson, Document, RawDocument, doc};
 
 use super::{Program, source};
 use crate::query::error::{QueryError, Result};
@@ -16,6 +16,34 @@ pub struct MapReduce {
     map: Program,
     reduce: Program,
     finalize: Option<Program>,
+}
+
+/// How results get into a collection that may have some already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Merging {
+    /// The results are all that the collection has afterwards.
+    Replace,
+    /// A result takes the place of the document with its key.
+    Merge,
+    /// The same, with results that were reduced with those documents, see [`MapReduce::merge`].
+    Reduce,
+}
+
+impl Merging {
+    /// Returns a pipeline that puts documents into a collection in one step. It is run on that collection.
+    #[must_use]
+    pub fn stages(self, database: &str, collection: &str, documents: Vec<Document>) -> Vec<Document> {
+        let documents: Vec<Bson> = documents.into_iter().map(Bson::Document).collect();
+        let into = doc! { "db": database, "coll": collection };
+        vec![
+            doc! { "$match": { "$alwaysFalse": 1 } },
+            doc! { "$unionWith": { "pipeline": [{ "$documents": { "$literal": documents } }] } },
+            match self {
+                Self::Replace => doc! { "$out": into },
+                Self::Merge | Self::Reduce => doc! { "$merge": { "into": into, "whenMatched": "replace" } },
+            },
+        ]
+    }
 }
 
 /// The keys emitted so far, in BSON order, with their values.
@@ -59,6 +87,17 @@ impl MapReduce {
         }
         let results = emitted.keys.into_values().map(|(key, values)| self.result(key, values));
         Ok(results.collect::<Result<_>>()?)
+    }
+
+    /// Reduces a result with the one of its key that is stored already, and finalizes it again.
+    ///
+    /// # Errors
+    /// The first error of a function.
+    pub fn merge(&self, stored: &Document, result: &mut Document) -> Result<()> {
+        let key = result.get("_id").cloned().unwrap_or(Bson::Null);
+        let values = [stored, result].map(|of| of.get("value").cloned().unwrap_or(Bson::Undefined));
+        *result = self.result(key, values.to_vec())?;
+        Ok(())
     }
 
     fn result(&self, key: Bson, mut values: Vec<Bson>) -> Result<Document> {
@@ -111,5 +150,13 @@ mod tests {
         let expected =
             [doc! { "_id": "a", "value": { "total": 40.5 } }, doc! { "_id": "b", "value": { "total": 20.0 } }];
         assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_result_is_reduced_with_the_stored_one() {
+        let functions = MapReduce::parse("x", "function(k, v) { return v[0] - v[1] }", None, &doc! {}).unwrap();
+        let mut result = doc! { "_id": "a", "value": 3 };
+        functions.merge(&doc! { "_id": "a", "value": 10 }, &mut result).unwrap();
+        assert_eq!(result, doc! { "_id": "a", "value": 7.0 });
     }
 }

@@ -16,7 +16,7 @@ use bson::{Bson, Document};
 
 use super::error::{QueryError, Result};
 use super::view::Fields;
-pub use map_reduce::MapReduce;
+pub use map_reduce::{MapReduce, Merging};
 use script::Script;
 
 /// A function, to be called with documents or values.

@@ -125,6 +125,8 @@ fn check_source(ns: &Namespace, stages: &[Document]) -> Result<(), Failure> {
     if brings == (ns.collection == NO_COLLECTION) {
         return Ok(());
     }
+    // A stage that is unknown or not supported is named as that.
+    Pipeline::parse(stages.get(..1).unwrap_or_default())?;
     let first = stages.first().and_then(|stage| stage.keys().next()).map_or("an empty pipeline", String::as_str);
     let message = match brings {
         true => "$documents is for `aggregate: 1`, not for a collection".to_owned(),
@@ -176,6 +178,10 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         return Err(Failure::new(codes::ILLEGAL, message));
     }
     let ns = place(&spec.scope);
+    if !host.memory()?.is_current(&ns)? {
+        let message = "change streams are of databases in a file; this one is on a MongoDB server: connect to that";
+        return Err(Failure::new(codes::ILLEGAL, message));
+    }
     let (scope, server) = (spec.scope.clone(), std::sync::Arc::clone(&host.server));
     let kept = host.write(
         ns.clone(),

@@ -15,6 +15,7 @@ mod handshake;
 mod index;
 mod insert;
 mod login;
+mod map_reduce;
 mod modify;
 mod server;
 mod session;
@@ -45,7 +46,7 @@ use crate::store::Namespace;
 use definition::{Command, Run, raw};
 
 /// All groups.
-const GROUPS: [&[Command]; 18] = [
+const GROUPS: [&[Command]; 19] = [
     COMMANDS,
     handshake::COMMANDS,
     login::COMMANDS,
@@ -58,6 +59,7 @@ const GROUPS: [&[Command]; 18] = [
     modify::COMMANDS,
     find::COMMANDS,
     aggregate::COMMANDS,
+    map_reduce::COMMANDS,
     cursor::COMMANDS,
     explain::COMMANDS,
     collection::COMMANDS,

@@ -16,6 +16,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("what_is_not_supported_is_refused_by_its_name", refusals),
     ("collations_variables_and_hints_are_taken", modifiers),
     ("one_document_is_found_and_modified", modified),
+    ("values_are_mapped_and_reduced_into_an_answer_or_a_collection", map_reduced),
     ("statements_of_a_command_fail_one_by_one", statements),
     ("nothing_is_changed_where_the_memory_is_served_read_only", read_only),
     ("two_hundred_connections_write_at_once", crowd),
@@ -29,6 +30,13 @@ fn metadata() -> Result<(), Failed> {
     things.replace_one(doc! { "_id": 1 }, doc! { "n": 2 }).run()?;
     assert_eq!(things.find_one(doc! {}).run()?, Some(doc! { "_id": 1, "n": 2 }));
     assert_eq!(things.list_index_names().run()?, ["_id_"]);
+    // Also where a pipeline puts documents into others.
+    let joined = doc! { "$lookup": { "from": "things", "pipeline": [], "as": "all" } };
+    let stages = [joined, doc! { "$set": { "root": "$$ROOT" } }, doc! { "$facet": { "found": [] } }];
+    let found = things.aggregate(stages).run()?.next().ok_or("nothing was found")??;
+    let thing = doc! { "_id": 1, "n": 2 };
+    let root = doc! { "_id": 1, "n": 2, "all": [thing.clone()] };
+    assert_eq!(found, doc! { "found": [{ "_id": 1, "n": 2, "all": [thing], "root": root }] });
     // What decays is there until then.
     let past = bson::DateTime::from_millis(0);
     things.insert_one(doc! { "_id": 2, "_robmem_info": { "decay_time": past } }).run()?;
@@ -165,6 +173,7 @@ fn refusals() -> Result<(), Failed> {
         (doc! { "create": "c", "capped": true, "size": 1000 }, "capped"),
         (doc! { "create": "c", "viewOn": "d" }, "viewOn"),
         (doc! { "aggregate": 1, "pipeline": [{ "$listLocalSessions": {} }], "cursor": {} }, "$listLocalSessions"),
+        (doc! { "aggregate": 1, "pipeline": [{ "$queryStats": {} }], "cursor": {} }, "$queryStats"),
     ] {
         let mut asked = command.clone();
         asked.insert("$db", "a");
@@ -249,6 +258,43 @@ fn modified() -> Result<(), Failed> {
     let mut sorted = counted;
     sorted.sort_unstable();
     assert_eq!(sorted, (1..=100).collect::<Vec<_>>());
+    Ok(())
+}
+
+fn map_reduced() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let a = served.client()?.database("a");
+    let seen = [("cup", 2), ("plate", 5), ("cup", 3), ("fork", 9)].map(|(name, n)| doc! { "name": name, "n": n });
+    a.collection("seen").insert_many(seen).run()?;
+    let command = |out: Bson| {
+        let (map, reduce) =
+            ("function() { emit(this.name, this.n) }", "function(k, v) { return Array.sum(v) * times }");
+        let map = Bson::JavaScriptCode(map.to_owned());
+        doc! { "mapReduce": "seen", "map": map, "reduce": reduce, "query": { "n": { "$lt": 9 } }, "scope": { "times": 2 }, "out": out }
+    };
+    let run = |out: Bson| a.run_command(command(out)).run();
+    let all =
+        || a.collection::<Document>("sums").find(doc! {}).sort(doc! { "_id": 1 }).run()?.collect::<Result<Vec<_>, _>>();
+    let result = |name: &str, value: f64| doc! { "_id": name, "value": value };
+    // A key with one value is not reduced, as on mongod.
+    let inline = run(doc! { "inline": 1 }.into())?;
+    assert_eq!(inline.get_array("results")?, &[result("cup", 10.0), result("plate", 5.0)].map(Bson::from));
+    a.collection("sums").insert_many([doc! { "_id": "cup", "value": 1 }, doc! { "_id": "jug", "value": 1 }]).run()?;
+    assert_eq!(
+        run(doc! { "merge": "sums", "db": "a" }.into())?.get_document("result")?,
+        &doc! { "db": "a", "collection": "sums" }
+    );
+    assert_eq!(all()?, [result("cup", 10.0), doc! { "_id": "jug", "value": 1 }, result("plate", 5.0)]);
+    run(doc! { "reduce": "sums" }.into())?;
+    assert_eq!(all()?, [result("cup", 40.0), doc! { "_id": "jug", "value": 1 }, result("plate", 20.0)]);
+    assert_eq!(run("sums".into())?.get_str("result")?, "sums");
+    assert_eq!(all()?, [result("cup", 10.0), result("plate", 5.0)]);
+    assert_eq!(code(run(doc! { "replace": "sums", "db": "b" }.into())), Some(115));
+    assert_eq!(code(run(doc! {}.into())), Some(2));
+    let mut hunting = command("sums".into());
+    hunting.insert("hunt", 1);
+    assert_eq!(code(a.run_command(hunting).run()), Some(40415));
     Ok(())
 }
 

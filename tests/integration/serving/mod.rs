@@ -1,6 +1,7 @@
 //! `rmem serve`: MongoDB clients on the memory.
 
 mod clients;
+mod front;
 mod kills;
 mod login;
 mod messages;
@@ -18,6 +19,7 @@ use std::time::{Duration, Instant};
 use libtest_mimic::{Failed, Trial};
 use mongodb::sync::Client;
 
+pub(crate) use front::CASES as IN_FRONT;
 pub(crate) use suites::stop;
 
 /// How long what has to come may take.
@@ -51,8 +53,13 @@ impl Served {
 
     /// The same with all options.
     pub(crate) fn start_as(folder: &Path, options: &[&str]) -> Result<Self, Failed> {
+        Self::start_memory(folder, "file:robot.rmem", options)
+    }
+
+    /// Serves another memory.
+    fn start_memory(folder: &Path, memory: &str, options: &[&str]) -> Result<Self, Failed> {
         let mut child = Command::new(env!("CARGO_BIN_EXE_rmem"))
-            .args(["--memory", "file:robot.rmem", "serve", "--print-uri"])
+            .args(["--memory", memory, "serve", "--print-uri"])
             .args(options)
             .current_dir(folder)
             .env("HOME", folder)

@@ -1,0 +1,57 @@
+//! `rmem serve` in front of a MongoDB server.
+
+use bson::{Document, doc};
+use libtest_mimic::Failed;
+use mongodb::options::ReturnDocument;
+use mongodb::sync::Client;
+
+use super::{Served, code};
+
+type Case = fn(&str) -> Result<(), Failed>;
+
+/// What is tried in front of the server at a URI.
+pub(crate) const CASES: &[(&str, Case)] =
+    &[("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front)];
+
+fn in_front(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let settings = "[[computable]]\nname = 'double'\ncollection = 'in_front.things'\nspec = \"{double: {$exists: true}}\"\n\
+                    pipeline = \"[{$match: {n: {$exists: true}}}, {$project: {_id: 0, double: {$multiply: ['$n', 2]}}}]\"\n";
+    std::fs::write(folder.path().join("rmem.toml"), settings)?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let client = served.client()?;
+    let database = client.database("in_front");
+    database.drop().run()?;
+    let things = database.collection::<Document>("things");
+    things.insert_many([doc! { "_id": 1, "n": 21 }, doc! { "_id": 2 }]).run()?;
+    let found = things.find_one(doc! { "double": 42 }).run()?.ok_or("nothing was computed")?;
+    assert_eq!(found.get_i32("double")?, 42);
+    // What is computed is not stored, and metadata is, where plain clients do not see it.
+    let all = things.find(doc! {}).sort(doc! { "_id": 1 }).run()?.collect::<Result<Vec<_>, _>>()?;
+    assert_eq!(all, [doc! { "_id": 1, "n": 21 }, doc! { "_id": 2 }]);
+    let behind = Client::with_uri_str(mongod)?.database("in_front").collection::<Document>("things");
+    let stored = behind.find_one(doc! { "_id": 1 }).run()?.ok_or("nothing was stored")?;
+    assert!(stored.get_document("_robmem_info")?.contains_key("inserted"), "{stored}");
+    assert_eq!(behind.count_documents(doc! { "double": 42 }).run()?, 0);
+    // Changes, indexes, cursors and mistakes are the server's.
+    things.update_one(doc! { "_id": 3 }, doc! { "$set": { "n": 4 } }).upsert(true).run()?;
+    let changed = things.find_one_and_update(doc! { "_id": 3 }, doc! { "$inc": { "n": 1 } });
+    assert_eq!(changed.return_document(ReturnDocument::After).run()?, Some(doc! { "_id": 3, "n": 5 }));
+    things.create_index(mongodb::IndexModel::builder().keys(doc! { "n": 1 }).build()).run()?;
+    assert!(behind.list_index_names().run()?.contains(&"n_1".to_owned()));
+    let many = database.collection("many");
+    many.insert_many((0..500).map(|n| doc! { "_id": n })).run()?;
+    assert_eq!(many.find(doc! {}).batch_size(50).run()?.count(), 500);
+    assert_eq!(code(things.insert_one(doc! { "_id": 1 }).run()), Some(11_000));
+    assert_eq!(things.delete_many(doc! {}).run()?.deleted_count, 3);
+    // What only the server itself can do is refused, with the reason.
+    let refusal = things.watch().run().err().ok_or("a change stream was opened")?.to_string();
+    assert!(refusal.contains("on a MongoDB server: connect to that"), "{refusal}");
+    let mut session = client.start_session().run()?;
+    session.start_transaction().run()?;
+    let refusal =
+        things.insert_one(doc! { "_id": 9 }).session(&mut session).run().err().ok_or("a transaction was begun")?;
+    assert!(refusal.to_string().contains("on a MongoDB server: connect to that"), "{refusal}");
+    database.drop().run()?;
+    Ok(())
+}
