@@ -300,3 +300,50 @@ fn plans_are_found_in_what_planners_print() {
         assert!(found.code == 0 && found.stdout.to_lowercase().contains("(drop r2 ball b)"), "{planner}: {found}");
     }
 }
+
+#[test]
+fn a_plan_reads_alike_from_a_file_and_from_a_planner() {
+    let lab = Lab::new();
+    let recorded = |planner: &str| {
+        let text = lab.read(&format!("fixtures/transcripts/{planner}/p_plan.txt"));
+        text.split("[exit code").next().unwrap().split_once('\n').unwrap().1.to_owned()
+    };
+    let (log, ff) = (recorded("fast-downward"), recorded("ff"));
+    let logged: Vec<&str> = log.lines().filter(|line| line.ends_with(" (1)")).collect();
+    let steps: Vec<&str> = logged.iter().map(|line| line.trim_end_matches(" (1)")).collect();
+    let lines = |line: &dyn Fn(usize, &str) -> String| -> String {
+        steps.iter().enumerate().map(|(at, step)| line(at, step) + "\n").collect()
+    };
+    let bare = lines(&|_, step| format!("({step})"));
+    let whole = format!("{bare}; cost = 8 (unit cost)\n");
+    let numbered = lines(&|at, step| format!("{at}: {step}"));
+    let timed = lines(&|at, step| format!("{at}.000: ({step}) [1.000]"));
+    let gap = lines(&|at, step| if at == 3 { String::new() } else { format!("{at}: {step}") });
+    let tasks = ["fixtures/transcripts/tasks/dom.pddl", "fixtures/transcripts/tasks/p_plan.pddl"];
+    for (text, verdict) in [
+        (logged.join("\n"), "the plan is valid, value 8"),
+        (bare.clone(), "the plan is valid, value 8"),
+        (format!("{log}{whole}"), "the plan is valid, value 8"),
+        (format!("{whole}{log}"), "the plan is valid, value 8"),
+        (format!("{log}{log}"), "the plan is valid, value 8"),
+        (whole.repeat(2), "the plan is valid, value 8"),
+        (numbered.repeat(2), "the plan is valid, value 8"),
+        (timed.repeat(2), "the plan is valid, makespan 8"),
+        (format!("{ff}{numbered}"), "the plan is valid, value 10"),
+        // The same steps again, with nothing between, may be meant.
+        (bare.repeat(2), "the plan is invalid: step 9"),
+        (gap, "out:5:1: expected step 3, found step 4; lines of the plan are missing"),
+        (ff.replace("        3:", "       13:"), "expected step 3, found step 13; lines of the plan are missing"),
+    ] {
+        lab.write("out", &text);
+        let read = lab.rmem(&["validate", tasks[0], tasks[1], "out"]);
+        assert!([&read.stdout, &read.stderr].iter().any(|said| said.contains(verdict)), "{text}\n{verdict}\n{read}");
+        let place = lab.path().join("out").display().to_string();
+        lab.write(
+            "rmem.toml",
+            &format!("memory = 'mem:'\n[planner.any]\ncommand = ['cat', '{place}']\noutput = 'auto'\n"),
+        );
+        let ran = lab.rmem(&["plan", "--planner", "any", "-d", tasks[0], "-p", tasks[1], "--no-store"]);
+        assert_eq!(ran.code == 0, read.code == 0, "{text}\n{read}\n{ran}");
+    }
+}

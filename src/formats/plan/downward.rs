@@ -24,7 +24,23 @@ pub struct Steps {
     pub cost: Option<f64>,
 }
 
-/// Reads a plan file. A last line `; cost = N (unit cost)` gives the cost; whether it
+impl Steps {
+    /// Takes a part of a line. What follows the cost of a plan is another plan.
+    fn take(&mut self, part: Pair<'_, Rule>, line: Line<'_>) {
+        match part.as_rule() {
+            Rule::step | Rule::logged => {
+                if self.cost.take().is_some() {
+                    self.actions.clear();
+                }
+                self.actions.extend(action(part, line));
+            }
+            Rule::cost => self.cost = number(part),
+            _ => {}
+        }
+    }
+}
+
+/// Reads a plan file: steps as `(move r2 k l)`, or as Fast Downward logs them, `move r2 k l (1)`. A last line `; cost = N (unit cost)` gives the cost; whether it
 /// has to be there is the caller's business ([`whole`]).
 ///
 /// # Errors
@@ -33,14 +49,14 @@ pub struct Steps {
 pub fn read_steps(source: &Source) -> Result<Steps, Diagnostic> {
     let mut steps = Steps::default();
     for line in lines(source.text()) {
-        let parsed = Grammar::parse(Rule::line, line.text).map_err(|error| complain(source, line, &error, word))?;
-        for part in parsed.flat_map(Pair::into_inner) {
-            match part.as_rule() {
-                Rule::step => steps.actions.extend(action(part, line)),
-                Rule::cost => steps.cost = number(part),
-                _ => {}
-            }
-        }
+        let parsed: Vec<Pair<'_, Rule>> = match Grammar::parse(Rule::line, line.text) {
+            Ok(parsed) => parsed.flat_map(Pair::into_inner).collect(),
+            Err(error) => match Grammar::parse(Rule::logged, line.text) {
+                Ok(logged) => logged.collect(),
+                Err(_) => return Err(complain(source, line, &error, word)),
+            },
+        };
+        parsed.into_iter().for_each(|part| steps.take(part, line));
     }
     Ok(steps)
 }
@@ -116,7 +132,10 @@ fn take_plan(transcript: &mut Transcript, plans: &[Source], stdout: &str) {
     if transcript.verdict != Verdict::Plan {
         return;
     }
-    match (broken, logged(stdout)) {
+    // The log of a search may have a plan file behind it, or several plans.
+    let last = Some(printed(stdout)).filter(|printed| printed.verdict == Verdict::Plan);
+    let last = last.map(|printed| Steps { actions: printed.actions, cost: printed.cost });
+    match (broken, last.or_else(|| logged(stdout))) {
         (None, Some(steps)) => found(transcript, steps),
         (Some(error), _) => {
             transcript.verdict = Verdict::Unclear;
@@ -160,14 +179,8 @@ fn logged(stdout: &str) -> Option<Steps> {
         let plain = Grammar::parse(Rule::line, line.text).into_iter().flatten().flat_map(Pair::into_inner);
         let noted = Grammar::parse(Rule::logged, line.text).into_iter().flatten();
         for part in plain.chain(noted) {
-            match part.as_rule() {
-                Rule::cost => (steps.cost, seen) = (number(part), true),
-                Rule::step | Rule::logged => {
-                    steps.actions.extend(action(part, line));
-                    seen = true;
-                }
-                _ => {}
-            }
+            seen |= matches!(part.as_rule(), Rule::cost | Rule::step | Rule::logged);
+            steps.take(part, line);
         }
     }
     seen.then_some(steps)

@@ -23,11 +23,65 @@ const PSEUDO_ACTION: &str = "REACH-GOAL";
 /// Reads what an FF printed on its standard output and standard error.
 #[must_use]
 pub fn read(stdout: &str, stderr: &str) -> Transcript {
-    let mut reader = Reader { transcript: Transcript::unclear(), place: Place::Before };
+    read_noting(stdout, stderr).0
+}
+
+/// [`read`], and the step whose number is not the next one, where there is one.
+pub(super) fn read_noting(stdout: &str, stderr: &str) -> (Transcript, Option<Gap>) {
+    let mut reader =
+        Reader { transcript: Transcript::unclear(), place: Place::Before, numbers: Numbers::default(), gap: None };
     for line in lines(stdout).chain(lines(stderr)) {
         reader.line(line);
     }
-    reader.transcript
+    (reader.transcript, reader.gap)
+}
+
+/// A step whose number is not the next one: lines of the plan are missing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Gap {
+    /// The line it stands on, from 1.
+    pub(super) line: usize,
+    /// What is wrong.
+    pub(super) message: String,
+}
+
+/// The numbers of steps, one after the other: from 0 (or 1) on.
+#[derive(Debug, Default)]
+pub(super) struct Numbers {
+    first: Option<usize>,
+    next: usize,
+}
+
+/// What the number of a step says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Numbered {
+    /// It is the next step.
+    Next,
+    /// The plan begins again.
+    Again,
+}
+
+impl Numbers {
+    /// Takes the number of a step.
+    fn take(&mut self, step: &Pair<'_, Rule>, line: usize) -> Result<Numbered, Gap> {
+        let number = step.clone().into_inner().find(|part| part.as_rule() == Rule::integer);
+        let Some(number) = number else { return Ok(Numbered::Next) };
+        let (number, text) = (number.as_str().parse::<usize>().ok(), number.as_str());
+        let numbered = match (number, self.first) {
+            (Some(number @ (0 | 1)), None) => {
+                self.first = Some(number);
+                Numbered::Next
+            }
+            (Some(number), Some(_)) if number == self.next => Numbered::Next,
+            (Some(number), Some(first)) if number == first => Numbered::Again,
+            _ => {
+                let message = format!("expected step {}, found step {text}; lines of the plan are missing", self.next);
+                return Err(Gap { line, message });
+            }
+        };
+        self.next = number.unwrap_or_default() + 1;
+        Ok(numbered)
+    }
 }
 
 /// Where in the output the reader is.
@@ -46,6 +100,8 @@ enum Place {
 struct Reader {
     transcript: Transcript,
     place: Place,
+    numbers: Numbers,
+    gap: Option<Gap>,
 }
 
 impl Reader {
@@ -70,6 +126,7 @@ impl Reader {
     fn found(&mut self) {
         self.transcript = Transcript { verdict: Verdict::Plan, ..Transcript::unclear() };
         self.place = Place::Plan;
+        (self.numbers, self.gap) = (Numbers::default(), None);
     }
 
     fn leave_plan(&mut self) {
@@ -86,6 +143,16 @@ impl Reader {
     fn step(&mut self, sentence: Pair<'_, Rule>, line: Line<'_>) {
         if self.place != Place::Plan {
             return;
+        }
+        match self.numbers.take(&sentence, line.number) {
+            Ok(Numbered::Next) => {}
+            Ok(Numbered::Again) => self.transcript.actions.clear(),
+            Err(gap) => {
+                self.place = Place::After;
+                self.transcript = Transcript { message: gap.message.clone(), ..Transcript::unclear() };
+                self.gap = Some(gap);
+                return;
+            }
         }
         match action(sentence, line.number) {
             Some(action) if action.name.eq_ignore_ascii_case(PSEUDO_ACTION) => {}
@@ -182,12 +249,19 @@ pub(super) fn is_found(text: &str) -> bool {
     text.contains("found legal plan as follows")
 }
 
-/// The action of one line of a file with FF's steps; the outer option is empty
-/// where the line is no step.
-pub(super) fn step_of(text: &str, line: usize) -> Option<Option<Action>> {
-    let sentence = sentence(text)?;
-    (sentence.as_rule() == Rule::step)
-        .then(|| action(sentence, line).filter(|action| !action.name.eq_ignore_ascii_case(PSEUDO_ACTION)))
+/// One line of a file with FF's steps: its action, where it has one, and what its number says. None where the line is no step.
+pub(super) fn step_of(
+    text: &str,
+    line: usize,
+    numbers: &mut Numbers,
+) -> Option<Result<(Numbered, Option<Action>), Gap>> {
+    let step = sentence(text).filter(|sentence| sentence.as_rule() == Rule::step)?;
+    let numbered = match numbers.take(&step, line) {
+        Ok(numbered) => numbered,
+        Err(gap) => return Some(Err(gap)),
+    };
+    let action = action(step, line).filter(|action| !action.name.eq_ignore_ascii_case(PSEUDO_ACTION));
+    Some(Ok((numbered, action)))
 }
 
 #[cfg(test)]

@@ -37,6 +37,8 @@ pub struct PlanFile {
 /// What is not a step, at its place; output of a planner in which there is no plan.
 pub fn read_plan(source: &Source) -> Result<PlanFile, Diagnostic> {
     match plan_file(source) {
+        // FF's plan with a line missing.
+        Err(error) if source.text().lines().any(ff::is_found) => Err(error),
         Err(error) => printed(source).unwrap_or(Err(error)),
         plan => plan,
     }
@@ -87,27 +89,43 @@ fn spelling(text: &str) -> Spelling {
 fn read_ff(source: &Source) -> Result<PlanFile, Diagnostic> {
     let text = source.text();
     if text.lines().any(ff::is_found) {
-        let transcript = ff::read(text, "");
+        let (transcript, gap) = ff::read_noting(text, "");
+        if let Some(ff::Gap { line, message }) = gap {
+            let line = lines::lines(text).nth(line.saturating_sub(1));
+            return Err(line.map_or_else(
+                || Diagnostic::new(source, Span::default(), message.as_str()),
+                |line| wrong(source, line, &message),
+            ));
+        }
         let timed = transcript.actions.iter().any(|action| action.start.is_some());
         let spelling = if timed { Spelling::Temporal } else { Spelling::Ff };
         return Ok(PlanFile { spelling, actions: transcript.actions, cost: transcript.cost, is_printed: true });
     }
-    let mut actions = Vec::new();
+    let (mut actions, mut numbers) = (Vec::new(), ff::Numbers::default());
     for line in lines::lines(text) {
         let line_text = line.text.trim();
         if line_text.is_empty() || line_text.starts_with(';') {
             continue;
         }
-        match ff::step_of(line.text, line.number) {
-            Some(action) => actions.extend(action),
-            None => {
-                let start = line.offset + line.text.len() - line.text.trim_start().len();
-                let span = Span::new(start, start + line_text.len());
-                return Err(Diagnostic::new(source, span, "expected a step as FF writes it: `1: ACTION ARGUMENT …`"));
+        match ff::step_of(line.text, line.number, &mut numbers) {
+            Some(Ok((numbered, action))) => {
+                if numbered == ff::Numbered::Again {
+                    actions.clear();
+                }
+                actions.extend(action);
             }
+            Some(Err(gap)) => return Err(wrong(source, line, &gap.message)),
+            None => return Err(wrong(source, line, "expected a step as FF writes it: `1: ACTION ARGUMENT …`")),
         }
     }
     Ok(PlanFile { spelling: Spelling::Ff, actions, cost: None, is_printed: false })
+}
+
+/// Complains about a line.
+fn wrong(source: &Source, line: lines::Line<'_>, message: &str) -> Diagnostic {
+    let text = line.text.trim();
+    let start = line.offset + line.text.len() - line.text.trim_start().len();
+    Diagnostic::new(source, Span::new(start, start + text.len()), message)
 }
 
 #[cfg(test)]

@@ -111,7 +111,8 @@ fn remark(transcript: &mut Transcript, text: &str) -> bool {
 /// The plans of a text, of which the last counts.
 ///
 /// A new plan starts where, after a gap, time goes back to the start of the plan so
-/// far: before it, or, after a sentence that announces a plan, to the same moment.
+/// far: before it, or, after a sentence that announces a plan, to the same moment. It also starts where the first step
+/// comes again at its own time.
 #[derive(Default)]
 struct Plans {
     actions: Vec<Action>,
@@ -147,12 +148,22 @@ impl Plans {
         let last = self.actions.last().and_then(|last| last.start).zip(action.start);
         let back = last.is_some_and(|(last, start)| start < last) && first.is_some_and(|(first, start)| start <= first);
         let again = self.announced && first.is_some_and(|(first, start)| start <= first);
-        if self.gap && (back || again) {
+        let is_repeated = self.actions.first().is_some_and(|first| is_same(first, &action));
+        if self.gap && (back || again) || is_repeated {
             self.actions.clear();
         }
         (self.gap, self.announced) = (false, false);
         self.actions.push(action);
     }
+}
+
+/// Whether two steps are the same happening.
+fn is_same(one: &Action, other: &Action) -> bool {
+    let same = |one: &str, other: &str| one.eq_ignore_ascii_case(other);
+    one.start == other.start
+        && same(&one.name, &other.name)
+        && one.arguments.len() == other.arguments.len()
+        && one.arguments.iter().zip(&other.arguments).all(|(one, other)| same(one, other))
 }
 
 fn action(step: Pair<'_, Rule>, line: Line<'_>) -> Option<Action> {
