@@ -36,7 +36,7 @@ Prints the _id of each stored document, one a line. Documents are stored in orde
 it stay stored, and those after it are not stored.
 
 YAML is one mapping for each document, in a sequence or separated by ---. In CSV and TSV, the first row has the keys \
-('pose.x' is the key x of the document at pose); numbers, true, false, dates with time and zone and JSON in braces or \
+('pose.x' is the key x of the document at pose); numbers (.5, +5, 1e3, NaN; not 007, which is text), true, false, dates with time and zone and JSON in braces or \
 brackets are read as such, unless a key says the type of its values: 'code.string()', 'n.int64()', 'at.date()'.";
 
 /// Store documents and print their ids

@@ -2,7 +2,7 @@
 //!
 //! A key may say its type, as for `mongoimport --columnsHaveTypes`: `count.int32()`. Where it does not, a value is a number,
 //! true or false, a date with time and zone, JSON in braces or brackets, or else a text: what `--format csv` writes. A
-//! number with zeros in front is a text. An empty value is left out. `pose.x` is the key `x` of the document at `pose`.
+//! number may be spelled as for mongoimport (`+5`, `.5`, `5.`, `1e3`, `NaN`); one with zeros in front is a text. An empty value is left out. `pose.x` is the key `x` of the document at `pose`.
 //! Quotes are those of RFC 4180; the parser is the crate `csv-core`.
 
 use base64::Engine as _;
@@ -181,19 +181,32 @@ fn guess(text: &str) -> Bson {
         "false" => return Bson::Boolean(false),
         _ => {}
     }
-    let unsigned = text.strip_prefix('-').unwrap_or(text);
-    let is_padded = unsigned.len() > 1 && unsigned.starts_with('0') && !unsigned.starts_with("0.");
-    let is_number = unsigned.starts_with(|c: char| c.is_ascii_digit())
-        && unsigned.bytes().all(|byte| byte.is_ascii_digit() || b"+-.eE".contains(&byte));
     let is_date =
         text.contains('T') && (text.ends_with('Z') || text.get(19..).is_some_and(|zone| zone.contains(['+', '-'])));
     let found = match text.as_bytes().first() {
         Some(b'{' | b'[') => shell::parse_value(&Source::new("", text)).ok(),
-        _ if is_number && !is_padded => shell::parse_number(text),
         _ if is_date => date(text),
-        _ => None,
+        _ => number(text),
     };
     found.unwrap_or_else(|| Bson::String(text.to_owned()))
+}
+
+/// The number that a text is, as for mongoimport: `5`, `+5`, `.5`, `5.`, `1e3`, `NaN`, `-Infinity`. One with zeros in front is
+/// a text (mongoimport takes `007` for 7, and so loses what postal codes and part numbers begin with).
+fn number(text: &str) -> Option<Bson> {
+    let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
+    if matches!(unsigned, "NaN" | "Inf" | "Infinity") {
+        return text.parse().ok().map(Bson::Double);
+    }
+    let is_padded = matches!(unsigned.as_bytes(), [b'0', b'0'..=b'9', ..]);
+    let is_number = unsigned.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+        && unsigned.bytes().all(|byte| byte.is_ascii_digit() || b"+-.eE".contains(&byte));
+    if !is_number || is_padded {
+        return None;
+    }
+    let plain = text.strip_prefix('+').unwrap_or(text);
+    let large = || text.parse::<f64>().ok().filter(|number| number.is_finite()).map(Bson::Double);
+    shell::parse_number(plain).or_else(large)
 }
 
 /// The rows of a text, each field with its place.
@@ -270,6 +283,45 @@ mod tests {
         assert_eq!(read(text), Ok(wanted));
         for empty in ["", "\n\n", "a,b\n"] {
             assert_eq!(read(empty), Ok(vec![]), "{empty:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_are_spelled_as_for_mongoimport() {
+        for (text, wanted) in [
+            (".5", Bson::Double(0.5)),
+            ("-.5", Bson::Double(-0.5)),
+            ("5.", Bson::Double(5.0)),
+            ("+5", Bson::Int32(5)),
+            ("+.5e1", Bson::Double(5.0)),
+            ("1e3", Bson::Double(1000.0)),
+            ("-Infinity", Bson::Double(f64::NEG_INFINITY)),
+            ("0.5", Bson::Double(0.5)),
+            ("0", Bson::Int32(0)),
+            ("-3000000000", Bson::Int64(-3_000_000_000)),
+        ] {
+            assert_eq!(guess(text), wanted, "{text}");
+        }
+        assert!(matches!(guess("NaN"), Bson::Double(number) if number.is_nan()));
+        for text in [
+            "007",
+            "-007",
+            "+00.5",
+            ".",
+            "+",
+            "-",
+            "e5",
+            ".e",
+            "1e",
+            "1e999",
+            "1.2.3",
+            "2026-01-02",
+            "0x10",
+            "1_000",
+            "nan",
+            " 5",
+        ] {
+            assert_eq!(guess(text), Bson::String(text.to_owned()));
         }
     }
 
