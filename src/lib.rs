@@ -194,6 +194,13 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
     if let Err(error) = output.configure(settings.verbosity, settings.color, settings.log.value.as_deref()) {
         return report(&error, &mut output);
     }
+    if output.shows_notes() {
+        store::embedded::tell_waits(|| {
+            let text = "another process writes to the memory; waiting until it is done\n";
+            // A closed stderr is no error.
+            let _ = std::io::Write::write_all(&mut std::io::stderr(), text.as_bytes());
+        });
+    }
     output.on_terminal(process.stderr_is_terminal);
     output.closed_by(process.stdout_is_closed);
     let mut context = Context::new(

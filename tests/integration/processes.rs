@@ -21,6 +21,7 @@ const WRITES: &str = "RMEM_TEST_WRITES";
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
+        Trial::test("processes::a_long_wait_for_another_writer_is_told", a_long_wait_is_told),
         Trial::test("processes::two_write_and_three_read_at_once", two_write_and_three_read_at_once),
         Trial::test("processes::several_create_one_file_at_once", several_create_one_file_at_once),
         Trial::test("processes::updates_of_several_are_all_counted", updates_of_several_are_all_counted),
@@ -116,6 +117,33 @@ pub(crate) fn number(variable: &str, default: i32) -> i32 {
 /// How many documents a writer of `count` batches stores.
 fn documents(count: i32) -> i32 {
     (0..count).map(|n| 1 + n % 3).sum()
+}
+
+fn a_long_wait_is_told() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("m.rmem");
+    let store = Embedded::open(&path)?;
+    let insert = |options: &[&str]| {
+        let mut rmem = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        let memory = format!("file:{}", path.display());
+        rmem.args(["--memory", &memory, "insert", "robmem.processes", "{}"]).args(options);
+        rmem.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("rmem starts")
+    };
+    let (mut waiting, mut line) = (Vec::new(), String::new());
+    store.atomically(&mut || {
+        store.insert(&ns(), vec![doc! {}])?;
+        waiting = vec![insert(&["--quiet"]), insert(&[])];
+        let told = waiting.last_mut().and_then(|told| told.stderr.take()).expect("a pipe");
+        BufReader::new(told).read_line(&mut line).expect("text");
+        Ok(())
+    })?;
+    assert_eq!(line, "another process writes to the memory; waiting until it is done\n");
+    for waiting in waiting {
+        let ended = waiting.wait_with_output()?;
+        assert!(ended.status.success() && ended.stderr.is_empty(), "{ended:?}");
+    }
+    assert_eq!(store.count(&ns(), (&doc! {}).into())?, 3);
+    Ok(())
 }
 
 fn two_write_and_three_read_at_once() -> Result<(), Failed> {

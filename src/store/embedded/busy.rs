@@ -6,9 +6,9 @@
 //! [`LONGEST`]; random jitter keeps two waiting processes from retrying at the same times.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant, SystemTime};
 
 use rusqlite::Connection;
 
@@ -16,20 +16,37 @@ use rusqlite::Connection;
 pub(super) const LOCK_TIMEOUT: Duration = Duration::from_secs(30);
 /// The same for best-effort writes, which are repeated later.
 const BRIEF_TIMEOUT: Duration = Duration::from_millis(4);
+/// After how long a wait is told.
+const LONG: Duration = Duration::from_secs(2);
 const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_millis(8);
 
+/// What is called once a write has waited for long.
+static TELL: OnceLock<fn()> = OnceLock::new();
+
+/// Calls `tell` for each write of this process that has waited two seconds for another process, once. The first call of
+/// this function counts.
+pub fn tell_waits(tell: fn()) {
+    let _ = TELL.set(tell);
+}
+
 /// Makes `connection` wait for locks of other processes: for [`LOCK_TIMEOUT`], and longer as long as
-/// the log at `log` grows; while `is_brief` is set, for [`BRIEF_TIMEOUT`].
+/// the log at `log` is written; while `is_brief` is set, for [`BRIEF_TIMEOUT`].
 pub(super) fn install(
     connection: &mut Connection,
     is_brief: Arc<AtomicBool>,
     log: Option<PathBuf>,
 ) -> rusqlite::Result<()> {
-    let (mut since, mut progress) = (Instant::now(), Progress { log, length: None });
+    let (mut since, mut progress) = (Instant::now(), Progress { log, state: None });
+    let mut is_told = false;
     connection.busy_handler(Some(move |attempt: i32| {
         if attempt == 0 {
             since = Instant::now();
+            is_told = false;
+        }
+        if !is_told && since.elapsed() >= LONG {
+            is_told = true;
+            TELL.get().into_iter().for_each(|tell| tell());
         }
         let has_time = !is_brief.load(Ordering::Relaxed) || since.elapsed() < BRIEF_TIMEOUT;
         if since.elapsed() >= LOCK_TIMEOUT && progress.is_made() {
@@ -39,17 +56,20 @@ pub(super) fn install(
     }))
 }
 
-/// The progress of the process that holds the lock: a long write makes the log grow.
+/// The progress of the process that holds the lock: a long write writes to the log. It may write over what is there,
+/// so that the log does not grow.
 struct Progress {
     log: Option<PathBuf>,
-    length: Option<u64>,
+    /// The length of the log, and when it was written.
+    state: Option<(u64, Option<SystemTime>)>,
 }
 
 impl Progress {
     /// Whether the log has changed since the last call.
     fn is_made(&mut self) -> bool {
-        let length = self.log.as_ref().and_then(|log| std::fs::metadata(log).ok()).map(|log| log.len());
-        std::mem::replace(&mut self.length, length) != length
+        let log = self.log.as_ref().and_then(|log| std::fs::metadata(log).ok());
+        let state = log.map(|log| (log.len(), log.modified().ok()));
+        std::mem::replace(&mut self.state, state) != state
     }
 }
 
@@ -101,6 +121,18 @@ mod tests {
             let jitter = jitter(Duration::from_nanos(nanos));
             assert!((0.0..1.0).contains(&jitter), "{jitter}");
         }
+    }
+
+    #[test]
+    fn a_log_that_is_written_over_is_progress() {
+        let log = tempfile::NamedTempFile::new().unwrap();
+        let mut progress = Progress { log: Some(log.path().to_owned()), state: None };
+        assert!(progress.is_made());
+        assert!(!progress.is_made());
+        log.as_file().set_modified(SystemTime::UNIX_EPOCH).unwrap();
+        assert!(progress.is_made());
+        log.as_file().set_len(10).unwrap();
+        assert!(progress.is_made());
     }
 
     #[test]

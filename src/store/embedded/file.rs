@@ -163,7 +163,7 @@ impl Embedded {
             log: Log::default(),
             is_brief,
             is_deleting: Cell::default(),
-            is_crowded: Cell::default(),
+            is_crowded: Cell::new(true),
         })
     }
 }

@@ -51,6 +51,7 @@ use indexed::Remembered;
 use place::Place;
 use transaction::Log;
 
+pub use busy::tell_waits;
 pub use file::VERSION;
 #[cfg(feature = "serve")]
 pub(crate) use notifier::Notifier;
@@ -69,6 +70,6 @@ pub struct Embedded {
     is_brief: Arc<AtomicBool>,
     /// Whether what is written makes room.
     is_deleting: Cell<bool>,
-    /// Whether the disk was nearly full when something was written last.
+    /// Whether the disk was nearly full when something was written last, or nothing was written yet.
     is_crowded: Cell<bool>,
 }

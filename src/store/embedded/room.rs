@@ -38,13 +38,15 @@ impl Embedded {
     }
 
     /// Cuts the log where the disk is nearly full, and refuses to write what grows the file where the reserve has begun.
-    /// Outside of a transaction.
+    /// Outside of a transaction. Where the last write left much room, it is not asked for again.
     pub(super) fn make_room(&self) -> Result<(), StoreError> {
+        if !self.is_crowded.get() {
+            return Ok(());
+        }
         let Some((room, _)) = room_of(&self.place).filter(|(room, _)| *room < LITTLE) else {
             self.is_crowded.set(false);
             return Ok(());
         };
-        self.is_crowded.set(true);
         // Another process may read the log; then it is cut another time.
         let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
         let (room, size) = room_of(&self.place).unwrap_or((room, u64::MAX));
@@ -53,7 +55,9 @@ impl Embedded {
 
     /// Refuses a write that would leave less than the reserve. Before its commit.
     pub(super) fn keep_room(&self) -> Result<(), StoreError> {
-        let Some((room, size)) = room_of(&self.place).filter(|(room, _)| *room < LITTLE) else { return Ok(()) };
+        let little = room_of(&self.place).filter(|(room, _)| *room < LITTLE);
+        self.is_crowded.set(little.is_some());
+        let Some((room, size)) = little else { return Ok(()) };
         let length = |path: Option<PathBuf>| path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
         // The log goes, and its pages come into the file.
         let grown = self.bytes("PRAGMA page_count").saturating_sub(length(self.place.file()));
