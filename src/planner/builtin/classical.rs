@@ -119,7 +119,7 @@ mod tests {
 
     use ferroplan::parser::{parse_domain, parse_problem};
 
-    use super::super::search::simulate::check;
+    use super::super::search::{refutes, simulate::check};
     use super::*;
 
     fn read(folder: &Path, name: &str) -> String {
@@ -159,6 +159,33 @@ mod tests {
             .unwrap();
         }
         assert_eq!(checked, 6);
+    }
+
+    #[test]
+    fn no_fixture_that_has_a_plan_is_refuted() {
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
+        let mut folders: Vec<_> =
+            std::fs::read_dir(fixtures.join("tasks")).unwrap().map(|entry| entry.unwrap()).collect();
+        folders.retain(|folder| folder.path().is_dir());
+        let mut tasks: Vec<_> = folders.iter().map(|folder| (folder.path(), "domain", "problem")).collect();
+        for (domain, problem) in [("dom", "p_plan"), ("acdom", "acp"), ("adldom", "adlp"), ("ffbug_dom", "ffbug_p1")] {
+            tasks.push((fixtures.join("transcripts/tasks"), domain, problem));
+        }
+        let (mut refuted, mut solved) = (Vec::new(), 0);
+        for (folder, domain, problem) in tasks {
+            let Some(lifted) = lifted(&read(&folder, domain), &read(&folder, problem)) else { continue };
+            let Ok(Ground::Task(task)) = ground(&lifted, 1 << 22, &mut |_, _| {}) else { continue };
+            if refutes(&task) {
+                refuted.push(folder.file_name().unwrap().to_str().unwrap().to_owned());
+                continue;
+            }
+            let settings = Settings { improvement: Improvement::Brief, memory: 1 << 20, work: 0 };
+            solved += usize::from(solve(&task, settings, &mut |_| {}) == End::Solved);
+        }
+        refuted.sort();
+        assert!(refuted.contains(&"fuel".to_owned()), "{refuted:?}");
+        refuted.retain(|name| !["fuel", "unsolvable", "adl-no-proof", "tiles", "pigeons"].contains(&name.as_str()));
+        assert!(refuted.is_empty() && solved >= 7, "{refuted:?} {solved}");
     }
 
     const ROADS: &str = "(define (domain roads) (:requirements :adl) (:types truck place)

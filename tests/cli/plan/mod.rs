@@ -165,6 +165,19 @@ fn a_goal_that_holds_needs_no_plan() {
 }
 
 #[test]
+fn a_task_without_a_plan_is_11_where_pairs_of_facts_or_all_its_states_prove_it() {
+    let lab = Lab::new();
+    for task in ["fuel", "tiles", "unsolvable"] {
+        let folder = format!("fixtures/tasks/{task}");
+        let run = lab.rmem(&["plan", "-d", &format!("{folder}/domain.pddl"), "-p", &format!("{folder}/problem.pddl")]);
+        let run = run.exits(11);
+        let error =
+            "error: builtin: proven: no plan exists: best first search space empty! problem proven unsolvable.\n";
+        assert!(run.stdout.is_empty() && run.stderr.contains(error), "{task}: {run}");
+    }
+}
+
+#[test]
 fn no_plan_is_11_where_it_is_proven_and_stored_as_a_failure() {
     let lab = Lab::new();
     lab.write(

@@ -14,6 +14,7 @@ mod lazy;
 pub mod lifted;
 pub mod makespan;
 mod open;
+mod prove;
 mod relaxed;
 mod shorten;
 #[cfg(test)]
@@ -25,6 +26,9 @@ pub mod task;
 #[cfg(test)]
 mod tests;
 mod width;
+
+#[cfg(test)]
+pub(super) use prove::refutes;
 
 pub use ground::{Ground, Refusal, ground};
 pub use solve::{End, Event, Improvement, Settings, solve};

@@ -2,12 +2,14 @@
 //!
 //! Where one search finds a plan in a blink, another may not find any: so each works for a while, remembers where it was,
 //! and goes on twice as long when it is its turn again. Work is counted, in rules of the relaxed task that were touched
-//! for the most part: the same task has the same plan everywhere.
+//! for the most part: the same task has the same plan everywhere. What two searches have not found in their first slices
+//! may not be there: from then on, a proof of that is looked for as well.
 
 use super::axiom::Axioms;
 use super::improve::Improver;
 use super::landmark::{back, count::Counter, reasonable};
 use super::lazy::{Aim, Lazy, Step};
+use super::prove::Prover;
 use super::relaxed::{Costs, Relaxed};
 use super::shorten::eliminate;
 use super::successor::{Generator, holds};
@@ -56,7 +58,7 @@ pub enum Event<'p> {
 pub enum End {
     /// With the plans that were reported.
     Solved,
-    /// All states were looked at, or shown to lead nowhere: there is no plan.
+    /// All states were looked at, or shown to lead nowhere, or facts that a plan needs are never true together.
     Unsolvable,
     /// There is no room for more states.
     Full,
@@ -117,11 +119,12 @@ fn first(
     let aim = Aim { init: init.to_vec(), goal: task.goal.clone(), weight: None, bound: u64::MAX };
     let mut lazy = Lazy::new(task, generator, counter, costs, relaxed.clone(), aim);
     let mut width: Option<Width<'_>> = None;
-    let memory = settings.memory;
-    let (mut work, mut is_full) = (SLICE, [false; 2]);
-    while !is_full[0] || !is_full[1] {
+    let mut prover = Prover::new(task);
+    let memory = settings.memory / 4;
+    let (mut work, mut is_full) = (SLICE, [false; 3]);
+    while is_full.contains(&false) {
         if !is_full[0] {
-            match lazy.run(work, memory / 3 * 2) {
+            match lazy.run(work, memory * 2) {
                 Step::Plan(plan) => return Ok((plan, lazy.work())),
                 Step::Exhausted => return Err(End::Unsolvable),
                 Step::Spent => {}
@@ -130,14 +133,22 @@ fn first(
         }
         let search = width.get_or_insert_with(|| Width::new(task, generator, counter, relaxed.clone()));
         if !is_full[1] {
-            match search.run(work / 2, memory / 3) {
+            match search.run(work / 2, memory) {
                 Step::Plan(plan) => return Ok((plan, search.work())),
                 Step::Exhausted => return Err(End::Unsolvable),
                 Step::Spent => {}
                 Step::Full => is_full[1] = true,
             }
         }
-        report(Event::States(lazy.states() + search.states()));
+        if !is_full[2] {
+            match prover.run(work / 8, memory) {
+                Step::Plan(plan) => return Ok((plan, lazy.work())),
+                Step::Exhausted => return Err(End::Unsolvable),
+                Step::Spent => {}
+                Step::Full => is_full[2] = true,
+            }
+        }
+        report(Event::States(lazy.states() + search.states() + prover.states()));
         if work > settings.work {
             return Err(End::Spent);
         }

@@ -28,7 +28,11 @@ pub(super) struct Generator {
 
 impl Generator {
     pub(super) fn new(task: &Task) -> Self {
-        let mut order: Vec<OperatorId> = (0..task.operators.len() as OperatorId).collect();
+        Self::of(task, (0..task.operators.len() as OperatorId).collect())
+    }
+
+    /// The tree of some operators.
+    pub(super) fn of(task: &Task, mut order: Vec<OperatorId>) -> Self {
         order.sort_by(|a, b| {
             let condition = |operator: &OperatorId| &task.operators[*operator as usize].condition;
             condition(a).cmp(condition(b)).then(a.cmp(b))

@@ -125,20 +125,25 @@ fn the_estimate_is_zero_exactly_at_goals() {
 
 #[test]
 fn a_search_without_room_for_its_states_says_so() {
-    // Twenty switches, and a goal that needs one which nothing sets: only the relaxed task believes in it.
+    // Twenty switches, and three lamps for which there are two fuses: any two are lit together, never all.
     let switches: Vec<(usize, u32)> = (0..20).map(|switch| (switch, 1)).collect();
     let mut operators: Vec<(&str, Values, Values)> = Vec::new();
     for switch in 0..20 {
         operators.push(("on", vec![(switch, 0)], vec![(switch, 1)]));
         operators.push(("off", vec![(switch, 1)], vec![(switch, 0)]));
     }
-    operators.push(("win", vec![(20, 0), (21, 0)], vec![(22, 1)]));
-    operators.push(("lose", vec![(20, 1)], vec![(20, 0), (21, 1)]));
+    for lamp in 20..23 {
+        for fuses in 0..2 {
+            operators.push(("light", vec![(lamp, 0), (23, fuses + 1)], vec![(lamp, 1), (23, fuses)]));
+            operators.push(("dim", vec![(lamp, 1), (23, fuses)], vec![(lamp, 0), (23, fuses + 1)]));
+        }
+    }
     let borrowed: Vec<_> = operators.iter().map(|(name, pre, eff)| (*name, pre.as_slice(), eff.as_slice())).collect();
-    let mut init = vec![0; 23];
-    init[20] = 1;
-    let goal: Vec<(usize, u32)> = switches.into_iter().chain([(22, 1)]).collect();
-    let task = super::example::task(&[2; 23], &init, &goal, &borrowed);
+    let mut init = vec![0; 24];
+    init[23] = 2;
+    let goal: Vec<(usize, u32)> = switches.into_iter().chain((20..23).map(|lamp| (lamp, 1))).collect();
+    let domains: Vec<u32> = (0..24).map(|variable| if variable == 23 { 3 } else { 2 }).collect();
+    let task = super::example::task(&domains, &init, &goal, &borrowed);
     let mut states = 0;
     let end = solve(&task, Settings { memory: 1 << 20, ..SETTINGS }, &mut |event| {
         if let Event::States(count) = event {
