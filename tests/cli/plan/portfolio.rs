@@ -266,6 +266,35 @@ fn anytime_uses_all_the_time_for_a_task_with_durations() {
 }
 
 #[test]
+fn a_deadline_is_met_where_the_robots_share_the_work() {
+    let lab = Lab::new();
+    delivery(&lab);
+    let problem = std::fs::read_to_string(lab.path().join("p.pddl")).unwrap();
+    let domain = std::fs::read_to_string(lab.path().join("d.pddl")).unwrap();
+    // Boxes are taken at the desk for as long as it is open.
+    let domain =
+        domain.replace("(carries ?r - robot ?b - box))", "(carries ?r - robot ?b - box) (open ?w - waypoint))");
+    lab.write(
+        "d.pddl",
+        &domain.replace(
+            "(over all (robot-at ?r ?w)) (at start (carries",
+            "(over all (robot-at ?r ?w)) (over all (open ?w)) (at start (carries",
+        ),
+    );
+    let open = |until: &str| {
+        lab.write("p.pddl", &problem.replace("(:init", &format!("(:init (open desk) (at {until} (not (open desk)))")))
+    };
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "10s"];
+    open("35");
+    let plan = lab.rmem(&words).exits(0);
+    assert!(plan.stdout.contains("; makespan = 34.006"), "{plan}");
+    lab.write("plan.txt", &plan.stdout);
+    lab.rmem(&["validate", "d.pddl", "p.pddl", "plan.txt"]).exits(0);
+    open("30");
+    lab.rmem(&["validate", "d.pddl", "p.pddl", "plan.txt"]).exits(1);
+}
+
+#[test]
 fn the_plan_that_ends_first_wins_a_race_with_anytime() {
     let lab = Lab::new();
     delivery(&lab);

@@ -124,6 +124,9 @@ pub struct Lifted {
     pub goal_slots: Vec<usize>,
     /// Whether plans are measured by the cost of their actions, not by their number.
     pub has_costs: bool,
+    /// Whether operators that do the same are kept, not only the cheapest: where they overlap in time, it matters what each
+    /// occupies.
+    pub keeps_equals: bool,
 }
 
 impl Default for Condition {

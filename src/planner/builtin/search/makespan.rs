@@ -7,7 +7,7 @@
 //! at which their steps end, not by their number.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap};
 
 use super::axiom::Axioms;
 use super::relaxed::{Costs, Relaxed};
@@ -24,6 +24,9 @@ const TURNS: u64 = 8;
 /// How much an estimate counts against the time so far, in quarters: first to find plans, then to find short ones.
 const WEIGHTS: [u64; 6] = [400, 40, 16, 8, 4, 1];
 
+/// The end of no plan, later than that of any.
+const NO_END: u64 = u64::MAX;
+
 /// How long operators take and what they touch. Times are in whole units.
 #[derive(Debug, Clone, Default)]
 pub struct Timing {
@@ -33,6 +36,8 @@ pub struct Timing {
     pub reads: Vec<Vec<u32>>,
     /// The resources that each operator changes.
     pub writes: Vec<Vec<u32>>,
+    /// From when to when an operator may start, where it may not at any time; windows in order.
+    pub windows: HashMap<OperatorId, Vec<(u64, u64)>>,
     /// How many resources there are.
     pub resources: usize,
     /// How much time a unit of the operators' costs stands for.
@@ -54,15 +59,19 @@ impl Timing {
         Times { read: vec![0; self.resources], written: vec![0; self.resources], end: 0 }
     }
 
-    /// Adds an operator as early as it may start; returns when that is.
-    fn add(&self, times: &mut Times, operator: OperatorId) -> u64 {
+    /// Adds an operator as early as it may start; returns when that is, or `None` where it is too late for it.
+    fn add(&self, times: &mut Times, operator: OperatorId) -> Option<u64> {
         let number = operator as usize;
         let after = |time: u64| if time == 0 { 0 } else { time + self.gap };
         let reads = self.reads[number].iter().map(|resource| after(times.written[*resource as usize]));
         let writes = self.writes[number]
             .iter()
             .map(|resource| after(times.written[*resource as usize].max(times.read[*resource as usize])));
-        let start = reads.chain(writes).max().unwrap_or(0);
+        let earliest = reads.chain(writes).max().unwrap_or(0);
+        let start = match self.windows.get(&operator) {
+            None => earliest,
+            Some(windows) => windows.iter().find(|(_, to)| earliest <= *to)?.0.max(earliest),
+        };
         // What takes no time happens all the same: at the end, it was.
         let end = start + self.durations[number].max(1);
         for resource in &self.reads[number] {
@@ -73,38 +82,52 @@ impl Timing {
             times.written[*resource as usize] = end;
         }
         times.end = end.max(times.end);
-        start
+        Some(start)
     }
 
-    /// Returns when each step of a plan starts, and when the last one ends.
+    /// Returns when each step of a plan starts, and when the last one ends; `None` where one misses its windows.
     #[must_use]
-    pub fn schedule(&self, plan: &[OperatorId]) -> (Vec<u64>, u64) {
+    pub fn schedule(&self, plan: &[OperatorId]) -> Option<(Vec<u64>, u64)> {
         let mut times = self.begin();
-        let starts = plan.iter().map(|operator| self.add(&mut times, *operator)).collect();
-        (starts, times.end)
+        let starts = plan.iter().map(|operator| self.add(&mut times, *operator)).collect::<Option<_>>()?;
+        Some((starts, times.end))
     }
 }
 
-/// Looks for plans that end before `best` until so much work is done, and says each. Costs of operators, and one more,
+/// How much work to spend.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Until there is a plan.
+    pub first: u64,
+    /// Then, until a better one is no longer looked for.
+    pub better: u64,
+}
+
+/// Looks for plans that end before `known`, the end of one that is known, and says each. Costs of operators, and one more,
 /// are their durations in [`Timing::unit`]s.
 pub fn hasten(
     task: &Task,
     timing: &Timing,
-    mut best: u64,
-    work: u64,
+    known: Option<u64>,
+    effort: Effort,
     memory: usize,
     found: &mut dyn FnMut(&[OperatorId]),
 ) {
     let generator = Generator::new(task);
     let mut relaxed = Relaxed::new(task, Costs::PlusOne);
-    let mut round = ROUND.min(work);
+    let mut best = known.unwrap_or(NO_END);
+    let mut limit = if known.is_some() { effort.better } else { effort.first };
+    let mut round = ROUND.min(limit);
     // What one round does not find, a longer one may.
-    while relaxed.work < work {
+    while relaxed.work < limit {
         let mut is_full = true;
         for weight in WEIGHTS {
-            let limit = relaxed.work + round / WEIGHTS.len() as u64;
+            let (slice, is_first) = (relaxed.work + round / WEIGHTS.len() as u64, best == NO_END);
             let mut search = Search::new(task, timing, &generator, &mut relaxed, weight);
-            is_full &= search.run(&mut best, limit, memory, found);
+            is_full &= search.run(&mut best, slice, memory, found);
+            if is_first && best < NO_END {
+                limit = relaxed.work.saturating_add(effort.better);
+            }
         }
         if is_full {
             return;
@@ -185,8 +208,7 @@ impl<'a> Search<'a> {
             self.relaxed.work += (applicable.len() * 8) as u64;
             for operator in &applicable {
                 let mut times = self.nodes[id as usize].times.clone();
-                self.timing.add(&mut times, *operator);
-                if times.end >= *best {
+                if self.timing.add(&mut times, *operator).is_none() || times.end >= *best {
                     continue;
                 }
                 next.copy_from_slice(&state);
@@ -236,8 +258,8 @@ impl<'a> Search<'a> {
         if holds(self.task, state, &self.task.goal) {
             // The way to a state may have become a better one since: what counts is when the plan ends.
             let plan = self.space.plan(id);
-            let (_, end) = self.timing.schedule(&plan);
-            if end < best {
+            let end = self.timing.schedule(&plan).map(|(_, end)| end).filter(|end| *end < best);
+            if let Some(end) = end {
                 found(&plan);
                 return Some(end);
             }
@@ -268,15 +290,22 @@ mod tests {
             .collect();
         let task = task(&[2; 4], &[0; 4], &[(0, 1), (1, 1), (2, 1), (3, 1)], &operators);
         let writes = (0..8_u32).map(|number| vec![number % 4, 4 + number / 4]).collect();
-        let timing =
-            Timing { durations: vec![10; 8], reads: vec![Vec::new(); 8], writes, resources: 6, unit: 5, gap: 1 };
+        let timing = Timing {
+            durations: vec![10; 8],
+            reads: vec![Vec::new(); 8],
+            writes,
+            resources: 6,
+            unit: 5,
+            gap: 1,
+            ..Timing::default()
+        };
         (task, timing)
     }
 
     #[test]
     fn what_shares_a_resource_comes_one_after_the_other() {
         let (_, timing) = carriers();
-        assert_eq!(timing.schedule(&[0, 1, 6]), (vec![0, 11, 0], 21));
+        assert_eq!(timing.schedule(&[0, 1, 6]), Some((vec![0, 11, 0], 21)));
     }
 
     #[test]
@@ -288,15 +317,17 @@ mod tests {
             resources: 1,
             unit: 1,
             gap: 1,
+            ..Timing::default()
         };
-        assert_eq!(timing.schedule(&[0, 1, 2, 0]), (vec![0, 0, 21, 27], 37));
+        assert_eq!(timing.schedule(&[0, 1, 2, 0]), Some((vec![0, 0, 21, 27], 37)));
     }
 
     #[test]
     fn two_robots_share_the_work() {
         let (task, timing) = carriers();
         let mut best = Vec::new();
-        hasten(&task, &timing, 44, 10_000_000, 1 << 26, &mut |plan| best = plan.to_vec());
-        assert_eq!(timing.schedule(&best).1, 21);
+        let effort = Effort { first: 0, better: 10_000_000 };
+        hasten(&task, &timing, Some(44), effort, 1 << 26, &mut |plan| best = plan.to_vec());
+        assert_eq!(timing.schedule(&best).map(|(_, end)| end), Some(21));
     }
 }

@@ -257,7 +257,10 @@ impl Encoder<'_> {
                 std::iter::once(operator.schema as u32).chain(operator.arguments.iter().map(|object| schemas + object));
             let new = Operator { name: name.collect(), condition, effects, cost: operator.cost };
             let next = operators.len();
-            let same = *known.entry(digest(&new)).or_insert(next);
+            let same = match reached.lifted.keeps_equals {
+                true => next,
+                false => *known.entry(digest(&new)).or_insert(next),
+            };
             match operators.get_mut(same) {
                 Some(other) if other.condition == new.condition && other.effects == new.effects => {
                     // Of operators that do the same, the cheapest.

@@ -1,0 +1,185 @@
+//! What the operators of a temporal task touch, how long they take, and when they may start.
+
+use std::collections::{HashMap, HashSet};
+
+use ferroplan::types::{Domain, Effect, Expr, Formula, Problem, Term, TimeSpec};
+
+use super::UNITS;
+use super::windows::{Window, Windows, intersected};
+use crate::planner::builtin::search::makespan::Timing;
+use crate::planner::builtin::search::task::{OperatorId, Task};
+
+/// A ground atom, or, of a predicate that occurs under a quantifier, all of its atoms.
+type Resource = (String, Vec<String>);
+
+/// What actions touch, and for how long.
+pub(super) struct Clock<'a> {
+    actions: HashMap<&'a str, Touched<'a>>,
+    values: HashMap<(&'a str, Vec<&'a str>), f64>,
+    /// The predicates that are not told apart by their arguments.
+    coarse: HashSet<&'a str>,
+    /// The predicates and functions that actions change.
+    changed: HashSet<&'a str>,
+    windows: Windows<'a>,
+}
+
+struct Touched<'a> {
+    parameters: Vec<&'a str>,
+    duration: Option<&'a Expr>,
+    is_durative: bool,
+    reads: Vec<(&'a str, &'a [Term])>,
+    writes: Vec<(&'a str, &'a [Term])>,
+    limits: Vec<(TimeSpec, &'a str, &'a [Term])>,
+}
+
+impl<'a> Clock<'a> {
+    pub(super) fn new(domain: &'a Domain, problem: &'a Problem, windows: Windows<'a>) -> Self {
+        let mut clock = Self {
+            windows,
+            actions: HashMap::new(),
+            values: problem
+                .init_fluents
+                .iter()
+                .map(|((name, arguments), value)| {
+                    ((name.as_str(), arguments.iter().map(String::as_str).collect()), *value)
+                })
+                .collect(),
+            coarse: HashSet::new(),
+            changed: HashSet::new(),
+        };
+        for action in &domain.durative_actions {
+            let mut touched = Touched::new(&action.params, action.duration.chosen(), true);
+            for (time, condition) in &action.conditions {
+                touched.limits.extend(clock.windows.limits(*time, condition));
+                clock.condition(condition, false, &mut touched);
+            }
+            for (_, effect) in &action.effects {
+                clock.effect(effect, false, &mut touched);
+            }
+            clock.actions.insert(&action.name, touched);
+        }
+        for action in &domain.actions {
+            let mut touched = Touched::new(&action.params, None, false);
+            touched.limits.extend(clock.windows.limits(TimeSpec::Start, &action.precond));
+            clock.condition(&action.precond, false, &mut touched);
+            clock.effect(&action.effect, false, &mut touched);
+            clock.actions.insert(&action.name, touched);
+        }
+        clock
+    }
+
+    fn condition(&mut self, formula: &'a Formula, is_quantified: bool, touched: &mut Touched<'a>) {
+        match formula {
+            Formula::Atom(name, terms) => {
+                touched.reads.push((name, terms));
+                self.coarse.extend(is_quantified.then_some(name.as_str()));
+            }
+            Formula::And(inner) | Formula::Or(inner) => {
+                inner.iter().for_each(|part| self.condition(part, is_quantified, touched));
+            }
+            Formula::Not(inner) => self.condition(inner, is_quantified, touched),
+            Formula::Forall(_, inner) | Formula::Exists(_, inner) => self.condition(inner, true, touched),
+            _ => {}
+        }
+    }
+
+    fn effect(&mut self, effect: &'a Effect, is_quantified: bool, touched: &mut Touched<'a>) {
+        match effect {
+            Effect::Add(name, terms) | Effect::Del(name, terms) => {
+                touched.writes.push((name, terms));
+                self.changed.insert(name);
+                self.coarse.extend(is_quantified.then_some(name.as_str()));
+            }
+            Effect::Num(_, name, ..) => drop(self.changed.insert(name)),
+            Effect::And(inner) => inner.iter().for_each(|part| self.effect(part, is_quantified, touched)),
+            Effect::When(condition, inner) => {
+                self.condition(condition, is_quantified, touched);
+                self.effect(inner, is_quantified, touched);
+            }
+            Effect::Forall(_, inner) => self.effect(inner, true, touched),
+        }
+    }
+
+    /// What the operators of a task touch; `None` where a duration depends on the state, or has no value.
+    pub(super) fn timing(&self, task: &'a Task) -> Option<Timing> {
+        let mut numbers: HashMap<Resource, u32> = HashMap::new();
+        let mut timing = Timing { gap: 1, ..Timing::default() };
+        for operator in 0..task.operators.len() as OperatorId {
+            let mut words = task.name(operator);
+            let action = self.actions.get(words.next()?)?;
+            let binding: HashMap<&str, &str> = action.parameters.iter().copied().zip(words).collect();
+            let duration = match action.duration {
+                Some(duration) => self.value(duration, &binding)?,
+                None if action.is_durative => return None,
+                None => 0.0,
+            };
+            if !(0.0..1e12).contains(&duration) {
+                return None;
+            }
+            let duration = (duration * UNITS).round() as u64;
+            timing.durations.push(duration);
+            if let Some(windows) = self.starts(action, &binding, duration) {
+                timing.windows.insert(operator, windows);
+            }
+            let mut list = |atoms: &[(&'a str, &'a [Term])]| {
+                let atoms = atoms.iter().filter(|(name, _)| self.changed.contains(name));
+                let mut resources: Vec<u32> = atoms
+                    .map(|(name, terms)| {
+                        let is_coarse = self.coarse.contains(name);
+                        let arguments =
+                            terms.iter().filter(|_| !is_coarse).map(|term| object(term, &binding).to_owned());
+                        let next = numbers.len() as u32;
+                        *numbers.entry(((*name).to_owned(), arguments.collect())).or_insert(next)
+                    })
+                    .collect();
+                resources.sort_unstable();
+                resources.dedup();
+                resources
+            };
+            let (reads, writes) = (list(&action.reads), list(&action.writes));
+            timing.reads.push(reads);
+            timing.writes.push(writes);
+        }
+        timing.resources = numbers.len();
+        Some(timing)
+    }
+
+    /// When an operator may start; `None` where it may at any time.
+    fn starts(&self, action: &Touched<'a>, binding: &HashMap<&'a str, &'a str>, duration: u64) -> Option<Vec<Window>> {
+        let windows = action.limits.iter().filter_map(|(time, name, terms)| {
+            let objects = terms.iter().map(|term| object(term, binding)).collect();
+            self.windows.starts(*time, &(*name, objects), duration)
+        });
+        windows.reduce(|one, other| intersected(&one, &other))
+    }
+
+    fn value(&self, expression: &'a Expr, binding: &HashMap<&'a str, &'a str>) -> Option<f64> {
+        Some(match expression {
+            Expr::Num(number) => *number,
+            Expr::Fluent(name, _) if self.changed.contains(name.as_str()) => return None,
+            Expr::Fluent(name, terms) => {
+                let objects = terms.iter().map(|term| object(term, binding)).collect();
+                *self.values.get(&(name.as_str(), objects))?
+            }
+            Expr::Add(left, right) => self.value(left, binding)? + self.value(right, binding)?,
+            Expr::Sub(left, right) => self.value(left, binding)? - self.value(right, binding)?,
+            Expr::Mul(left, right) => self.value(left, binding)? * self.value(right, binding)?,
+            Expr::Div(left, right) => self.value(left, binding)? / self.value(right, binding)?,
+            Expr::Neg(inner) => -self.value(inner, binding)?,
+        })
+    }
+}
+
+impl<'a> Touched<'a> {
+    fn new(parameters: &'a [(String, String)], duration: Option<&'a Expr>, is_durative: bool) -> Self {
+        let parameters = parameters.iter().map(|(name, _)| name.as_str()).collect();
+        Self { parameters, duration, is_durative, reads: Vec::new(), writes: Vec::new(), limits: Vec::new() }
+    }
+}
+
+fn object<'t>(term: &'t Term, binding: &HashMap<&str, &'t str>) -> &'t str {
+    match term {
+        Term::Const(name) => name,
+        Term::Var(name) => binding.get(name.as_str()).copied().unwrap_or(name),
+    }
+}

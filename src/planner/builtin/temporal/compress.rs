@@ -1,0 +1,210 @@
+//! Durative actions as actions that happen at once (compressed: Coles, Fox, Long and Smith 2009).
+//!
+//! The action needs what the durative one needs at any time and does not bring about itself, and leaves what that one
+//! leaves. Parameters that may be one object are told apart: what an action takes away at its start it cannot need
+//! later, and what it brings at its start and takes away at its end does not stay.
+
+use ferroplan::types::{Action, Domain, DurativeAction, Effect, Formula, Term, TimeSpec};
+
+/// The domain without durations; `None` where an action is none of these.
+pub(super) fn compressed(domain: &Domain) -> Option<Domain> {
+    let mut domain = domain.clone();
+    let actions: Option<Vec<Action>> = domain.durative_actions.drain(..).map(|action| compress(&action)).collect();
+    domain.actions.extend(actions?);
+    Some(domain)
+}
+
+fn compress(action: &DurativeAction) -> Option<Action> {
+    let at =
+        |time: TimeSpec| action.effects.iter().filter(move |(at, _)| *at == time).flat_map(|(_, effect)| parts(effect));
+    let starting: Vec<&Effect> = at(TimeSpec::Start).collect();
+    let ending: Vec<&Effect> = at(TimeSpec::End).collect();
+    let mut conditions = Vec::new();
+    for (time, formula) in &action.conditions {
+        for part in conjuncts(formula) {
+            match *time {
+                TimeSpec::Start => conditions.push(part.clone()),
+                _ => later(part, &starting, &mut conditions)?,
+            }
+        }
+    }
+    let mut effects = Vec::new();
+    for effect in &starting {
+        effects.extend(stays(effect, &ending)?);
+    }
+    for effect in &ending {
+        if depends(effect, &starting) {
+            return None;
+        }
+        effects.push((*effect).clone());
+    }
+    Some(Action {
+        name: action.name.clone(),
+        params: action.params.clone(),
+        precond: Formula::And(conditions),
+        effect: Effect::And(effects),
+        monitored: false,
+    })
+}
+
+/// Adds what has to hold beforehand for a condition to hold after the start.
+fn later(part: &Formula, starting: &[&Effect], conditions: &mut Vec<Formula>) -> Option<()> {
+    let Some(literal) = Literal::of(part) else {
+        let is_changed = starting.iter().any(|effect| changes_any(effect, part));
+        conditions.push(part.clone());
+        return (!is_changed).then_some(());
+    };
+    let mut is_brought = false;
+    let mut apart = Vec::new();
+    for effect in starting {
+        let Some(effect) = Literal::made(effect) else {
+            if changes_any(effect, part) {
+                return None;
+            }
+            continue;
+        };
+        if effect.name != literal.name {
+            continue;
+        }
+        let equalities = unify(effect.terms, literal.terms);
+        if effect.holds == literal.holds {
+            is_brought |= equalities.is_some_and(|equalities| equalities.is_empty());
+        } else if let Some(equalities) = equalities {
+            apart.push(Formula::Not(Box::new(Formula::And(equalities))));
+        }
+    }
+    // Of what is taken away and brought at once, it holds that it was brought.
+    if is_brought && literal.holds {
+        return Some(());
+    }
+    if !is_brought {
+        conditions.push(part.clone());
+    }
+    conditions.extend(apart);
+    Some(())
+}
+
+/// What is left of an effect at the start when the action has ended.
+fn stays(effect: &Effect, ending: &[&Effect]) -> Option<Option<Effect>> {
+    let Some(made) = Literal::made(effect) else {
+        // Which atoms it is about is not seen here.
+        let is_touched = ending.iter().any(|end| changed(end).iter().any(|name| changed(effect).contains(name)));
+        return (!is_touched).then(|| Some(effect.clone()));
+    };
+    if !made.holds {
+        return Some(Some(effect.clone()));
+    }
+    let mut apart = Vec::new();
+    for end in ending {
+        match Literal::made(end) {
+            Some(end) if end.name == made.name && !end.holds => match unify(end.terms, made.terms) {
+                None => {}
+                Some(equalities) if equalities.is_empty() => return Some(None),
+                Some(equalities) => apart.push(Formula::Not(Box::new(Formula::And(equalities)))),
+            },
+            Some(_) => {}
+            None if changed(end).contains(&made.name) => return None,
+            None => {}
+        }
+    }
+    Some(Some(match apart.is_empty() {
+        true => effect.clone(),
+        false => Effect::When(Formula::And(apart), Box::new(effect.clone())),
+    }))
+}
+
+/// An atom that holds, or one that does not.
+struct Literal<'a> {
+    name: &'a str,
+    terms: &'a [Term],
+    holds: bool,
+}
+
+impl<'a> Literal<'a> {
+    /// The literal that a condition is.
+    fn of(formula: &'a Formula) -> Option<Self> {
+        match formula {
+            Formula::Atom(name, terms) => Some(Self { name, terms, holds: true }),
+            Formula::Not(inner) => Self::of(inner).map(|inner| Self { holds: !inner.holds, ..inner }),
+            _ => None,
+        }
+    }
+
+    /// The literal that an effect makes true.
+    fn made(effect: &'a Effect) -> Option<Self> {
+        match effect {
+            Effect::Add(name, terms) => Some(Self { name, terms, holds: true }),
+            Effect::Del(name, terms) => Some(Self { name, terms, holds: false }),
+            _ => None,
+        }
+    }
+}
+
+/// What has to be equal for two lists of terms to be one; `None` where they never are.
+fn unify(left: &[Term], right: &[Term]) -> Option<Vec<Formula>> {
+    let mut equalities = Vec::new();
+    for (left, right) in left.iter().zip(right) {
+        match (left, right) {
+            (left, right) if left == right => {}
+            (Term::Const(_), Term::Const(_)) => return None,
+            (left, right) => equalities.push(Formula::Eq(left.clone(), right.clone())),
+        }
+    }
+    Some(equalities)
+}
+
+fn parts(effect: &Effect) -> Vec<&Effect> {
+    match effect {
+        Effect::And(inner) => inner.iter().flat_map(parts).collect(),
+        other => vec![other],
+    }
+}
+
+pub(super) fn conjuncts(formula: &Formula) -> Vec<&Formula> {
+    match formula {
+        Formula::And(inner) => inner.iter().flat_map(conjuncts).collect(),
+        other => vec![other],
+    }
+}
+
+/// Whether an effect at the end depends on what the start changes.
+fn depends(effect: &Effect, starting: &[&Effect]) -> bool {
+    match effect {
+        Effect::When(condition, inner) => {
+            starting.iter().any(|start| changes_any(start, condition)) || depends(inner, starting)
+        }
+        Effect::Forall(_, inner) => depends(inner, starting),
+        Effect::And(inner) => inner.iter().any(|part| depends(part, starting)),
+        Effect::Add(..) | Effect::Del(..) | Effect::Num(..) => false,
+    }
+}
+
+/// The predicates that an effect changes.
+fn changed(effect: &Effect) -> Vec<&str> {
+    match effect {
+        Effect::Add(name, _) | Effect::Del(name, _) => vec![name],
+        Effect::Num(..) => Vec::new(),
+        Effect::And(inner) => inner.iter().flat_map(changed).collect(),
+        Effect::When(_, inner) | Effect::Forall(_, inner) => changed(inner),
+    }
+}
+
+/// Whether an effect changes a predicate of a formula.
+fn changes_any(effect: &Effect, formula: &Formula) -> bool {
+    let changed = changed(effect);
+    let mut is_changed = false;
+    predicates(formula, &mut |name| is_changed |= changed.contains(&name));
+    is_changed
+}
+
+/// Calls `each` with every predicate of a formula.
+pub(super) fn predicates<'f>(formula: &'f Formula, each: &mut dyn FnMut(&'f str)) {
+    match formula {
+        Formula::Atom(name, _) => each(name),
+        Formula::And(inner) | Formula::Or(inner) => inner.iter().for_each(|part| predicates(part, each)),
+        Formula::Not(inner) | Formula::Forall(_, inner) | Formula::Exists(_, inner) | Formula::Pref(_, inner) => {
+            predicates(inner, each);
+        }
+        Formula::Comp(..) | Formula::Eq(..) | Formula::True | Formula::False => {}
+    }
+}

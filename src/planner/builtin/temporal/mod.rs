@@ -1,0 +1,231 @@
+//! A task whose durative actions need no concurrency, by the search for classical tasks.
+//!
+//! Each durative action becomes an action that happens at once (`compress`). The plan is a right one, one step after the
+//! other; then the steps are moved to where they may start first, by what they touch (`clock`) and by when timed facts
+//! hold (`windows`).
+
+mod clock;
+mod compress;
+mod windows;
+
+use ferroplan::types::{Domain, Problem};
+use ferroplan::{Plan, Step};
+
+use clock::Clock;
+use compress::compressed;
+use windows::Windows;
+
+use super::convert::convert;
+use super::options::Options;
+use super::search::makespan::{Effort, Timing, hasten};
+use super::search::task::{OperatorId, Task};
+use super::search::{End, Event, Ground, Improvement, Settings, ground, solve};
+
+/// Units of time in a second: plans are written in thousandths.
+const UNITS: f64 = 1000.0;
+
+/// The length of the longest action in estimates.
+const FINENESS: u64 = 16;
+
+/// The work for a plan, after which the engine has its turn.
+const WORK: u64 = 2_000_000_000;
+
+/// The work for a plan that ends earlier, where improvement is bounded: about a third of a second.
+const HASTE: u64 = 12_000_000;
+
+/// Finds plans, each ending before the one before; `false` where there is none, or the task is not one of these.
+pub(super) fn plan(
+    domain: &Domain,
+    problem: &Problem,
+    options: Options,
+    memory: usize,
+    found: &mut dyn FnMut(&Plan),
+) -> bool {
+    if domain.durative_actions.is_empty() || !domain.derived.is_empty() {
+        return false;
+    }
+    let Some(windows) = Windows::new(domain, problem) else { return false };
+    let Some(flat) = compressed(domain) else { return false };
+    let mut instance = windows.opened(problem);
+    instance.metric = None;
+    let Ok(mut lifted) = convert(&flat, &instance) else { return false };
+    lifted.keeps_equals = true;
+    let Ok(Ground::Task(mut task)) = ground(&lifted, memory, &mut |_, _| {}) else { return false };
+    let Some(mut timing) = Clock::new(domain, problem, windows).timing(&task) else { return false };
+    let settings = Settings { improvement: Improvement::Brief, memory, work: WORK };
+    let mut first = None;
+    let end = solve(&task, settings, &mut |event| {
+        if let Event::Plan(plan) = event {
+            first = Some(plan.to_vec());
+        }
+    });
+    let (Some(first), End::Solved) = (first, end) else { return false };
+    // A plan that is made without a look at the clock may miss a window.
+    let mut best = report(&task, &timing, &first);
+    if let Some(plan) = best.as_ref().filter(|_| options.says_each()) {
+        found(plan);
+    }
+    estimate(&mut task, &mut timing);
+    let effort = Effort { first: WORK, better: if options.anytime { u64::MAX } else { HASTE } };
+    let end = timing.schedule(&first).map(|(_, end)| end);
+    hasten(&task, &timing, end, effort, memory, &mut |steps| {
+        best = report(&task, &timing, steps);
+        if let Some(plan) = best.as_ref().filter(|_| options.says_each()) {
+            found(plan);
+        }
+    });
+    if let Some(plan) = best.as_ref().filter(|_| !options.says_each()) {
+        found(plan);
+    }
+    best.is_some()
+}
+
+/// Makes durations the costs of operators, in units of which the longest has [`FINENESS`].
+fn estimate(task: &mut Task, timing: &mut Timing) {
+    timing.unit = (timing.durations.iter().copied().max().unwrap_or(0) / FINENESS).max(1);
+    for (operator, duration) in task.operators.iter_mut().zip(&timing.durations) {
+        operator.cost = (duration / timing.unit).saturating_sub(1) as f64;
+    }
+}
+
+fn report(task: &Task, timing: &Timing, plan: &[OperatorId]) -> Option<Plan> {
+    let (starts, end) = timing.schedule(plan)?;
+    let mut order: Vec<(u64, OperatorId)> = starts.into_iter().zip(plan.iter().copied()).collect();
+    order.sort_by_key(|(start, _)| *start);
+    let step = |(index, (start, operator)): (usize, &(u64, OperatorId))| {
+        let mut words = task.name(*operator).map(str::to_owned);
+        let duration = timing.durations[*operator as usize] as f64 / UNITS;
+        Step {
+            index,
+            action: words.next().unwrap_or_default(),
+            args: words.collect(),
+            time: Some(*start as f64 / UNITS),
+            duration: Some(duration),
+        }
+    };
+    let steps: Vec<Step> = order.iter().enumerate().map(step).collect();
+    Some(Plan { length: steps.len(), steps, metric: None, makespan: Some(end as f64 / UNITS) })
+}
+
+#[cfg(test)]
+mod tests {
+    use ferroplan::parser::{parse_domain, parse_problem};
+
+    use super::*;
+
+    fn plans(domain: &str, problem: &str) -> Vec<Plan> {
+        let (domain, problem) = (parse_domain(domain).unwrap(), parse_problem(problem).unwrap());
+        let mut plans = Vec::new();
+        plan(&domain, &problem, Options::default(), 1 << 26, &mut |plan| plans.push(plan.clone()));
+        plans
+    }
+
+    fn fixture(name: &str) -> String {
+        std::fs::read_to_string(format!("{}/fixtures/tasks/{name}.pddl", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    }
+
+    #[test]
+    fn two_robots_carry_four_boxes_in_half_the_time_of_one() {
+        let plans = plans(&fixture("delivery/domain"), &fixture("delivery/problem"));
+        // Twice load, go, unload (3 + 8 + 2), and once back (8), with a thousandth between them.
+        assert_eq!(plans.last().and_then(|plan| plan.makespan), Some(34.006));
+    }
+
+    #[test]
+    fn an_action_that_another_one_has_to_be_within_is_left_to_the_engine() {
+        // There is light only while a match burns.
+        let domain =
+            "(define (domain cellar) (:requirements :strips :durative-actions) (:predicates (light) (dark) (fixed))
+            (:durative-action burn :parameters () :duration (= ?duration 5) :condition (at start (dark))
+              :effect (and (at start (light)) (at end (not (light)))))
+            (:durative-action fix :parameters () :duration (= ?duration 3) :condition (over all (light))
+              :effect (at end (fixed))))";
+        let problem = "(define (problem fuse) (:domain cellar) (:init (dark)) (:goal (fixed)))";
+        assert_eq!(plans(domain, problem).len(), 0);
+    }
+
+    #[test]
+    fn what_an_action_itself_brings_about_it_does_not_need() {
+        let domain = "(define (domain oven) (:requirements :strips :durative-actions) (:predicates (hot) (baked))
+            (:durative-action bake :parameters () :duration (= ?duration 5) :condition (over all (hot))
+              :effect (and (at start (hot)) (at end (baked)))))";
+        let problem = "(define (problem bread) (:domain oven) (:init) (:goal (baked)))";
+        assert_eq!(plans(domain, problem).last().and_then(|plan| plan.makespan), Some(5.0));
+    }
+
+    #[test]
+    fn a_resource_that_is_given_back_is_used_by_one_at_a_time() {
+        let domain = "(define (domain print) (:requirements :strips :typing :durative-actions) (:types page)
+            (:predicates (free) (printed ?p - page))
+            (:durative-action print :parameters (?p - page) :duration (= ?duration 2) :condition (at start (free))
+              :effect (and (at start (not (free))) (at end (free)) (at end (printed ?p)))))";
+        let problem = "(define (problem two) (:domain print) (:objects a b - page) (:init (free))
+            (:goal (and (printed a) (printed b))))";
+        assert_eq!(plans(domain, problem).last().and_then(|plan| plan.makespan), Some(4.001));
+    }
+
+    #[test]
+    fn what_an_action_takes_away_at_its_start_it_cannot_need_later() {
+        let domain = "(define (domain stand) (:requirements :strips :typing :durative-actions) (:types hand)
+            (:predicates (free ?h - hand) (held))
+            (:durative-action hold :parameters (?a ?b - hand) :duration (= ?duration 2)
+              :condition (and (at start (free ?a)) (over all (free ?b)))
+              :effect (and (at start (not (free ?a))) (at end (held)))))";
+        let problem = |hands: &str, free: &str| {
+            format!("(define (problem one) (:domain stand) (:objects {hands} - hand) (:init {free}) (:goal (held)))")
+        };
+        let with_two = plans(domain, &problem("l r", "(free l) (free r)"));
+        let arguments: Vec<_> = with_two.iter().flat_map(|plan| &plan.steps).map(|step| step.args.clone()).collect();
+        assert_eq!(arguments, [["R", "L"]]);
+        assert_eq!(plans(domain, &problem("l", "(free l)")).len(), 0);
+    }
+
+    #[test]
+    fn what_an_action_brings_for_its_own_time_does_not_stay() {
+        let domain = "(define (domain lamp) (:requirements :strips :typing :durative-actions) (:types lamp)
+            (:predicates (lit ?l - lamp))
+            (:durative-action swap :parameters (?on ?off - lamp) :duration (= ?duration 2)
+              :effect (and (at start (lit ?on)) (at end (not (lit ?off))))))";
+        let problem = |lamps: &str| {
+            format!("(define (problem one) (:domain lamp) (:objects {lamps} - lamp) (:init) (:goal (lit a)))")
+        };
+        let with_two = plans(domain, &problem("a b"));
+        assert_eq!(with_two.last().map(|plan| plan.steps[0].args.clone()), Some(vec!["A".to_owned(), "B".to_owned()]));
+        assert_eq!(plans(domain, &problem("a")).len(), 0);
+    }
+
+    /// A shop that opens and closes, an hour's work for each order, and robots that fill one each at a time.
+    fn shop(robots: &str, opening: &str) -> Vec<f64> {
+        let domain = "(define (domain shop) (:requirements :strips :typing :durative-actions :timed-initial-literals)
+            (:types robot order) (:predicates (idle ?r - robot) (open) (filled ?o - order))
+            (:durative-action fill :parameters (?r - robot ?o - order) :duration (= ?duration 10)
+              :condition (and (at start (idle ?r)) (over all (open)))
+              :effect (and (at start (not (idle ?r))) (at end (idle ?r)) (at end (filled ?o)))))";
+        let idle: String = robots.split(' ').map(|robot| format!("(idle {robot}) ")).collect();
+        let problem = format!(
+            "(define (problem day) (:domain shop) (:objects {robots} - robot a b - order) (:init {idle}{opening})
+            (:goal (and (filled a) (filled b))))"
+        );
+        let plans = plans(domain, &problem);
+        let mut starts: Vec<f64> =
+            plans.last().iter().flat_map(|plan| &plan.steps).filter_map(|step| step.time).collect();
+        starts.sort_by(f64::total_cmp);
+        starts
+    }
+
+    #[test]
+    fn a_deadline_is_met_or_there_is_no_plan() {
+        assert_eq!(shop("r", "(open) (at 30 (not (open)))"), [0.0, 10.001]);
+        assert_eq!(shop("r", "(open) (at 15 (not (open)))"), [0.0; 0]);
+        assert_eq!(shop("r s", "(open) (at 15 (not (open)))"), [0.0, 0.0]);
+        // It closes in the moment in which the second order would be filled.
+        assert_eq!(shop("r", "(open) (at 20.001 (not (open)))"), [0.0; 0]);
+    }
+
+    #[test]
+    fn what_opens_later_is_waited_for() {
+        assert_eq!(shop("r s", "(at 5 (open))"), [5.001, 5.001]);
+        // The first hours are too short for a second order.
+        assert_eq!(shop("r", "(open) (at 12 (not (open))) (at 100 (open))"), [0.0, 100.001]);
+    }
+}
