@@ -18,6 +18,8 @@ const HELP: &str = "\
 Examples:
   rmem index robmem.objects '{name: 1}' --unique
   rmem index robmem.sightings '{seen: 1}' --ttl 1h
+  rmem index robmem.objects \"{name: 'text', note: 'text'}\" --weights '{name: 3}'
+  rmem index robmem.objects '{name: 1}' --unique --partial '{seen: true}'
   rmem index robmem.objects
   rmem index robmem.objects '{name: 1}' --drop
 
@@ -33,7 +35,7 @@ pub struct IndexArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Keys, each with 1, -1, '2d' or '2dsphere', e.g. '{name: 1}' (default: list the indexes)
+    /// Keys, each with 1, -1, '2d', '2dsphere' or 'text', e.g. '{name: 1}' (default: list the indexes)
     #[arg(value_name = "KEYS")]
     pub keys: Option<String>,
     /// Refuse documents whose key another document has
@@ -48,11 +50,23 @@ pub struct IndexArgs {
     /// Name of the index (default: made of its keys, e.g. a_1_b_-1)
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
+    /// Documents that are in the index, e.g. '{seen: true}' (default: all)
+    #[arg(long, value_name = "QUERY")]
+    pub partial: Option<String>,
+    /// Keep the index, but answer no queries with it
+    #[arg(long)]
+    pub hidden: bool,
+    /// Weights of the fields of a text index, e.g. '{name: 3}' (default: 1 each)
+    #[arg(long, value_name = "WEIGHTS")]
+    pub weights: Option<String>,
+    /// Language of a text index: english or none (default: english)
+    #[arg(long, value_name = "LANGUAGE")]
+    pub language: Option<String>,
     /// How the strings of the index compare.
     #[command(flatten)]
     pub collation: CollationArgs,
     /// Remove the index with these keys or this name
-    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl"])]
+    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language"])]
     pub drop: bool,
 }
 
@@ -61,7 +75,7 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     match (wanted, args.drop) {
         (wanted, true) => remove(args, wanted, &memory, context),
-        (None, false) if args.unique || args.sparse || args.ttl.is_some() || args.name.is_some() => {
+        (None, false) if describes(args) => {
             Err(UsageError::new("an index needs keys; expected KEYS, like '{name: 1}'").into())
         }
         (None, false) => {
@@ -73,7 +87,7 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
             let progress = context.output.progress(&format!("making the index {} of {}", index.name, args.namespace));
             let made = memory.create_index(&args.namespace, &index);
             drop(progress);
-            let made = made.map_err(|error| blame(error, &[("<keys>", args.keys.as_deref().unwrap_or_default())]))?;
+            let made = made.map_err(|error| blame(error, &texts(args)))?;
             if !made {
                 context.output.note(&format!("{} has the index {} already", args.namespace, index.name));
             }
@@ -83,11 +97,35 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
 }
 
+/// Whether the arguments say how an index is to be.
+fn describes(args: &IndexArgs) -> bool {
+    let options = [&args.name, &args.partial, &args.weights, &args.language];
+    args.unique || args.sparse || args.ttl.is_some() || args.hidden || options.iter().any(|option| option.is_some())
+}
+
+/// The texts that an error may be about.
+fn texts(args: &IndexArgs) -> Vec<(&'static str, &str)> {
+    let all = [("<partial>", &args.partial), ("<weights>", &args.weights), ("<keys>", &args.keys)];
+    all.into_iter().filter_map(|(name, text)| Some((name, text.as_deref()?))).collect()
+}
+
 /// The index that the arguments describe.
 fn index(args: &IndexArgs, keys: &str) -> Result<Index> {
     let mut index = Index::on(argument("<keys>", keys)?);
     if let Some(collation) = args.collation.read()?.filter(|collation| !collation.is_simple()) {
         index.other.insert("collation", collation.definition().clone());
+    }
+    if let Some(partial) = &args.partial {
+        index.other.insert("partialFilterExpression", argument("<partial>", partial)?);
+    }
+    if args.hidden {
+        index.other.insert("hidden", true);
+    }
+    if let Some(weights) = &args.weights {
+        index.other.insert("weights", argument("<weights>", weights)?);
+    }
+    if let Some(language) = &args.language {
+        index.other.insert("default_language", language);
     }
     Ok(Index {
         name: args.name.clone().unwrap_or(index.name),

@@ -38,6 +38,7 @@ mod spill;
 #[cfg(test)]
 mod spilled;
 mod statistics;
+pub mod text;
 mod u256;
 mod update;
 mod variables;

@@ -11,6 +11,7 @@ use super::limit::ALLOCATION;
 use super::number::Number;
 use super::path::Path;
 use super::spill::{Sorter, Spill};
+use super::text;
 use super::view::Fields;
 
 /// The most fields a pattern may have.
@@ -40,10 +41,12 @@ impl Sort {
         }
         for (name, direction) in pattern {
             if let Bson::Document(meta) = direction {
-                return Err(match meta.keys().next() {
-                    Some(key) if key == "$meta" => QueryError::unsupported("$meta"),
-                    _ => QueryError::invalid(15_975, "a sort direction must be 1 or -1"),
-                });
+                let argument = meta.get("$meta").filter(|_| meta.len() == 1);
+                let wrong = || QueryError::invalid(15_975, "a sort direction must be 1 or -1");
+                text::meta(argument.ok_or_else(wrong)?)?;
+                // The best come first.
+                sort.keys.push(Path::parse(text::SCORE)?, true);
+                continue;
             }
             let descending = match Number::of(direction).map(coerced) {
                 Some(1) => false,

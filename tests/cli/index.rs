@@ -31,6 +31,134 @@ fn a_taken_unique_key_is_a_conflict_that_names_key_and_index() {
 }
 
 #[test]
+fn words_are_searched_by_a_text_index() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.objects", "{_id: 1, name: 'red cup'}", "{_id: 2, name: 'cups', note: 'red'}"])
+        .success();
+    let best = "{score: {$meta: 'textScore'}}";
+    let commands = [
+        &["query", "robmem.objects", "{$text: {$search: 'cup'}}"][..],
+        &["index", "robmem.objects", "{name: 'text', note: 'text'}", "--weights", "{name: 3}"],
+        &["index", "robmem.objects"],
+        &["query", "robmem.objects", "{$text: {$search: 'red cup'}}", "--sort", best, "--fields", best],
+        &["query", "robmem.objects", "{$text: {$search: '\"red cup\" -lamp'}}"],
+        &["count", "robmem.objects", "{$text: {$search: 'CUPS', $caseSensitive: true}}"],
+        &["query", "robmem.objects", "{$text: {$search: 'cup'}}", "--explain"],
+        &["aggregate", "robmem.objects", "[{$limit: 1}, {$match: {$text: {$search: 'cup'}}}]"],
+        &["query", "robmem.objects", "--sort", best],
+        &["index", "robmem.objects", "{note: 'text'}"],
+        &["index", "robmem.objects", "--drop", "--name", "name_text_note_text"],
+    ];
+    assert_run!(lab.transcript(&commands), @r#"
+    $ rmem query robmem.objects "{\$text: {\$search: 'cup'}}"
+    ------- stderr -------
+    error: <query>:1:2: text index required for $text query: make one, like `rmem index NS "{name: 'text'}"`
+      |
+    1 | {$text: {$search: 'cup'}}
+      |  ^^^^^
+    [exit code: 3]
+    $ rmem index robmem.objects "{name: 'text', note: 'text'}" --weights '{name: 3}'
+    name_text_note_text
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem index robmem.objects
+    {"v":2,"key":{"_id":1},"name":"_id_"}
+    {"v":2,"key":{"_fts":"text","_ftsx":1},"name":"name_text_note_text","weights":{"name":3,"note":1},"default_language":"english","language_override":"language","textIndexVersion":3}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.objects "{\$text: {\$search: 'red cup'}}" --sort "{score: {\$meta: 'textScore'}}" --fields "{score: {\$meta: 'textScore'}}"
+    {"_id":1,"name":"red cup","score":4.5}
+    {"_id":2,"name":"cups","note":"red","score":4.1}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.objects "{\$text: {\$search: '"red cup" -lamp'}}"
+    {"_id":1,"name":"red cup"}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem count robmem.objects "{\$text: {\$search: 'CUPS', \$caseSensitive: true}}"
+    0
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.objects "{\$text: {\$search: 'cup'}}" --explain
+    {"index":"name_text_note_text","keys":{"_fts":"text","_ftsx":1},"keys_examined":0,"documents_examined":2,"returned":2}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem aggregate robmem.objects "[{\$limit: 1}, {\$match: {\$text: {\$search: 'cup'}}}]"
+    ------- stderr -------
+    error: <pipeline>:1:25: $match with $text is only allowed as the first stage of a pipeline
+      |
+    1 | [{$limit: 1}, {$match: {$text: {$search: 'cup'}}}]
+      |                         ^^^^^
+    [exit code: 3]
+    $ rmem query robmem.objects --sort "{score: {\$meta: 'textScore'}}"
+    ------- stderr -------
+    error: <sort>:1:10: {$meta: "textScore"} needs $text in the query
+      |
+    1 | {score: {$meta: 'textScore'}}
+      |          ^^^^^
+    [exit code: 3]
+    $ rmem index robmem.objects "{note: 'text'}"
+    ------- stderr -------
+    error: <keys>:1:1: a collection has one text index; name_text_note_text is there: { "v": 2, "key": { "_fts": "text", "_ftsx": 1 }, "name": "name_text_note_text", "weights": { "name": 3, "note": 1 }, "default_language": "english", "language_override": "language", "textIndexVersion": 3 }
+      |
+    1 | {note: 'text'}
+      | ^^^^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem index robmem.objects --drop --name name_text_note_text
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn an_index_may_hold_some_documents_and_be_hidden() {
+    let lab = Lab::new();
+    let commands = [
+        &["index", "robmem.objects", "{name: 1}", "--unique", "--partial", "{seen: true}"][..],
+        &["insert", "robmem.objects", "{_id: 1, name: 'cup', seen: true}", "{_id: 2, name: 'cup'}"],
+        &["insert", "robmem.objects", "{_id: 3, name: 'cup', seen: true}"],
+        &["index", "robmem.objects", "{seen: 1}", "--hidden"],
+        &["query", "robmem.objects", "{seen: true}", "--explain"],
+        &["index", "robmem.objects"],
+        &["index", "robmem.objects", "--hidden"],
+    ];
+    assert_run!(lab.transcript(&commands), @r#"
+    $ rmem index robmem.objects '{name: 1}' --unique --partial '{seen: true}'
+    name_1
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem insert robmem.objects "{_id: 1, name: 'cup', seen: true}" "{_id: 2, name: 'cup'}"
+    1
+    2
+    ------- stderr -------
+    2 stored in robmem.objects
+    [exit code: 0]
+    $ rmem insert robmem.objects "{_id: 3, name: 'cup', seen: true}"
+    ------- stderr -------
+    error: robmem.objects already has a document with name: "cup" (unique index name_1)
+    [exit code: 5]
+    $ rmem index robmem.objects '{seen: 1}' --hidden
+    seen_1
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.objects '{seen: true}' --explain
+    {"index":null,"keys_examined":0,"documents_examined":2,"returned":1}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem index robmem.objects
+    {"v":2,"key":{"_id":1},"name":"_id_"}
+    {"v":2,"key":{"name":1},"name":"name_1","unique":true,"partialFilterExpression":{"seen":true}}
+    {"v":2,"key":{"seen":1},"name":"seen_1","hidden":true}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem index robmem.objects --hidden
+    ------- stderr -------
+    error: an index needs keys; expected KEYS, like '{name: 1}'
+    [exit code: 2]
+    "#);
+}
+
+#[test]
 fn what_is_no_index_is_refused() {
     let lab = Lab::new();
     let commands = [
@@ -38,7 +166,9 @@ fn what_is_no_index_is_refused() {
         &["index", "robmem.objects", "--drop"],
         &["index", "robmem.objects", "{a: 1}", "--ttl", "500ms"],
         &["index", "robmem.objects", "{a: 1, b: 1}", "--ttl", "1s"],
-        &["index", "robmem.objects", "{a: 'text'}"],
+        &["index", "robmem.objects", "{a: 'hashed'}"],
+        &["index", "robmem.objects", "{a: 'text'}", "--language", "german"],
+        &["index", "robmem.objects", "{a: 1}", "--partial", "{b: {$ne: 1}}"],
         &["index", "robmem.objects", "{a: 0}"],
     ];
     assert_run!(lab.transcript(&commands), @r#"
@@ -61,16 +191,30 @@ fn what_is_no_index_is_refused() {
     1 | {a: 1, b: 1}
       | ^^^^^^^^^^^^
     [exit code: 3]
-    $ rmem index robmem.objects "{a: 'text'}"
+    $ rmem index robmem.objects "{a: 'hashed'}"
     ------- stderr -------
-    error: <keys>:1:1: an index of type `text` is not supported by the embedded store
+    error: <keys>:1:1: an index of type `hashed` is not supported by the embedded store
+      |
+    1 | {a: 'hashed'}
+      | ^^^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem index robmem.objects "{a: 'text'}" --language german
+    ------- stderr -------
+    error: <keys>:1:1: the language `german` is not supported by the embedded store; take english or none
       |
     1 | {a: 'text'}
       | ^^^^^^^^^^^
     [exit code: 3]
+    $ rmem index robmem.objects '{a: 1}' --partial '{b: {$ne: 1}}'
+    ------- stderr -------
+    error: <partial>:1:6: the partialFilterExpression of an index cannot have $ne: 1
+      |
+    1 | {b: {$ne: 1}}
+      |      ^^^
+    [exit code: 3]
     $ rmem index robmem.objects '{a: 0}'
     ------- stderr -------
-    error: <keys>:1:1: the key `a` of an index takes 1, -1, "2d" or "2dsphere"
+    error: <keys>:1:1: the key `a` of an index takes 1, -1, "2d", "2dsphere" or "text"
       |
     1 | {a: 0}
       | ^^^^^^

@@ -56,6 +56,7 @@ const CASES: &[(&str, Case)] = cases![
     an_upsert_inserts_what_filter_and_update_say,
     an_upsert_that_matches_updates,
     modifiers_apply_to_every_operation,
+    words_are_searched_by_a_text_index,
     a_stamped_update_says_when,
     a_stamped_replacement_keeps_when_it_was_inserted,
     a_stamped_update_that_changes_nothing_is_no_modification,
@@ -587,6 +588,42 @@ fn modifiers_apply_to_every_operation(store: &dyn Store, ns: &Namespace) {
     assert_eq!(ids(store, ns, doc! { "once": 2, "twice": 2, "_robmem_info.updated": instant(5) }), [1, 2]);
     assert_eq!(store.delete(ns, query, false).unwrap(), 2);
     assert_eq!(ids(store, ns, doc! {}), [3]);
+}
+
+fn words_are_searched_by_a_text_index(store: &dyn Store, ns: &Namespace) {
+    insert(
+        store,
+        ns,
+        [
+            doc! { "_id": 1, "name": "red cup", "note": "on the table" },
+            doc! { "_id": 2, "name": "table", "note": "four red legs" },
+            doc! { "_id": 3, "name": "lamp" },
+        ],
+    );
+    let search = |words: &str| doc! { "$text": { "$search": words } };
+    assert_eq!(code(store.count(ns, (&search("cup")).into())), 27);
+    let keys = doc! { "name": "text", "note": "text" };
+    let index = Index { other: doc! { "weights": { "name": 3 } }, ..Index::on(keys) };
+    assert!(store.create_index(ns, &index).unwrap() && !store.create_index(ns, &index).unwrap());
+    assert_eq!(code(store.create_index(ns, &Index::on(doc! { "other": "text" }))), 85);
+    let listed = store.indexes(ns).unwrap().pop().unwrap();
+    assert_eq!((listed.keys, listed.name), (doc! { "_fts": "text", "_ftsx": 1 }, index.name));
+    assert_eq!(listed.other.get_document("weights").unwrap(), &doc! { "name": 3, "note": 1 });
+    let score = doc! { "score": { "$meta": "textScore" } };
+    let best = Find { filter: search("tables red"), sort: score.clone(), projection: score, ..Find::default() };
+    let found: Vec<_> = found(store, ns, &best).iter().map(|found| found.get_f64("score").unwrap()).collect();
+    assert_eq!(found, [3.0 + 2.0 / 3.0, 2.25 + 1.0]);
+    assert_eq!(ids(store, ns, search("\"red legs\"")), [2]);
+    assert_eq!(ids(store, ns, search("red -table")), [0; 0]);
+    let stages = [doc! { "$match": search("lamps") }, doc! { "$project": { "name": 1 } }];
+    assert_eq!(aggregated(store, ns, &stages), [doc! { "_id": 3, "name": "lamp" }]);
+    assert_eq!(
+        code(store.aggregate(ns, (&[doc! { "$limit": 1 }, doc! { "$match": search("a") }]).into()).map(drop)),
+        17_313
+    );
+    let request = update(search("lamp"), doc! { "$set": { "name": "light" } });
+    assert_eq!(store.update(ns, &request, None).unwrap(), changed(1, 1));
+    assert_eq!(store.delete(ns, (&search("lamp light")).into(), false).unwrap(), 1);
 }
 
 fn instant(millis: i64) -> bson::DateTime {

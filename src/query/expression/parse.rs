@@ -10,6 +10,7 @@ use super::scope::Scope;
 use super::tree::{Expression, Source, constant};
 use super::value::Value;
 use crate::query::error::{QueryError, Result};
+use crate::query::text::{SCORE, meta};
 
 /// How deep expressions may be nested.
 const MAX_DEPTH: usize = 200;
@@ -143,6 +144,10 @@ impl<'a> Reader<'a> {
     fn operator(&self, name: &str, argument: &Bson) -> Result<Expression> {
         if matches!(name, "$literal" | "$const") {
             return Ok(Expression::Constant(Some(argument.clone())));
+        }
+        if name == "$meta" {
+            meta(argument)?;
+            return Ok(Expression::Path(Source::Root, vec![SCORE.to_owned()]));
         }
         if let Some(form) = form::read(self, name, argument)? {
             return if self.folds { form.folded() } else { Ok(Expression::Form(Box::new(form))) };

@@ -21,7 +21,7 @@ const NAMED: [&[Named]; 6] =
     [&array::NAMED, &convert::NAMED, &date::NAMED, &object::NAMED, &pattern::NAMED, &string::NAMED];
 
 /// Operators of MongoDB that rmem refuses by name.
-const REFUSED: [&str; 3] = ["$accumulator", "$meta", "$toHashedIndexKey"];
+const REFUSED: [&str; 2] = ["$accumulator", "$toHashedIndexKey"];
 
 pub(super) fn positional(name: &str) -> Option<&'static Operator> {
     FAMILIES.iter().flat_map(|family| family.iter()).find(|operator| operator.name == name)

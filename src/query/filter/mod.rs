@@ -19,11 +19,22 @@ use bson::{Bson, DateTime, Document, RawDocument};
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::geo::Near;
+use super::text::Search;
 use super::view::Fields;
 pub(super) use parse::Parser;
 use prefilter::Prefilter;
 pub(super) use test::{Leaf, Order, Set, Test};
 pub(super) use tree::{Context, Node};
+
+/// Refuses what cannot be searched at once.
+fn check_searches(root: &Node) -> Result<()> {
+    match root.searches().len() {
+        0 => Ok(()),
+        1 if root.nears().is_empty() => Ok(()),
+        1 => Err(QueryError::bad_value("$text and what is near cannot be asked for in one filter").about("$text")),
+        _ => Err(QueryError::bad_value("a filter can have only one $text").about("$text")),
+    }
+}
 
 /// A compiled filter.
 #[derive(Debug)]
@@ -49,6 +60,7 @@ impl Filter {
         if root.nears().len() > 1 {
             return Err(QueryError::bad_value("a filter can ask only once for what is near"));
         }
+        check_searches(&root)?;
         Ok(Self { prefilter: Prefilter::of(&root), root, variables, now: DateTime::now() })
     }
 
@@ -64,6 +76,7 @@ impl Filter {
     /// Reads a filter whose expressions see `now` as `$$NOW`, and variables.
     pub(super) fn parse_with(filter: &Document, parser: &Parser<'_>) -> Result<Self> {
         let root = parser.filter(filter)?;
+        check_searches(&root)?;
         Ok(Self { prefilter: Prefilter::of(&root), root, variables: Variables::default(), now: DateTime::now() })
     }
 
@@ -139,6 +152,22 @@ impl Filter {
     #[must_use]
     pub fn near(&self) -> Option<&Near> {
         self.root.nears().into_iter().next()
+    }
+
+    /// Returns the search of the filter, if any.
+    #[must_use]
+    pub fn search(&self) -> Option<&Search> {
+        self.root.searches().into_iter().next()
+    }
+
+    /// Returns whether the filter fixes the value at a path.
+    #[must_use]
+    pub fn fixes(&self, path: &str) -> bool {
+        let is_fixed = |node: &Node| matches!(node, Node::Field(own, Test::Leaf(Leaf::Equal(_))) if own.text() == path);
+        match &self.root {
+            Node::And(children) => children.iter().any(is_fixed),
+            root => is_fixed(root),
+        }
     }
 
     /// Returns whether no document matches, whatever it has.

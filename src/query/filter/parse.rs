@@ -13,6 +13,7 @@ use crate::query::geo::{Near, OPERATORS};
 use crate::query::javascript::Program;
 use crate::query::path::Path;
 use crate::query::regex::Pattern;
+use crate::query::text::Search;
 use crate::query::view::View;
 
 /// How deep filters may be nested.
@@ -21,8 +22,8 @@ const MAX_DEPTH: usize = 100;
 /// MongoDB's code for a distance condition in a stage.
 const NOT_IN_STAGE: i32 = 5_626_500;
 
-/// Operators at the top that rmem refuses by name.
-const REFUSED: [&str; 1] = ["$text"];
+/// MongoDB's code for a search that is not at the front of a pipeline.
+const NOT_IN_FRONT: i32 = 17_313;
 
 /// Reads filters, with the variables that their expressions may use.
 #[derive(Debug, Default, Clone)]
@@ -32,6 +33,8 @@ pub(in crate::query) struct Parser<'a> {
     distance: Distance,
     /// Whether `$where` may be here: at the top of a query and in its alternatives.
     takes_code: bool,
+    /// Whether `$text` may be here: as `$where`, and in the first stage of a pipeline.
+    takes_search: bool,
 }
 
 /// Whether a filter may contain a distance condition, which also orders the matches.
@@ -54,12 +57,12 @@ impl<'a> Parser<'a> {
 
     /// Returns the parser of a query, which may ask for what is near.
     pub(super) fn of_query(self) -> Self {
-        Self { distance: Distance::Asked, takes_code: true, ..self }
+        Self { distance: Distance::Asked, takes_code: true, takes_search: true, ..self }
     }
 
     /// Returns the parser of a stage.
-    pub(in crate::query) fn of_stage(self) -> Self {
-        Self { distance: Distance::Stage, takes_code: false, ..self }
+    pub(in crate::query) fn of_stage(self, is_first: bool) -> Self {
+        Self { distance: Distance::Stage, takes_code: false, takes_search: is_first, ..self }
     }
 
     fn within(&self) -> Self {
@@ -119,7 +122,7 @@ impl<'a> Parser<'a> {
         Ok(Some(match name {
             "$and" => Node::And(self.filters(name, value)?),
             "$or" => Node::Or(self.within().filters(name, value)?),
-            "$nor" => Node::Nor(self.within().filters(name, value)?),
+            "$nor" => Node::Nor(Self { takes_search: false, ..self.within() }.filters(name, value)?),
             "$comment" => return Ok(None),
             "$expr" => Node::Expression(match self.scope {
                 Some(scope) => Expression::parse_in(value, scope)?,
@@ -141,7 +144,14 @@ impl<'a> Parser<'a> {
             },
             "$where" if self.takes_code => Node::Where(Box::new(Program::predicate(value)?)),
             "$where" => return Err(QueryError::bad_value("$where is not allowed in this context").about(name)),
-            _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
+            "$text" if self.takes_search => {
+                Node::Text(Box::new(Search::parse(value).map_err(|error| error.about(name))?))
+            }
+            "$text" if self.distance == Distance::Stage => {
+                let message = "$match with $text is only allowed as the first stage of a pipeline";
+                return Err(QueryError::invalid(NOT_IN_FRONT, message).about(name));
+            }
+            "$text" => return Err(QueryError::bad_value("$text is only allowed at the top of a query").about(name)),
             _ => return Err(QueryError::bad_value(format!("unknown top level operator: {name}")).about(name)),
         }))
     }
@@ -202,7 +212,9 @@ impl<'a> Parser<'a> {
             if let Some(refused) = inner.keys().find(|name| matches!(name.as_str(), "$text" | "$where" | "$expr")) {
                 return Err(QueryError::bad_value(format!("{refused} cannot be in $elemMatch")));
             }
-            Leaf::ElementMatches(Box::new(Self { takes_code: false, ..self.within() }.filter(inner)?))
+            Leaf::ElementMatches(Box::new(
+                Self { takes_code: false, takes_search: false, ..self.within() }.filter(inner)?,
+            ))
         }))
     }
 }

@@ -11,6 +11,7 @@ use crate::query::geo::Near;
 use crate::query::javascript::Program;
 use crate::query::path::Path;
 use crate::query::random::random;
+use crate::query::text::Search;
 use crate::query::view::{Fields, View};
 
 /// A part of a filter that looks at a whole document.
@@ -28,6 +29,8 @@ pub(in crate::query) enum Node {
     Schema(Box<Schema>),
     /// A predicate in JavaScript.
     Where(Box<Program>),
+    /// A search of words.
+    Text(Box<Search>),
     /// A constant answer.
     Always(bool),
     /// True for about this part of the documents.
@@ -90,8 +93,18 @@ impl Node {
             // A schema compares strings byte by byte.
             Self::Schema(schema) => Ok(during(None, || schema.accepts(View::Document(fields)))),
             Self::Where(program) => program.holds(fields),
+            Self::Text(search) => search.matches(fields),
             Self::Always(answer) => Ok(*answer),
             Self::Sample(rate) => Ok(random() < *rate),
+        }
+    }
+
+    /// Returns the searches, also those that are alternatives.
+    pub(super) fn searches(&self) -> Vec<&Search> {
+        match self {
+            Self::And(children) | Self::Or(children) => children.iter().flat_map(Self::searches).collect(),
+            Self::Text(search) => vec![search],
+            _ => Vec::new(),
         }
     }
 

@@ -1,5 +1,7 @@
 //! The key pattern of an index, and the keys of a document under it.
 
+use std::sync::Arc;
+
 use bson::{Bson, Document, RawDocument};
 
 use super::wildcard::{self, Wildcard};
@@ -11,6 +13,7 @@ use crate::query::key::{self, Text};
 use crate::query::keys::Keys;
 use crate::query::number::Number;
 use crate::query::path::{Part, Path};
+use crate::query::text::{self, TextIndex};
 use crate::query::view::{Fields, Items, View};
 
 /// The most fields a pattern may have.
@@ -32,6 +35,8 @@ pub struct Pattern {
     places: Option<Places>,
     /// The paths of a wildcard index, which is kept in the catalogue, too.
     wildcard: Option<Wildcard>,
+    /// What a text index searches; it is kept in the catalogue, too.
+    text: Option<Arc<TextIndex>>,
 }
 
 /// The keys of a document.
@@ -64,9 +69,13 @@ impl Pattern {
         if pattern.len() > MAX_FIELDS {
             return Err(QueryError::invalid(13_103, format!("an index has at most {MAX_FIELDS} keys")));
         }
+        if pattern.values().any(text::is_key) {
+            let text = Some(Arc::new(TextIndex::parse(pattern, options)?));
+            return Ok(Self { keys: Keys::default(), collation: None, places: None, wildcard: None, text });
+        }
         if pattern.keys().any(|name| wildcard::is_key(name)) {
             let wildcard = Some(Wildcard::parse(pattern, options)?);
-            return Ok(Self { keys: Keys::default(), collation: None, places: None, wildcard });
+            return Ok(Self { keys: Keys::default(), collation: None, places: None, wildcard, text: None });
         }
         if options.contains_key(wildcard::PROJECTION) {
             return Err(QueryError::bad_value("wildcardProjection is for wildcard indexes, like {'$**': 1}"));
@@ -84,7 +93,9 @@ impl Pattern {
                 (_, Some(number)) if number > 0.0 => false,
                 (_, Some(number)) if number < 0.0 => true,
                 _ => {
-                    return Err(cannot(format!("the key `{name}` of an index takes 1, -1, \"2d\" or \"2dsphere\"")));
+                    return Err(cannot(format!(
+                        "the key `{name}` of an index takes 1, -1, \"2d\", \"2dsphere\" or \"text\""
+                    )));
                 }
             };
             keys.push(Path::parse(name)?, descending);
@@ -97,7 +108,7 @@ impl Pattern {
         if collation.is_some() && pattern.values().any(|kind| matches!(kind.as_str(), Some("2d"))) {
             return Err(cannot("an index of type 2d compares strings byte by byte".to_owned()));
         }
-        Ok(Self { keys: keys.with_text(Text::By(collation.clone())), collation, places, wildcard: None })
+        Ok(Self { keys: keys.with_text(Text::By(collation.clone())), collation, places, wildcard: None, text: None })
     }
 
     /// Returns how its strings compare, where that is not byte by byte.
@@ -128,10 +139,16 @@ impl Pattern {
         self.wildcard.is_some()
     }
 
+    /// Returns what a text index searches; it has no keys.
+    #[must_use]
+    pub fn text(&self) -> Option<&Arc<TextIndex>> {
+        self.text.as_ref()
+    }
+
     /// Returns whether an index could serve a filter: a wildcard index only one that asks for its paths.
     #[must_use]
     pub fn serves(&self, filter: &Filter) -> bool {
-        self.wildcard.as_ref().is_none_or(|wildcard| wildcard.serves(filter.root()))
+        self.text.is_none() && self.wildcard.as_ref().is_none_or(|wildcard| wildcard.serves(filter.root()))
     }
 
     /// Checks that an index of places can be asked what is near a point.
@@ -154,6 +171,10 @@ impl Pattern {
     /// both an element and a field of an element; where something is no place.
     pub fn entries(&self, document: &RawDocument, sparse: bool) -> Result<Entries> {
         if self.wildcard.is_some() {
+            return Ok(Entries::default());
+        }
+        if let Some(text) = &self.text {
+            text.check(document)?;
             return Ok(Entries::default());
         }
         if let Some(places) = &self.places {

@@ -33,6 +33,7 @@ impl Facet {
                 .stages
                 .iter()
                 .any(|stage| matches!(stage, Stage::Facet(_) | Stage::Documents(_) | Stage::GeoNear(_)))
+                || pipeline.first_match().is_some_and(|filter| filter.search().is_some())
             {
                 return Err(QueryError::invalid(40_600, "a stage is not allowed to be used within a $facet stage"));
             }

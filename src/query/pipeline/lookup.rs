@@ -137,6 +137,11 @@ impl Lookup {
         Ok(Self { from, fields, bindings, pipeline, to: target("$lookup", spec)?, last: false })
     }
 
+    /// Returns its pipeline, and the collection that is its input.
+    pub(super) fn inner(&self) -> Option<(Option<&Origin>, &Pipeline)> {
+        Some((self.from.as_ref(), self.pipeline.as_ref()?))
+    }
+
     /// Returns whether it only compares fields, neither of which names an element by its index.
     pub(super) fn is_plain(&self) -> bool {
         let by_name = |path: &Path| path.parts().iter().all(|part| part.index.is_none());
@@ -214,6 +219,11 @@ pub(super) struct Union {
 }
 
 impl Union {
+    /// Returns its pipeline, and the collection that is its input.
+    pub(super) fn inner(&self) -> Option<(Option<&Origin>, &Pipeline)> {
+        Some((self.from.as_ref(), self.pipeline.as_ref()?))
+    }
+
     pub(super) fn parse(argument: &Bson, scope: &Scope, depth: usize) -> Result<Self> {
         match argument {
             Bson::String(_) => Ok(Self { from: Some(origin("$unionWith", argument)?), pipeline: None }),

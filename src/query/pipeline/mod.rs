@@ -36,6 +36,7 @@ use super::filter::Filter;
 use super::geo::Near;
 use super::limit::check_result;
 use super::spill::Spill;
+use super::text::{self, Search};
 pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
 use run::Run;
@@ -47,6 +48,8 @@ pub struct Pipeline {
     stages: Vec<Stage>,
     output: Option<Output>,
     variables: Variables,
+    /// Whether documents carry their score.
+    is_scored: bool,
 }
 
 impl Pipeline {
@@ -66,6 +69,10 @@ impl Pipeline {
         let (scope, variables) = Scope::with_constants(constants)?;
         let mut pipeline = Self::parse_in(stages, &scope, 0)?;
         pipeline.variables = variables;
+        pipeline.is_scored = stages.iter().any(text::asks_for_score);
+        if pipeline.is_scored && pipeline.search().is_none() {
+            return Err(text::no_score());
+        }
         Ok(pipeline)
     }
 
@@ -74,7 +81,7 @@ impl Pipeline {
         if output.is_some() && depth > 0 {
             return Err(QueryError::invalid(51_047, "$out and $merge are not allowed within another pipeline"));
         }
-        Ok(Self { stages, output, variables: Variables::default() })
+        Ok(Self { stages, output, variables: Variables::default(), is_scored: false })
     }
 
     /// Returns the filter of the first stage, where it is `$match`: an index may be used for it.
@@ -84,6 +91,30 @@ impl Pipeline {
             Some(Stage::Match(filter)) => Some(filter),
             _ => None,
         }
+    }
+
+    /// Returns the first filter that there is: empty ones before it do nothing.
+    fn search(&self) -> Option<&Search> {
+        self.stages.iter().find_map(|stage| match stage {
+            Stage::Match(filter) => filter.search(),
+            _ => None,
+        })
+    }
+
+    /// Returns whether documents have to carry their score.
+    #[must_use]
+    pub fn is_scored(&self) -> bool {
+        self.is_scored
+    }
+
+    /// Returns the searches, each with the collection that it is about where that is another one.
+    #[must_use]
+    pub fn searches(&self) -> Vec<(Option<&Origin>, &Search)> {
+        let own = self.search().map(|search| (None, search));
+        let inner = self.stages.iter().filter_map(Stage::inner).flat_map(|(origin, pipeline)| {
+            pipeline.searches().into_iter().map(move |(other, search)| (other.or(origin), search))
+        });
+        own.into_iter().chain(inner).collect()
     }
 
     /// Returns whether the pipeline brings its own documents (`$documents`) and reads no collection.
@@ -132,7 +163,9 @@ impl Pipeline {
         sources: &'a Sources<'a, E>,
         spill: Spill,
     ) -> Documents<'a, E> {
-        let results = self.run_with(input, Run::new(now, self.variables.clone(), sources, spill));
+        let mut run = Run::new(now, self.variables.clone(), sources, spill);
+        run.is_scored = self.is_scored;
+        let results = self.run_with(input, run);
         Box::new(results.map(|result| {
             let result = result?;
             check_result(&result)?;

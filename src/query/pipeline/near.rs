@@ -51,7 +51,7 @@ impl GeoNear {
         };
         let query = match spec.get("query") {
             None => Filter::parse_with(&Document::new(), &Parser::with_scope(scope))?,
-            Some(Bson::Document(query)) => Filter::parse_with(query, &Parser::with_scope(scope).of_stage())?,
+            Some(Bson::Document(query)) => Filter::parse_with(query, &Parser::with_scope(scope).of_stage(false))?,
             Some(_) => return Err(QueryError::type_mismatch("the 'query' of $geoNear must be an object")),
         };
         let limit = |name: &str, default: f64| match spec.get(name) {

@@ -74,13 +74,14 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
             output = Some(found);
             continue;
         }
-        if name == "$geoNear" && documents.iter().take(index).any(|before| !is_empty_match(before)) {
+        if name == "$geoNear" && !documents.iter().take(index).all(is_empty_match) {
             return Err(QueryError::invalid(40_603, "$geoNear must be the first stage of a pipeline"));
         }
         if name == "$documents" && index > 0 {
             return Err(QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline"));
         }
-        stage(name, argument, scope, depth, &mut stages).map_err(|error| error.about(name))?;
+        let is_first = documents.iter().take(index).all(is_empty_match);
+        stage(name, argument, scope, Place { depth, is_first }, &mut stages).map_err(|error| error.about(name))?;
     }
     drop_resorted(&mut stages);
     if depth == 0 {
@@ -89,13 +90,24 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
     Ok((stages, output))
 }
 
-fn stage(name: &str, argument: &Bson, scope: &Scope, depth: usize, stages: &mut Vec<Stage>) -> Result<()> {
+/// Where a stage is.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    depth: usize,
+    /// Whether nothing is done before it.
+    is_first: bool,
+}
+
+fn stage(name: &str, argument: &Bson, scope: &Scope, place: Place, stages: &mut Vec<Stage>) -> Result<()> {
+    let Place { depth, is_first } = place;
     if let Some(reshape) = Reshape::parse(name, argument, scope)? {
         stages.push(Stage::Reshape(reshape));
         return Ok(());
     }
     let stage = match name {
-        "$match" => Stage::Match(Filter::parse_with(object(name, argument)?, &Parser::with_scope(scope).of_stage())?),
+        "$match" => {
+            Stage::Match(Filter::parse_with(object(name, argument)?, &Parser::with_scope(scope).of_stage(is_first))?)
+        }
         "$sort" => {
             let pattern = object(name, argument)?;
             if pattern.is_empty() {

@@ -13,6 +13,8 @@ use crate::query::view::Fields;
 pub(super) struct Run<'a, E> {
     pub(super) now: DateTime,
     pub(super) variables: Rc<Variables>,
+    /// Whether documents carry their score, which stays when they are changed.
+    pub(super) is_scored: bool,
     sources: &'a Sources<'a, E>,
     spill: Rc<Spill>,
 }
@@ -25,7 +27,7 @@ impl<E> Clone for Run<'_, E> {
 
 impl<'a, E> Run<'a, E> {
     pub(super) fn new(now: DateTime, variables: Variables, sources: &'a Sources<'a, E>, spill: Spill) -> Self {
-        Self { now, variables: Rc::new(variables), sources, spill: Rc::new(spill) }
+        Self { now, variables: Rc::new(variables), is_scored: false, sources, spill: Rc::new(spill) }
     }
 
     /// Returns the same run with other variables.

@@ -2,9 +2,10 @@
 
 use bson::{Document, RawDocumentBuf};
 
+use super::Pipeline;
 use super::bucket::{AutoBucket, Bucket};
 use super::densify::Densify;
-use super::documents::{Documents, deferred, encode, lazy};
+use super::documents::{Documents, Origin, deferred, encode, lazy};
 use super::facet::Facet;
 use super::graph::GraphLookup;
 use super::group::Group;
@@ -20,6 +21,7 @@ use crate::query::filter::{Context, Filter};
 use crate::query::random::random;
 use crate::query::reshape::Reshape;
 use crate::query::sort::Sort;
+use crate::query::text::SCORE;
 
 /// A compiled stage.
 #[derive(Debug)]
@@ -53,6 +55,15 @@ impl Stage {
         matches!(self, Self::Match(_) | Self::Reshape(_) | Self::Unwind(_) | Self::Redact(_))
     }
 
+    /// Returns the pipeline within this stage, with its collection where it has one.
+    pub(super) fn inner(&self) -> Option<(Option<&Origin>, &Pipeline)> {
+        match self {
+            Self::Lookup(lookup) => lookup.inner(),
+            Self::Union(union) => union.inner(),
+            _ => None,
+        }
+    }
+
     /// Returns the output of this stage; a sort stops after `limit` documents.
     pub(super) fn run<'a, E: From<QueryError> + 'a>(
         &'a self,
@@ -75,7 +86,10 @@ impl Stage {
             })),
             Self::Reshape(reshape) => Box::new(input.map(move |document| {
                 let document = Document::try_from(document?).map_err(QueryError::from)?;
-                Ok(encode(&reshape.apply(document, &run.variables, run.now)?)?)
+                let score = document.get(SCORE).filter(|_| run.is_scored).cloned();
+                let mut shaped = reshape.apply(document, &run.variables, run.now)?;
+                shaped.extend(score.map(|score| (SCORE.to_owned(), score)));
+                Ok(encode(&shaped)?)
             })),
             Self::Sort(sort) => {
                 let limit = limit.and_then(|limit| usize::try_from(limit).ok());

@@ -56,7 +56,7 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
                 root.insert(&path, Item::Named)?;
             }
             Entry::Value(value) => {
-                if mode == Mode::Exclude {
+                if mode == Mode::Exclude && !is_meta(value) {
                     let message = format!("cannot use an expression for {path} in an exclusion projection");
                     return Err(QueryError::invalid(31_252, message));
                 }
@@ -91,6 +91,7 @@ fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
         match entry {
             Entry::Include if path == "_id" => id = Some(Mode::Include),
             Entry::Exclude if path == "_id" => id = Some(Mode::Exclude),
+            Entry::Value(value) if is_meta(value) => {}
             Entry::Include | Entry::Value(_) => mode = mode.or(Some(Mode::Include)),
             Entry::Exclude => mode = mode.or(Some(Mode::Exclude)),
             Entry::Transform(FindOperator::Slice { .. }) => {}
@@ -104,6 +105,11 @@ fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
         }
     }
     Ok(mode.or(matching.then_some(Mode::Include)).or(id).unwrap_or(Mode::Exclude))
+}
+
+/// Returns whether a field is given something beside the document, which decides nothing about the other fields.
+fn is_meta(value: &Bson) -> bool {
+    matches!(value, Bson::Document(inner) if inner.keys().next().is_some_and(|name| name == "$meta"))
 }
 
 /// Writes out nested documents as dotted paths.

@@ -7,7 +7,9 @@ use bson::{Bson, DateTime, Document, doc};
 use super::Embedded;
 use super::indexed::decay;
 use super::scan::{Scan, sharpen};
+use super::search::{scored, unscored};
 use super::snapshot::Snapshot;
+use crate::query::text::{self, asks_for_score};
 use crate::query::{self, Distinct, Filter, Projection, QueryError, Sort, Spill};
 use crate::store::{Documents, Find, Modifiers, Namespace, Query, StoreError, Values, metadata};
 
@@ -20,6 +22,10 @@ impl Embedded {
             true => None,
             false => Some(Projection::parse_with(&find.projection, &constants)?),
         };
+        let is_scored = asks_for_score(&find.projection) || asks_for_score(&find.sort);
+        if is_scored && filter.search().is_none() {
+            return Err(text::no_score().into());
+        }
         let snapshot = Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))?;
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
         let scan = Scan::sorted(self, collection, &mut filter, &sort, find.modifiers.hint.as_ref())?;
@@ -28,9 +34,10 @@ impl Embedded {
         let scan = if is_sorted { scan.at_most(skip.saturating_add(limit)) } else { scan };
         let scan = scan.begun()?;
         drop(snapshot);
-        let matches = scan.map(|found| found.map(|found| found.body));
+        let matches: Documents<'_> = Box::new(scan.map(|found| found.map(|found| found.body)));
+        let matches = if is_scored { scored(matches, Rc::clone(&filter)) } else { matches };
         let ordered: Documents<'_> = match is_sorted {
-            true => Box::new(matches),
+            true => matches,
             false => {
                 let limit = (find.limit > 0).then(|| skip.saturating_add(limit));
                 let sorted = sort.sort(matches, limit, &Spill::default())?;
@@ -38,9 +45,12 @@ impl Embedded {
             }
         };
         let chosen = ordered.skip(skip).take(limit);
-        let Some(projection) = projection else { return Ok(Box::new(chosen)) };
         let now = DateTime::now();
-        Ok(Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))))
+        let answer: Documents<'_> = match projection {
+            None => Box::new(chosen),
+            Some(projection) => Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))),
+        };
+        Ok(if is_scored { unscored(answer) } else { answer })
     }
 
     /// Answers a query to explain how it is answered.

@@ -30,6 +30,7 @@ impl Embedded {
     ) -> Result<Updated, StoreError> {
         let constants = constants(&request.modifiers.variables)?;
         let change = Change::parse(request, timestamp, &constants)?;
+        self.bind_search(ns, &change.filter)?;
         let (mut modified, mut upserted) = (0, None);
         let most = if request.many { u64::MAX } else { 1 };
         // The scan may simplify its own filter.

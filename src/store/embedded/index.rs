@@ -16,7 +16,7 @@ use super::catalog::Collection;
 use super::indexed::{AllEntries, COLLATION, HIDDEN, Indexed, Indexes, PARTIAL, decay};
 use super::{Embedded, body};
 use crate::query::index::{Entries, Pattern};
-use crate::query::{Filter, QueryError};
+use crate::query::{Filter, QueryError, text};
 use crate::store::{Index, Namespace, StoreError, index, metadata};
 
 /// MongoDB's code for an index that is there with other options.
@@ -195,7 +195,7 @@ impl Embedded {
 
     /// Makes an index, where there is none like it; returns whether it is new.
     pub(super) fn create(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
-        check(index)?;
+        let index = &stored(index)?;
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
             match conflict(index, &self.indexes_of(collection)?)? {
@@ -300,7 +300,8 @@ pub(super) fn check(index: &Index) -> Result<(), QueryError> {
         let message = "a wildcard index is neither unique nor sparse, and no document expires by it";
         return Err(QueryError::invalid(CANNOT_CREATE, message));
     }
-    if let Some(option) = index.other.keys().find(|option| !OPTIONS.contains(&option.as_str())) {
+    let known = |option: &str| OPTIONS.contains(&option) || pattern.text().is_some() && text::OPTIONS.contains(&option);
+    if let Some(option) = index.other.keys().find(|option| !known(option)) {
         let mut refusal = QueryError::unsupported(option);
         refusal.message = format!("the option `{option}` of an index is not supported by the embedded store");
         return Err(refusal);
@@ -315,6 +316,18 @@ pub(super) fn check(index: &Index) -> Result<(), QueryError> {
         return Err(QueryError::invalid(INVALID, message));
     }
     Ok(())
+}
+
+/// An index as it is kept: MongoDB keeps a text index with other keys than it is given.
+fn stored(index: &Index) -> Result<Index, QueryError> {
+    check(index)?;
+    match Pattern::parse_with(&index.keys, &index.other)?.text() {
+        None => Ok(index.clone()),
+        Some(text) => {
+            let (keys, other) = text.stored(&index.other);
+            Ok(Index { keys, other, ..index.clone() })
+        }
+    }
 }
 
 /// Refuses a partial filter that MongoDB refuses, and `hidden` that is neither true nor false.
@@ -406,10 +419,16 @@ fn conflict(wanted: &Index, present: &[Indexed]) -> Result<bool, QueryError> {
             )),
         };
     }
-    match all.find(|index| index.is_like(wanted)) {
+    // Whatever it searches, a collection has one text index.
+    let both = |index: &Index| [index, wanted].iter().all(|index| index.keys.values().any(text::is_key));
+    match all.find(|index| index.is_like(wanted) || both(index)) {
         None => Ok(false),
         Some(same) => {
-            Err(QueryError::invalid(OPTIONS_CONFLICT, format!("the index is there already, as {}", same.definition())))
+            let message = match both(same) {
+                true => format!("a collection has one text index; {} is there: {}", same.name, same.definition()),
+                false => format!("the index is there already, as {}", same.definition()),
+            };
+            Err(QueryError::invalid(OPTIONS_CONFLICT, message))
         }
     }
 }

@@ -74,9 +74,9 @@ impl Indexed {
         format!("entries_{}", self.id)
     }
 
-    /// Whether there are keys: geospatial and wildcard indexes are in the catalogue only.
+    /// Whether there are keys: geospatial, wildcard and text indexes are in the catalogue only.
     pub(super) fn is_kept(&self) -> bool {
-        !self.pattern.is_geospatial() && !self.pattern.is_wildcard()
+        !self.pattern.is_geospatial() && !self.pattern.is_wildcard() && self.pattern.text().is_none()
     }
 
     /// Whether queries may use it. A partial index is left to the documents it is unique or expires for: whether a query

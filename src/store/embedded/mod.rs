@@ -35,6 +35,7 @@ mod repair;
 mod retention;
 mod room;
 mod scan;
+mod search;
 mod slices;
 mod snapshot;
 mod transaction;

@@ -6,6 +6,7 @@ use bson::{DateTime, Document};
 
 use super::Embedded;
 use super::scan::Scan;
+use super::search::{scored, unscored};
 use crate::query::{Filter, Origin, Pipeline, Sort, Spill, Spool, constants};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
@@ -26,17 +27,23 @@ impl Embedded {
         if let (Some(near), Some(collection)) = (pipeline.near(), self.collection(ns)?) {
             self.check_near(collection, near)?;
         }
+        self.bind_searches(ns, &pipeline)?;
         let input = match pipeline.brings_documents() {
             true => Box::new(std::iter::empty()),
-            false => self.input(ns, &first_filter(stages), &constants, modifiers.hint.as_ref())?,
+            false => {
+                self.input(ns, &first_filter(stages), &constants, (modifiers.hint.as_ref(), pipeline.is_scored()))?
+            }
         };
+        let is_scored = pipeline.is_scored();
         let now = DateTime::now();
         if pipeline.is_piecewise() && pipeline.output().is_none() {
-            return Ok(self.pieces(ns, pipeline, input, now));
+            let results = self.pieces(ns, pipeline, input, now);
+            return Ok(if is_scored { unscored(results) } else { results });
         }
         let sources = |origin: &Origin| self.matches(&named(origin, ns), &Document::new());
+        let found = pipeline.run(input, now, &sources);
         let mut results = Spool::new(&Spill::default());
-        for result in pipeline.run(input, now, &sources) {
+        for result in if is_scored { unscored(found) } else { found } {
             results.push(&result?)?;
         }
         let results = results.read()?.map(|result| Ok(result?));
@@ -83,7 +90,7 @@ impl Embedded {
 
     /// The documents that match, in natural order.
     fn matches(&self, ns: &Namespace, filter: &Document) -> Result<Documents<'_>, StoreError> {
-        self.input(ns, filter, &Document::new(), None)
+        self.input(ns, filter, &Document::new(), (None, false))
     }
 
     /// The documents that match: in natural order, or in that of the index that is to be read.
@@ -92,12 +99,13 @@ impl Embedded {
         ns: &Namespace,
         filter: &Document,
         constants: &Document,
-        hint: Option<&Hint>,
+        (hint, is_scored): (Option<&Hint>, bool),
     ) -> Result<Documents<'_>, StoreError> {
         let mut filter = Rc::new(Filter::parse_with_constants(filter, constants)?);
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
         let scan = Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?;
-        Ok(Box::new(scan.map(|found| found.map(|found| found.body))))
+        let documents: Documents<'_> = Box::new(scan.map(|found| found.map(|found| found.body)));
+        Ok(if is_scored { scored(documents, filter) } else { documents })
     }
 }
 
@@ -107,7 +115,8 @@ fn first_filter(stages: &[Document]) -> Document {
         Ok(near) => near.get_document("query").ok().cloned(),
         Err(_) => stage.get_document("$match").ok().cloned(),
     };
-    stages.first().and_then(matched).unwrap_or_default()
+    let is_nothing = |stage: &&Document| stage.get_document("$match").is_ok_and(Document::is_empty);
+    stages.iter().find(|stage| !is_nothing(stage)).and_then(matched).unwrap_or_default()
 }
 
 pub(super) fn named(origin: &Origin, ns: &Namespace) -> Namespace {

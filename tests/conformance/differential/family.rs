@@ -4,7 +4,7 @@ use bson::{Bson, Document, doc};
 use proptest::prelude::*;
 
 use super::generate::value::{Gen, any_of, either, fields, name, path, pick, typed, wild};
-use super::generate::{bomb, expression, window};
+use super::generate::{bomb, expression, text, window};
 use super::generate::{filter, pipeline, projection, update};
 
 /// What a family's cases are made of.
@@ -16,6 +16,8 @@ pub(super) struct Family {
     pub(super) commands: Gen<Document>,
     /// How much longer a case takes than others; so much fewer there are.
     pub(super) cost: usize,
+    /// An index that there has to be.
+    pub(super) index: Option<Document>,
 }
 
 /// A family by its name, made when it is wanted.
@@ -76,6 +78,7 @@ pub(super) const FAMILIES: &[Named] = &[
     ("stage_densify_and_fill", || over(both(), aggregate(window::gaps()))),
     ("javascript_where", || Family { cost: 4, ..over(wild(), find(window::predicate())) }),
     ("javascript_function", || Family { cost: 4, ..one_by_one(window::function()) }),
+    ("text_search", || Family { index: Some(text::index()), ..over(text::texts(), text::commands()) }),
     ("bomb_result", || bombs(aggregate(pipeline_of("$project", bomb::expression())))),
     ("bomb_group", || {
         let group = |value| doc! { "$group": { "_id": Bson::Null, "x": { "$push": value } } };
@@ -95,7 +98,7 @@ pub(super) const FAMILIES: &[Named] = &[
 ];
 
 fn over(documents: Gen<Document>, commands: Gen<Document>) -> Family {
-    Family { documents, count: 12, commands, cost: 1 }
+    Family { documents, count: 12, commands, cost: 1, index: None }
 }
 
 /// Values of any size; what mongod makes of one takes long.

@@ -91,7 +91,7 @@ fn setting(name: &str, default: u64) -> Result<u64, Failed> {
 fn compare(name: &str, family: &Family, program: &Path) -> Result<(), Failed> {
     let seed = setting("RMEM_DIFFERENTIAL_SEED", SEED)?;
     let cases = setting("RMEM_DIFFERENTIAL_CASES", CASES as u64)? as usize / family.cost;
-    let mut pair = Pair::connect(port(program)?, name)?;
+    let mut pair = Pair::connect(port(program)?, name, family.index.clone())?;
     let mut runner = runner(seed, name);
     let mut known = setting("RMEM_DIFFERENTIAL_KNOWN", 0)?;
     let (mut counts, mut shown) = (Counts::default(), Vec::new());

@@ -81,13 +81,15 @@ pub(super) struct Pair {
     mongod: Connection,
     embedded: Server,
     documents: Vec<Document>,
+    /// An index of `c`.
+    index: Option<Document>,
     writes: usize,
 }
 
 impl Pair {
-    pub(super) fn connect(port: u16, name: &str) -> Result<Self, Failed> {
+    pub(super) fn connect(port: u16, name: &str, index: Option<Document>) -> Result<Self, Failed> {
         let mongod = Connection::open(port, &format!("differential_{name}"))?;
-        Ok(Self { mongod, embedded: Server::open()?, documents: Vec::new(), writes: 0 })
+        Ok(Self { mongod, embedded: Server::open()?, documents: Vec::new(), index, writes: 0 })
     }
 
     /// Both hold these documents and no others.
@@ -102,6 +104,7 @@ impl Pair {
             .collect();
         let filled = collections.into_iter().filter(|(_, documents)| !documents.is_empty());
         commands.extend(filled.map(|(name, documents)| doc! { "insert": name, "documents": documents }));
+        commands.extend(self.index.iter().map(|index| doc! { "createIndexes": "c", "indexes": [index.clone()] }));
         let replies = self.server(&commands)?;
         for (insert, theirs) in commands.iter().zip(&replies).skip(collections.len()) {
             let ours = self.embedded(insert, theirs);

@@ -5,6 +5,7 @@ pub(super) mod expression;
 pub(super) mod filter;
 pub(super) mod pipeline;
 pub(super) mod projection;
+pub(super) mod text;
 pub(super) mod update;
 pub(super) mod value;
 pub(super) mod window;

@@ -1,0 +1,124 @@
+//! `$text`: answered by a scan, but only with a text index, as in MongoDB.
+
+use std::collections::{BTreeMap, HashSet};
+use std::rc::Rc;
+use std::sync::Arc;
+
+use bson::doc;
+
+use super::Embedded;
+use super::access::{Chosen, Way};
+use super::catalog::Collection;
+use super::indexed::{Indexed, Indexes};
+use super::pipeline::named;
+use super::scan::Scan;
+use crate::query::text::{self, Search, TextIndex};
+use crate::query::{Filter, Pipeline, QueryError, Sort};
+use crate::store::{Documents, Hint, Namespace, StoreError};
+
+/// MongoDB's code for a query that no index answers which needs one.
+const NO_PLAN: i32 = 291;
+
+impl Embedded {
+    /// The way to the documents that a search finds: word by word, the best first.
+    pub(super) fn by_words(
+        &self,
+        collection: Collection,
+        indexes: &Indexes,
+        filter: &Rc<Filter>,
+        search: &Search,
+        (sort, hint): (&Sort, Option<&Hint>),
+    ) -> Result<Chosen, StoreError> {
+        let index = text_index(indexes)?;
+        if hint.is_some() {
+            return Err(QueryError::bad_value("$text takes no hint: there is one text index").into());
+        }
+        check_fixed(index.1, filter)?;
+        search.bind(index.1);
+        let candidates = self.choose(collection, indexes, filter, &Sort::none(), false)?;
+        let (mut by_word, mut unscored) = (BTreeMap::<String, Vec<(f64, i64)>>::new(), Vec::new());
+        for found in Scan::along(self, collection, filter, candidates)? {
+            let found = found?;
+            match search.scores(&found.body)? {
+                None => unscored.push(found.position),
+                Some(scores) => {
+                    for (word, score) in scores {
+                        by_word.entry(word).or_default().push((score, found.position));
+                    }
+                }
+            }
+        }
+        let mut seen = HashSet::new();
+        let ranked = by_word.into_values().flat_map(|mut found| {
+            found.sort_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
+            found.into_iter().map(|(_, position)| position)
+        });
+        let positions = ranked.chain(unscored).filter(|position| seen.insert(*position)).collect();
+        let explanation = doc! { "index": &index.0.definition.name, "keys": index.0.definition.keys.clone() };
+        Ok(Chosen { way: Way::Positions(positions), is_sorted: sort.is_empty(), explanation, keys: 0 })
+    }
+
+    /// Lets the search of a filter know what it searches.
+    ///
+    /// # Errors
+    /// Where the collection has no text index.
+    pub(super) fn bind_search(&self, ns: &Namespace, filter: &Filter) -> Result<(), StoreError> {
+        if let (Some(search), Some(collection)) = (filter.search(), self.collection(ns)?) {
+            search.bind(text_index(&self.indexes_of(collection)?)?.1);
+        }
+        Ok(())
+    }
+
+    /// Lets the searches of a pipeline know what they search.
+    ///
+    /// # Errors
+    /// Where a collection has no text index.
+    pub(super) fn bind_searches(&self, ns: &Namespace, pipeline: &Pipeline) -> Result<(), StoreError> {
+        for (origin, search) in pipeline.searches() {
+            let other = origin.map(|origin| named(origin, ns));
+            if let Some(collection) = self.collection(other.as_ref().unwrap_or(ns))? {
+                search.bind(text_index(&self.indexes_of(collection)?)?.1);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Documents with the score that a search gives them.
+pub(super) fn scored<'a>(documents: Documents<'a>, filter: Rc<Filter>) -> Documents<'a> {
+    Box::new(documents.map(move |document| {
+        let document = document?;
+        match filter.search().map(|search| search.score(&document)).transpose()?.flatten() {
+            Some(score) => Ok(text::with_score(&document, score)?),
+            None => Ok(document),
+        }
+    }))
+}
+
+/// The same documents without their scores.
+pub(super) fn unscored(documents: Documents<'_>) -> Documents<'_> {
+    Box::new(documents.map(|document| Ok(text::without_score(document?)?)))
+}
+
+/// The text index of a collection.
+fn text_index(indexes: &Indexes) -> Result<(&Indexed, &Arc<TextIndex>), QueryError> {
+    let found = indexes.iter().find_map(|index| index.pattern.text().map(|text| (index, text)));
+    match found {
+        Some((index, _)) if index.is_hidden() => {
+            Err(QueryError::invalid(NO_PLAN, "the text index is hidden, and $text needs it"))
+        }
+        Some(found) => Ok(found),
+        None => Err(text::no_index()),
+    }
+}
+
+/// Refuses a search that does not say where in the index it is.
+fn check_fixed(index: &TextIndex, filter: &Filter) -> Result<(), QueryError> {
+    match index.fixed().find(|path| !filter.fixes(path)) {
+        None => Ok(()),
+        Some(path) => {
+            let message = format!("the text index has the key {path} in front; give it a value beside $text");
+            Err(QueryError::invalid(NO_PLAN, message))
+        }
+    }
+}
