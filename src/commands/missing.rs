@@ -20,6 +20,13 @@ pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context
     message.is_some()
 }
 
+/// The same where a collection of a similar name exists: another may be there later.
+pub(super) fn warn_of_nearest(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> bool {
+    let message = message(namespace, memory).filter(|message| message.ends_with('?'));
+    message.iter().for_each(|message| context.output.warn(message));
+    message.is_some()
+}
+
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
 pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> {
     // A hint is not worth an error.

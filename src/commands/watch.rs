@@ -3,6 +3,7 @@
 mod condition;
 mod delivery;
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -13,13 +14,14 @@ use condition::{Condition, Counting};
 use delivery::{Delivered, Delivery};
 
 use super::query::{argument, blame};
-use super::{Context, UsageError, formats};
+use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::quantity;
+use crate::formats::{nearest, quantity};
 use crate::memory::watch::{Trigger, Watch, event};
 use crate::output::Format;
-use crate::store::{Name, Namespace, Next, StoreError};
+use crate::settings::Origin;
+use crate::store::{Name, Namespace, Next, StoreError, StoreUri};
 
 /// The formats of changes.
 const FORMATS: [Format; 4] = [Format::Jsonl, Format::Json, Format::Canonical, Format::Clips];
@@ -136,6 +138,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     let filter = argument("<query>", &args.query)?;
     let trigger = trigger(args, namespace, &filter);
+    let is_new = new_file(context);
     let memory = context.memory()?;
     if let (true, Some(name)) = (args.forget, &args.resume) {
         let is_known = memory.forget_watch(namespace, name)?;
@@ -147,6 +150,11 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         args.when.map(|condition| Counting { condition, memory: &memory, filter: &filter, changed: None, held: false });
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
     context.report_operations();
+    // What is watched may be there later only, or be misspelt.
+    match is_new {
+        Some(message) => context.output.warn(&message),
+        None => drop(missing::warn_of_nearest(namespace, &memory, context)),
+    }
     context.output.note(&format!("watching {namespace}"));
     let session = Session {
         args,
@@ -160,6 +168,20 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         counting,
     };
     session.follow(context)
+}
+
+/// Says that the file of a memory that the user names does not exist yet, and which one may be meant.
+fn new_file(context: &Context<'_>) -> Option<String> {
+    let memory = &context.settings.memory;
+    let is_named = matches!(memory.origin, Origin::Flag(_) | Origin::Environment(_));
+    let uri = StoreUri::parse(memory.value.as_deref().filter(|_| is_named)?).ok()?;
+    let path = uri.path().filter(|path| !path.exists())?;
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let files = std::fs::read_dir(folder).ok()?.flatten().filter(|entry| entry.path().is_file());
+    let files: Vec<String> = files.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    let meant = nearest(&name, files.iter().map(String::as_str)).map(|file| format!("; did you mean {file}?"));
+    Some(format!("{} did not exist yet{}", path.display(), meant.unwrap_or_default()))
 }
 
 /// Lists the names of watches.

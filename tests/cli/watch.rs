@@ -401,3 +401,21 @@ fn a_count_that_meets_the_condition_at_the_start_is_delivered_at_once() {
     ");
     lab.rmem(&["watch", "a.b", "--when", "count > 1", "--resume", "x"]).exits(2);
 }
+
+#[test]
+fn a_watch_of_what_is_not_there_yet_names_what_may_be_meant() {
+    let lab = Lab::new();
+    lab.rmem(&["--memory", "file:robot.rmem", "insert", "robmem.worldmodel", "{_id: 1}"]).success();
+    let watch =
+        |memory: &str, ns: &str| lab.rmem(&["--memory", memory, "watch", ns, "--timeout", "1ms"]).exits(1).stderr;
+    assert_eq!(
+        watch("file:robot.rmem", "robmem.worldmodle"),
+        "warning: no collection robmem.worldmodle; did you mean robmem.worldmodel?\nwatching robmem.worldmodle\n"
+    );
+    assert_eq!(watch("file:robot.rmem", "robmem.orders"), "watching robmem.orders\n");
+    assert_eq!(
+        watch("file:robto.rmem", "robmem.worldmodel"),
+        "warning: robto.rmem did not exist yet; did you mean robot.rmem?\nwatching robmem.worldmodel\n"
+    );
+    assert_eq!(watch("file:robto.rmem", "robmem.worldmodel"), "watching robmem.worldmodel\n");
+}

@@ -38,7 +38,8 @@ impl Condition {
         let rest = text.trim().strip_prefix("count").ok_or_else(expected)?.trim_start();
         let (spelling, wanted) = COMPARISONS.iter().find(|(known, _)| rest.starts_with(known)).ok_or_else(expected)?;
         let number = rest.get(spelling.len()..).unwrap_or_default().trim();
-        let number = number.parse().map_err(|_| format!("expected a number behind `{spelling}`, found `{number}`"))?;
+        let found = if number.is_empty() { "nothing".to_owned() } else { format!("`{number}`") };
+        let number = number.parse().map_err(|_| format!("expected a number behind `{spelling}`, found {found}"))?;
         Ok(Self { spelling, wanted, number })
     }
 
