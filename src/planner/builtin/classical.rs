@@ -14,6 +14,9 @@ use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, 
 /// The bytes for states where this process has no limit.
 const MEMORY: usize = 4 << 30;
 
+/// The work after which the engine gets its turn with a task with numbers.
+pub(super) const NUMERIC_WORK: u64 = 10_000_000;
+
 /// What a search reports while it runs.
 pub(super) enum Message<'p> {
     /// A plan, better than those before.
@@ -35,6 +38,8 @@ pub(super) enum Answer {
     None(NoPlan),
     /// It is not for this search.
     Declined,
+    /// It has numbers, and no plan was found so far.
+    Open(Box<Task>),
 }
 
 /// Finds a plan, and better and better ones where they are wanted.
@@ -63,8 +68,10 @@ fn search(
     let grounded = &mut |action: &str, instances| send(Message::Progress(grounding(action, instances)));
     let task = match ground(lifted, memory, grounded) {
         Ok(Ground::Task(task)) => task,
+        // Where numbers matter, what cannot be reached is for the engine to say.
+        Ok(Ground::GoalFalse) | Err(Refusal::Explosion { .. }) if lifted.has_numbers => return Ok(Answer::Declined),
         Ok(Ground::GoalFalse) => return Ok(Answer::None(NoPlan::GoalFalse)),
-        Err(Refusal::Wide) => return Ok(Answer::Declined),
+        Err(Refusal::Wide | Refusal::Undefined) => return Ok(Answer::Declined),
         Err(Refusal::Circular) => {
             return Err(SolveError::Derived("a derived predicate depends on its own negation".to_owned()));
         }
@@ -72,6 +79,33 @@ fn search(
             return Ok(Answer::None(NoPlan::Full(format!("the action {action} has more than {instances} instances"))));
         }
     };
+    if lifted.has_numbers {
+        return Ok(match numeric(&task, memory, NUMERIC_WORK, options, send) {
+            true => Answer::Solved,
+            false => Answer::Open(task),
+        });
+    }
+    let (end, states) = improve(&task, memory, u64::MAX, options, send);
+    Ok(match end {
+        End::Solved => Answer::Solved,
+        End::Unsolvable => Answer::None(NoPlan::Exhausted),
+        End::Full | End::Spent => Answer::None(NoPlan::Full(format!("it had found more than {states} states"))),
+    })
+}
+
+/// Looks for a plan of a task with numbers for a while; says whether there was one.
+pub(super) fn numeric(
+    task: &Task,
+    memory: usize,
+    work: u64,
+    options: Options,
+    send: &mut dyn FnMut(Message<'_>),
+) -> bool {
+    matches!(improve(task, memory, work, options, send), (End::Solved, _))
+}
+
+/// Finds plans, and says how the search ended, after how many states.
+fn improve(task: &Task, memory: usize, work: u64, options: Options, send: &mut dyn FnMut(Message<'_>)) -> (End, usize) {
     let mut states = 0;
     let improvement = match options {
         Options { anytime: true, .. } => Improvement::Unbounded,
@@ -79,9 +113,9 @@ fn search(
         _ => Improvement::Brief,
     };
     let mut best = None;
-    let end = solve(&task, Settings { improvement, memory, work: u64::MAX }, &mut |event| match event {
-        Event::Plan(plan) if options.says_each() => send(Message::Plan(&report(&task, plan))),
-        Event::Plan(plan) => best = Some(report(&task, plan)),
+    let end = solve(task, Settings { improvement, memory, work }, &mut |event| match event {
+        Event::Plan(plan) if options.says_each() => send(Message::Plan(&report(task, plan))),
+        Event::Plan(plan) => best = Some(report(task, plan)),
         Event::States(count) => {
             states = count;
             send(Message::Progress(format!("{states} states")));
@@ -90,11 +124,7 @@ fn search(
     if let Some(plan) = best {
         send(Message::Plan(&plan));
     }
-    Ok(match end {
-        End::Solved => Answer::Solved,
-        End::Unsolvable => Answer::None(NoPlan::Exhausted),
-        End::Full | End::Spent => Answer::None(NoPlan::Full(format!("it had found more than {states} states"))),
-    })
+    (end, states)
 }
 
 /// The bytes that states may take: about half of what this process may have, as lists that grow are copied.
@@ -186,6 +216,56 @@ mod tests {
         assert!(refuted.contains(&"fuel".to_owned()), "{refuted:?}");
         refuted.retain(|name| !["fuel", "unsolvable", "adl-no-proof", "tiles", "pigeons"].contains(&name.as_str()));
         assert!(refuted.is_empty() && solved >= 7, "{refuted:?} {solved}");
+    }
+
+    /// A tank of three litres: each road takes two, and the station fills it up.
+    const CAN: &str = "(define (domain can) (:requirements :typing :numeric-fluents) (:types place)
+        (:predicates (at ?p - place) (road ?a ?b - place)) (:functions (fuel) (tank) (length ?a ?b - place) (trips))
+        (:action drive :parameters (?a ?b - place)
+          :precondition (and (at ?a) (road ?a ?b) (>= (fuel) (length ?a ?b)))
+          :effect (and (not (at ?a)) (at ?b) (decrease (fuel) (length ?a ?b)) (increase (trips) 1)))
+        (:action fill :parameters (?a - place) :precondition (and (at ?a) (< (fuel) (tank)))
+          :effect (assign (fuel) (tank))))";
+
+    const FAR: &str = "(define (problem far) (:domain can) (:objects a b c - place)
+        (:init (at a) (road a b) (road b c) (= (fuel) 2) (= (tank) 3) (= (trips) 0)
+          (= (length a b) 2) (= (length b c) 2)) (:goal (and (at c) (>= (trips) 2))))";
+
+    #[test]
+    fn numbers_that_do_not_change_are_no_variables() {
+        let task = grounded(CAN, FAR);
+        // The fuel and the trips; that there is fuel for a road of two, that the tank is not full, that there were trips.
+        assert_eq!((task.numbers.count, task.numbers.comparisons.len()), (2, 3));
+    }
+
+    #[test]
+    fn plans_with_numbers_are_right() {
+        let task = lifted(CAN, FAR).unwrap();
+        let mut plans = Vec::new();
+        let answer = search(&task, 1 << 26, Options::default(), &mut |message| {
+            let Message::Plan(plan) = message else { return };
+            let steps: Vec<_> = plan.steps.iter().map(|step| (step.action.clone(), step.args.clone())).collect();
+            assert_eq!(check(&task, &steps), Ok(()));
+            plans.push(steps.into_iter().map(|(name, _)| name).collect::<Vec<_>>());
+        });
+        assert!(matches!(answer, Ok(Answer::Solved)));
+        assert_eq!(plans.last().unwrap(), &["DRIVE", "FILL", "DRIVE"]);
+        // Nothing is filled up before something is missing.
+        let fill = ("FILL".to_owned(), vec!["A".to_owned()]);
+        assert_eq!(check(&task, std::slice::from_ref(&fill)), Err("the goal is not reached".to_owned()));
+        assert!(check(&task, &[fill.clone(), fill]).unwrap_err().contains("not applicable"));
+    }
+
+    #[test]
+    fn what_numbers_rule_out_is_left_to_the_engine() {
+        let task = lifted(CAN, &FAR.replace("(>= (trips) 2)", "(>= (trips) 3)")).unwrap();
+        assert!(matches!(search(&task, 1 << 26, Options::default(), &mut |_| {}), Ok(Answer::Open(_))));
+    }
+
+    #[test]
+    fn a_number_that_has_no_value_is_for_the_engine() {
+        let task = lifted(CAN, &FAR.replace("(= (trips) 0)", "")).unwrap();
+        assert!(matches!(search(&task, 1 << 26, Options::default(), &mut |_| {}), Ok(Answer::Declined)));
     }
 
     const ROADS: &str = "(define (domain roads) (:requirements :adl) (:types truck place)

@@ -2,14 +2,16 @@
 
 use std::collections::{HashMap, HashSet};
 
-use ferroplan::types::{self as pddl, AssignOp, Domain, Expr, Formula, MetricDir, Problem};
+use ferroplan::types::{self as pddl, AssignOp, CompOp, Domain, Expr, Formula, MetricDir, Problem};
 
-use super::search::lifted::{Amount, Atom, Axiom, Condition, Effect, Lifted, Object, Schema, Term};
+use super::compared;
+use super::search::lifted::{Amount, Atom, Axiom, Condition, Effect, Lifted, NumericEffect, Object, Schema, Term};
+use super::search::number::{Change, Comparator};
 
 /// The type that all objects have.
 const OBJECT: &str = "OBJECT";
 
-/// Returns the task for the search, or why it is none: numbers in conditions, or costs that depend on the state.
+/// Returns the task for the search, or why it is none: costs that depend on the state, or divisors that do.
 ///
 /// # Errors
 ///
@@ -18,6 +20,7 @@ pub fn convert(domain: &Domain, problem: &Problem) -> Result<Lifted, String> {
     let names = Names::new(domain, problem);
     let mut task = Lifted { types: names.types(domain, problem), ..Lifted::default() };
     task.has_costs = names.metric.is_some();
+    task.has_numbers = !names.compared.is_empty();
     task.objects = names.all.clone();
     task.predicates = names.predicates.clone();
     for action in &domain.actions {
@@ -57,6 +60,8 @@ struct Names {
     metric: Option<String>,
     /// The functions that actions change.
     changed: HashSet<String>,
+    /// The functions that conditions compare, and those that change them.
+    compared: HashSet<String>,
 }
 
 impl Names {
@@ -86,6 +91,7 @@ impl Names {
             functions: HashMap::new(),
             metric: metric(problem),
             changed: HashSet::new(),
+            compared: compared::functions(domain, problem),
         };
         names.declare(domain, problem);
         names
@@ -158,7 +164,15 @@ impl Names {
             None => Amount::Number(1.0),
         };
         let (name, parameters) = (action.name.clone(), action.params.len());
-        Ok(Schema { name, parameters, slots: scope.slots, condition, effects: changes.effects, cost })
+        Ok(Schema {
+            name,
+            parameters,
+            slots: scope.slots,
+            condition,
+            effects: changes.effects,
+            numeric: changes.numeric,
+            cost,
+        })
     }
 
     fn axiom(&self, rule: &pddl::DerivedRule) -> Result<Axiom, String> {
@@ -191,6 +205,7 @@ fn changed(effect: &pddl::Effect, names: &mut HashSet<String>) {
 #[derive(Default)]
 struct Changes {
     effects: Vec<Effect>,
+    numeric: Vec<NumericEffect>,
     cost: Vec<Amount>,
 }
 
@@ -252,7 +267,16 @@ impl Scope<'_> {
             Formula::And(parts) | Formula::Or(parts) => Condition::any(self.conditions(parts, negated)?),
             Formula::Forall(variables, inner) => self.quantified(variables, inner, negated, !negated)?,
             Formula::Exists(variables, inner) => self.quantified(variables, inner, negated, negated)?,
-            Formula::Comp(..) => return Err("numbers in conditions".to_owned()),
+            Formula::Comp(operator, left, right) => {
+                let comparator = match operator {
+                    CompOp::Lt => Comparator::Less,
+                    CompOp::Le => Comparator::AtMost,
+                    CompOp::Eq => Comparator::Equal,
+                    CompOp::Ge => Comparator::AtLeast,
+                    CompOp::Gt => Comparator::Greater,
+                };
+                Condition::Compare(comparator, self.amount(left)?, self.amount(right)?, negated)
+            }
         })
     }
 
@@ -305,7 +329,7 @@ impl Scope<'_> {
                 slots.truncate(slots.len() - new.len());
                 self.leave(&new);
             }
-            pddl::Effect::Num(operation, function, _, amount) => {
+            pddl::Effect::Num(operation, function, terms, amount) => {
                 // Values that no condition reads do not matter.
                 if self.names.metric.as_ref() == Some(function) {
                     if !conditions.is_empty() || !slots.is_empty() {
@@ -314,11 +338,51 @@ impl Scope<'_> {
                     if *operation != AssignOp::Increase {
                         return Err("costs that do not only grow".to_owned());
                     }
+                    if self.depends(amount) {
+                        return Err("costs that depend on the state".to_owned());
+                    }
                     changes.cost.push(self.amount(amount)?);
+                }
+                if self.names.compared.contains(function) {
+                    changes.numeric.push(self.numeric(*operation, function, terms, amount, slots, conditions)?);
                 }
             }
         }
         Ok(())
+    }
+
+    fn numeric(
+        &self,
+        operation: AssignOp,
+        function: &str,
+        terms: &[pddl::Term],
+        amount: &Expr,
+        slots: &[usize],
+        conditions: &[Condition],
+    ) -> Result<NumericEffect, String> {
+        let condition = Condition::all(conditions.to_vec());
+        // What holds for several objects would count several times.
+        if !condition.hoisted().is_empty() {
+            return Err("a numeric effect under an existential condition".to_owned());
+        }
+        let change = match operation {
+            AssignOp::Assign => Change::Assign,
+            AssignOp::Increase => Change::Increase,
+            AssignOp::Decrease => Change::Decrease,
+            AssignOp::ScaleUp => Change::ScaleUp,
+            AssignOp::ScaleDown if self.depends(amount) => return Err("a divisor that changes".to_owned()),
+            AssignOp::ScaleDown => Change::ScaleDown,
+        };
+        let function = *self.names.functions.get(function).ok_or_else(|| format!("{function} is no function"))?;
+        let (terms, amount) = (self.terms(terms)?, self.amount(amount)?);
+        Ok(NumericEffect { slots: slots.to_vec(), condition, function, terms, change, amount })
+    }
+
+    /// Whether the value of an expression changes.
+    fn depends(&self, expression: &Expr) -> bool {
+        let mut found = HashSet::new();
+        compared::of_expression(expression, &mut found);
+        found.iter().any(|name| self.names.changed.contains(name))
     }
 
     fn amount(&self, expression: &Expr) -> Result<Amount, String> {
@@ -326,9 +390,6 @@ impl Scope<'_> {
         let minus = |amount: Amount| Amount::Product(Box::new(Amount::Number(-1.0)), Box::new(amount));
         Ok(match expression {
             Expr::Num(number) => Amount::Number(*number),
-            Expr::Fluent(name, _) if self.names.changed.contains(name) => {
-                return Err("costs that depend on the state".to_owned());
-            }
             Expr::Fluent(name, terms) => {
                 let function = self.names.functions.get(name).ok_or_else(|| format!("{name} is no function"))?;
                 Amount::Function(*function, self.terms(terms)?)
@@ -338,6 +399,7 @@ impl Scope<'_> {
             Expr::Mul(left, right) => {
                 both(left, right).map(|(left, right)| Amount::Product(Box::new(left), Box::new(right)))?
             }
+            Expr::Div(_, right) if self.depends(right) => return Err("a divisor that changes".to_owned()),
             Expr::Div(left, right) => {
                 both(left, right).map(|(left, right)| Amount::Quotient(Box::new(left), Box::new(right)))?
             }

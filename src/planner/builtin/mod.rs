@@ -5,11 +5,12 @@
 //! crashes, like every other planner. As the planner of `rmem plan` it gets a task that has
 //! been read and written already, which [`CHECKED`] states.
 //!
-//! A classical task is for the [`search`] of rmem's own. One with numbers is worked on by a [`portfolio`] of the
-//! engine's searches; times, preferences and constraints have one way each, the engine's own. What ends a
+//! A classical task is for the [`search`] of rmem's own. One with numbers is worked on by it and a [`portfolio`] of
+//! the engine's searches; times, preferences and constraints have one way each, the engine's own. What ends a
 //! search is an amount of work, never a clock, so that the same task has the same plan everywhere.
 
 mod classical;
+mod compared;
 pub mod convert;
 mod ff_output;
 mod options;

@@ -60,10 +60,13 @@ const WEIGHTS: [f64; 3] = [3.0, 2.0, 1.0];
 const PSEUDO_ACTION: &str = "REACH-GOAL";
 
 /// Finds a plan, and with [`Options::anytime`] better and better ones; says why there is none.
+///
+/// After the slices of a size it is the turn of another search, `beside`, which says whether it has found and told plans.
 pub(super) fn plan(
     domain: &Domain,
     problem: &Problem,
     options: Options,
+    beside: &mut dyn FnMut() -> bool,
     found: &mut dyn FnMut(&Plan),
 ) -> Result<Option<NoPlan>, SolveError> {
     let doubt = proof::doubt(domain, problem);
@@ -89,8 +92,9 @@ pub(super) fn plan(
         }
     };
     let portfolio = Portfolio { task: &task, threads };
-    let (ops, spent, detours) = match portfolio.first() {
+    let (ops, spent, detours) = match portfolio.first(beside) {
         First::Plan { ops, spent, detours } => (ops, spent, detours),
+        First::Beside => return Ok(None),
         First::Exhausted => return proven(NoPlan::Exhausted, String::new()),
         First::Full => return Ok(Some(NoPlan::GaveUp("its memory is full of states".to_owned()))),
     };
@@ -117,6 +121,8 @@ enum First {
         /// The states of the slice, where it was found by a search that makes detours.
         detours: Option<usize>,
     },
+    /// Another search has found a plan.
+    Beside,
     /// There is nothing left to look at.
     Exhausted,
     /// No search can remember more states.
@@ -137,7 +143,7 @@ struct Portfolio<'t> {
 }
 
 impl Portfolio<'_> {
-    fn first(&self) -> First {
+    fn first(&self, beside: &mut dyn FnMut() -> bool) -> First {
         let first = self.affordable(FIRST_WORK).clamp(FIRST.start, FIRST.end);
         let (mut states, mut looked) = (first, 0);
         loop {
@@ -169,6 +175,9 @@ impl Portfolio<'_> {
                     // A search that stops before its time has explored all it can.
                     Slice::Spent(spent) => is_full |= spent < states,
                 }
+            }
+            if beside() {
+                return First::Beside;
             }
             if is_full {
                 return First::Full;

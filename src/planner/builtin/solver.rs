@@ -1,5 +1,6 @@
 //! A task solved in this process, printed as FF prints it.
 
+use std::cell::RefCell;
 use std::sync::mpsc;
 use std::thread;
 
@@ -86,11 +87,22 @@ fn answer(
     let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
     let instance = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
     if is_classical(&task, &instance) {
-        return match classical::plan(&task, &instance, options, report)? {
-            Answer::Solved => Ok(None),
-            Answer::None(reason) => Ok(Some(reason)),
-            Answer::Declined => portfolio::plan(&task, &instance, options, &mut |plan| report(Message::Plan(plan))),
+        let open = match classical::plan(&task, &instance, options, report)? {
+            Answer::Solved => return Ok(None),
+            Answer::None(reason) => return Ok(Some(reason)),
+            Answer::Declined => None,
+            Answer::Open(open) => Some(open),
         };
+        let report = RefCell::new(report);
+        let mut work = classical::NUMERIC_WORK;
+        // The search starts anew with more work each time, so that all it did in vain is a part of what it needs.
+        let beside = &mut || {
+            work = work.saturating_mul(2);
+            let send = &mut |message: Message<'_>| report.borrow_mut()(message);
+            open.as_ref().is_some_and(|open| classical::numeric(open, classical::memory(), work, options, send))
+        };
+        let found = &mut |plan: &Plan| report.borrow_mut()(Message::Plan(plan));
+        return portfolio::plan(&task, &instance, options, beside, found);
     }
     let found = &mut |plan: &Plan| report(Message::Plan(plan));
     if is_plain(&task, &instance) && temporal::plan(&task, &instance, options, classical::memory(), found) {

@@ -1,5 +1,6 @@
 //! Small tasks for tests.
 
+use super::number::{self, Change, Comparator, Comparison, Expression, Numbers, NumericEffect};
 use super::task::{Effect, Fact, Operator, Task};
 
 /// A variable and its value.
@@ -29,6 +30,7 @@ pub(super) fn task(domains: &[u32], init: &[u32], goal: &[Value], operators: &[(
             name: vec![number as u32],
             condition: facts(condition),
             effects: facts(effects).into_iter().map(|fact| Effect { condition: Vec::new(), fact }).collect(),
+            amounts: Vec::new(),
             cost: 1.0,
         })
         .collect();
@@ -52,6 +54,31 @@ pub(super) fn door() -> Task {
             ("enter", &[(0, 0), (2, 1)], &[(0, 2)]),
         ],
     )
+}
+
+/// A counter that starts at nothing and is to be at least ten: one step adds one, three more add three, and what was
+/// reached can be set back.
+pub(super) fn counter() -> Task {
+    let mut task = task(
+        &[2, 2],
+        &[1, 0],
+        &[(0, 0)],
+        &[("one", &[], &[]), ("load", &[(1, 0)], &[(1, 1)]), ("three", &[(1, 1)], &[])],
+    );
+    let add = |amount: f64| NumericEffect {
+        condition: Vec::new(),
+        variable: 0,
+        change: Change::Increase,
+        amount: Expression::Number(amount),
+    };
+    task.operators[0].amounts = vec![add(1.0)];
+    task.operators[2].amounts = vec![add(3.0)];
+    let (left, right) = (Expression::Variable(0), Expression::Number(10.0));
+    let comparison = Comparison { comparator: Comparator::AtLeast, left, right, fact: 0 };
+    task.numbers = Numbers { count: 1, comparisons: vec![comparison], uses: vec![vec![0]] };
+    task.init.extend(number::words(0.0));
+    task.relaxed_facts += 2;
+    task
 }
 
 /// The names of operators.

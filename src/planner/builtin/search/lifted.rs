@@ -3,6 +3,8 @@
 //! Everything is numbered. The variables of a schema are its slots: first the parameters, then the variables
 //! of its quantifiers, each with a slot of its own.
 
+use super::number::{Change, Comparator};
+
 /// The number of an object.
 pub type Object = u32;
 
@@ -43,6 +45,8 @@ pub enum Condition {
     Forall(Vec<usize>, Box<Self>),
     /// For at least one object in each slot.
     Exists(Vec<usize>, Box<Self>),
+    /// How two numbers compare, or do not (`true`).
+    Compare(Comparator, Amount, Amount, bool),
 }
 
 /// What an action changes, where a condition holds.
@@ -58,12 +62,29 @@ pub struct Effect {
     pub adds: bool,
 }
 
-/// What an action costs.
+/// How an action changes a number, where a condition holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NumericEffect {
+    /// The slots that stand for every object of their types.
+    pub slots: Vec<usize>,
+    /// What must hold before the action.
+    pub condition: Condition,
+    /// The function whose value changes.
+    pub function: usize,
+    /// Its terms.
+    pub terms: Vec<Term>,
+    /// In which way it changes.
+    pub change: Change,
+    /// By how much, before the action.
+    pub amount: Amount,
+}
+
+/// An arithmetic expression.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Amount {
     /// A number.
     Number(f64),
-    /// The initial value of a function, which no action changes.
+    /// The value of a function; in a cost, one that no action changes.
     Function(usize, Vec<Term>),
     /// The sum of all.
     Sum(Vec<Self>),
@@ -86,6 +107,8 @@ pub struct Schema {
     pub condition: Condition,
     /// What it changes.
     pub effects: Vec<Effect>,
+    /// Which numbers it changes.
+    pub numeric: Vec<NumericEffect>,
     /// What it costs.
     pub cost: Amount,
 }
@@ -116,7 +139,7 @@ pub struct Lifted {
     pub axioms: Vec<Axiom>,
     /// What is true at first.
     pub init: Vec<(usize, Vec<Object>)>,
-    /// The values of the functions that costs are made of.
+    /// The values of functions at first.
     pub values: Vec<((usize, Vec<Object>), f64)>,
     /// What is to become true.
     pub goal: Condition,
@@ -127,6 +150,8 @@ pub struct Lifted {
     /// Whether operators that do the same are kept, not only the cheapest: where they overlap in time, it matters what each
     /// occupies.
     pub keeps_equals: bool,
+    /// Whether conditions compare numbers.
+    pub has_numbers: bool,
 }
 
 impl Default for Condition {

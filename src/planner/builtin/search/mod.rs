@@ -3,6 +3,7 @@
 //!
 //! It knows nothing of the rest of the crate. Each file names the paper that its algorithm is from.
 
+mod achieve;
 mod axiom;
 #[cfg(test)]
 mod example;
@@ -13,6 +14,7 @@ mod landmark;
 mod lazy;
 pub mod lifted;
 pub mod makespan;
+pub mod number;
 mod open;
 mod prove;
 mod relaxed;

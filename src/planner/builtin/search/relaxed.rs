@@ -5,6 +5,7 @@
 //! a relaxed plan that are applicable at once are the preferred ones (FF's helpful actions, Hoffmann and Nebel 2001;
 //! Helmert 2006).
 
+use super::achieve::{self, Repetitions};
 use super::task::{Fact, OperatorId, Task};
 
 /// No supporter.
@@ -110,7 +111,13 @@ pub(super) struct Relaxed {
     buckets: Vec<Vec<Fact>>,
     marks: Vec<bool>,
     marked: Vec<Fact>,
-    used: Vec<bool>,
+    /// How often each operator is in the relaxed plan.
+    used: Vec<u32>,
+    /// The variables that are not numbers.
+    variables: usize,
+    /// How often the operators of numeric rules are applied, and for each fact how often its supporter's is.
+    repetitions: Option<Repetitions>,
+    counts: Vec<u32>,
     /// How many rules have been touched so far.
     pub(super) work: u64,
 }
@@ -119,11 +126,12 @@ impl Relaxed {
     pub(super) fn new(task: &Task, costs: Costs) -> Self {
         let (mut rules, mut conditions, mut effects) = (Vec::new(), Lists::default(), Lists::default());
         let wanted = wanted(task);
+        let unit = |operator: &super::task::Operator| match costs {
+            Costs::Unit => 1,
+            Costs::PlusOne => (operator.cost.clamp(0.0, 1e6) as u32).saturating_add(1),
+        };
         for (number, operator) in task.operators.iter().enumerate() {
-            let cost = match costs {
-                Costs::Unit => 1,
-                Costs::PlusOne => (operator.cost.clamp(0.0, 1e6) as u32).saturating_add(1),
-            };
+            let cost = unit(operator);
             let mut left: Vec<&super::task::Effect> =
                 operator.effects.iter().filter(|effect| wanted[effect.fact as usize]).collect();
             while let Some(first) = left.first().copied() {
@@ -144,6 +152,14 @@ impl Relaxed {
             conditions.push(condition.iter().copied());
             effects.push([fact]);
         }
+        let numeric = achieve::rules(task, &wanted);
+        let first = rules.len();
+        for rule in &numeric {
+            rules.push(Rule { operator: rule.operator, cost: unit(&task.operators[rule.operator as usize]) });
+            conditions.push(rule.condition.iter().copied());
+            effects.push([rule.fact]);
+        }
+        let repetitions = (!numeric.is_empty()).then(|| Repetitions::new(task, numeric, first));
         let facts = task.relaxed_facts.max(task.facts());
         let needs = |rule: usize| conditions.get(rule).len() as u32;
         let start: Vec<Progress> =
@@ -161,7 +177,10 @@ impl Relaxed {
             buckets: Vec::new(),
             marks: vec![false; facts],
             marked: Vec::new(),
-            used: vec![false; task.operators.len()],
+            used: vec![0; task.operators.len()],
+            variables: task.len(),
+            counts: vec![1; if repetitions.is_some() { facts } else { 0 }],
+            repetitions,
             work: 0,
             rules,
             conditions,
@@ -187,7 +206,10 @@ impl Relaxed {
         self.costs.fill(u32::MAX);
         self.progress.copy_from_slice(&self.start);
         self.buckets.iter_mut().for_each(Vec::clear);
-        for fact in state {
+        if let Some(repetitions) = &mut self.repetitions {
+            repetitions.start(self.variables, state);
+        }
+        for fact in &state[..self.variables] {
             self.reach(*fact, 0, NONE);
         }
         for place in 0..self.free.len() {
@@ -244,7 +266,19 @@ impl Relaxed {
     }
 
     fn apply(&mut self, rule: u32) {
-        let cost = self.progress[rule as usize].sum;
+        let mut cost = self.progress[rule as usize].sum;
+        if let Some(repetitions) = &mut self.repetitions {
+            let Some(count) = repetitions.count(rule, &self.supporters) else { return };
+            cost = cost.saturating_add(self.rules[rule as usize].cost.saturating_mul(count - 1));
+            if repetitions.is_numeric(rule) {
+                self.work += 2;
+            }
+            for fact in self.effects.get(rule as usize) {
+                if cost < self.costs[*fact as usize] {
+                    self.counts[*fact as usize] = count;
+                }
+            }
+        }
         let start = if rule == 0 { 0 } else { self.effects.ends[rule as usize - 1] };
         for place in start..self.effects.ends[rule as usize] {
             let fact = self.effects.items[place as usize];
@@ -284,11 +318,16 @@ impl Relaxed {
                 continue;
             }
             let Rule { operator, cost } = self.rules[rule as usize];
-            if operator != AXIOM && !std::mem::replace(&mut self.used[operator as usize], true) {
-                operators.push(operator);
-                value = value.saturating_add(cost);
-                if self.progress[rule as usize].sum == cost {
-                    preferred.push(operator);
+            if operator != AXIOM {
+                let count = self.counts.get(fact).copied().unwrap_or(1);
+                let known = std::mem::replace(&mut self.used[operator as usize], count);
+                self.used[operator as usize] = count.max(known);
+                value = value.saturating_add(cost.saturating_mul(count.saturating_sub(known)));
+                if known == 0 {
+                    operators.push(operator);
+                    if self.progress[rule as usize].sum == cost {
+                        preferred.push(operator);
+                    }
                 }
             }
             for place in 0..self.conditions.get(rule as usize).len() {
@@ -297,7 +336,7 @@ impl Relaxed {
         }
         self.work += self.marked.len() as u64;
         self.marked.iter().for_each(|fact| self.marks[*fact as usize] = false);
-        operators.iter().for_each(|operator| self.used[*operator as usize] = false);
+        operators.iter().for_each(|operator| self.used[*operator as usize] = 0);
         preferred.sort_unstable();
         Estimate { value: Some(value), preferred }
     }
@@ -320,7 +359,8 @@ fn wanted(task: &Task) -> Vec<bool> {
     let operators = task.operators.iter().flat_map(|operator| {
         operator.condition.iter().chain(operator.effects.iter().flat_map(|effect| &effect.condition))
     });
-    let axioms = task.axioms.iter().flat_map(|axiom| &axiom.condition);
+    let amounts = task.operators.iter().flat_map(|operator| &operator.amounts).flat_map(|effect| &effect.condition);
+    let axioms = task.axioms.iter().flat_map(|axiom| &axiom.condition).chain(amounts);
     let relaxed = task.relaxed.iter().flat_map(|(condition, _)| condition);
     for fact in operators.chain(axioms).chain(relaxed).chain(&task.goal) {
         wanted[*fact as usize] = true;
@@ -349,14 +389,14 @@ impl Relaxed {
                 let operator = self.rules[*rule as usize].operator;
                 if operator != AXIOM
                     && sure[*rule as usize]
-                    && !std::mem::replace(&mut self.used[operator as usize], true)
+                    && std::mem::replace(&mut self.used[operator as usize], 1) == 0
                 {
                     banned.push(operator);
                 }
             }
         }
         let mut queue: Vec<Fact> = Vec::new();
-        for fact in state.iter().filter(|fact| !facts.contains(fact)) {
+        for fact in state[..self.variables].iter().filter(|fact| !facts.contains(fact)) {
             reached[*fact as usize] = true;
             queue.push(*fact);
         }
@@ -375,12 +415,12 @@ impl Relaxed {
                 }
             }
         }
-        banned.iter().for_each(|operator| self.used[*operator as usize] = false);
+        banned.iter().for_each(|operator| self.used[*operator as usize] = 0);
     }
 
     fn add_before(&self, rule: u32, facts: &[Fact], reached: &mut [bool], queue: &mut Vec<Fact>) {
         let operator = self.rules[rule as usize].operator;
-        if operator != AXIOM && self.used[operator as usize] {
+        if operator != AXIOM && self.used[operator as usize] > 0 {
             return;
         }
         for fact in self.effects.get(rule as usize) {
@@ -399,7 +439,9 @@ impl Relaxed {
     pub(super) fn sure(&self, task: &Task) -> Vec<bool> {
         let is_sure = |(number, rule): (usize, &Rule)| {
             let needs = self.start[number].open as usize;
-            task.operators.get(rule.operator as usize).is_none_or(|operator| operator.condition.len() == needs)
+            let is_numeric = self.repetitions.as_ref().is_some_and(|known| known.is_numeric(number as u32));
+            let operator = task.operators.get(rule.operator as usize);
+            !is_numeric && operator.is_none_or(|operator| operator.condition.len() == needs)
         };
         self.rules.iter().enumerate().map(is_sure).collect()
     }

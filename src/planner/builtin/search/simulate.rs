@@ -1,14 +1,29 @@
 //! Plays a plan on the lifted task, by the meaning of PDDL and nothing else: what the tests hold the search to.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
-use super::lifted::{Atom, Condition, Lifted, Object, Term};
+use super::lifted::{Amount, Atom, Condition, Lifted, Object, Term};
+use super::number::Change;
 
-type Facts = HashSet<(usize, Vec<Object>)>;
+/// What is true, and the values of functions.
+#[derive(Default)]
+struct Facts {
+    true_ones: HashSet<(usize, Vec<Object>)>,
+    values: HashMap<(usize, Vec<Object>), f64>,
+}
+
+impl Facts {
+    /// The value of an expression; not a number where a function has none.
+    fn value(&self, amount: &Amount, binding: &[Object]) -> f64 {
+        let value = amount.value(binding, &|function, objects| self.values.get(&(function, objects)).copied());
+        value.unwrap_or(f64::NAN)
+    }
+}
 
 /// Says what is wrong with a plan, given as names and arguments.
 pub(crate) fn check(task: &Lifted, plan: &[(String, Vec<String>)]) -> Result<(), String> {
-    let mut facts: Facts = task.init.iter().cloned().collect();
+    let mut facts =
+        Facts { true_ones: task.init.iter().cloned().collect(), values: task.values.iter().cloned().collect() };
     derive(task, &mut facts);
     for (step, (name, arguments)) in plan.iter().enumerate() {
         let schema = task.schemas.iter().find(|schema| &schema.name == name).ok_or("no such action")?;
@@ -33,10 +48,30 @@ pub(crate) fn check(task: &Lifted, plan: &[(String, Vec<String>)]) -> Result<(),
             };
             bindings(task, &effect.slots, &schema.slots, &mut binding, &mut each);
         }
-        for fact in &deleted {
-            facts.remove(fact);
+        let mut changed = Vec::new();
+        for effect in &schema.numeric {
+            let mut each = |binding: &mut Vec<Object>| {
+                if holds(task, &facts, &effect.condition, binding, &schema.slots) {
+                    let atom = Atom { predicate: effect.function, terms: effect.terms.clone() };
+                    changed.push((ground(&atom, binding), effect.change, facts.value(&effect.amount, binding)));
+                }
+            };
+            bindings(task, &effect.slots, &schema.slots, &mut binding, &mut each);
         }
-        facts.extend(added);
+        for (function, change, amount) in changed {
+            let value = facts.values.entry(function).or_insert(f64::NAN);
+            match change {
+                Change::Assign => *value = amount,
+                Change::Increase => *value += amount,
+                Change::Decrease => *value -= amount,
+                Change::ScaleUp => *value *= amount,
+                Change::ScaleDown => *value /= amount,
+            }
+        }
+        for fact in &deleted {
+            facts.true_ones.remove(fact);
+        }
+        facts.true_ones.extend(added);
         derive(task, &mut facts);
     }
     let mut binding = vec![Object::MAX; task.goal_slots.len()];
@@ -74,7 +109,10 @@ fn holds(task: &Lifted, facts: &Facts, condition: &Condition, binding: &mut Vec<
     match condition {
         Condition::True => true,
         Condition::False => false,
-        Condition::Literal(atom, negated) => facts.contains(&ground(atom, binding)) != *negated,
+        Condition::Compare(comparator, left, right, negated) => {
+            comparator.compare(facts.value(left, binding), facts.value(right, binding)) != *negated
+        }
+        Condition::Literal(atom, negated) => facts.true_ones.contains(&ground(atom, binding)) != *negated,
         Condition::Equal(left, right, negated) => {
             let value = |term: &Term| match term {
                 Term::Slot(slot) => binding[*slot],
@@ -104,7 +142,7 @@ fn derive(task: &Lifted, facts: &mut Facts) {
         return;
     }
     let derived: HashSet<usize> = task.axioms.iter().map(|axiom| axiom.head.predicate).collect();
-    facts.retain(|(predicate, _)| !derived.contains(predicate));
+    facts.true_ones.retain(|(predicate, _)| !derived.contains(predicate));
     let mut stratum = vec![0; task.predicates.len()];
     for _ in 0..=task.predicates.len() {
         for axiom in &task.axioms {
@@ -126,7 +164,7 @@ fn derive(task: &Lifted, facts: &mut Facts) {
                 let open: Vec<usize> = (0..axiom.head.terms.len()).collect();
                 bindings(task, &open, &axiom.slots, &mut binding, &mut |binding| {
                     let fact = ground(&axiom.head, binding);
-                    if !facts.contains(&fact) && holds(task, facts, &axiom.condition, binding, &axiom.slots) {
+                    if !facts.true_ones.contains(&fact) && holds(task, facts, &axiom.condition, binding, &axiom.slots) {
                         new.push(fact);
                     }
                 });
@@ -134,7 +172,7 @@ fn derive(task: &Lifted, facts: &mut Facts) {
             if new.is_empty() {
                 break;
             }
-            facts.extend(new);
+            facts.true_ones.extend(new);
         }
     }
 }

@@ -15,6 +15,8 @@ pub(super) struct Packer {
     /// Word, shift and mask of each variable.
     places: Vec<(u32, u32, u64)>,
     offsets: Vec<Fact>,
+    /// How many words the facts take, and then the numbers.
+    facts: usize,
     words: usize,
 }
 
@@ -37,14 +39,19 @@ impl Packer {
             places[variable] = (word as u32, 64 - free[word], (1_u64 << bits) - 1);
             free[word] -= bits;
         }
-        Self { places, offsets: task.offsets.clone(), words: free.len().max(1) }
+        let facts = free.len().max(1);
+        Self { places, offsets: task.offsets.clone(), facts, words: facts + task.numbers.count }
     }
 
-    /// Packs the facts of a state, one of each variable.
+    /// Packs the facts of a state, one of each variable, and its numbers.
     pub(super) fn pack(&self, facts: &[Fact], words: &mut [u64]) {
         words.fill(0);
         for ((fact, offset), (word, shift, _)) in facts.iter().zip(&self.offsets).zip(&self.places) {
             words[*word as usize] |= u64::from(fact - offset) << shift;
+        }
+        let numbers = facts[self.places.len()..].chunks_exact(2);
+        for (word, halves) in words[self.facts..].iter_mut().zip(numbers) {
+            *word = u64::from(halves[0]) << 32 | u64::from(halves[1]);
         }
     }
 
@@ -52,6 +59,10 @@ impl Packer {
     pub(super) fn unpack(&self, words: &[u64], facts: &mut [Fact]) {
         for ((fact, offset), (word, shift, mask)) in facts.iter_mut().zip(&self.offsets).zip(&self.places) {
             *fact = offset + (words[*word as usize] >> shift & mask) as Fact;
+        }
+        let numbers = facts[self.places.len()..].chunks_exact_mut(2);
+        for (word, halves) in words[self.facts..].iter().zip(numbers) {
+            halves.copy_from_slice(&[(word >> 32) as Fact, *word as Fact]);
         }
     }
 }

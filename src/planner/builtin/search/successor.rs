@@ -4,6 +4,7 @@
 //! Downward planning system", section 5.3.1), so that only few conditions are looked at.
 
 use super::axiom::Axioms;
+use super::number;
 use super::task::{Fact, Operator, OperatorId, Task};
 
 /// No node.
@@ -96,6 +97,7 @@ pub(super) fn holds(task: &Task, state: &[Fact], facts: &[Fact]) -> bool {
 
 /// Changes a state by an operator that is applicable in it.
 pub(super) fn apply(task: &Task, axioms: &mut Axioms, operator: &Operator, state: &mut [Fact]) {
+    let numbers = if operator.amounts.is_empty() { Vec::new() } else { number::changed(task, operator, state) };
     let is_simple = operator.effects.iter().all(|effect| effect.condition.is_empty());
     if is_simple {
         operator.effects.iter().for_each(|effect| state[task.variable(effect.fact)] = effect.fact);
@@ -106,6 +108,7 @@ pub(super) fn apply(task: &Task, axioms: &mut Axioms, operator: &Operator, state
             state[task.variable(effect.fact)] = effect.fact;
         }
     }
+    number::set(task, state, &numbers);
     axioms.derive(task, state);
 }
 

@@ -3,6 +3,8 @@
 //!
 //! A fact is a variable with one of its values; the facts of all variables are numbered one after another.
 
+use super::number::{Numbers, NumericEffect};
+
 /// The number of a fact.
 pub type Fact = u32;
 
@@ -27,6 +29,8 @@ pub struct Operator {
     pub condition: Vec<Fact>,
     /// What it changes. Of two effects on one variable whose conditions hold, the later one counts.
     pub effects: Vec<Effect>,
+    /// The numbers it changes, in order.
+    pub amounts: Vec<NumericEffect>,
     /// What it costs.
     pub cost: f64,
 }
@@ -49,7 +53,8 @@ pub struct Task {
     pub offsets: Vec<Fact>,
     /// The variable of each fact.
     pub variables: Vec<u32>,
-    /// The values of the variables at first, as facts; derived variables have their first values.
+    /// The values of the variables at first, as facts; derived variables have their first values. The words of the
+    /// numeric variables follow.
     pub init: Vec<Fact>,
     /// What is to hold: at most one fact of each variable, in order.
     pub goal: Vec<Fact>,
@@ -71,6 +76,8 @@ pub struct Task {
     pub words: Vec<String>,
     /// Whether plans are measured by their costs.
     pub has_costs: bool,
+    /// Numeric variables and what compares them.
+    pub numbers: Numbers,
 }
 
 impl Task {

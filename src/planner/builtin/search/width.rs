@@ -173,7 +173,7 @@ impl<'t> Width<'t> {
             Some(above) if left >= above.left => {
                 let mut achieved = above.achieved;
                 if let Some(plan) = self.plans.get(above.plan as usize) {
-                    let new = state.iter().zip(before).filter(|(fact, old)| fact != old);
+                    let new = state[..task.len()].iter().zip(before).filter(|(fact, old)| fact != old);
                     for bit in new.filter_map(|(fact, _)| plan.get(fact)) {
                         achieved[*bit as usize / 64 % WORDS] |= 1 << (bit % 64);
                     }
@@ -210,7 +210,7 @@ impl<'t> Width<'t> {
     /// Returns 0 where a fact is new among alike states, 1 where a pair is, and 2 otherwise. Where the state before is
     /// alike, only what has changed can be new.
     fn novelty(&mut self, key: u64, state: &[Fact], before: Option<&[Fact]>) -> usize {
-        let facts = self.task.facts();
+        let (facts, state) = (self.task.facts(), &state[..self.task.len()]);
         let (singles, pairs) = self.seen.entry(key).or_insert_with(|| (vec![0; facts.div_ceil(64)], None));
         let mut novelty = 2;
         let changed: Vec<Fact> = match before {

@@ -49,6 +49,9 @@ pub(super) fn plan(
     let mut instance = windows.opened(problem);
     instance.metric = None;
     let Ok(mut lifted) = convert(&flat, &instance) else { return false };
+    if lifted.has_numbers {
+        return false;
+    }
     lifted.keeps_equals = true;
     let Ok(Ground::Task(mut task)) = ground(&lifted, memory, &mut |_, _| {}) else { return false };
     let Some(mut timing) = Clock::new(domain, problem, windows).timing(&task) else { return false };

@@ -4,9 +4,10 @@ use std::collections::BinaryHeap;
 
 use super::super::hash::{self, NumberMap};
 use super::super::lifted::Lifted;
+use super::super::number::{self, Comparison, Expression, Numbers, NumericEffect};
 use super::super::task::{Axiom, Effect, Fact, Operator, Task};
 use super::formula::{Atoms, Literal};
-use super::instance::{Change, Instances};
+use super::instance::{Change, Instances, NumericChange};
 use super::reach::Reached;
 
 /// No fact.
@@ -19,6 +20,9 @@ struct Encoder<'a> {
     facts: Vec<[Fact; 2]>,
     /// A second variable of an atom, whose facts are "true" and "false".
     extra: Vec<[Fact; 2]>,
+    /// The numeric variables by their numbers in the ledger, and their values at first.
+    renamed: Vec<u32>,
+    values: Vec<f64>,
 }
 
 /// Makes the task.
@@ -31,10 +35,12 @@ pub(super) fn encode(
 ) -> Task {
     let count = instances.init.len();
     let task = Task { has_costs: reached.lifted.has_costs, words: words(reached.lifted), ..Task::default() };
-    let mut encoder = Encoder { instances, task, facts: vec![[NONE; 2]; count], extra: vec![[NONE; 2]; count] };
+    let facts = vec![[NONE; 2]; count];
+    let mut encoder = Encoder { instances, task, extra: facts.clone(), facts, renamed: Vec::new(), values: Vec::new() };
     let predicate = |atom: u32| atoms.tuple(reached, atom).map(|(predicate, _)| predicate as u32);
     let mut is_open: Vec<bool> = is_relevant.to_vec();
     instances.axioms.iter().for_each(|axiom| is_open[axiom.head as usize] = false);
+    instances.ledger.comparisons.iter().for_each(|compared| is_open[compared.atom as usize] = false);
     let needs_none = encoder.deleters();
     for group in cover(&groups, &mut is_open) {
         encoder.group(&group, &needs_none, &predicate);
@@ -42,6 +48,7 @@ pub(super) fn encode(
     for atom in (0..count as u32).filter(|atom| is_open[*atom as usize]) {
         encoder.binary(atom, &predicate);
     }
+    encoder.numbers(is_relevant);
     encoder.negations(is_relevant);
     encoder.derived(&predicate, is_relevant);
     encoder.finish(reached, &groups)
@@ -129,6 +136,65 @@ impl Encoder<'_> {
         let init = usize::from(!self.instances.init[atom as usize]);
         let first = self.variable(vec![predicate(atom), None], init, false);
         self.facts[atom as usize] = [first, first + 1];
+    }
+
+    /// A variable for each comparison, and the numeric variables, which are numbered anew.
+    fn numbers(&mut self, is_relevant: &[bool]) {
+        let instances = self.instances;
+        let ledger = &instances.ledger;
+        let kept = (0..ledger.init.len() as u32).filter(|variable| instances.is_read[*variable as usize]);
+        let mut renamed = vec![u32::MAX; ledger.init.len()];
+        for variable in kept {
+            renamed[variable as usize] = self.values.len() as u32;
+            self.values.push(ledger.init[variable as usize]);
+        }
+        self.renamed = renamed;
+        let mut numbers =
+            Numbers { count: self.values.len(), uses: vec![Vec::new(); self.values.len()], ..Numbers::default() };
+        for compared in ledger.comparisons.iter().filter(|compared| is_relevant[compared.atom as usize]) {
+            self.binary(compared.atom, &|_| None);
+            let [fact, _] = self.facts[compared.atom as usize];
+            let (left, right) = (self.renamed(&compared.left), self.renamed(&compared.right));
+            let comparison = Comparison { comparator: compared.comparator, left, right, fact };
+            for variable in comparison.variables() {
+                numbers.uses[variable as usize].push(numbers.comparisons.len() as u32);
+            }
+            numbers.comparisons.push(comparison);
+        }
+        self.task.numbers = numbers;
+    }
+
+    fn renamed(&self, expression: &Expression) -> Expression {
+        let both =
+            |left: &Expression, right: &Expression| (Box::new(self.renamed(left)), Box::new(self.renamed(right)));
+        match expression {
+            Expression::Number(number) => Expression::Number(*number),
+            Expression::Variable(variable) => Expression::Variable(self.renamed[*variable as usize]),
+            Expression::Sum(parts) => Expression::Sum(parts.iter().map(|part| self.renamed(part)).collect()),
+            Expression::Product(left, right) => {
+                let (left, right) = both(left, right);
+                Expression::Product(left, right)
+            }
+            Expression::Quotient(left, right) => {
+                let (left, right) = both(left, right);
+                Expression::Quotient(left, right)
+            }
+        }
+    }
+
+    /// The changes of numbers by an operator whose condition is known.
+    fn amounts(&self, known: &[Fact], amounts: &[NumericChange]) -> Vec<NumericEffect> {
+        let effects = amounts.iter().filter_map(|amount| {
+            let condition = self.conjunction(amount.condition.iter())?;
+            let mut when = Effect { condition, fact: NONE };
+            self.tidy(known, &mut when).then(|| NumericEffect {
+                condition: when.condition,
+                variable: self.renamed[amount.variable as usize],
+                change: amount.change,
+                amount: self.renamed(&amount.amount),
+            })
+        });
+        effects.collect()
     }
 
     /// Second variables for the atoms of larger groups whose negations occur.
@@ -239,6 +305,7 @@ impl Encoder<'_> {
 
     fn finish(mut self, reached: &Reached<'_>, groups: &[Vec<u32>]) -> Task {
         self.task.offsets.push(self.task.variables.len() as Fact);
+        self.task.init.extend(self.values.iter().flat_map(|value| number::words(*value)));
         let instances = self.instances;
         self.task.goal = match self.conjunction(instances.goal.iter()) {
             Some(goal) => goal,
@@ -250,19 +317,24 @@ impl Encoder<'_> {
         for operator in &instances.operators {
             let Some(condition) = self.conjunction(operator.condition.iter()) else { continue };
             let effects = self.effects(&condition, &operator.changes);
-            if effects.is_empty() {
+            let amounts = self.amounts(&condition, &operator.amounts);
+            if effects.is_empty() && amounts.is_empty() {
                 continue;
             }
             let name =
                 std::iter::once(operator.schema as u32).chain(operator.arguments.iter().map(|object| schemas + object));
-            let new = Operator { name: name.collect(), condition, effects, cost: operator.cost };
+            let new = Operator { name: name.collect(), condition, effects, amounts, cost: operator.cost };
             let next = operators.len();
             let same = match reached.lifted.keeps_equals {
                 true => next,
                 false => *known.entry(digest(&new)).or_insert(next),
             };
             match operators.get_mut(same) {
-                Some(other) if other.condition == new.condition && other.effects == new.effects => {
+                Some(other)
+                    if other.condition == new.condition
+                        && other.effects == new.effects
+                        && other.amounts == new.amounts =>
+                {
                     // Of operators that do the same, the cheapest.
                     if new.cost < other.cost {
                         *other = new;

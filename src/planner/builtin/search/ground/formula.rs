@@ -1,7 +1,9 @@
 //! Conditions over ground atoms, simplified by what never changes and by what is not reachable.
 
 use super::super::hash::NumberMap;
-use super::super::lifted::{Atom, Condition, Object, Term};
+use super::super::lifted::{Amount, Atom, Condition, Object, Term};
+use super::super::number::{Comparator, Expression};
+use super::ledger::Ledger;
 use super::reach::Reached;
 
 /// A ground atom, times two, plus one where it is negated.
@@ -35,6 +37,7 @@ pub(super) struct Atoms {
     /// The derived atoms that stand for disjunctions.
     disjunctions: NumberMap<Vec<Vec<Literal>>, u32>,
     pub(super) axioms: Vec<GroundAxiom>,
+    pub(super) ledger: Ledger,
 }
 
 impl Atoms {
@@ -46,7 +49,13 @@ impl Atoms {
             is_fluent.then_some(base)
         });
         let base = base.collect();
-        Self { base, count, disjunctions: NumberMap::default(), axioms: Vec::new() }
+        Self {
+            base,
+            count,
+            disjunctions: NumberMap::default(),
+            axioms: Vec::new(),
+            ledger: Ledger::new(reached.lifted),
+        }
     }
 
     /// Returns the number of an atom; `None` where it is not reachable.
@@ -67,7 +76,7 @@ impl Atoms {
 
     /// Returns a condition for the objects of a binding.
     pub(super) fn ground(
-        &self,
+        &mut self,
         reached: &Reached<'_>,
         condition: &Condition,
         binding: &mut [Object],
@@ -89,6 +98,9 @@ impl Atoms {
                     }
                 }
             }
+            Condition::Compare(comparator, left, right, negated) => {
+                self.compare(*comparator, left, right, *negated, binding)
+            }
             Condition::And(parts) => self.junction(reached, parts, binding, slots, true),
             Condition::Or(parts) => self.junction(reached, parts, binding, slots, false),
             Condition::Forall(variables, inner) => self.quantifier(reached, variables, inner, binding, slots, true),
@@ -96,8 +108,27 @@ impl Atoms {
         }
     }
 
+    fn compare(
+        &mut self,
+        comparator: Comparator,
+        left: &Amount,
+        right: &Amount,
+        negated: bool,
+        binding: &[Object],
+    ) -> Ground {
+        // Where something has no value, neither the comparison nor its negation holds.
+        let Some(left) = self.ledger.expression(left, binding) else { return Ground::False };
+        let Some(right) = self.ledger.expression(right, binding) else { return Ground::False };
+        if let (Expression::Number(left), Expression::Number(right)) = (&left, &right) {
+            return truth(comparator.compare(*left, *right) != negated);
+        }
+        let number = self.ledger.atom(comparator, left, right, self.count);
+        self.count = self.count.max(number + 1);
+        Ground::Literal(number << 1 | u32::from(negated))
+    }
+
     fn junction(
-        &self,
+        &mut self,
         reached: &Reached<'_>,
         parts: &[Condition],
         binding: &mut [Object],
@@ -118,7 +149,7 @@ impl Atoms {
     }
 
     fn quantifier(
-        &self,
+        &mut self,
         reached: &Reached<'_>,
         variables: &[usize],
         inner: &Condition,

@@ -1,8 +1,9 @@
 //! The ground operators: the instances of schemas, with conditions over ground atoms.
 
-use super::super::hash::NumberMap;
-use super::super::lifted::{Amount, Condition, Object, Schema, Term};
+use super::super::lifted::{self, Condition, Object, Schema, Term};
+use super::super::number::{self, Expression};
 use super::formula::{Atoms, Ground, GroundAxiom, Literal};
+use super::ledger::Ledger;
 use super::reach::Reached;
 use super::refusal::Refusal;
 use super::rule::{OPEN, Rule};
@@ -15,6 +16,15 @@ pub(super) struct Change {
     pub(super) adds: bool,
 }
 
+/// How an operator changes a number under a condition.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct NumericChange {
+    pub(super) condition: Vec<Literal>,
+    pub(super) variable: u32,
+    pub(super) change: number::Change,
+    pub(super) amount: Expression,
+}
+
 /// An action with its objects.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Operator {
@@ -22,6 +32,7 @@ pub(super) struct Operator {
     pub(super) arguments: Vec<Object>,
     pub(super) condition: Vec<Literal>,
     pub(super) changes: Vec<Change>,
+    pub(super) amounts: Vec<NumericChange>,
     pub(super) cost: f64,
 }
 
@@ -34,20 +45,29 @@ pub(super) struct Instances {
     pub(super) is_hopeless: bool,
     /// Which atoms are true at first.
     pub(super) init: Vec<bool>,
+    /// The numeric variables and comparisons.
+    pub(super) ledger: Ledger,
+    /// Which numeric variables matter.
+    pub(super) is_read: Vec<bool>,
+}
+
+impl Instances {
+    /// Whether a number that matters has no value at first.
+    pub(super) fn is_undefined(&self) -> bool {
+        self.ledger.init.iter().zip(&self.is_read).any(|(value, is_read)| *is_read && value.is_nan())
+    }
 }
 
 /// Instantiates all schemas, within so many bytes.
 pub(super) fn instantiate(reached: &mut Reached<'_>, atoms: &mut Atoms, memory: usize) -> Result<Instances, Refusal> {
     let lifted = reached.lifted;
-    let mut values: NumberMap<(usize, Vec<Object>), f64> = NumberMap::default();
-    values.extend(lifted.values.iter().cloned());
     let mut operators = Vec::new();
     let mut size = 0;
     for (number, schema) in lifted.schemas.iter().enumerate() {
-        let rules = effects(reached, number, schema);
+        let rules = (effects(reached, number, schema), numeric(reached, number, schema));
         let first = operators.len();
         for id in 0..reached.relations.get(reached.instances(number)).len() as u32 {
-            one(reached, atoms, number, id, &rules, &values, &mut operators);
+            one(reached, atoms, number, id, &rules, &mut operators);
             if size * 4 > memory {
                 let (action, instances) = (schema.name.clone(), operators.len() - first);
                 return Err(Refusal::Explosion { action, instances });
@@ -76,14 +96,30 @@ pub(super) fn instantiate(reached: &mut Reached<'_>, atoms: &mut Atoms, memory: 
             init[number as usize] = true;
         }
     }
+    let ledger = std::mem::take(&mut atoms.ledger);
+    for comparison in &ledger.comparisons {
+        let value = |variable: u32| ledger.init[variable as usize];
+        init[comparison.atom as usize] =
+            comparison.comparator.compare(comparison.left.value(&value), comparison.right.value(&value));
+    }
     let is_hopeless = goals.is_empty();
     let goal = goals.into_iter().next().unwrap_or_default();
-    Ok(Instances { operators, axioms: std::mem::take(&mut atoms.axioms), goal, is_hopeless, init })
+    Ok(Instances {
+        operators,
+        axioms: std::mem::take(&mut atoms.axioms),
+        goal,
+        is_hopeless,
+        init,
+        ledger,
+        is_read: Vec::new(),
+    })
 }
 
 /// About how much memory an operator takes, in words of four bytes.
 fn weight(operator: &Operator) -> usize {
-    30 + operator.condition.len() + operator.changes.iter().map(|change| 10 + change.condition.len()).sum::<usize>()
+    30 + operator.amounts.len() * 20
+        + operator.condition.len()
+        + operator.changes.iter().map(|change| 10 + change.condition.len()).sum::<usize>()
 }
 
 /// The rules that find the bindings of effects that have conditions or variables of their own.
@@ -103,6 +139,19 @@ fn effects(reached: &Reached<'_>, number: usize, schema: &Schema) -> Vec<Option<
     schema.effects.iter().map(rule).collect()
 }
 
+/// As [`effects`], for effects on numbers.
+fn numeric(reached: &Reached<'_>, number: usize, schema: &Schema) -> Vec<Option<Rule>> {
+    let rule = |effect: &lifted::NumericEffect| {
+        if effect.slots.is_empty() {
+            return None;
+        }
+        let terms = effect.slots.iter().map(|slot| Term::Slot(*slot)).collect();
+        let bound = lifted::Atom { predicate: 0, terms };
+        Some(reached.effect(number, &schema.slots, &effect.condition, &bound))
+    };
+    schema.numeric.iter().map(rule).collect()
+}
+
 fn binding(reached: &Reached<'_>, schema: usize, id: u32, slots: usize) -> Vec<Object> {
     let mut binding = vec![OPEN; slots];
     let tuple = reached.relations.get(reached.instances(schema)).tuple(id);
@@ -118,8 +167,7 @@ fn one(
     atoms: &mut Atoms,
     number: usize,
     id: u32,
-    rules: &[Option<Rule>],
-    values: &NumberMap<(usize, Vec<Object>), f64>,
+    (rules, numeric_rules): &(Vec<Option<Rule>>, Vec<Option<Rule>>),
     operators: &mut Vec<Operator>,
 ) {
     let schema = &reached.lifted.schemas[number];
@@ -128,7 +176,7 @@ fn one(
     if condition == Ground::False {
         return;
     }
-    let Some(cost) = cost(&schema.cost, &bound, values) else { return };
+    let Some(cost) = atoms.ledger.cost(&schema.cost, &bound) else { return };
     let conditions = atoms.split(condition);
     let mut changes = Vec::new();
     for (effect, rule) in schema.effects.iter().zip(rules) {
@@ -147,15 +195,38 @@ fn one(
             changes.extend(conditions.into_iter().map(|condition| Change { condition, atom, adds: effect.adds }));
         }
     }
+    let mut amounts = Vec::new();
+    for (effect, rule) in schema.numeric.iter().zip(numeric_rules) {
+        let mut bindings = vec![bound.clone()];
+        if let Some(rule) = rule {
+            bindings.clear();
+            reached.join(rule).from(0, id, &mut |binding| bindings.push(binding.to_vec()));
+        }
+        for mut bound in bindings {
+            let condition = atoms.ground(reached, &effect.condition, &mut bound, &schema.slots);
+            // An effect counts once, in whichever way its condition holds.
+            let Some(condition) = atoms.alternatives(condition, 1).into_iter().next() else { continue };
+            // What has no value cannot be computed, nor can the action be applied.
+            let Some(amount) = atoms.ledger.expression(&effect.amount, &bound) else { return };
+            let variable = atoms.ledger.variable(effect.function, &effect.terms, &bound);
+            amounts.push(NumericChange { condition, variable, change: effect.change, amount });
+        }
+    }
     let arguments = bound[..schema.parameters].to_vec();
     for condition in conditions {
         let changes = effective(&condition, changes.clone());
-        operators.push(Operator { schema: number, arguments: arguments.clone(), condition, changes, cost });
+        let amounts = sure(&condition, amounts.clone());
+        operators.push(Operator { schema: number, arguments: arguments.clone(), condition, changes, amounts, cost });
     }
 }
 
-fn cost(amount: &Amount, bound: &[Object], values: &NumberMap<(usize, Vec<Object>), f64>) -> Option<f64> {
-    amount.value(bound, &|function, objects| values.get(&(function, objects)).copied())
+/// The changes of numbers without what the operator's condition makes certain or impossible.
+fn sure(known: &[Literal], mut amounts: Vec<NumericChange>) -> Vec<NumericChange> {
+    for amount in &mut amounts {
+        amount.condition.retain(|literal| known.binary_search(literal).is_err());
+    }
+    amounts.retain(|amount| !amount.condition.iter().any(|literal| known.binary_search(&(literal ^ 1)).is_ok()));
+    amounts
 }
 
 /// The changes without what the operator's condition makes certain or impossible: an atom that is added

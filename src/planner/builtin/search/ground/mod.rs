@@ -7,6 +7,7 @@ mod formula;
 mod instance;
 mod invariant;
 mod layer;
+mod ledger;
 mod reach;
 mod refusal;
 mod relation;
@@ -31,7 +32,7 @@ pub enum Ground {
 ///
 /// # Errors
 ///
-/// Where there are too many instances, too many parameters, or axioms without an order.
+/// Where there are too many instances, too many parameters, numbers without a value, or axioms without an order.
 pub fn ground(lifted: &Lifted, memory: usize, report: &mut dyn FnMut(&str, usize)) -> Result<Ground, Refusal> {
     let mut reached = reach::Reached::new(lifted, memory, report)?;
     let mut atoms = formula::Atoms::new(&reached);
@@ -43,6 +44,9 @@ pub fn ground(lifted: &Lifted, memory: usize, report: &mut dyn FnMut(&str, usize
     if instances.is_hopeless {
         return Ok(Ground::GoalFalse);
     }
+    if instances.is_undefined() {
+        return Err(Refusal::Undefined);
+    }
     let groups = invariant::Finder::new(&reached, &atoms, &instances, &is_relevant).groups();
     let mut task = encode::encode(&reached, &atoms, &instances, &is_relevant, groups);
     // Two goals that exclude each other.
@@ -50,5 +54,6 @@ pub fn ground(lifted: &Lifted, memory: usize, report: &mut dyn FnMut(&str, usize
         return Ok(Ground::GoalFalse);
     }
     layer::order(&mut task)?;
+    task.relaxed_facts += task.numbers.count * 2;
     Ok(Ground::Task(Box::new(task)))
 }

@@ -223,7 +223,11 @@ fn columns(parameters: usize, condition: &Condition) -> Vec<usize> {
 
 impl Amount {
     /// Returns the amount for the objects of an instance; `None` where a function has no value.
-    pub(super) fn value(&self, binding: &[Object], values: &dyn Fn(usize, Vec<Object>) -> Option<f64>) -> Option<f64> {
+    pub(in super::super) fn value(
+        &self,
+        binding: &[Object],
+        values: &dyn Fn(usize, Vec<Object>) -> Option<f64>,
+    ) -> Option<f64> {
         Some(match self {
             Self::Number(number) => *number,
             Self::Function(function, terms) => {

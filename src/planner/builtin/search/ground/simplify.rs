@@ -1,7 +1,9 @@
 //! Drops what is never applicable, what is always true, and what no goal depends on.
 
+use super::super::hash::NumberMap;
 use super::formula::{GroundAxiom, Literal};
 use super::instance::Instances;
+use super::ledger::Compared;
 
 /// Conjunctions of literals that lead to literals: a delete-relaxed task in which "not" can be reached as well.
 struct Relaxed {
@@ -46,6 +48,10 @@ impl Relaxed {
                 queue.push(literal);
             }
         };
+        for atom in changing(instances) {
+            add(atom << 1, &mut queue);
+            add(atom << 1 | 1, &mut queue);
+        }
         // Derived atoms are false at first, unless they follow from nothing.
         let mut is_derived = vec![false; instances.init.len()];
         instances.axioms.iter().for_each(|axiom| is_derived[axiom.head as usize] = true);
@@ -92,6 +98,25 @@ pub(super) fn simplify(instances: &mut Instances) -> Vec<bool> {
     }
 }
 
+/// The comparisons of what some operator changes.
+fn changing(instances: &Instances) -> Vec<u32> {
+    let mut is_changed = vec![false; instances.ledger.init.len()];
+    for amount in instances.operators.iter().flat_map(|operator| &operator.amounts) {
+        is_changed[amount.variable as usize] = true;
+    }
+    let comparisons = instances.ledger.comparisons.iter();
+    let changing = comparisons.filter(|compared| read(compared).iter().any(|read| is_changed[*read as usize]));
+    changing.map(|compared| compared.atom).collect()
+}
+
+/// The variables that a comparison reads.
+fn read(compared: &Compared) -> Vec<u32> {
+    let mut found = Vec::new();
+    compared.left.variables(&mut found);
+    compared.right.variables(&mut found);
+    found
+}
+
 /// Drops what cannot be, and conditions that always hold.
 fn constants(instances: &mut Instances) {
     let reached = Relaxed::new(instances).reach(instances);
@@ -105,6 +130,8 @@ fn constants(instances: &mut Instances) {
         });
         trim(&mut operator.condition);
         operator.changes.iter_mut().for_each(|change| trim(&mut change.condition));
+        operator.amounts.retain(|amount| may_hold(&amount.condition));
+        operator.amounts.iter_mut().for_each(|amount| trim(&mut amount.condition));
     }
     instances.axioms.retain(|axiom| may_hold(&axiom.body));
     instances.axioms.iter_mut().for_each(|axiom| trim(&mut axiom.body));
@@ -121,6 +148,15 @@ fn relevant(instances: &mut Instances) -> Vec<bool> {
             changed_by[change.atom as usize].push((number as u32, place as u32));
         }
     }
+    let mut counted_by: Vec<Vec<(u32, u32)>> = vec![Vec::new(); instances.ledger.init.len()];
+    for (number, operator) in instances.operators.iter().enumerate() {
+        for (place, amount) in operator.amounts.iter().enumerate() {
+            counted_by[amount.variable as usize].push((number as u32, place as u32));
+        }
+    }
+    let mut compared_by: NumberMap<u32, Vec<u32>> = NumberMap::default();
+    compared_by.extend(instances.ledger.comparisons.iter().map(|compared| (compared.atom, read(compared))));
+    let mut is_read = vec![false; instances.ledger.init.len()];
     let mut derived_by: Vec<Vec<u32>> = vec![Vec::new(); atoms];
     for (number, axiom) in instances.axioms.iter().enumerate() {
         derived_by[axiom.head as usize].push(number as u32);
@@ -144,14 +180,31 @@ fn relevant(instances: &mut Instances) -> Vec<bool> {
             }
             add(&operator.changes[*place as usize].condition, &mut queue);
         }
+        let mut variables = compared_by.get(&atom).cloned().unwrap_or_default();
+        while let Some(variable) = variables.pop() {
+            if std::mem::replace(&mut is_read[variable as usize], true) {
+                continue;
+            }
+            for (number, place) in &counted_by[variable as usize] {
+                let operator = &instances.operators[*number as usize];
+                if !std::mem::replace(&mut is_done[*number as usize], true) {
+                    add(&operator.condition, &mut queue);
+                }
+                let amount = &operator.amounts[*place as usize];
+                add(&amount.condition, &mut queue);
+                amount.amount.variables(&mut variables);
+            }
+        }
         for number in &derived_by[atom as usize] {
             add(&instances.axioms[*number as usize].body, &mut queue);
         }
     }
     for operator in &mut instances.operators {
         operator.changes.retain(|change| is_relevant[change.atom as usize]);
+        operator.amounts.retain(|amount| is_read[amount.variable as usize]);
     }
-    instances.operators.retain(|operator| !operator.changes.is_empty());
+    instances.operators.retain(|operator| !operator.changes.is_empty() || !operator.amounts.is_empty());
     instances.axioms.retain(|axiom: &GroundAxiom| is_relevant[axiom.head as usize]);
+    instances.is_read = is_read;
     is_relevant
 }
