@@ -39,7 +39,7 @@ pipeline = \"\"\"[
   {$match: {z: {$lt: '$$query.below'}}},
   {$project: {_id: 0, block: 1, below: '$$query.below'}}]\"\"\"";
 
-/// List computables, check which a query would run, add and remove them
+/// List, check, add and remove computables
 #[derive(Debug, Args)]
 #[command(after_help = HELP, args_conflicts_with_subcommands = true)]
 pub struct ComputablesArgs {
