@@ -131,9 +131,9 @@ fn both_deliver_the_same(uri: &str) -> Result<(), Failed> {
 
 fn a_name_goes_on(uri: &str) -> Result<(), Failed> {
     let (memory, other, ns) = (memory(uri)?, memory(uri)?, namespace("named"));
-    let mut watch = memory.watch(trigger(&ns, Some("x")))?;
-    let held = other.watch(trigger(&ns, Some("x"))).err().ok_or("two have one name")?.to_string();
-    assert!(held.contains("follows changes by the name `x`; end it first"), "{held}");
+    let mut watch = memory.watch(trigger(&ns, Some("shared")))?;
+    let held = other.watch(trigger(&ns, Some("shared"))).err().ok_or("two have one name")?.to_string();
+    assert!(held.contains("follows changes by the name `shared`; end it first"), "{held}");
     memory.insert(&ns, (0..10).map(|n| doc! { "_id": n }).collect())?;
     let mut ids = Vec::new();
     while ids.len() < 4 {
@@ -143,7 +143,7 @@ fn a_name_goes_on(uri: &str) -> Result<(), Failed> {
     }
     watch.done()?;
     drop(watch);
-    let mut watch = other.watch(trigger(&ns, Some("x")))?;
+    let mut watch = other.watch(trigger(&ns, Some("shared")))?;
     while ids.len() < 10 {
         if let Next::Change(change) = watch.next(Duration::from_secs(1))? {
             ids.extend(change.id);
@@ -151,18 +151,19 @@ fn a_name_goes_on(uri: &str) -> Result<(), Failed> {
     }
     assert_eq!(ids, (0..10).map(Bson::Int32).collect::<Vec<_>>());
     drop(watch);
-    let other_ns = other.watch(trigger(&namespace("else"), Some("x"))).err().ok_or("a name has two collections")?;
-    assert!(other_ns.to_string().contains("the name `x` follows watching.named"), "{other_ns}");
+    let other_ns =
+        other.watch(trigger(&namespace("else"), Some("shared"))).err().ok_or("a name has two collections")?;
+    assert!(other_ns.to_string().contains("the name `shared` follows watching.named"), "{other_ns}");
     assert!(other.watch(trigger(&namespace("rmem.watchers"), None)).is_err());
     let own = |names: Vec<Name>| names.into_iter().filter(|name| name.namespace == ns).collect::<Vec<_>>();
-    let free = Name { name: "x".into(), namespace: ns.clone(), process: None, missed: false, waiting: None };
+    let free = Name { name: "shared".into(), namespace: ns.clone(), process: None, missed: false, waiting: None };
     assert_eq!(own(memory.watch_names()?), std::slice::from_ref(&free));
-    let watch = other.watch(trigger(&ns, Some("x")))?;
+    let watch = other.watch(trigger(&ns, Some("shared")))?;
     assert_eq!(own(memory.watch_names()?), [Name { process: Some(std::process::id()), ..free }]);
     drop(watch);
     let shown = memory.collections()?;
     assert!(shown.contains(&ns) && shown.iter().all(|shown| !shown.collection.contains("watchers")), "{shown:?}");
-    assert!(memory.forget_watch(&ns, "x")? && !memory.forget_watch(&ns, "x")?);
+    assert!(memory.forget_watch(&ns, "shared")? && !memory.forget_watch(&ns, "shared")?);
     Ok(())
 }
 
