@@ -6,7 +6,7 @@ use bson::{DateTime, Document};
 
 use super::Embedded;
 use super::scan::Scan;
-use super::search::{scored, unscored};
+use super::search::{scored, text_index, unscored};
 use crate::query::{Filter, Origin, Pipeline, Sort, Spill, Spool, constants};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
@@ -54,6 +54,20 @@ impl Embedded {
                 Ok(Box::new(std::iter::empty()))
             }
         }
+    }
+
+    /// Lets the searches of a pipeline know what they search.
+    ///
+    /// # Errors
+    /// Where a collection has no text index.
+    fn bind_searches(&self, ns: &Namespace, pipeline: &Pipeline) -> Result<(), StoreError> {
+        for (origin, search) in pipeline.searches() {
+            let other = origin.map(|origin| named(origin, ns));
+            if let Some(collection) = self.collection(other.as_ref().unwrap_or(ns))? {
+                search.bind(text_index(&self.indexes_of(collection)?)?.1);
+            }
+        }
+        Ok(())
     }
 
     /// The results of a pipeline, made of some documents at a time.

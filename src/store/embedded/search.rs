@@ -10,10 +10,9 @@ use super::Embedded;
 use super::access::{Chosen, Way};
 use super::catalog::Collection;
 use super::indexed::{Indexed, Indexes};
-use super::pipeline::named;
 use super::scan::Scan;
 use crate::query::text::{self, Search, TextIndex};
-use crate::query::{Filter, Pipeline, QueryError, Sort};
+use crate::query::{Filter, QueryError, Sort};
 use crate::store::{Documents, Hint, Namespace, StoreError};
 
 /// MongoDB's code for a query that no index answers which needs one.
@@ -68,20 +67,6 @@ impl Embedded {
         }
         Ok(())
     }
-
-    /// Lets the searches of a pipeline know what they search.
-    ///
-    /// # Errors
-    /// Where a collection has no text index.
-    pub(super) fn bind_searches(&self, ns: &Namespace, pipeline: &Pipeline) -> Result<(), StoreError> {
-        for (origin, search) in pipeline.searches() {
-            let other = origin.map(|origin| named(origin, ns));
-            if let Some(collection) = self.collection(other.as_ref().unwrap_or(ns))? {
-                search.bind(text_index(&self.indexes_of(collection)?)?.1);
-            }
-        }
-        Ok(())
-    }
 }
 
 /// Documents with the score that a search gives them.
@@ -101,7 +86,7 @@ pub(super) fn unscored(documents: Documents<'_>) -> Documents<'_> {
 }
 
 /// The text index of a collection.
-fn text_index(indexes: &Indexes) -> Result<(&Indexed, &Arc<TextIndex>), QueryError> {
+pub(super) fn text_index(indexes: &Indexes) -> Result<(&Indexed, &Arc<TextIndex>), QueryError> {
     let found = indexes.iter().find_map(|index| index.pattern.text().map(|text| (index, text)));
     match found {
         Some((index, _)) if index.is_hidden() => {

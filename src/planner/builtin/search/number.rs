@@ -4,8 +4,8 @@
 //! The values of numeric variables follow the facts of a state, each in two words. Whether a comparison holds is a
 //! fact of the state as well, so that whatever looks at facts looks at comparisons.
 
-use super::successor::holds;
-use super::task::{Fact, Operator, Task};
+/// A fact, as the states of a task have it.
+type Fact = u32;
 
 /// How far two numbers may be apart and still be equal, as the validator has it.
 const TOLERANCE: f64 = 1e-6;
@@ -187,7 +187,7 @@ pub struct NumericEffect {
 
 impl NumericEffect {
     /// Returns the value afterwards.
-    fn apply(&self, value: f64, amount: f64) -> f64 {
+    pub(super) fn apply(&self, value: f64, amount: f64) -> f64 {
         let changed = match self.change {
             Change::Assign => amount,
             Change::Increase => value + amount,
@@ -231,31 +231,4 @@ pub(super) fn value(facts: usize, state: &[Fact], variable: u32) -> f64 {
 pub(super) fn words(value: f64) -> [Fact; 2] {
     let bits = (value + 0.0).to_bits();
     [(bits >> 32) as Fact, bits as Fact]
-}
-
-/// The values that an operator leads to, of the variables that it changes.
-pub(super) fn changed(task: &Task, operator: &Operator, state: &[Fact]) -> Vec<(u32, f64)> {
-    let mut found: Vec<(u32, f64)> = Vec::new();
-    let read = |variable: u32| value(task.len(), state, variable);
-    for effect in operator.amounts.iter().filter(|effect| holds(task, state, &effect.condition)) {
-        let amount = effect.amount.value(&read);
-        match found.iter_mut().find(|(variable, _)| *variable == effect.variable) {
-            Some((_, known)) => *known = effect.apply(*known, amount),
-            None => found.push((effect.variable, effect.apply(read(effect.variable), amount))),
-        }
-    }
-    found
-}
-
-/// Sets values in a state, and the facts of the comparisons that read them.
-pub(super) fn set(task: &Task, state: &mut [Fact], values: &[(u32, f64)]) {
-    for (variable, value) in values {
-        let place = task.len() + *variable as usize * 2;
-        state[place..place + 2].copy_from_slice(&words(*value));
-    }
-    for number in values.iter().flat_map(|(variable, _)| &task.numbers.uses[*variable as usize]) {
-        let comparison = &task.numbers.comparisons[*number as usize];
-        let holds = comparison.holds(&|variable| value(task.len(), state, variable));
-        state[task.variable(comparison.fact)] = comparison.fact + Fact::from(!holds);
-    }
 }

@@ -97,7 +97,7 @@ pub(super) fn holds(task: &Task, state: &[Fact], facts: &[Fact]) -> bool {
 
 /// Changes a state by an operator that is applicable in it.
 pub(super) fn apply(task: &Task, axioms: &mut Axioms, operator: &Operator, state: &mut [Fact]) {
-    let numbers = if operator.amounts.is_empty() { Vec::new() } else { number::changed(task, operator, state) };
+    let numbers = if operator.amounts.is_empty() { Vec::new() } else { changed(task, operator, state) };
     let is_simple = operator.effects.iter().all(|effect| effect.condition.is_empty());
     if is_simple {
         operator.effects.iter().for_each(|effect| state[task.variable(effect.fact)] = effect.fact);
@@ -108,8 +108,35 @@ pub(super) fn apply(task: &Task, axioms: &mut Axioms, operator: &Operator, state
             state[task.variable(effect.fact)] = effect.fact;
         }
     }
-    number::set(task, state, &numbers);
+    set(task, state, &numbers);
     axioms.derive(task, state);
+}
+
+/// The values that an operator leads to, of the variables that it changes.
+fn changed(task: &Task, operator: &Operator, state: &[Fact]) -> Vec<(u32, f64)> {
+    let mut found: Vec<(u32, f64)> = Vec::new();
+    let read = |variable: u32| number::value(task.len(), state, variable);
+    for effect in operator.amounts.iter().filter(|effect| holds(task, state, &effect.condition)) {
+        let amount = effect.amount.value(&read);
+        match found.iter_mut().find(|(variable, _)| *variable == effect.variable) {
+            Some((_, known)) => *known = effect.apply(*known, amount),
+            None => found.push((effect.variable, effect.apply(read(effect.variable), amount))),
+        }
+    }
+    found
+}
+
+/// Sets values in a state, and the facts of the comparisons that read them.
+fn set(task: &Task, state: &mut [Fact], values: &[(u32, f64)]) {
+    for (variable, value) in values {
+        let place = task.len() + *variable as usize * 2;
+        state[place..place + 2].copy_from_slice(&number::words(*value));
+    }
+    for number in values.iter().flat_map(|(variable, _)| &task.numbers.uses[*variable as usize]) {
+        let comparison = &task.numbers.comparisons[*number as usize];
+        let holds = comparison.holds(&|variable| number::value(task.len(), state, variable));
+        state[task.variable(comparison.fact)] = comparison.fact + Fact::from(!holds);
+    }
 }
 
 #[cfg(test)]

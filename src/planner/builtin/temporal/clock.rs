@@ -4,8 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use ferroplan::types::{Domain, Effect, Expr, Formula, Problem, Term, TimeSpec};
 
-use super::UNITS;
-use super::windows::{Window, Windows, intersected};
+use super::windows::{UNITS, Window, Windows, intersected};
 use crate::planner::builtin::search::makespan::Timing;
 use crate::planner::builtin::search::task::{OperatorId, Task};
 
@@ -117,6 +116,10 @@ impl<'a> Clock<'a> {
                 return None;
             }
             let duration = (duration * UNITS).round() as u64;
+            // Start and end in one moment are for the engine.
+            if duration == 0 && action.is_durative {
+                return None;
+            }
             timing.durations.push(duration);
             if let Some(windows) = self.starts(action, &binding, duration) {
                 timing.windows.insert(operator, windows);

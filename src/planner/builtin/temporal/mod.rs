@@ -13,16 +13,13 @@ use ferroplan::{Plan, Step};
 
 use clock::Clock;
 use compress::compressed;
-use windows::Windows;
+use windows::{UNITS, Windows};
 
 use super::convert::convert;
 use super::options::Options;
 use super::search::makespan::{Effort, Timing, hasten};
 use super::search::task::{OperatorId, Task};
 use super::search::{End, Event, Ground, Improvement, Settings, ground, solve};
-
-/// Units of time in a second: plans are written in thousandths.
-const UNITS: f64 = 1000.0;
 
 /// The length of the longest action in estimates.
 const FINENESS: u64 = 16;

@@ -7,8 +7,10 @@ use std::collections::HashMap;
 
 use ferroplan::types::{Domain, Effect, Formula, Problem, Term, TimeSpec};
 
-use super::UNITS;
 use super::compress::{conjuncts, predicates};
+
+/// Units of time in a second: plans are written in thousandths.
+pub(super) const UNITS: f64 = 1000.0;
 
 /// From the first to the last moment.
 pub(super) type Window = (u64, u64);
@@ -45,7 +47,8 @@ impl<'a> Windows<'a> {
                 (true, None) => own.push((time.floor() as u64 + 1, u64::MAX)),
                 // Nothing happens at the moment of the change.
                 (false, Some((_, to))) => *to = (time.ceil() as u64).saturating_sub(1),
-                (true, Some(_)) | (false, None) => {}
+                // What changes nothing happens all the same, and at its moment nothing else may.
+                (true, Some(_)) | (false, None) => return None,
             }
         }
         windows.are_conditions(domain, problem).then_some(windows)

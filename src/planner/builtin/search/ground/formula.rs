@@ -1,9 +1,9 @@
 //! Conditions over ground atoms, simplified by what never changes and by what is not reachable.
 
 use super::super::hash::NumberMap;
-use super::super::lifted::{Amount, Atom, Condition, Object, Term};
+use super::super::lifted::{Amount, Atom, Condition, Object};
 use super::super::number::{Comparator, Expression};
-use super::ledger::Ledger;
+use super::ledger::{Ledger, object};
 use super::reach::Reached;
 
 /// A ground atom, times two, plus one where it is negated.
@@ -253,11 +253,4 @@ fn joined(mut done: Vec<Ground>, all: bool) -> Ground {
 
 fn truth(is_true: bool) -> Ground {
     if is_true { Ground::True } else { Ground::False }
-}
-
-pub(super) fn object(term: Term, binding: &[Object]) -> Object {
-    match term {
-        Term::Slot(slot) => binding[slot],
-        Term::Object(object) => object,
-    }
 }

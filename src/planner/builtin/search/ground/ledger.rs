@@ -3,7 +3,6 @@
 use super::super::hash::NumberMap;
 use super::super::lifted::{Amount, Lifted, Object, Term};
 use super::super::number::{Comparator, Expression};
-use super::formula::object;
 
 /// A comparison, and the atom that stands for it.
 #[derive(Debug, Clone)]
@@ -112,5 +111,13 @@ fn write(expression: &Expression, words: &mut Vec<u64>) {
             write(left, words);
             write(right, words);
         }
+    }
+}
+
+/// The object that a term is.
+pub(super) fn object(term: Term, binding: &[Object]) -> Object {
+    match term {
+        Term::Slot(slot) => binding[slot],
+        Term::Object(object) => object,
     }
 }
