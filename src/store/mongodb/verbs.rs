@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
-use mongodb::options::{DeleteOptions, UpdateModifications};
+use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
 use super::history::Made;
@@ -16,6 +16,31 @@ use crate::store::{
     Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Query,
     Store, StoreError, UpdateRequest, UpdateSpec, Updated, Values,
 };
+
+/// An action of the driver with those of the modifiers of a request that are named: the driver's actions have methods of
+/// the same names, and no trait.
+macro_rules! modified {
+    ($action:expr, $modifiers:expr, $($kind:ident)+) => {{
+        let (mut action, modifiers): (_, &crate::store::Modifiers) = ($action, $modifiers);
+        $(modified!(@$kind action, modifiers);)+
+        action
+    }};
+    (@collation $action:ident, $modifiers:ident) => {
+        if let Some(collation) = &$modifiers.collation {
+            $action = $action.collation(of_driver(collation)?);
+        }
+    };
+    (@variables $action:ident, $modifiers:ident) => {
+        if !$modifiers.variables.is_empty() {
+            $action = $action.let_vars($modifiers.variables.clone());
+        }
+    };
+    (@hint $action:ident, $modifiers:ident) => {
+        if let Some(hint) = &$modifiers.hint {
+            $action = $action.hint(hint_of_driver(hint));
+        }
+    };
+}
 
 /// The server's own databases.
 const INTERNAL: [&str; 3] = ["admin", "config", "local"];
@@ -45,16 +70,7 @@ impl Store for MongoDb {
             }
             action = action.skip(find.skip);
         }
-        let modifiers = &find.modifiers;
-        if let Some(collation) = &modifiers.collation {
-            action = action.collation(of_driver(collation)?);
-        }
-        if !modifiers.variables.is_empty() {
-            action = action.let_vars(modifiers.variables.clone());
-        }
-        if let Some(hint) = &modifiers.hint {
-            action = action.hint(hint_of_driver(hint));
-        }
+        action = modified!(action, &find.modifiers, collation variables hint);
         if find.limit > 0 {
             action = action.limit(i64::try_from(find.limit).unwrap_or(i64::MAX));
         }
@@ -67,39 +83,22 @@ impl Store for MongoDb {
     }
 
     fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
-        let (collection, modifiers) = (self.collection(ns), query.modifiers);
-        let mut action = collection.count_documents(query.filter.clone());
-        if let Some(collation) = &modifiers.collation {
-            action = action.collation(of_driver(collation)?);
-        }
-        if let Some(hint) = &modifiers.hint {
-            action = action.hint(hint_of_driver(hint));
-        }
-        action.run().map_err(|e| self.explain(&e))
+        let collection = self.collection(ns);
+        let action = collection.count_documents(query.filter.clone());
+        modified!(action, query.modifiers, collation hint).run().map_err(|e| self.explain(&e))
     }
 
     fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
         let collection = self.collection(ns);
-        let mut action = collection.distinct(field, query.filter.clone());
-        if let Some(collation) = &query.modifiers.collation {
-            action = action.collation(of_driver(collation)?);
-        }
-        let values = action.run().map_err(|e| self.explain(&e))?;
+        let action = collection.distinct(field, query.filter.clone());
+        let values = modified!(action, query.modifiers, collation).run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(values.into_iter().map(Ok)))
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
-        let (collection, modifiers) = (self.collection(ns), pipeline.modifiers);
-        let mut action = collection.aggregate(pipeline.stages.to_vec());
-        if let Some(collation) = &modifiers.collation {
-            action = action.collation(of_driver(collation)?);
-        }
-        if !modifiers.variables.is_empty() {
-            action = action.let_vars(modifiers.variables.clone());
-        }
-        if let Some(hint) = &modifiers.hint {
-            action = action.hint(hint_of_driver(hint));
-        }
+        let collection = self.collection(ns);
+        let action = collection.aggregate(pipeline.stages.to_vec());
+        let action = modified!(action, pipeline.modifiers, collation variables hint);
         let cursor = action.with_type::<RawDocumentBuf>().run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
     }
@@ -307,15 +306,12 @@ impl MongoDb {
     }
 
     fn remove(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
-        let (collection, modifiers) = (self.collection(ns), query.modifiers);
-        let mut options = DeleteOptions::default();
-        options.collation = modifiers.collation.as_ref().map(of_driver).transpose()?;
-        options.let_vars = Some(modifiers.variables.clone()).filter(|variables| !variables.is_empty());
-        options.hint = modifiers.hint.as_ref().map(hint_of_driver);
-        let deleted = match first_only {
-            true => collection.delete_one(query.filter.clone()).with_options(options).run(),
-            false => collection.delete_many(query.filter.clone()).with_options(options).run(),
+        let collection = self.collection(ns);
+        let action = match first_only {
+            true => collection.delete_one(query.filter.clone()),
+            false => collection.delete_many(query.filter.clone()),
         };
+        let deleted = modified!(action, query.modifiers, collation variables hint).run();
         deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 
@@ -361,16 +357,7 @@ impl MongoDb {
             true => collection.update_many(update.filter.clone(), changes),
             false => collection.update_one(update.filter.clone(), changes),
         };
-        let modifiers = &update.modifiers;
-        if let Some(collation) = &modifiers.collation {
-            action = action.collation(of_driver(collation)?);
-        }
-        if !modifiers.variables.is_empty() {
-            action = action.let_vars(modifiers.variables.clone());
-        }
-        if let Some(hint) = &modifiers.hint {
-            action = action.hint(hint_of_driver(hint));
-        }
+        action = modified!(action, &update.modifiers, collation variables hint);
         if !update.array_filters.is_empty() {
             action = action.array_filters(update.array_filters.clone());
         }
@@ -389,17 +376,9 @@ impl MongoDb {
             );
         }
         let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
-        let (collection, modifiers) = (self.collection(ns), &update.modifiers);
-        let mut action = collection.replace_one(update.filter.clone(), body);
-        if let Some(collation) = &modifiers.collation {
-            action = action.collation(of_driver(collation)?);
-        }
-        if !modifiers.variables.is_empty() {
-            action = action.let_vars(modifiers.variables.clone());
-        }
-        if let Some(hint) = &modifiers.hint {
-            action = action.hint(hint_of_driver(hint));
-        }
+        let collection = self.collection(ns);
+        let action = collection.replace_one(update.filter.clone(), body);
+        let action = modified!(action, &update.modifiers, collation variables hint);
         action.upsert(update.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 }

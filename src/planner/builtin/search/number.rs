@@ -4,8 +4,8 @@
 //! The values of numeric variables follow the facts of a state, each in two words. Whether a comparison holds is a
 //! fact of the state as well, so that whatever looks at facts looks at comparisons.
 
-/// A fact, as the states of a task have it.
-type Fact = u32;
+/// The number of a fact: a value of a variable, numbered through all variables.
+pub type Fact = u32;
 
 /// How far two numbers may be apart and still be equal, as the validator has it.
 const TOLERANCE: f64 = 1e-6;

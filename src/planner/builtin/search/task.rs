@@ -3,10 +3,8 @@
 //!
 //! A fact is a variable with one of its values; the facts of all variables are numbered one after another.
 
+pub use super::number::Fact;
 use super::number::{Numbers, NumericEffect};
-
-/// The number of a fact.
-pub type Fact = u32;
 
 /// The number of an operator.
 pub type OperatorId = u32;

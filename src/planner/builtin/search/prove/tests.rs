@@ -53,7 +53,7 @@ fn a_journey_that_needs_more_fuel_than_there_is_has_no_plan() {
 
 #[test]
 fn a_door_that_falls_shut_behind_one_without_a_key_is_a_dead_end() {
-    // Variables: place (shop, hall, vault), key (no, yes). The vault opens with the key, and nobody comes back to the shop.
+    // Variables: place (shop, hall, vault), key (no, yes). The vault opens with the key, and there is no way back to the shop.
     let trap = task(
         &[3, 2],
         &[0, 0],
@@ -78,7 +78,7 @@ fn operators_that_no_plan_has_are_left_out() {
     task.operators[last].condition = vec![2];
     let alive = known(&task).unwrap();
     assert_eq!(names(&task, &alive.operators), ["hall-store", "store-hall", "take", "open", "enter", "hall-store"]);
-    // Nobody is in the room while the door is shut.
+    // The room is empty while the door is shut.
     task.operators[last].condition = vec![2, 5];
     assert_eq!(known(&task).unwrap().operators, [0, 1, 2, 3, 4]);
 }
