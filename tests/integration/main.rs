@@ -78,9 +78,13 @@ fn main() -> ExitCode {
 #[cfg(feature = "mongodb")]
 fn with_servers(arguments: &Arguments, trials: &mut Vec<Trial>) -> fn() {
     let names = [server::names(), backend::names(), engine::names()].concat();
+    #[cfg(feature = "serve")]
+    let names = [names, serving::executive::names()].concat();
     let program = mongod::program_for(arguments, &names);
     trials.extend(backend::trials(program.as_deref()));
     trials.extend(engine::servers(program.as_deref()));
+    #[cfg(feature = "serve")]
+    trials.extend(serving::executive::trials(program.as_deref()));
     trials.extend(server::trials(program));
     server::stop
 }

@@ -12,6 +12,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("computables_run_for_whoever_asks", computables),
     ("computables_that_are_added_meanwhile_run_too", added),
     ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
+    ("a_cursor_that_is_not_read_is_closed", expired),
     ("mistakes_have_the_codes_and_names_of_mongodb", mistakes),
     ("what_is_not_supported_is_refused_by_its_name", refusals),
     ("collations_variables_and_hints_are_taken", modifiers),
@@ -126,6 +127,35 @@ fn more_of(cursor: i64) -> Document {
 
 fn is_fine(answer: &Document) -> bool {
     answer.get_f64("ok").is_ok_and(|ok| ok > 0.0)
+}
+
+fn expired() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &["--cursor-timeout", "300ms"])?;
+    let documents = (0..100).map(|n| doc! { "_id": n, "pad": "x".repeat(2000) });
+    served.client()?.database("a").collection("c").insert_many(documents).run()?;
+    let mut wire = Wire::connect(served.address())?;
+    let mut open =
+        |find: Document| -> Result<i64, Failed> { Ok(wire.run(&find)?.get_document("cursor")?.get_i64("id")?) };
+    let left = open(doc! { "find": "c", "batchSize": 10, "$db": "a" })?;
+    let kept = open(doc! { "find": "c", "batchSize": 10, "noCursorTimeout": true, "$db": "a" })?;
+    let stream = doc! { "aggregate": "c", "pipeline": [{ "$changeStream": {} }], "cursor": {}, "$db": "a" };
+    let stream = open(stream)?;
+    let until = std::time::Instant::now() + super::TIMEOUT;
+    // A cursor that is asked for is one that is read: how many are open is asked instead.
+    let mut open = || -> Result<i64, Failed> {
+        let status = wire.run(&doc! { "serverStatus": 1, "$db": "admin" })?;
+        Ok(status.get_document("metrics")?.get_document("cursor")?.get_document("open")?.get_i64("total")?)
+    };
+    while open()? > 1 && std::time::Instant::now() < until {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    for (cursor, is_open) in [(left, false), (stream, false), (kept, true)] {
+        let answer = wire.run(&doc! { "getMore": cursor, "collection": "c", "batchSize": 1, "$db": "a" })?;
+        let expected = if is_open { Err("") } else { Ok("CursorNotFound") };
+        assert_eq!(answer.get_str("codeName").map_err(|_| ""), expected, "{answer}");
+    }
+    Ok(())
 }
 
 fn mistakes() -> Result<(), Failed> {

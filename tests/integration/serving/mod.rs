@@ -1,6 +1,7 @@
 //! `rmem serve`: MongoDB clients on the memory.
 
 mod clients;
+pub(crate) mod executive;
 mod front;
 mod kills;
 mod login;
