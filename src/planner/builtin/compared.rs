@@ -21,6 +21,23 @@ pub(super) fn functions(domain: &Domain, problem: &Problem) -> HashSet<String> {
     found
 }
 
+/// Whether actions change numbers other than the one by which plans are measured, or conditions compare some.
+pub(super) fn has_numbers(domain: &Domain, problem: &Problem) -> bool {
+    fn changes(effect: &Effect, metric: Option<&String>) -> bool {
+        match effect {
+            Effect::Num(_, name, ..) => metric != Some(name),
+            Effect::And(parts) => parts.iter().any(|part| changes(part, metric)),
+            Effect::When(_, inner) | Effect::Forall(_, inner) => changes(inner, metric),
+            Effect::Add(..) | Effect::Del(..) => false,
+        }
+    }
+    let metric = match &problem.metric {
+        Some((_, Expr::Fluent(name, _))) => Some(name),
+        _ => None,
+    };
+    domain.actions.iter().any(|action| changes(&action.effect, metric)) || !functions(domain, problem).is_empty()
+}
+
 fn of_formula(formula: &Formula, found: &mut HashSet<String>) {
     match formula {
         Formula::Comp(_, left, right) => {

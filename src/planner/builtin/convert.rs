@@ -11,7 +11,10 @@ use super::search::number::{Change, Comparator};
 /// The type that all objects have.
 const OBJECT: &str = "OBJECT";
 
-/// Returns the task for the search, or why it is none: costs that depend on the state, or divisors that do.
+/// The function whose value is zero at first.
+const TOTAL_COST: &str = "TOTAL-COST";
+
+/// Returns the task for the search, or why it is none, as with costs that depend on the state.
 ///
 /// # Errors
 ///
@@ -36,6 +39,12 @@ pub fn convert(domain: &Domain, problem: &Problem) -> Result<Lifted, String> {
         if let Some(predicate) = names.number(predicate, arguments.len()) {
             task.init.push((predicate, arguments));
         }
+    }
+    // Costs begin at zero unless the problem sets them, as the validator has it.
+    if let Some(function) = names.functions.get(TOTAL_COST)
+        && !problem.init_fluents.iter().any(|((name, _), _)| name == TOTAL_COST)
+    {
+        task.values.push(((*function, Vec::new()), 0.0));
     }
     for ((function, arguments), value) in &problem.init_fluents {
         let arguments: Option<Vec<Object>> = arguments.iter().map(|name| names.objects.get(name).copied()).collect();
@@ -330,8 +339,8 @@ impl Scope<'_> {
                 self.leave(&new);
             }
             pddl::Effect::Num(operation, function, terms, amount) => {
-                // Values that no condition reads do not matter.
-                if self.names.metric.as_ref() == Some(function) {
+                let is_cost = self.names.metric.as_ref() == Some(function);
+                if is_cost {
                     if !conditions.is_empty() || !slots.is_empty() {
                         return Err("costs under a condition".to_owned());
                     }
@@ -343,8 +352,11 @@ impl Scope<'_> {
                     }
                     changes.cost.push(self.amount(amount)?);
                 }
-                if self.names.compared.contains(function) {
-                    changes.numeric.push(self.numeric(*operation, function, terms, amount, slots, conditions)?);
+                // Values that no condition reads matter where they cannot be computed: the search finds out which.
+                match self.numeric(*operation, function, terms, amount, slots, conditions) {
+                    Err(reason) if self.names.compared.contains(function) => return Err(reason),
+                    Ok(effect) if !is_cost || self.names.compared.contains(function) => changes.numeric.push(effect),
+                    Ok(_) | Err(_) => {}
                 }
             }
         }
@@ -370,7 +382,6 @@ impl Scope<'_> {
             AssignOp::Increase => Change::Increase,
             AssignOp::Decrease => Change::Decrease,
             AssignOp::ScaleUp => Change::ScaleUp,
-            AssignOp::ScaleDown if self.depends(amount) => return Err("a divisor that changes".to_owned()),
             AssignOp::ScaleDown => Change::ScaleDown,
         };
         let function = *self.names.functions.get(function).ok_or_else(|| format!("{function} is no function"))?;
@@ -399,7 +410,6 @@ impl Scope<'_> {
             Expr::Mul(left, right) => {
                 both(left, right).map(|(left, right)| Amount::Product(Box::new(left), Box::new(right)))?
             }
-            Expr::Div(_, right) if self.depends(right) => return Err("a divisor that changes".to_owned()),
             Expr::Div(left, right) => {
                 both(left, right).map(|(left, right)| Amount::Quotient(Box::new(left), Box::new(right)))?
             }

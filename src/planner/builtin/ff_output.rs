@@ -61,9 +61,14 @@ pub(super) fn plan(plan: &Plan, sent: Option<&Sent>) -> String {
 /// What a line about the progress begins with.
 const PROGRESS: &str = "ff: so far: ";
 
-/// How far the work is, in a line that no reader of FF's takes for anything else.
+/// How far the work is, in a line of its own.
 pub(super) fn progress(words: &str) -> String {
     format!("{PROGRESS}{words}\n")
+}
+
+/// A text without the lines about the progress, which a reader of FF's would take for complaints.
+pub(super) fn without_progress(text: &str) -> String {
+    text.split_inclusive('\n').filter(|line| !line.starts_with(PROGRESS)).collect()
 }
 
 /// The last report of progress, or nothing.
@@ -134,6 +139,16 @@ pub(super) fn refusal(error: &SolveError) -> (String, i32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn progress_is_no_complaint() {
+        use crate::formats::plan::{Verdict, ff};
+
+        let text = format!("{}\nff: parsing\n{}{}", progress("2 states"), progress("3 states"), progress("4 states"));
+        assert_eq!(without_progress(&text), "\nff: parsing\n");
+        assert_eq!(last_progress(&text), "4 states");
+        assert_eq!(ff::read(&without_progress(&progress("2 states")), "").verdict, Verdict::Unclear);
+    }
 
     #[test]
     fn a_plan_that_was_cut_off_does_not_replace_the_one_before() {

@@ -13,9 +13,12 @@ mod classical;
 mod compared;
 pub mod convert;
 mod ff_output;
+mod judge;
 mod options;
 mod portfolio;
 mod proof;
+#[cfg(test)]
+mod random;
 pub mod search;
 mod solver;
 mod temporal;
@@ -117,7 +120,7 @@ impl Planner for Builtin {
     }
 
     fn read(&self, output: &Output) -> Transcript {
-        let answer = ff::read(ff_output::whole(&output.stdout), &output.stderr);
+        let answer = ff::read(&ff_output::without_progress(ff_output::whole(&output.stdout)), &output.stderr);
         match output.code {
             Some(22) if answer.verdict != Verdict::Plan => Transcript {
                 verdict: Verdict::OutOfMemory,

@@ -225,9 +225,7 @@ impl Portfolio<'_> {
         options: Options,
         found: &mut dyn FnMut(&Plan),
     ) {
-        if options.says_each() || !options.optimize {
-            found(&self.report(&ops, Some(cost)));
-        }
+        found(&self.report(&ops, Some(cost)));
         if !(options.anytime || options.optimize) {
             return;
         }
@@ -235,7 +233,7 @@ impl Portfolio<'_> {
             let settings = SearchCfg { max_eval: usize::MAX >> 2, ..SearchCfg::default() };
             let better = costs::improve(self.task, fluent, ops, cost, self.threads, settings, spent, None);
             (ops, cost) = (better.ops, better.cost);
-            if better.improved || !options.says_each() {
+            if better.improved {
                 found(&self.report(&ops, Some(cost)));
             }
             // Without a proof, less work than was allowed means that there is no room for more.

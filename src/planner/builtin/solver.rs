@@ -9,8 +9,9 @@ use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
 use super::classical::{self, Answer, Message};
 use super::ff_output::{self, NoPlan};
+use super::judge::Judge;
 use super::options::Options;
-use super::{Builtin, REQUIREMENTS, portfolio, proof, temporal};
+use super::{Builtin, REQUIREMENTS, compared, portfolio, proof, temporal};
 use crate::formats::pddl::portable::{self, Sent};
 use crate::planner::run::refuse;
 use crate::planner::task::Task;
@@ -77,7 +78,44 @@ fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say
     })
 }
 
-/// Finds plans and gives them to `found`, each better than the one before; says why there is none.
+/// Passes on the plans that hold: each at once, or the last one at the end.
+struct Teller<'t, 'r> {
+    judge: Option<Judge<'t>>,
+    says_each: bool,
+    has_plan: bool,
+    last: Option<Plan>,
+    report: &'r mut dyn FnMut(Message<'_>),
+}
+
+impl Teller<'_, '_> {
+    fn tell(&mut self, message: Message<'_>) {
+        if let Message::Plan(plan) = message {
+            if self.judge.as_mut().is_some_and(|judge| !judge.allows(plan)) {
+                return;
+            }
+            self.has_plan = true;
+            if !self.says_each {
+                self.last = Some(plan.clone());
+                return;
+            }
+        }
+        (self.report)(message);
+    }
+
+    /// Says the last plan where that is still to be done; returns why there is none.
+    fn finish(mut self, reason: Option<NoPlan>) -> Option<NoPlan> {
+        if let Some(plan) = self.last.take() {
+            (self.report)(Message::Plan(&plan));
+        }
+        if self.has_plan {
+            return None;
+        }
+        let fault = self.judge.and_then(|judge| judge.fault);
+        reason.or_else(|| Some(NoPlan::GaveUp(format!("its plan does not hold: {}", fault.unwrap_or_default()))))
+    }
+}
+
+/// Finds plans and reports them, each better than the one before; says why there is none.
 fn answer(
     domain: &str,
     problem: &str,
@@ -86,50 +124,75 @@ fn answer(
 ) -> Result<Option<NoPlan>, SolveError> {
     let task = parser::parse_domain(domain).map_err(SolveError::DomainParse)?;
     let instance = parser::parse_problem(problem).map_err(SolveError::ProblemParse)?;
-    if is_classical(&task, &instance) {
-        let open = match classical::plan(&task, &instance, options, report)? {
-            Answer::Solved => return Ok(None),
-            Answer::None(reason) => return Ok(Some(reason)),
-            Answer::Declined => None,
-            Answer::Open(open) => Some(open),
-        };
-        let report = RefCell::new(report);
-        let mut work = classical::NUMERIC_WORK;
-        // The search starts anew with more work each time, so that all it did in vain is a part of what it needs.
-        let beside = &mut || {
-            work = work.saturating_mul(2);
-            let send = &mut |message: Message<'_>| report.borrow_mut()(message);
-            open.as_ref().is_some_and(|open| classical::numeric(open, classical::memory(), work, options, send))
-        };
-        let found = &mut |plan: &Plan| report.borrow_mut()(Message::Plan(plan));
-        return portfolio::plan(&task, &instance, options, beside, found);
-    }
-    let found = &mut |plan: &Plan| report(Message::Plan(plan));
-    if is_plain(&task, &instance) && temporal::plan(&task, &instance, options, classical::memory(), found) {
-        return Ok(None);
+    // What is true or false only is searched as it is.
+    let is_judged = !is_classical(&task, &instance) || compared::has_numbers(&task, &instance);
+    let judge = is_judged.then(|| Judge::new(domain, problem));
+    let mut teller = Teller { judge, says_each: options.says_each(), has_plan: false, last: None, report };
+    let reason = match is_classical(&task, &instance) {
+        true => timeless(&task, &instance, options, &mut teller)?,
+        false => timed(&task, &instance, options, (domain, problem), &mut teller)?,
+    };
+    Ok(teller.finish(reason))
+}
+
+fn timeless(
+    task: &Domain,
+    instance: &Problem,
+    options: Options,
+    teller: &mut Teller<'_, '_>,
+) -> Result<Option<NoPlan>, SolveError> {
+    let mut open = match classical::plan(task, instance, options, &mut |message| teller.tell(message))? {
+        Answer::Solved if teller.has_plan => return Ok(None),
+        Answer::None(reason) => return Ok(Some(reason)),
+        Answer::Solved | Answer::Declined => None,
+        Answer::Open(open) => Some(open),
+    };
+    let teller = RefCell::new(teller);
+    let mut work = classical::NUMERIC_WORK;
+    // The search starts anew with more work each time, so that all it did in vain is a part of what it needs.
+    let beside = &mut || {
+        work = work.saturating_mul(2);
+        let send = &mut |message: Message<'_>| teller.borrow_mut().tell(message);
+        let is_done =
+            open.as_ref().is_some_and(|open| classical::numeric(open, classical::memory(), work, options, send));
+        // A search whose plan does not hold would find it again.
+        open = open.take().filter(|_| !is_done);
+        is_done && teller.borrow().has_plan
+    };
+    portfolio::plan(task, instance, options, beside, &mut |plan| teller.borrow_mut().tell(Message::Plan(plan)))
+}
+
+fn timed(
+    task: &Domain,
+    instance: &Problem,
+    options: Options,
+    (domain, problem): (&str, &str),
+    teller: &mut Teller<'_, '_>,
+) -> Result<Option<NoPlan>, SolveError> {
+    if is_plain(task, instance) {
+        temporal::plan(task, instance, options, classical::memory(), &mut |plan| teller.tell(Message::Plan(plan)));
+        if teller.has_plan {
+            return Ok(None);
+        }
     }
     let mut reason = None;
-    let mut known = false;
     // A plan for what must be is there sooner than one that pleases as well.
-    let quick = (options.anytime && pddl3::has_preferences(&instance)).then_some(false);
+    let quick = (options.anytime && pddl3::has_preferences(instance)).then_some(false);
     for optimize in quick.into_iter().chain([options.optimize]) {
         let settings = Settings { optimize, ..Settings::default() };
         let solution = ferroplan::solve(domain, problem, &settings)?;
         match solution.plan {
-            Some(plan) if solution.solved => {
-                known = true;
-                found(&plan);
-            }
+            Some(plan) if solution.solved => teller.tell(Message::Plan(&plan)),
             _ => {
                 let why = solution.notes.join("; ");
-                reason = Some(match proof::doubt(&task, &instance) {
+                reason = Some(match proof::doubt(task, instance) {
                     Some(doubt) => NoPlan::Doubted { doubt, why },
                     None => NoPlan::GaveUp(why),
                 });
             }
         }
     }
-    Ok(if known { None } else { reason })
+    Ok(reason)
 }
 
 /// Whether states and actions are all there is to a task: no time, no preferences, no constraints.

@@ -2,6 +2,7 @@
 
 mod check;
 mod find;
+mod holds;
 mod import;
 mod limits;
 mod list;

@@ -222,6 +222,10 @@ impl Repetitions {
         let truth = achiever.truth;
         if let Some(step) = achiever.step {
             let gap = compared.gap(truth, &|variable| self.values[variable as usize]);
+            // Something else gives it a value first.
+            if gap.is_nan() {
+                return Some(FAR);
+            }
             return Some(times(gap, step, compared.is_strict(truth)));
         }
         self.scratch.copy_from_slice(&self.values);
@@ -232,8 +236,12 @@ impl Repetitions {
         let before = compared.gap(truth, &|variable| self.scratch[variable as usize]);
         advance(effects.iter(), &mut self.scratch);
         let value = |variable: u32| self.scratch[variable as usize];
-        if compared.holds(&value) == truth {
-            return Some(1);
+        match compared.holds(&value) {
+            Some(holds) if holds == truth => return Some(1),
+            // From no value to one, or from one to none: what follows is not known.
+            Some(_) if before.is_nan() && !achiever.is_fixed => return Some(FAR),
+            None => return Some(FAR),
+            Some(_) => {}
         }
         let step = before - compared.gap(truth, &value);
         match (step > 0.0 && !achiever.is_fixed, achiever.helper) {
@@ -247,6 +255,10 @@ impl Repetitions {
 /// How many steps a gap takes.
 fn times(gap: f64, step: f64, is_strict: bool) -> u32 {
     let steps = gap / step;
+    // Both are endless.
+    if steps.is_nan() {
+        return FAR;
+    }
     let steps = if is_strict { (steps + 1e-9).floor() + 1.0 } else { (steps - 1e-6).ceil() };
     steps.clamp(1.0, MOST) as u32
 }

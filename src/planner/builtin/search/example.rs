@@ -74,8 +74,8 @@ pub(super) fn counter() -> Task {
     task.operators[0].amounts = vec![add(1.0)];
     task.operators[2].amounts = vec![add(3.0)];
     let (left, right) = (Expression::Variable(0), Expression::Number(10.0));
-    let comparison = Comparison { comparator: Comparator::AtLeast, left, right, fact: 0 };
-    task.numbers = Numbers { count: 1, comparisons: vec![comparison], uses: vec![vec![0]] };
+    let comparison = Comparison { comparator: Comparator::AtLeast, left, right, fact: 0, is_partial: false };
+    task.numbers = Numbers { count: 1, comparisons: vec![comparison], uses: vec![vec![0]], ..Numbers::default() };
     task.init.extend(number::words(0.0));
     task.relaxed_facts += 2;
     task

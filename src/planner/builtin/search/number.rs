@@ -37,6 +37,12 @@ impl Comparator {
             Self::Greater => left > right,
         }
     }
+
+    /// Whether two numbers compare so; `None` where one of them has no value.
+    #[must_use]
+    pub fn outcome(self, left: f64, right: f64) -> Option<bool> {
+        (!left.is_nan() && !right.is_nan()).then(|| self.compare(left, right))
+    }
 }
 
 /// How an effect changes a value.
@@ -70,14 +76,25 @@ pub enum Expression {
 }
 
 impl Expression {
-    /// Returns the value, given those of the variables.
+    /// Returns the value, given those of the variables; not a number where one has none, or a divisor is zero.
     pub fn value(&self, values: &impl Fn(u32) -> f64) -> f64 {
         match self {
             Self::Number(number) => *number,
             Self::Variable(variable) => values(*variable),
             Self::Sum(parts) => parts.iter().map(|part| part.value(values)).sum(),
             Self::Product(left, right) => left.value(values) * right.value(values),
-            Self::Quotient(left, right) => left.value(values) / right.value(values),
+            Self::Quotient(left, right) => divided(left.value(values), right.value(values)),
+        }
+    }
+
+    /// Whether there may be no value, given which variables may have none.
+    pub(super) fn may_lack(&self, lacks: &impl Fn(u32) -> bool) -> bool {
+        match self {
+            Self::Number(number) => number.is_nan(),
+            Self::Variable(variable) => lacks(*variable),
+            Self::Sum(parts) => parts.iter().any(|part| part.may_lack(lacks)),
+            Self::Product(left, right) => left.may_lack(lacks) || right.may_lack(lacks),
+            Self::Quotient(left, right) => left.may_lack(lacks) || may_be_zero(right) || right.may_lack(lacks),
         }
     }
 
@@ -120,6 +137,14 @@ impl Expression {
     }
 }
 
+fn divided(value: f64, divisor: f64) -> f64 {
+    if divisor == 0.0 { f64::NAN } else { value / divisor }
+}
+
+fn may_be_zero(expression: &Expression) -> bool {
+    expression.constant().is_none_or(|number| number == 0.0)
+}
+
 /// A comparison of two expressions, and the facts that say whether it holds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
@@ -131,12 +156,23 @@ pub struct Comparison {
     pub right: Expression,
     /// That it holds; the next fact says that it does not.
     pub fact: Fact,
+    /// Whether a third fact says that it cannot be computed: then neither it nor its negation holds.
+    pub is_partial: bool,
 }
 
 impl Comparison {
-    /// Whether it holds.
-    pub fn holds(&self, values: &impl Fn(u32) -> f64) -> bool {
-        self.comparator.compare(self.left.value(values), self.right.value(values))
+    /// Whether it holds; `None` where it cannot be computed.
+    pub fn holds(&self, values: &impl Fn(u32) -> f64) -> Option<bool> {
+        self.comparator.outcome(self.left.value(values), self.right.value(values))
+    }
+
+    /// Returns the fact that says whether it holds.
+    pub(super) fn told(&self, values: &impl Fn(u32) -> f64) -> Fact {
+        match self.holds(values) {
+            Some(true) => self.fact,
+            None if self.is_partial => self.fact + 2,
+            Some(false) | None => self.fact + 1,
+        }
     }
 
     /// Returns the variables that it compares.
@@ -185,29 +221,94 @@ pub struct NumericEffect {
     pub amount: Expression,
 }
 
-impl NumericEffect {
-    /// Returns the value afterwards.
-    pub(super) fn apply(&self, value: f64, amount: f64) -> f64 {
-        let changed = match self.change {
-            Change::Assign => amount,
-            Change::Increase => value + amount,
-            Change::Decrease => value - amount,
-            Change::ScaleUp => value * amount,
-            Change::ScaleDown => value / amount,
+/// What happens to a value at once. Changes of one kind add up; others of one value exclude each other.
+#[derive(Debug, Clone, Copy)]
+enum Update {
+    Assign(f64),
+    Shift(f64),
+    Scale(f64),
+}
+
+impl Update {
+    /// `None` where there is no amount.
+    fn new(change: Change, amount: f64) -> Option<Self> {
+        let update = match change {
+            Change::Assign => Self::Assign(amount),
+            Change::Increase => Self::Shift(amount),
+            Change::Decrease => Self::Shift(-amount),
+            Change::ScaleUp => Self::Scale(amount),
+            Change::ScaleDown if amount == 0.0 => return None,
+            Change::ScaleDown => Self::Scale(1.0 / amount),
         };
-        // There is one zero.
-        changed + 0.0
+        (!amount.is_nan()).then_some(update)
+    }
+
+    fn joined(self, other: Self) -> Option<Self> {
+        match (self, other) {
+            (Self::Shift(one), Self::Shift(other)) => Some(Self::Shift(one + other)),
+            (Self::Scale(one), Self::Scale(other)) => Some(Self::Scale(one * other)),
+            (Self::Assign(one), Self::Assign(other)) if one == other => Some(self),
+            _ => None,
+        }
+    }
+
+    fn applied(self, value: f64) -> f64 {
+        match self {
+            Self::Assign(amount) => amount,
+            Self::Shift(amount) => value + amount,
+            Self::Scale(amount) => value * amount,
+        }
     }
 }
 
-/// Changes values by effects, all of whose conditions hold: what they read is what was before.
-pub(super) fn advance<'e>(effects: impl Iterator<Item = &'e NumericEffect> + Clone, values: &mut [f64]) {
-    let read = |variable: u32| values[variable as usize];
-    let amounts: Vec<f64> = effects.clone().map(|effect| effect.amount.value(&read)).collect();
-    for (effect, amount) in effects.zip(amounts) {
-        let value = &mut values[effect.variable as usize];
-        *value = effect.apply(*value, amount);
+/// The values that effects lead to, all of whose conditions hold: what they read is what was before. `None` where one
+/// cannot be computed, or a value would change in two ways at once: then the operator is not applicable.
+pub(super) fn changes<'e>(
+    effects: impl Iterator<Item = &'e NumericEffect>,
+    values: &impl Fn(u32) -> f64,
+) -> Option<Vec<(u32, f64)>> {
+    let mut updates: Vec<(u32, Update)> = Vec::new();
+    for effect in effects {
+        let update = Update::new(effect.change, effect.amount.value(values))?;
+        match updates.iter_mut().find(|(variable, _)| *variable == effect.variable) {
+            Some((_, known)) => *known = known.joined(update)?,
+            None => updates.push((effect.variable, update)),
+        }
     }
+    let changed = updates.into_iter().map(|(variable, update)| {
+        let value = update.applied(values(variable));
+        // There is one zero.
+        value.is_finite().then_some((variable, value + 0.0))
+    });
+    changed.collect()
+}
+
+/// Changes values by effects, all of whose conditions hold; what cannot be computed is not a number then.
+pub(super) fn advance<'e>(effects: impl Iterator<Item = &'e NumericEffect> + Clone, values: &mut [f64]) {
+    match changes(effects.clone(), &|variable| values[variable as usize]) {
+        Some(changed) => changed.into_iter().for_each(|(variable, value)| values[variable as usize] = value),
+        None => effects.for_each(|effect| values[effect.variable as usize] = f64::NAN),
+    }
+}
+
+/// Which of the changes of an operator may be impossible, given which variables may have no value.
+pub(super) fn fallible(changes: &[(u32, Change, &Expression)], lacks: &impl Fn(u32) -> bool) -> Vec<bool> {
+    let kind = |change: Change| match change {
+        Change::Assign => 0,
+        Change::Increase | Change::Decrease => 1,
+        Change::ScaleUp | Change::ScaleDown => 2,
+    };
+    let may_fail = |(place, (variable, change, amount)): (usize, &(u32, Change, &Expression))| {
+        let excludes = |(other, (same, how, by)): (usize, &(u32, Change, &Expression))| {
+            let is_one = kind(*change) == kind(*how) && (*change != Change::Assign || amount == by);
+            place != other && variable == same && !is_one
+        };
+        amount.may_lack(lacks)
+            || *change == Change::ScaleDown && may_be_zero(amount)
+            || *change != Change::Assign && lacks(*variable)
+            || changes.iter().enumerate().any(excludes)
+    };
+    changes.iter().enumerate().map(may_fail).collect()
 }
 
 /// The numeric part of a task.
@@ -219,6 +320,8 @@ pub struct Numbers {
     pub comparisons: Vec<Comparison>,
     /// The comparisons in which each variable is.
     pub uses: Vec<Vec<u32>>,
+    /// The facts that say that a comparison cannot be computed, in order.
+    pub undefined: Vec<Fact>,
 }
 
 /// Returns the value of a numeric variable in a state of so many facts.

@@ -3,7 +3,7 @@
 //! reached all the same.
 
 use super::axiom::Axioms;
-use super::successor::{apply, holds};
+use super::successor::{apply, holds, is_applicable};
 use super::task::{Fact, OperatorId, Task};
 
 /// Most operators that are applied to look for what can be left out.
@@ -38,7 +38,7 @@ fn without(task: &Task, axioms: &mut Axioms, start: &[Fact], plan: &[OperatorId]
     let mut saved = task.operators[*first as usize].cost;
     for number in rest {
         let operator = &task.operators[*number as usize];
-        if holds(task, &state, &operator.condition) {
+        if is_applicable(task, operator, &state) {
             apply(task, axioms, operator, &mut state);
             kept.push(*number);
         } else {

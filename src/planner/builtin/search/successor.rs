@@ -25,6 +25,8 @@ pub(super) struct Generator {
     /// A variable, and where the nodes for its values are.
     switches: Vec<(u32, u32)>,
     children: Vec<u32>,
+    /// Which operators may not be applicable though their conditions hold; empty where none is.
+    is_fallible: Vec<bool>,
 }
 
 impl Generator {
@@ -40,6 +42,7 @@ impl Generator {
         });
         let mut generator = Self::default();
         generator.node(task, &order, 0);
+        generator.is_fallible = fallible(task);
         generator
     }
 
@@ -86,8 +89,52 @@ impl Generator {
                 }
             }
         }
+        if !self.is_fallible.is_empty() {
+            let mut place = 0;
+            found.retain(|number| {
+                place += 1;
+                let operator = &task.operators[*number as usize];
+                place <= start || !self.is_fallible[*number as usize] || computes(task, operator, state)
+            });
+        }
         found[start..].sort_unstable();
     }
+}
+
+/// Which operators change numbers in ways that are not possible in every state; empty where none does.
+fn fallible(task: &Task) -> Vec<bool> {
+    if task.numbers.count == 0 {
+        return Vec::new();
+    }
+    let lacks = |variable: u32| number::value(task.len(), &task.init, variable).is_nan();
+    let is_undefined =
+        |fact: &Fact| task.numbers.undefined.iter().any(|known| task.variable(*known) == task.variable(*fact));
+    let may_fail = |operator: &Operator| {
+        let changes: Vec<_> =
+            operator.amounts.iter().map(|effect| (effect.variable, effect.change, &effect.amount)).collect();
+        number::fallible(&changes, &lacks).contains(&true)
+            || !task.numbers.undefined.is_empty() && conditions(operator).any(is_undefined)
+    };
+    let is_fallible: Vec<bool> = task.operators.iter().map(may_fail).collect();
+    if is_fallible.contains(&true) { is_fallible } else { Vec::new() }
+}
+
+/// The facts of the conditions of effects.
+fn conditions(operator: &Operator) -> impl Iterator<Item = &Fact> {
+    let effects = operator.effects.iter().flat_map(|effect| &effect.condition);
+    effects.chain(operator.amounts.iter().flat_map(|effect| &effect.condition))
+}
+
+/// Whether what an operator changes can be computed in a state.
+fn computes(task: &Task, operator: &Operator, state: &[Fact]) -> bool {
+    let is_undefined = |fact: &Fact| task.numbers.undefined.binary_search(&state[task.variable(*fact)]).is_ok();
+    (task.numbers.undefined.is_empty() || !conditions(operator).any(is_undefined))
+        && changed(task, operator, state).is_some()
+}
+
+/// Whether an operator is applicable in a state.
+pub(super) fn is_applicable(task: &Task, operator: &Operator, state: &[Fact]) -> bool {
+    holds(task, state, &operator.condition) && (task.numbers.count == 0 || computes(task, operator, state))
 }
 
 /// Whether a conjunction of facts holds in a state.
@@ -97,7 +144,7 @@ pub(super) fn holds(task: &Task, state: &[Fact], facts: &[Fact]) -> bool {
 
 /// Changes a state by an operator that is applicable in it.
 pub(super) fn apply(task: &Task, axioms: &mut Axioms, operator: &Operator, state: &mut [Fact]) {
-    let numbers = if operator.amounts.is_empty() { Vec::new() } else { changed(task, operator, state) };
+    let numbers = if operator.amounts.is_empty() { None } else { changed(task, operator, state) };
     let is_simple = operator.effects.iter().all(|effect| effect.condition.is_empty());
     if is_simple {
         operator.effects.iter().for_each(|effect| state[task.variable(effect.fact)] = effect.fact);
@@ -108,22 +155,14 @@ pub(super) fn apply(task: &Task, axioms: &mut Axioms, operator: &Operator, state
             state[task.variable(effect.fact)] = effect.fact;
         }
     }
-    set(task, state, &numbers);
+    set(task, state, &numbers.unwrap_or_default());
     axioms.derive(task, state);
 }
 
-/// The values that an operator leads to, of the variables that it changes.
-fn changed(task: &Task, operator: &Operator, state: &[Fact]) -> Vec<(u32, f64)> {
-    let mut found: Vec<(u32, f64)> = Vec::new();
-    let read = |variable: u32| number::value(task.len(), state, variable);
-    for effect in operator.amounts.iter().filter(|effect| holds(task, state, &effect.condition)) {
-        let amount = effect.amount.value(&read);
-        match found.iter_mut().find(|(variable, _)| *variable == effect.variable) {
-            Some((_, known)) => *known = effect.apply(*known, amount),
-            None => found.push((effect.variable, effect.apply(read(effect.variable), amount))),
-        }
-    }
-    found
+/// The values that an operator leads to, of the variables that it changes; `None` where that is not possible.
+fn changed(task: &Task, operator: &Operator, state: &[Fact]) -> Option<Vec<(u32, f64)>> {
+    let effects = operator.amounts.iter().filter(|effect| holds(task, state, &effect.condition));
+    number::changes(effects, &|variable| number::value(task.len(), state, variable))
 }
 
 /// Sets values in a state, and the facts of the comparisons that read them.
@@ -134,8 +173,7 @@ fn set(task: &Task, state: &mut [Fact], values: &[(u32, f64)]) {
     }
     for number in values.iter().flat_map(|(variable, _)| &task.numbers.uses[*variable as usize]) {
         let comparison = &task.numbers.comparisons[*number as usize];
-        let holds = comparison.holds(&|variable| number::value(task.len(), state, variable));
-        state[task.variable(comparison.fact)] = comparison.fact + Fact::from(!holds);
+        state[task.variable(comparison.fact)] = comparison.told(&|variable| number::value(task.len(), state, variable));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use ferroplan::types::{Domain, Effect, Expr, Formula, Problem, Term, TimeSpec};
+use ferroplan::types::{Domain, Duration, Effect, Expr, Formula, Problem, Term, TimeSpec};
 
 use super::windows::{UNITS, Window, Windows, intersected};
 use crate::planner::builtin::search::makespan::Timing;
@@ -24,8 +24,8 @@ pub(super) struct Clock<'a> {
 
 struct Touched<'a> {
     parameters: Vec<&'a str>,
-    duration: Option<&'a Expr>,
-    is_durative: bool,
+    /// Of a durative action.
+    duration: Option<&'a Duration>,
     reads: Vec<(&'a str, &'a [Term])>,
     writes: Vec<(&'a str, &'a [Term])>,
     limits: Vec<(TimeSpec, &'a str, &'a [Term])>,
@@ -47,7 +47,7 @@ impl<'a> Clock<'a> {
             changed: HashSet::new(),
         };
         for action in &domain.durative_actions {
-            let mut touched = Touched::new(&action.params, action.duration.chosen(), true);
+            let mut touched = Touched::new(&action.params, Some(&action.duration));
             for (time, condition) in &action.conditions {
                 touched.limits.extend(clock.windows.limits(*time, condition));
                 clock.condition(condition, false, &mut touched);
@@ -58,7 +58,7 @@ impl<'a> Clock<'a> {
             clock.actions.insert(&action.name, touched);
         }
         for action in &domain.actions {
-            let mut touched = Touched::new(&action.params, None, false);
+            let mut touched = Touched::new(&action.params, None);
             touched.limits.extend(clock.windows.limits(TimeSpec::Start, &action.precond));
             clock.condition(&action.precond, false, &mut touched);
             clock.effect(&action.effect, false, &mut touched);
@@ -99,7 +99,47 @@ impl<'a> Clock<'a> {
         }
     }
 
-    /// What the operators of a task touch; `None` where a duration depends on the state, or has no value.
+    /// Drops the operators that no duration suits; `None` where a duration depends on the state, or has no bound.
+    pub(super) fn limit(&self, task: &mut Task) -> Option<()> {
+        let is_known = |duration: &Duration| {
+            let bounds = || duration.min.iter().chain(&duration.max);
+            bounds().next().is_some() && !bounds().any(|bound| self.depends(bound))
+        };
+        if !self.actions.values().filter_map(|action| action.duration).all(is_known) {
+            return None;
+        }
+        let is_possible = |operator| self.duration(task, operator).is_some();
+        let mut is_possible = (0..task.operators.len() as OperatorId).map(is_possible).collect::<Vec<_>>().into_iter();
+        task.operators.retain(|_| is_possible.next().unwrap_or_default());
+        Some(())
+    }
+
+    /// How many units an operator takes; `None` where no duration suits it.
+    fn duration(&self, task: &Task, operator: OperatorId) -> Option<u64> {
+        let mut words = task.name(operator);
+        let action = self.actions.get(words.next()?)?;
+        let Some(duration) = action.duration else { return Some(0) };
+        let binding: HashMap<&str, &str> = action.parameters.iter().copied().zip(words).collect();
+        let value = |bound: &'a Option<Expr>| bound.as_ref().map(|bound| self.value(bound, &binding));
+        let (least, most) = (value(&duration.min), value(&duration.max));
+        let chosen = least.or(most)??;
+        let is_short = most.is_none_or(|most| most.is_some_and(|most| chosen <= most));
+        (is_short && (0.0..1e12).contains(&chosen)).then(|| (chosen * UNITS).round() as u64)
+    }
+
+    /// Whether the value of an expression changes.
+    fn depends(&self, expression: &Expr) -> bool {
+        match expression {
+            Expr::Num(_) => false,
+            Expr::Fluent(name, _) => self.changed.contains(name.as_str()),
+            Expr::Add(left, right) | Expr::Sub(left, right) | Expr::Mul(left, right) | Expr::Div(left, right) => {
+                self.depends(left) || self.depends(right)
+            }
+            Expr::Neg(inner) => self.depends(inner),
+        }
+    }
+
+    /// What the operators of a task touch; `None` where one has no duration.
     pub(super) fn timing(&self, task: &'a Task) -> Option<Timing> {
         let mut numbers: HashMap<Resource, u32> = HashMap::new();
         let mut timing = Timing { gap: 1, ..Timing::default() };
@@ -107,17 +147,9 @@ impl<'a> Clock<'a> {
             let mut words = task.name(operator);
             let action = self.actions.get(words.next()?)?;
             let binding: HashMap<&str, &str> = action.parameters.iter().copied().zip(words).collect();
-            let duration = match action.duration {
-                Some(duration) => self.value(duration, &binding)?,
-                None if action.is_durative => return None,
-                None => 0.0,
-            };
-            if !(0.0..1e12).contains(&duration) {
-                return None;
-            }
-            let duration = (duration * UNITS).round() as u64;
+            let duration = self.duration(task, operator)?;
             // Start and end in one moment are for the engine.
-            if duration == 0 && action.is_durative {
+            if duration == 0 && action.duration.is_some() {
                 return None;
             }
             timing.durations.push(duration);
@@ -159,7 +191,6 @@ impl<'a> Clock<'a> {
     fn value(&self, expression: &'a Expr, binding: &HashMap<&'a str, &'a str>) -> Option<f64> {
         Some(match expression {
             Expr::Num(number) => *number,
-            Expr::Fluent(name, _) if self.changed.contains(name.as_str()) => return None,
             Expr::Fluent(name, terms) => {
                 let objects = terms.iter().map(|term| object(term, binding)).collect();
                 *self.values.get(&(name.as_str(), objects))?
@@ -174,9 +205,9 @@ impl<'a> Clock<'a> {
 }
 
 impl<'a> Touched<'a> {
-    fn new(parameters: &'a [(String, String)], duration: Option<&'a Expr>, is_durative: bool) -> Self {
+    fn new(parameters: &'a [(String, String)], duration: Option<&'a Duration>) -> Self {
         let parameters = parameters.iter().map(|(name, _)| name.as_str()).collect();
-        Self { parameters, duration, is_durative, reads: Vec::new(), writes: Vec::new(), limits: Vec::new() }
+        Self { parameters, duration, reads: Vec::new(), writes: Vec::new(), limits: Vec::new() }
     }
 }
 

@@ -24,7 +24,7 @@ fn compress(action: &DurativeAction) -> Option<Action> {
         for part in conjuncts(formula) {
             match *time {
                 TimeSpec::Start => conditions.push(part.clone()),
-                _ => later(part, &starting, &mut conditions)?,
+                _ => conditions.push(before(part, &starting)?),
             }
         }
     }
@@ -33,7 +33,7 @@ fn compress(action: &DurativeAction) -> Option<Action> {
         effects.extend(stays(effect, &ending)?);
     }
     for effect in &ending {
-        if depends(effect, &starting) {
+        if looks(effect, &|condition| starting.iter().any(|start| changes_any(start, condition))) {
             return None;
         }
         effects.push((*effect).clone());
@@ -47,41 +47,51 @@ fn compress(action: &DurativeAction) -> Option<Action> {
     })
 }
 
-/// Adds what has to hold beforehand for a condition to hold after the start.
-fn later(part: &Formula, starting: &[&Effect], conditions: &mut Vec<Formula>) -> Option<()> {
-    let Some(literal) = Literal::of(part) else {
-        let is_changed = starting.iter().any(|effect| changes_any(effect, part));
-        conditions.push(part.clone());
-        return (!is_changed).then_some(());
-    };
-    let mut is_brought = false;
-    let mut apart = Vec::new();
-    for effect in starting {
-        let Some(effect) = Literal::made(effect) else {
-            if changes_any(effect, part) {
+/// What has to hold beforehand for a condition to hold after the start; `None` where that is not seen here.
+fn before(formula: &Formula, starting: &[&Effect]) -> Option<Formula> {
+    if !starting.iter().any(|effect| changes_any(effect, formula)) {
+        return Some(formula.clone());
+    }
+    let all = |parts: &[Formula]| parts.iter().map(|part| before(part, starting)).collect::<Option<Vec<_>>>();
+    Some(match formula {
+        Formula::Atom(name, terms) => {
+            let (mut brought, mut kept) = (Vec::new(), vec![formula.clone()]);
+            for effect in starting.iter().filter(|effect| changes_any(effect, formula)) {
+                let effect = Literal::made(effect)?;
+                let Some(equalities) = (effect.name == name).then(|| unify(effect.terms, terms)).flatten() else {
+                    continue;
+                };
+                match (effect.holds, equalities.is_empty()) {
+                    // Of what is taken away and brought at once, it holds that it was brought.
+                    (true, true) => return Some(Formula::True),
+                    (true, false) => brought.push(Formula::And(equalities)),
+                    (false, true) => kept = vec![Formula::False],
+                    (false, false) => kept.push(Formula::Not(Box::new(Formula::And(equalities)))),
+                }
+            }
+            match brought.is_empty() {
+                true => Formula::And(kept),
+                false => Formula::Or(brought.into_iter().chain([Formula::And(kept)]).collect()),
+            }
+        }
+        Formula::Not(inner) => Formula::Not(Box::new(before(inner, starting)?)),
+        Formula::And(parts) => Formula::And(all(parts)?),
+        Formula::Or(parts) => Formula::Or(all(parts)?),
+        Formula::Forall(variables, inner) | Formula::Exists(variables, inner) => {
+            // A parameter that is named like one of these variables would be taken for it.
+            let is_taken =
+                |term: &Term| matches!(term, Term::Var(name) if variables.iter().any(|(own, _)| own == name));
+            if starting.iter().any(|effect| Literal::made(effect).is_none_or(|made| made.terms.iter().any(is_taken))) {
                 return None;
             }
-            continue;
-        };
-        if effect.name != literal.name {
-            continue;
+            let inner = Box::new(before(inner, starting)?);
+            match formula {
+                Formula::Forall(..) => Formula::Forall(variables.clone(), inner),
+                _ => Formula::Exists(variables.clone(), inner),
+            }
         }
-        let equalities = unify(effect.terms, literal.terms);
-        if effect.holds == literal.holds {
-            is_brought |= equalities.is_some_and(|equalities| equalities.is_empty());
-        } else if let Some(equalities) = equalities {
-            apart.push(Formula::Not(Box::new(Formula::And(equalities))));
-        }
-    }
-    // Of what is taken away and brought at once, it holds that it was brought.
-    if is_brought && literal.holds {
-        return Some(());
-    }
-    if !is_brought {
-        conditions.push(part.clone());
-    }
-    conditions.extend(apart);
-    Some(())
+        _ => return None,
+    })
 }
 
 /// What is left of an effect at the start when the action has ended.
@@ -121,15 +131,6 @@ struct Literal<'a> {
 }
 
 impl<'a> Literal<'a> {
-    /// The literal that a condition is.
-    fn of(formula: &'a Formula) -> Option<Self> {
-        match formula {
-            Formula::Atom(name, terms) => Some(Self { name, terms, holds: true }),
-            Formula::Not(inner) => Self::of(inner).map(|inner| Self { holds: !inner.holds, ..inner }),
-            _ => None,
-        }
-    }
-
     /// The literal that an effect makes true.
     fn made(effect: &'a Effect) -> Option<Self> {
         match effect {
@@ -167,20 +168,18 @@ pub(super) fn conjuncts(formula: &Formula) -> Vec<&Formula> {
     }
 }
 
-/// Whether an effect at the end depends on what the start changes.
-fn depends(effect: &Effect, starting: &[&Effect]) -> bool {
+/// Whether one of the conditions of an effect is of a kind.
+pub(super) fn looks(effect: &Effect, is_one: &dyn Fn(&Formula) -> bool) -> bool {
     match effect {
-        Effect::When(condition, inner) => {
-            starting.iter().any(|start| changes_any(start, condition)) || depends(inner, starting)
-        }
-        Effect::Forall(_, inner) => depends(inner, starting),
-        Effect::And(inner) => inner.iter().any(|part| depends(part, starting)),
+        Effect::When(condition, inner) => is_one(condition) || looks(inner, is_one),
+        Effect::Forall(_, inner) => looks(inner, is_one),
+        Effect::And(inner) => inner.iter().any(|part| looks(part, is_one)),
         Effect::Add(..) | Effect::Del(..) | Effect::Num(..) => false,
     }
 }
 
 /// The predicates that an effect changes.
-fn changed(effect: &Effect) -> Vec<&str> {
+pub(super) fn changed(effect: &Effect) -> Vec<&str> {
     match effect {
         Effect::Add(name, _) | Effect::Del(name, _) => vec![name],
         Effect::Num(..) => Vec::new(),

@@ -51,7 +51,12 @@ pub(super) fn plan(
     }
     lifted.keeps_equals = true;
     let Ok(Ground::Task(mut task)) = ground(&lifted, memory, &mut |_, _| {}) else { return false };
-    let Some(mut timing) = Clock::new(domain, problem, windows).timing(&task) else { return false };
+    if task.numbers.count > 0 {
+        return false;
+    }
+    let clock = Clock::new(domain, problem, windows);
+    let timing = clock.limit(&mut task).and_then(|()| clock.timing(&task));
+    let Some(mut timing) = timing else { return false };
     let settings = Settings { improvement: Improvement::Brief, memory, work: WORK };
     let mut first = None;
     let end = solve(&task, settings, &mut |event| {
@@ -61,23 +66,17 @@ pub(super) fn plan(
     });
     let (Some(first), End::Solved) = (first, end) else { return false };
     // A plan that is made without a look at the clock may miss a window.
-    let mut best = report(&task, &timing, &first);
-    if let Some(plan) = best.as_ref().filter(|_| options.says_each()) {
-        found(plan);
-    }
+    let mut has_plan = false;
+    let mut tell = |plan: Option<Plan>| {
+        has_plan |= plan.is_some();
+        plan.iter().for_each(&mut *found);
+    };
+    tell(report(&task, &timing, &first));
     estimate(&mut task, &mut timing);
     let effort = Effort { first: WORK, better: if options.anytime { u64::MAX } else { HASTE } };
     let end = timing.schedule(&first).map(|(_, end)| end);
-    hasten(&task, &timing, end, effort, memory, &mut |steps| {
-        best = report(&task, &timing, steps);
-        if let Some(plan) = best.as_ref().filter(|_| options.says_each()) {
-            found(plan);
-        }
-    });
-    if let Some(plan) = best.as_ref().filter(|_| !options.says_each()) {
-        found(plan);
-    }
-    best.is_some()
+    hasten(&task, &timing, end, effort, memory, &mut |steps| tell(report(&task, &timing, steps)));
+    has_plan
 }
 
 /// Makes durations the costs of operators, in units of which the longest has [`FINENESS`].

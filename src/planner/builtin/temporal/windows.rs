@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use ferroplan::types::{Domain, Effect, Formula, Problem, Term, TimeSpec};
 
-use super::compress::{conjuncts, predicates};
+use super::compress::{changed, conjuncts, looks, predicates};
 
 /// Units of time in a second: plans are written in thousandths.
 pub(super) const UNITS: f64 = 1000.0;
@@ -65,7 +65,7 @@ impl<'a> Windows<'a> {
         let mut effects = effects.chain(domain.actions.iter().map(|action| &action.effect));
         conditions.all(|condition| {
             conjuncts(condition).into_iter().all(|part| matches!(part, Formula::Atom(..)) || !self.is_in(part))
-        }) && !effects.any(|effect| self.is_about(effect))
+        }) && !effects.any(|effect| self.is_touched(effect))
             && !self.is_in(&problem.goal)
     }
 
@@ -75,14 +75,10 @@ impl<'a> Windows<'a> {
         is_in
     }
 
-    fn is_about(&self, effect: &Effect) -> bool {
-        match effect {
-            Effect::Add(name, _) | Effect::Del(name, _) => self.predicates.contains(&name.as_str()),
-            Effect::Num(..) => false,
-            Effect::And(inner) => inner.iter().any(|part| self.is_about(part)),
-            Effect::When(condition, inner) => self.is_in(condition) || self.is_about(inner),
-            Effect::Forall(_, inner) => self.is_about(inner),
-        }
+    /// Whether an effect changes a timed fact, or depends on one.
+    fn is_touched(&self, effect: &Effect) -> bool {
+        changed(effect).iter().any(|name| self.predicates.contains(name))
+            || looks(effect, &|condition| self.is_in(condition))
     }
 
     /// The problem in which what holds at any time holds from the start.

@@ -152,10 +152,16 @@ impl Encoder<'_> {
         let mut numbers =
             Numbers { count: self.values.len(), uses: vec![Vec::new(); self.values.len()], ..Numbers::default() };
         for compared in ledger.comparisons.iter().filter(|compared| is_relevant[compared.atom as usize]) {
-            self.binary(compared.atom, &|_| None);
-            let [fact, _] = self.facts[compared.atom as usize];
+            let lacks = |variable: u32| ledger.lacks(variable);
+            let is_partial = compared.left.may_lack(&lacks) || compared.right.may_lack(&lacks);
+            let init = ledger.outcome(compared).map_or(if is_partial { 2 } else { 1 }, |holds| usize::from(!holds));
+            let fact = self.variable(vec![None; if is_partial { 3 } else { 2 }], init, false);
+            self.facts[compared.atom as usize] = [fact, fact + 1];
+            if is_partial {
+                numbers.undefined.push(fact + 2);
+            }
             let (left, right) = (self.renamed(&compared.left), self.renamed(&compared.right));
-            let comparison = Comparison { comparator: compared.comparator, left, right, fact };
+            let comparison = Comparison { comparator: compared.comparator, left, right, fact, is_partial };
             for variable in comparison.variables() {
                 numbers.uses[variable as usize].push(numbers.comparisons.len() as u32);
             }

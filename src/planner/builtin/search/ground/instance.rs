@@ -51,13 +51,6 @@ pub(super) struct Instances {
     pub(super) is_read: Vec<bool>,
 }
 
-impl Instances {
-    /// Whether a number that matters has no value at first.
-    pub(super) fn is_undefined(&self) -> bool {
-        self.ledger.init.iter().zip(&self.is_read).any(|(value, is_read)| *is_read && value.is_nan())
-    }
-}
-
 /// Instantiates all schemas, within so many bytes.
 pub(super) fn instantiate(reached: &mut Reached<'_>, atoms: &mut Atoms, memory: usize) -> Result<Instances, Refusal> {
     let lifted = reached.lifted;
@@ -98,9 +91,7 @@ pub(super) fn instantiate(reached: &mut Reached<'_>, atoms: &mut Atoms, memory: 
     }
     let ledger = std::mem::take(&mut atoms.ledger);
     for comparison in &ledger.comparisons {
-        let value = |variable: u32| ledger.init[variable as usize];
-        init[comparison.atom as usize] =
-            comparison.comparator.compare(comparison.left.value(&value), comparison.right.value(&value));
+        init[comparison.atom as usize] = ledger.outcome(comparison) == Some(true);
     }
     let is_hopeless = goals.is_empty();
     let goal = goals.into_iter().next().unwrap_or_default();
@@ -206,8 +197,12 @@ fn one(
             let condition = atoms.ground(reached, &effect.condition, &mut bound, &schema.slots);
             // An effect counts once, in whichever way its condition holds.
             let Some(condition) = atoms.alternatives(condition, 1).into_iter().next() else { continue };
-            // What has no value cannot be computed, nor can the action be applied.
-            let Some(amount) = atoms.ledger.expression(&effect.amount, &bound) else { return };
+            // What has no value cannot be computed, nor can the action be applied where the condition holds.
+            let amount = match atoms.ledger.expression(&effect.amount, &bound) {
+                Some(amount) => amount,
+                None if condition.is_empty() => return,
+                None => Expression::Number(f64::NAN),
+            };
             let variable = atoms.ledger.variable(effect.function, &effect.terms, &bound);
             amounts.push(NumericChange { condition, variable, change: effect.change, amount });
         }

@@ -83,6 +83,17 @@ impl Ledger {
         }
     }
 
+    /// Whether a variable has no value at first.
+    pub(super) fn lacks(&self, variable: u32) -> bool {
+        self.init[variable as usize].is_nan()
+    }
+
+    /// Whether a comparison holds at first; `None` where it cannot be computed.
+    pub(super) fn outcome(&self, compared: &Compared) -> Option<bool> {
+        let value = |variable: u32| self.init[variable as usize];
+        compared.comparator.outcome(compared.left.value(&value), compared.right.value(&value))
+    }
+
     /// Returns the atom of a comparison, which is `next` where it is a new one.
     pub(super) fn atom(&mut self, comparator: Comparator, left: Expression, right: Expression, next: u32) -> u32 {
         let mut key = vec![comparator as u64];

@@ -32,7 +32,7 @@ pub enum Ground {
 ///
 /// # Errors
 ///
-/// Where there are too many instances, too many parameters, numbers without a value, or axioms without an order.
+/// Where there are too many instances, too many parameters, or axioms without an order.
 pub fn ground(lifted: &Lifted, memory: usize, report: &mut dyn FnMut(&str, usize)) -> Result<Ground, Refusal> {
     let mut reached = reach::Reached::new(lifted, memory, report)?;
     let mut atoms = formula::Atoms::new(&reached);
@@ -43,9 +43,6 @@ pub fn ground(lifted: &Lifted, memory: usize, report: &mut dyn FnMut(&str, usize
     let is_relevant = simplify::simplify(&mut instances);
     if instances.is_hopeless {
         return Ok(Ground::GoalFalse);
-    }
-    if instances.is_undefined() {
-        return Err(Refusal::Undefined);
     }
     let groups = invariant::Finder::new(&reached, &atoms, &instances, &is_relevant).groups();
     let mut task = encode::encode(&reached, &atoms, &instances, &is_relevant, groups);

@@ -12,8 +12,6 @@ pub enum Refusal {
     },
     /// An action or a predicate has too many parameters.
     Wide,
-    /// A number that matters has no value at first.
-    Undefined,
     /// A derived predicate depends on its own negation.
     Circular,
 }

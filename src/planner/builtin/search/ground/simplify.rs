@@ -1,8 +1,9 @@
 //! Drops what is never applicable, what is always true, and what no goal depends on.
 
 use super::super::hash::NumberMap;
+use super::super::number;
 use super::formula::{GroundAxiom, Literal};
-use super::instance::Instances;
+use super::instance::{Instances, NumericChange, Operator};
 use super::ledger::Compared;
 
 /// Conjunctions of literals that lead to literals: a delete-relaxed task in which "not" can be reached as well.
@@ -60,6 +61,10 @@ impl Relaxed {
             is_certain[axiom.head as usize] = true;
             add(axiom.head << 1, &mut queue);
         }
+        // What cannot be computed does not hold, nor does its negation.
+        let ledger = &instances.ledger;
+        let undefined = ledger.comparisons.iter().filter(|compared| ledger.outcome(compared).is_none());
+        undefined.for_each(|compared| is_certain[compared.atom as usize] = true);
         for (atom, is_true) in instances.init.iter().enumerate() {
             if !is_certain[atom] {
                 add((atom as u32) << 1 | u32::from(!is_true), &mut queue);
@@ -139,6 +144,14 @@ fn constants(instances: &mut Instances) {
     trim(&mut instances.goal);
 }
 
+/// The changes of numbers that are not possible in every state.
+fn fallible<'i>(instances: &'i Instances, operator: &'i Operator) -> impl Iterator<Item = &'i NumericChange> {
+    let changes: Vec<_> =
+        operator.amounts.iter().map(|amount| (amount.variable, amount.change, &amount.amount)).collect();
+    let may_fail = number::fallible(&changes, &|variable| instances.ledger.lacks(variable));
+    operator.amounts.iter().zip(may_fail).filter_map(|(amount, may_fail)| may_fail.then_some(amount))
+}
+
 /// Which atoms the goal depends on; operators and changes that concern no such atom are dropped.
 fn relevant(instances: &mut Instances) -> Vec<bool> {
     let atoms = instances.init.len();
@@ -173,24 +186,34 @@ fn relevant(instances: &mut Instances) -> Vec<bool> {
     };
     add(&instances.goal, &mut queue);
     while let Some(atom) = queue.pop() {
+        let mut operators: Vec<u32> = Vec::new();
         for (number, place) in &changed_by[atom as usize] {
+            operators.push(*number);
             let operator = &instances.operators[*number as usize];
-            if !std::mem::replace(&mut is_done[*number as usize], true) {
-                add(&operator.condition, &mut queue);
-            }
             add(&operator.changes[*place as usize].condition, &mut queue);
         }
         let mut variables = compared_by.get(&atom).cloned().unwrap_or_default();
-        while let Some(variable) = variables.pop() {
+        loop {
+            for number in operators.drain(..) {
+                if std::mem::replace(&mut is_done[number as usize], true) {
+                    continue;
+                }
+                let operator = &instances.operators[number as usize];
+                add(&operator.condition, &mut queue);
+                // Whether these can be computed decides whether it is applicable.
+                for amount in fallible(instances, operator) {
+                    add(&amount.condition, &mut queue);
+                    variables.push(amount.variable);
+                    amount.amount.variables(&mut variables);
+                }
+            }
+            let Some(variable) = variables.pop() else { break };
             if std::mem::replace(&mut is_read[variable as usize], true) {
                 continue;
             }
             for (number, place) in &counted_by[variable as usize] {
-                let operator = &instances.operators[*number as usize];
-                if !std::mem::replace(&mut is_done[*number as usize], true) {
-                    add(&operator.condition, &mut queue);
-                }
-                let amount = &operator.amounts[*place as usize];
+                operators.push(*number);
+                let amount = &instances.operators[*number as usize].amounts[*place as usize];
                 add(&amount.condition, &mut queue);
                 amount.amount.variables(&mut variables);
             }
