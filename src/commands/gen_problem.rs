@@ -6,7 +6,7 @@ use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::at::AtArgs;
-use super::template::{TemplateArgs, is_template, read_domain, render_domain, report, request, warn};
+use super::template::{TemplateArgs, is_template, read_domain, render_domain, report, request, require, warn};
 use super::{Context, explanation, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -63,10 +63,13 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     }
     let request = request(template, &args.options, rendered.as_ref().map(|(_, request)| request), context)?;
     let generated = problem::generate(&request, &memory)?;
-    report(&generated, args.options.strict, &memory, context)?;
+    report(&generated, &memory, context);
     if let Some(domain) = &domain {
         let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
         warn(&generated.explain(problem.warnings().to_vec()), context);
+    }
+    if args.options.strict {
+        require(&generated)?;
     }
     if let Some(atom) = &args.explain {
         return explanation::print(atom, &generated, dialect, &memory, context);

@@ -9,7 +9,7 @@ use super::query::{argument, blame};
 use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::quantity;
+use crate::formats::{Diagnostic, quantity};
 use crate::memory::Memory;
 use crate::store::{Index, Namespace};
 
@@ -109,6 +109,11 @@ fn texts(args: &IndexArgs) -> Vec<(&'static str, &str)> {
     all.into_iter().filter_map(|(name, text)| Some((name, text.as_deref()?))).collect()
 }
 
+/// Says how weights are written.
+fn weigh(error: Diagnostic) -> Diagnostic {
+    error.hint("weights are those of fields: --weights '{name: 3}'; a field that is left out has 1")
+}
+
 /// The index that the arguments describe.
 fn index(args: &IndexArgs, keys: &str) -> Result<Index> {
     let mut index = Index::on(argument("<keys>", keys)?);
@@ -122,7 +127,7 @@ fn index(args: &IndexArgs, keys: &str) -> Result<Index> {
         index.other.insert("hidden", true);
     }
     if let Some(weights) = &args.weights {
-        index.other.insert("weights", argument("<weights>", weights)?);
+        index.other.insert("weights", argument("<weights>", weights).map_err(weigh)?);
     }
     if let Some(language) = &args.language {
         index.other.insert("default_language", language);

@@ -101,9 +101,12 @@ pub(super) fn render_domain(
     let template = context.read(path)?;
     let request = unchecked(template, &TemplateArgs { goal: None, ..options.clone() }, context)?;
     let generated = problem::generate(&request, memory)?;
-    report(&generated, options.strict, memory, context)?;
+    report(&generated, memory, context);
     let dialect = Dialect { lenient: options.lenient };
     generated.check_domain(dialect).map_err(Diagnostics)?;
+    if options.strict {
+        require(&generated)?;
+    }
     Ok((Source::new(request.template.name(), generated.text), request))
 }
 
@@ -158,9 +161,8 @@ fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
 }
 
 /// Reports how many documents each section of a template matched, under `-v`. One that matched none is a warning with
-/// the reason, or an error if `strict`; so is a collection that does not exist.
-pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
-    let mut empty = Vec::new();
+/// the reason; so is a collection that does not exist.
+pub(super) fn report(generated: &Generated, memory: &Memory, context: &mut Context<'_>) {
     let mut warned: Vec<&Namespace> = Vec::new();
     for section in &generated.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };
@@ -171,7 +173,6 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
             continue;
         }
         context.output.warn(&line);
-        empty.push(format!("{}: {}", section.place(), section.name));
         let is_warned = warned.contains(&&section.namespace);
         if !is_warned && context.output.shows_notes() {
             why(section, memory, context);
@@ -190,10 +191,16 @@ pub(super) fn report(generated: &Generated, strict: bool, memory: &Memory, conte
             missing::warn(namespace, memory, context);
         }
     }
-    if strict && !empty.is_empty() {
-        return Err(WrongInput::new(format!("sections that match no document: {}", empty.join("; "))).into());
+}
+
+/// Refuses what was made from sections of which one matched no document.
+pub(super) fn require(generated: &Generated) -> Result<()> {
+    let empty = generated.sections.iter().filter(|section| section.matched == 0);
+    let empty: Vec<String> = empty.map(|section| format!("{}: {}", section.place(), section.name)).collect();
+    if empty.is_empty() {
+        return Ok(());
     }
-    Ok(())
+    Err(WrongInput::new(format!("sections that match no document: {}", empty.join("; "))).into())
 }
 
 /// In larger collections, why a section matched nothing is looked into under `-v` only: a plan is not to wait for it.

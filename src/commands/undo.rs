@@ -75,6 +75,12 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
         memory.undo_unless_changed(&selection, last, &plan)?;
     }
     context.print_result(result(&plan))?;
+    if plan.changes > 0 && plan.documents.is_empty() {
+        let what = if plan.changes == 1 { "this change" } else { "these changes" };
+        let message = format!("the documents of {ns} are already what they were before {what}; nothing was done");
+        context.output.error(&message);
+        return Ok(Exit::No);
+    }
     if plan.changes == 0 {
         context.output.error(&format!("no change of {ns} is to be taken back"));
         return Ok(Exit::No);

@@ -2,7 +2,7 @@
 //!
 //! A key may say its type, as for `mongoimport --columnsHaveTypes`: `count.int32()`. Where it does not, a value is a number,
 //! true or false, a date with time and zone, JSON in braces or brackets, or else a text: what `--format csv` writes. A
-//! number may be spelled as for mongoimport (`+5`, `.5`, `5.`, `1e3`, `NaN`); one with zeros in front is a text. An empty value is left out. `pose.x` is the key `x` of the document at `pose`.
+//! number may be spelled as for mongoimport (`+5`, `.5`, `5.`, `1e3`, `NaN`, `-inf`); one with zeros in front is a text. An empty value is left out. `pose.x` is the key `x` of the document at `pose`.
 //! Quotes are those of RFC 4180; the parser is the crate `csv-core`.
 
 use base64::Engine as _;
@@ -191,11 +191,13 @@ fn guess(text: &str) -> Bson {
     found.unwrap_or_else(|| Bson::String(text.to_owned()))
 }
 
-/// The number that a text is, as for mongoimport: `5`, `+5`, `.5`, `5.`, `1e3`, `NaN`, `-Infinity`. One with zeros in front is
+/// The number that a text is, as for mongoimport: `5`, `+5`, `.5`, `5.`, `1e3`, `NaN`, `-inf`. One with zeros in front is
 /// a text (mongoimport takes `007` for 7, and so loses what postal codes and part numbers begin with).
 fn number(text: &str) -> Option<Bson> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
-    if matches!(unsigned, "NaN" | "Inf" | "Infinity") {
+    // In any case of the letters, as Go reads them; only the infinities have a sign.
+    let is_infinite = ["inf", "infinity"].iter().any(|name| unsigned.eq_ignore_ascii_case(name));
+    if is_infinite || text.eq_ignore_ascii_case("nan") {
         return text.parse().ok().map(Bson::Double);
     }
     let is_padded = matches!(unsigned.as_bytes(), [b'0', b'0'..=b'9', ..]);
@@ -296,14 +298,20 @@ mod tests {
             ("+.5e1", Bson::Double(5.0)),
             ("1e3", Bson::Double(1000.0)),
             ("-Infinity", Bson::Double(f64::NEG_INFINITY)),
+            ("-inf", Bson::Double(f64::NEG_INFINITY)),
+            ("INF", Bson::Double(f64::INFINITY)),
             ("0.5", Bson::Double(0.5)),
             ("0", Bson::Int32(0)),
             ("-3000000000", Bson::Int64(-3_000_000_000)),
         ] {
             assert_eq!(guess(text), wanted, "{text}");
         }
-        assert!(matches!(guess("NaN"), Bson::Double(number) if number.is_nan()));
+        for text in ["NaN", "nan"] {
+            assert!(matches!(guess(text), Bson::Double(number) if number.is_nan()), "{text}");
+        }
         for text in [
+            "-nan",
+            "infinite",
             "007",
             "-007",
             "+00.5",
@@ -318,7 +326,6 @@ mod tests {
             "2026-01-02",
             "0x10",
             "1_000",
-            "nan",
             " 5",
         ] {
             assert_eq!(guess(text), Bson::String(text.to_owned()));

@@ -211,7 +211,9 @@ impl Settings {
                 origin: below.place(paths),
             },
         );
-        let format = below.text(&file.format, "RMEM_FORMAT").map(|name| name.read(str::parse)).transpose()?;
+        // A wrong name is no obstacle where the flag overrules it.
+        let format = below.text(&file.format, "RMEM_FORMAT").filter(|_| flags.format.is_none());
+        let format = format.map(|name| name.read(str::parse)).transpose()?;
         let format = Setting::of(flag(format, "--format", flags.format));
         let log =
             below.text(&file.log, "RMEM_LOG").map(|path| path.map(PathBuf::from).located(|path| folder.join(path)));

@@ -75,6 +75,22 @@ fn credentials_are_never_shown() {
 }
 
 #[test]
+fn the_flag_overrules_a_format_of_the_environment_that_does_not_exist() {
+    let lab = Lab::new().env("RMEM_FORMAT", "xml");
+    assert_run!(lab.rmem(&["collections", "--memory", "mem:", "--format", "json"]), @r"
+    []
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["collections", "--memory", "mem:"]), @r"
+    ------- stderr -------
+    error: set by environment variable RMEM_FORMAT
+      caused by: unknown format `xml`; expected one of jsonl, json, canonical, table, csv, tsv, text, clips, ff, document, dot, svg, timeline, moveit, moveit-msg, mjcf, sdf, urdf, openrave
+    [exit code: 2]
+    ");
+}
+
+#[test]
 fn a_format_set_for_good_is_for_the_commands_that_have_it() {
     let lab = Lab::new().env("RMEM_FORMAT", "clips");
     lab.rmem(&["insert", "robmem.x", "{_id: 1}", "-q"]).success();

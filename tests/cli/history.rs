@@ -182,6 +182,13 @@ fn undo_that_would_overwrite_later_changes_says_which_and_needs_force() {
     assert_eq!(lab.rmem(&["query", NS, "{_id: 1}"]).success(), "{\"_id\":1,\"n\":2,\"m\":\"later\"}\n");
     lab.rmem(&["undo", NS, "--change", &position, "--force"]).success();
     assert_eq!(lab.rmem(&["query", NS, "{_id: 1}"]).success(), "{\"_id\":1,\"n\":1}\n");
+    // Another process may have taken it back meanwhile.
+    assert_run!(lab.rmem(&["undo", NS, "--change", &position]), @r#"
+    {"changes":1,"restored":0,"removed":0}
+    ------- stderr -------
+    error: the documents of robmem.worldmodel are already what they were before this change; nothing was done
+    [exit code: 1]
+    "#);
     let none = lab.rmem(&["undo", NS, "{_id: 77}"]).exits(1);
     assert!(none.stderr.contains("no change of robmem.worldmodel is to be taken back"), "{none}");
     let count = history(&lab, &[]).len();

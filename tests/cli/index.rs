@@ -296,3 +296,18 @@ fn wildcard_indexes_are_listed_and_answered_by_a_scan() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn weights_that_are_no_document_say_how_they_are_written() {
+    let lab = Lab::new();
+    let args = ["--memory", "mem:", "index", "robmem.objects", "{name: 'text'}", "--weights", "1.5"];
+    assert_run!(lab.rmem(&args), @r"
+    ------- stderr -------
+    error: <weights>:1:1: expected a document `{…}`, found a number
+      |
+    1 | 1.5
+      | ^^^
+      = hint: weights are those of fields: --weights '{name: 3}'; a field that is left out has 1
+    [exit code: 3]
+    ");
+}

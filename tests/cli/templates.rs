@@ -391,6 +391,114 @@ fn names_that_are_joined_by_blanks_are_names_of_their_own() {
 }
 
 #[test]
+fn what_cannot_be_joined_is_an_error_and_nothing_is_nothing() {
+    let lab = lab();
+    lab.write("w.json", r#"{"robmem.orders": [{"_id": 1, "at": "x", "names": []}]}"#);
+    let made = |template: &str| {
+        let template = format!("{{% set r = find_one('robmem.orders') %}}{template}");
+        rendered(&lab, &template, &["--load", "w.json"])
+    };
+    assert_run!(made("({{ r.nope|join(' ') }})"), @r#"
+    ------- stderr -------
+    error: t.j2:1:44: `r.nope` is undefined
+      |
+    1 | {% set r = find_one('robmem.orders') %}({{ r.nope|join(' ') }})
+      |                                            ^^^^^^
+      = hint: from document _id 1 of robmem.orders
+      = hint: it has the keys _id, at, names
+      = hint: where a document may lack it: {% if r.nope is defined %}, or r.get("nope")
+    [exit code: 3]
+    "#);
+    assert_run!(made("({{ [r.at, r.nope]|join('_') }})"), @r"
+    ------- stderr -------
+    error: t.j2:1:59: `join`: element 2 of the list is undefined
+      |
+    1 | {% set r = find_one('robmem.orders') %}({{ [r.at, r.nope]|join('_') }})
+      |                                                           ^^^^^^^^^
+    [exit code: 3]
+    ");
+    assert_run!(made("({{ r.at|join(' ') }})"), @r"
+    ------- stderr -------
+    error: t.j2:1:49: `join` is for a list, and this is a text
+      |
+    1 | {% set r = find_one('robmem.orders') %}({{ r.at|join(' ') }})
+      |                                                 ^^^^^^^^^
+      = hint: `split` makes a list of a text: {{ names|split|join(' ') }}
+    [exit code: 3]
+    ");
+    lab.write("t.j2", "({{ []|join(' ') }}{{ []|join }}{{ find_one('robmem.orders').names|join('_') }})");
+    let args = ["--memory", "mem:", "--load", "w.json", "gen-problem", "-t", "t.j2"];
+    assert_eq!(lab.rmem(&args).success(), "()");
+}
+
+#[test]
+fn filters_of_text_keep_names_apart() {
+    let lab = Lab::new();
+    lab.write("w.json", r#"{"robmem.orders": [{"_id": "r 1", "at": "b) (x"}, {"_id": "r2", "at": "B"}]}"#);
+    let made = |template: &str| {
+        lab.write("t.j2", template);
+        lab.rmem(&["--memory", "mem:", "--load", "w.json", "gen-problem", "-t", "t.j2", "-D", "n=A) (B"])
+    };
+    let each = "{% for r in query('robmem.orders') %}(at {{ r._id }} {{ r.at }} go on){% endfor %}";
+    let block = |filter: &str| format!("{{% filter {filter} %}}{each}{{% endfilter %}}{{% if n %}}{{% endif %}}");
+    for (filter, text) in [
+        ("upper", "(AT x--r_201--x x--b_29_20_28x--x GO ON)(AT r2 B GO ON)"),
+        ("title", "(At x--r_201--x x--b_29_20_28x--x Go On)(At r2 B Go On)"),
+        ("capitalize", "(at x--r_201--x x--b_29_20_28x--x go on)(at r2 B go on)"),
+        // What is replaced is text of the template, and no part of a value or its mark.
+        ("replace('0', '1')|replace('r', 'q')", "(at x--r_201--x x--b_29_20_28x--x go on)(at r2 B go on)"),
+        (
+            "replace('go on', n)",
+            "(at x--r_201--x x--b_29_20_28x--x x--_41_29_20_28_42--x)(at r2 B x--_41_29_20_28_42--x)",
+        ),
+        ("length", "35"),
+    ] {
+        assert_eq!(made(&block(filter)).success(), text, "{filter}");
+    }
+    assert_run!(made(&block("pprint")), @r"
+    ------- stderr -------
+    error: t.j2:1:1: the filters of this block make one value of its text
+      |
+    1 | {% filter pprint %}{% for r in query('robmem.orders') %}(at {{ r._id }} {{ r.at }} go on){% endfor %
+      | ^^^^^^^^^^^^^^^^^^^
+      = hint: upper, lower, capitalize, title, trim, replace and indent leave text what it is; any other is for values: {{ name|filter }}
+    [exit code: 3]
+    ");
+    for (template, message) in [
+        ("{% set text %}{{ n }}{% endset %}({{ text|first }})", "t.j2:1:35: a filter took rendered text apart"),
+        ("({{ [n, 'b']|upper }})", "t.j2:1:14: `upper` is for a text, and this is a list"),
+    ] {
+        let stderr = made(template).exits(3).stderr;
+        assert!(stderr.contains(message), "{stderr}");
+    }
+}
+
+#[test]
+fn strict_does_not_hide_what_is_wrong_with_the_problem() {
+    let lab = lab();
+    lab.write("w.json", r#"{"robmem.orders": [{"_id": 1}]}"#);
+    let template = within_init("{% for r in query('robmem.orders', {'at': 1}) %}{% endfor %}(idel b)");
+    assert_run!(rendered(&lab, &template, &["--load", "w.json", "--strict"]), @r#"
+    ------- stderr -------
+    warning: line 3: query('robmem.orders', {'at': 1}) in robmem.orders: 0 documents
+      robmem.orders: 1 document, 0 match
+        alone  together  condition
+            0         0  {"at":1}
+                         no document has the key `at`; there are _id
+    error: t.j2:3:62: predicate `idel` is not declared
+      |
+    3 | {% for r in query('robmem.orders', {'at': 1}) %}{% endfor %}(idel b)
+      |                                                              ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 3 of the problem: (idel b)
+    [exit code: 3]
+    "#);
+    let plan = ["plan", "--memory", "mem:", "--load", "w.json", "-t", "t.j2", "-d", "d.pddl", "--strict"];
+    let stderr = lab.rmem(&plan).exits(3).stderr;
+    assert!(stderr.contains("`idel` is not declared") && !stderr.contains("sections that match"), "{stderr}");
+}
+
+#[test]
 fn a_template_that_is_not_there_is_an_error_that_names_those_that_are() {
     let lab = Lab::new();
     lab.write("common.j2", "x");
@@ -635,18 +743,17 @@ fn mistakes_in_text_that_filters_and_variables_write_are_at_their_own_places() {
       = hint: it became line 6 of the problem: (idel b) (idelx b)
     [exit code: 3]
     ");
-    // One value for PDDL, since this filter takes the text for a value.
-    let title = "{% filter title %}(idle b){% endfilter %}";
-    assert_run!(rendered(&lab(), &within_init(title), &[]), @r#"
+    let title = "{% filter title %}(idle b) (idel b){% endfilter %}";
+    assert_run!(rendered(&lab(), &within_init(title), &[]), @r"
     ------- stderr -------
-    error: t.j2:3:1: in `:init`: expected a condition, found `(Idle B)`
+    error: t.j2:3:29: predicate `Idel` is not declared
       |
-    3 | {% filter title %}(idle b){% endfilter %}
-      | ^^^^^^^^^^^^^^^^^^
-      = hint: this is written (:init (NAME OBJECT …) (= (FUNCTION OBJECT …) NUMBER) …)
-      = hint: it became line 3 of the problem: "(Idle B)"
+    3 | {% filter title %}(idle b) (idel b){% endfilter %}
+      |                             ^^^^
+      = hint: did you mean `idle`?
+      = hint: it became line 3 of the problem: (Idle B) (Idel B)
     [exit code: 3]
-    "#);
+    ");
 }
 
 #[test]
@@ -673,6 +780,20 @@ fn what_other_languages_write_gets_a_hint() {
         (
             &format!("{orders}{{{{ r.at-x }}}}{{% endfor %}}"),
             "a key with a hyphen is written r[\"at-x\"], or r.at_x; `-` subtracts".to_owned(),
+        ),
+        (
+            &format!("{orders}{{{{ r.name-x }}}}{{% endfor %}}"),
+            "`-` subtracts; a text behind it is written r.name ~ \"-x\"".to_owned(),
+        ),
+        (
+            &format!("{orders}{{{{ r.name-r.x-1 }}}}{{% endfor %}}"),
+            "from document _id 1 of robmem.orders\nit has the keys _id, name, at-x\nwhere a document may lack it: \
+             {% if r.x is defined %}, or r.get(\"x\")"
+                .to_owned(),
+        ),
+        (
+            "{% for r in query('robmem.orders', {name: 'o1'}) %}{% endfor %}",
+            "a key is written in quotes: {'at': 'x'}, or all as one text: \"{at: 'x'}\"".to_owned(),
         ),
         (
             "{% for r in query(\"db.orders.find({team: 'CYAN'})\") %}{% endfor %}",

@@ -329,7 +329,16 @@ fn a_plan_reads_alike_from_a_file_and_from_a_planner() {
         (whole.repeat(2), "the plan is valid, value 8"),
         (numbered.repeat(2), "the plan is valid, value 8"),
         (timed.repeat(2), "the plan is valid, makespan 8"),
-        (format!("{ff}{numbered}"), "the plan is valid, value 10"),
+        // Of several plans, the last counts, in whichever spelling.
+        (format!("{ff}{numbered}"), "the plan is valid, value 8"),
+        (format!("{ff}{whole}"), "the plan is valid, value 8"),
+        (format!("{log}{ff}"), "the plan is valid, value 10"),
+        (format!("{log}(drop)\n"), "the plan is invalid"),
+        (format!("{log}0: drop\n"), "the plan is invalid"),
+        (format!("{log}{timed}"), "the plan is valid, makespan 8"),
+        (format!("{}\n(drop)\n", logged.join("\n")), "the plan is invalid: step 1"),
+        (format!("{log}3: drop\n"), "expected a step like those before, or step 0 of another plan"),
+        (format!("; Plan found with metric 8\n{timed}9.000: drop\n"), "found a step without brackets"),
         // The same steps again, with nothing between, may be meant.
         (bare.repeat(2), "the plan is invalid: step 9"),
         (gap, "out:5:1: expected step 3, found step 4; lines of the plan are missing"),

@@ -108,9 +108,9 @@ impl SectionCounts {
             Ok(task) => task.generated.as_ref(),
             Err(error) => error.generated(),
         };
-        match (generated, self) {
-            (None, _) | (_, Self::Silent) => Ok(()),
-            (Some(generated), _) => template::report(generated, self == Self::Required, memory, context),
-        }
+        let Some(generated) = generated.filter(|_| self != Self::Silent) else { return Ok(()) };
+        template::report(generated, memory, context);
+        // What is wrong with the problem is said instead.
+        if self == Self::Required && task.is_ok() { template::require(generated) } else { Ok(()) }
     }
 }

@@ -3,7 +3,7 @@
 use super::file::read_plan;
 use super::printed::{Dialect, dialect};
 use super::transcript::{Transcript, Verdict};
-use super::{downward, ff, temporal};
+use super::{behind, downward, ff, temporal};
 use crate::formats::Source;
 
 /// Reads a run of any planner: the plan files that it left, the last of them the best, its exit code, and what it printed.
@@ -19,7 +19,7 @@ pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> 
         }
     };
     if told.verdict == Verdict::Plan {
-        return told;
+        return if plans.is_empty() { behind::last_of_run(stdout, told) } else { told };
     }
     let file = |source: &Source| read_plan(source).ok().filter(|plan| !plan.actions.is_empty() || plan.cost.is_some());
     let stdout = Source::new("<stdout>", stdout);

@@ -22,16 +22,21 @@ pub struct Steps {
     pub actions: Vec<Action>,
     /// What `; cost = N` says; a file without that line may be truncated.
     pub cost: Option<f64>,
+    /// Whether they are spelled as in a log.
+    is_logged: bool,
 }
 
 impl Steps {
-    /// Takes a part of a line. What follows the cost of a plan is another plan.
+    /// Takes a part of a line. What follows the cost of a plan is another plan, and so are steps of a plan file behind those of
+    /// a log, or the other way round.
     fn take(&mut self, part: Pair<'_, Rule>, line: Line<'_>) {
         match part.as_rule() {
             Rule::step | Rule::logged => {
-                if self.cost.take().is_some() {
+                let is_logged = part.as_rule() == Rule::logged;
+                if self.cost.take().is_some() || self.is_logged != is_logged {
                     self.actions.clear();
                 }
+                self.is_logged = is_logged;
                 self.actions.extend(action(part, line));
             }
             Rule::cost => self.cost = number(part),
@@ -103,11 +108,14 @@ pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> 
 
 /// Reads what Fast Downward printed, by itself: the last plan that it found.
 pub(super) fn printed(stdout: &str) -> Transcript {
-    let last = stdout.rfind("Solution found!").and_then(|start| stdout.get(start..));
+    let start = stdout.rfind("Solution found!");
+    let last = start.and_then(|start| stdout.get(start..));
+    let lines_before = start.and_then(|start| stdout.get(..start)).map_or(0, |before| before.matches('\n').count());
     let plan = last.and_then(|rest| logged(rest.find("Plan length:").and_then(|end| rest.get(..end)).unwrap_or(rest)));
     let mut transcript = Transcript::unclear();
     match plan.or_else(|| last.map(|_| Steps::default())) {
-        Some(steps) => {
+        Some(mut steps) => {
+            steps.actions.iter_mut().for_each(|action| action.line += lines_before);
             found(&mut transcript, steps);
             let cost = last.and_then(|rest| rest.split("Plan cost:").nth(1));
             transcript.cost = cost.and_then(|rest| rest.split_whitespace().next()?.parse().ok());
@@ -134,7 +142,7 @@ fn take_plan(transcript: &mut Transcript, plans: &[Source], stdout: &str) {
     }
     // The log of a search may have a plan file behind it, or several plans.
     let last = Some(printed(stdout)).filter(|printed| printed.verdict == Verdict::Plan);
-    let last = last.map(|printed| Steps { actions: printed.actions, cost: printed.cost });
+    let last = last.map(|printed| Steps { actions: printed.actions, cost: printed.cost, ..Steps::default() });
     match (broken, last.or_else(|| logged(stdout))) {
         (None, Some(steps)) => found(transcript, steps),
         (Some(error), _) => {
@@ -184,6 +192,12 @@ fn logged(stdout: &str) -> Option<Steps> {
         }
     }
     seen.then_some(steps)
+}
+
+/// Whether a line has steps as in a plan file, or is one as Fast Downward logs it.
+pub(super) fn is_step(text: &str) -> bool {
+    let parsed = Grammar::parse(Rule::line, text).into_iter().flatten().flat_map(Pair::into_inner);
+    parsed.into_iter().any(|part| part.as_rule() == Rule::step) || Grammar::parse(Rule::logged, text).is_ok()
 }
 
 /// What the log says last, without what it says of itself.

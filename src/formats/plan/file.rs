@@ -1,7 +1,7 @@
 //! Plan files, in whichever of the three spellings.
 
 use super::transcript::{Action, Transcript, Verdict};
-use super::{downward, ff, lines, temporal};
+use super::{behind, downward, ff, lines, temporal};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// How a plan file is spelled.
@@ -36,12 +36,13 @@ pub struct PlanFile {
 ///
 /// What is not a step, at its place; output of a planner in which there is no plan.
 pub fn read_plan(source: &Source) -> Result<PlanFile, Diagnostic> {
-    match plan_file(source) {
+    let plan = match plan_file(source) {
         // FF's plan with a line missing.
         Err(error) if source.text().lines().any(ff::is_found) => Err(error),
         Err(error) => printed(source).unwrap_or(Err(error)),
         plan => plan,
-    }
+    }?;
+    if plan.is_printed { behind::last(source, plan) } else { Ok(plan) }
 }
 
 /// The plan in the output of a planner, where the text is that.
@@ -59,7 +60,8 @@ fn printed(source: &Source) -> Option<Result<PlanFile, Diagnostic>> {
     Some(Ok(PlanFile { spelling, actions, cost, is_printed: true }))
 }
 
-fn plan_file(source: &Source) -> Result<PlanFile, Diagnostic> {
+/// A text that is a plan file, or what FF prints.
+pub(super) fn plan_file(source: &Source) -> Result<PlanFile, Diagnostic> {
     match spelling(source.text()) {
         Spelling::Ff => read_ff(source),
         Spelling::Ipc => {
@@ -122,7 +124,7 @@ fn read_ff(source: &Source) -> Result<PlanFile, Diagnostic> {
 }
 
 /// Complains about a line.
-fn wrong(source: &Source, line: lines::Line<'_>, message: &str) -> Diagnostic {
+pub(super) fn wrong(source: &Source, line: lines::Line<'_>, message: &str) -> Diagnostic {
     let text = line.text.trim();
     let start = line.offset + line.text.len() - line.text.trim_start().len();
     Diagnostic::new(source, Span::new(start, start + text.len()), message)

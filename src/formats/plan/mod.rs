@@ -14,6 +14,7 @@ pub mod downward;
 pub mod ff;
 pub mod temporal;
 
+mod behind;
 mod file;
 mod lines;
 mod printed;

@@ -33,6 +33,8 @@ pub(super) fn dialect(text: &str) -> Option<Dialect> {
     let has = |beginnings: &[&str]| {
         text.lines()
             .map(|line| line.trim_start().get(..32.min(line.trim_start().len())).unwrap_or_default().to_lowercase())
+            // `b (1)` is a step of an action `b`.
+            .filter(|line| !line.starts_with("b (") || line.contains('|'))
             .any(|line| beginnings.iter().any(|beginning| line.starts_with(beginning)))
     };
     if has(&TEMPORAL) {

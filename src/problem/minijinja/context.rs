@@ -9,6 +9,7 @@ use bson::{Bson, Document, RawDocumentBuf};
 use minijinja::value::{Value, ValueKind};
 use minijinja::{Error, ErrorKind, Output};
 
+use super::casing::is_cut;
 use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
 use crate::formats::{Source, Span, shell};
 use crate::problem::answer::{Answer, Asker, Question};
@@ -240,6 +241,9 @@ impl Context {
             };
         }
         match value.kind() {
+            ValueKind::String if value.as_str().is_some_and(is_cut) => {
+                Err(invalid("a filter took rendered text apart; apply it to the values before they are rendered"))
+            }
             ValueKind::String => Ok((self.plain(value.as_str().unwrap_or_default()), false)),
             ValueKind::Bool => Ok((if value.is_true() { "true" } else { "false" }.to_owned(), false)),
             ValueKind::Number if value.is_integer() => Ok((value.to_string(), true)),

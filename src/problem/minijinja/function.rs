@@ -7,6 +7,7 @@ use minijinja::value::{Kwargs, Rest, Value, ValueKind};
 use minijinja::{Environment, Error, ErrorKind, State};
 
 use super::call::Call;
+use super::casing;
 use super::context::{Context, Tally, invalid};
 use super::documents::{Documents, Selection};
 use super::join::join;
@@ -109,6 +110,12 @@ pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>
     environment.add_filter(super::instrument::AT, move |value: Value, site: usize| {
         shared.set_site(site);
         value
+    });
+    casing::register(environment, context);
+    let shared = Arc::clone(context);
+    environment.add_filter(super::instrument::BLOCK, move |value: Value, site: usize| {
+        shared.set_site(site);
+        casing::block(&shared, value)
     });
     let shared = Arc::clone(context);
     environment.add_filter("number", move |value: Value, digits: Option<u32>| number(&shared, &value, digits));

@@ -4,7 +4,7 @@ use minijinja::{Error, ErrorKind};
 
 use super::method::METHODS;
 use super::value::Missing;
-use crate::formats::nearest;
+use crate::formats::{is_alike, nearest};
 use crate::problem::origin::from_document;
 
 /// The functions of templates.
@@ -133,11 +133,13 @@ pub(super) struct Mistake<'a> {
     pub(super) code: &'a str,
     /// The key that the document in the expression does not have.
     pub(super) missing: Option<&'a Missing>,
+    /// The keys of the document that was looked at last.
+    pub(super) keys: &'a [String],
 }
 
 /// What to do about a mistake, each a hint of its own.
 pub(super) fn hints(mistake: &Mistake<'_>) -> Vec<String> {
-    let Mistake { error, template, expression, code, missing } = mistake;
+    let Mistake { error, template, expression, code, missing, keys } = mistake;
     let detail = error.detail().unwrap_or_default();
     if let Some(Hint(hint)) = std::error::Error::source(error).and_then(|source| source.downcast_ref()) {
         return vec![hint.clone()];
@@ -160,7 +162,15 @@ pub(super) fn hints(mistake: &Mistake<'_>) -> Vec<String> {
         }
         ErrorKind::UndefinedError if CLOCKS.contains(expression) => vec![clock()],
         ErrorKind::UndefinedError => missing.map(|missing| key(missing, expression)).unwrap_or_default(),
-        ErrorKind::InvalidOperation if detail.contains("use - operator") => subtraction(code).into_iter().collect(),
+        ErrorKind::InvalidOperation if detail.contains("use - operator") => {
+            // `r.at-r.x`: the key that is not there.
+            let operand = detail.rsplit_once("(`").and_then(|(_, rest)| rest.strip_suffix("` is undefined)"));
+            let missed = missing.zip(operand.filter(|operand| operand.contains('.')));
+            match missed.map(|(missing, operand)| key(missing, operand)) {
+                Some(hints) => hints,
+                None => subtraction(code, keys).into_iter().collect(),
+            }
+        }
         _ => Vec::new(),
     }
 }
@@ -188,13 +198,20 @@ fn called_length(detail: &str) -> bool {
     name.is_some_and(|name| LENGTHS.contains(&name))
 }
 
-/// The way to write a key with a hyphen, where `code` begins like one that was read as a subtraction: `r.at-x`.
-fn subtraction(code: &str) -> Option<String> {
+/// The way to write a key with a hyphen, where `code` begins like one that was read as a subtraction: `r.at-x`. Where the
+/// document has no such key, but the part of it before the hyphen, the way to write text behind that. `keys` are those of
+/// the document.
+fn subtraction(code: &str, keys: &[String]) -> Option<String> {
     let end = code.find(|c: char| !c.is_alphanumeric() && !matches!(c, '_' | '.' | '-')).unwrap_or(code.len());
     let path = code.get(..end)?.trim_end_matches('-');
     let (owner, key) = path.rsplit_once('.').filter(|(owner, _)| !owner.contains('-'))?;
     let is_hyphened = key.contains('-') && !key.starts_with(|c: char| c.is_numeric()) && !key.contains("--");
     let respelled = key.replace('-', "_");
+    let (base, rest) = key.split_at_checked(key.find('-')?)?;
+    let has = |key: &str| keys.iter().any(|known| is_alike(known, key));
+    if is_hyphened && has(base) && !has(key) {
+        return Some(format!("`-` subtracts; a text behind it is written {owner}.{base} ~ \"{rest}\""));
+    }
     is_hyphened
         .then(|| format!("a key with a hyphen is written {owner}[\"{key}\"], or {owner}.{respelled}; `-` subtracts"))
 }

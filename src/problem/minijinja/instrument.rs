@@ -5,7 +5,7 @@
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
 //! Fixed text gets a mark, `OPEN-nCLOSE`, in front of its first character that is no white space. A `{% filter x %}` becomes
-//! `{% filter x|_at(n) %}`.
+//! `{% filter x|_block(n) %}`.
 
 use std::collections::HashSet;
 
@@ -19,6 +19,9 @@ pub(in crate::problem) const PLACED: [&str; 5] = ["query", "find_one", "count", 
 
 /// The filter that gets its place.
 pub(super) const AT: &str = "_at";
+
+/// The same, for a `{% filter %}` block: its text has to remain text.
+pub(super) const BLOCK: &str = "_block";
 
 /// The places that have a number, in all texts.
 #[derive(Debug, Default)]
@@ -120,7 +123,7 @@ fn expression(template: &str, tag: Span, numbered: &mut Numbered, result: &mut I
     result.text.push_str(&text[close..]);
 }
 
-/// `{% filter x %}` to `{% filter x|_at(n) %}`.
+/// `{% filter x %}` to `{% filter x|_block(n) %}`.
 fn filter(template: &str, tag: Span, numbered: &mut Numbered, result: &mut Instrumented) {
     let site = numbered.sites.len();
     numbered.sites.push(Span::new(result.base + tag.start, result.base + tag.end));
@@ -130,7 +133,7 @@ fn filter(template: &str, tag: Span, numbered: &mut Numbered, result: &mut Instr
         return result.text.push_str(text);
     };
     calls(template, Span::new(tag.start, tag.start + code.len()), numbered, result);
-    result.insert(&format!("|{AT}({site})"));
+    result.insert(&format!("|{BLOCK}({site})"));
     result.text.push_str(&text[code.len()..]);
 }
 
@@ -207,7 +210,7 @@ mod tests {
             ("{% if doc.count (1) or x|count() %}", "{% if doc.count (1) or x|count() %}"),
             ("{{ count() }}", "{{( count(1) )|_at(0)}}"),
             ("{% raw %}{{ x }}{% endraw %}{# {{ x }} #}", "{% raw %}<-0>{{ x }}{% endraw %}{# {{ x }} #}"),
-            ("{%- filter f(1) -%}a{% endfilter %}", "{%- filter f(1)|_at(0) -%}a{% endfilter %}"),
+            ("{%- filter f(1) -%}a{% endfilter %}", "{%- filter f(1)|_block(0) -%}a{% endfilter %}"),
             ("{% filter %}a{% endfilter %}", "{% filter %}a{% endfilter %}"),
             ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}} )|_at(0)}}"),
             ("{{ 'count(' }}", "{{( 'count(' )|_at(0)}}"),

@@ -1,9 +1,10 @@
 //! The filter `join`: names apart from each other, each spelled safely.
 
-use minijinja::value::{Kwargs, Value};
-use minijinja::{Error, State};
+use minijinja::value::{Kwargs, Value, ValueKind};
+use minijinja::{Error, ErrorKind, State};
 
 use super::context::{Context, invalid};
+use super::hint::Hint;
 
 /// Joins values: by white space, they stay apart; by anything else, they become one text.
 pub(super) fn join(
@@ -19,18 +20,33 @@ pub(super) fn join(
     };
     let attribute = named.get::<Option<String>>("attribute")?;
     named.assert_all_used()?;
+    match value.kind() {
+        ValueKind::Undefined => return Err(Error::from(ErrorKind::UndefinedError)),
+        ValueKind::String => {
+            let hint = Hint("`split` makes a list of a text: {{ names|split|join(' ') }}".to_owned());
+            return Err(invalid("`join` is for a list, and this is a text").with_source(hint));
+        }
+        _ => {}
+    }
     let elements = value
         .try_iter()
         .map_err(|error| invalid(format!("cannot join a value of type {}", value.kind())).with_source(error))?;
     let mut values = Vec::new();
     for element in elements.checked() {
         let element = element?;
-        values.push(match &attribute {
+        let value = match &attribute {
             Some(path) => path.split('.').try_fold(element, |value, key| value.get_attr(key))?,
             None => element,
-        });
+        };
+        if value.is_undefined() {
+            let of = attribute.as_deref().map(|path| format!("`{path}` of ")).unwrap_or_default();
+            let message = format!("`join`: {of}element {} of the list is undefined", values.len() + 1);
+            return Err(Error::new(ErrorKind::UndefinedError, message));
+        }
+        values.push(value);
     }
-    let is_apart = values.len() > 1 && !between.is_empty() && between.trim().is_empty();
+    // No names at all are nothing, and not one name that is empty.
+    let is_apart = values.is_empty() || values.len() > 1 && !between.is_empty() && between.trim().is_empty();
     if values.iter().any(Value::is_safe) && !is_apart {
         // What a macro wrote has its values in it already.
         let mut text = String::new();

@@ -11,15 +11,13 @@ const MAX_TEXT: usize = 64 << 20;
 /// What is wrong with the arguments of a filter, its value the first.
 type Check = fn(&[Value]) -> Result<(), String>;
 
-/// Puts bounds on the filters `format`, `indent`, `batch`, `slice` and `replace`.
+/// Puts bounds on the filters `format`, `indent`, `batch` and `slice`.
 pub(super) fn register(environment: &mut Environment<'_>) {
     environment.add_filter(original("format"), filters::format);
     environment.add_filter(original("indent"), filters::indent);
     environment.add_filter(original("batch"), filters::batch);
     environment.add_filter(original("slice"), filters::slice);
-    environment.add_filter(original("replace"), filters::replace);
-    let checks: [(&str, Check); 5] =
-        [("format", widths), ("indent", counts), ("batch", counts), ("slice", counts), ("replace", length)];
+    let checks: [(&str, Check); 4] = [("format", widths), ("indent", counts), ("batch", counts), ("slice", counts)];
     for (name, check) in checks {
         environment.add_filter(name, move |state: &mut State<'_, '_>, arguments: Rest<Value>| {
             check(&arguments).map_err(|wrong| Error::new(ErrorKind::InvalidOperation, wrong))?;
@@ -60,13 +58,12 @@ fn counts(arguments: &[Value]) -> Result<(), String> {
     }
 }
 
-/// The length of what is put in, all together.
-fn length(arguments: &[Value]) -> Result<(), String> {
-    let text = |index: usize| arguments.get(index).and_then(Value::as_str).unwrap_or_default();
-    let (whole, old, new) = (text(0), text(1), text(2));
+/// Refuses to put a text in place of another where all together would be too long.
+pub(super) fn replacing(whole: &str, old: &str, new: &str) -> Result<(), Error> {
     match whole.matches(old).count().saturating_mul(new.len()) {
         size if size > MAX_TEXT => {
-            Err(format!("the replaced text would have {size} bytes; expected at most {MAX_TEXT}"))
+            let message = format!("the replaced text would have {size} bytes; expected at most {MAX_TEXT}");
+            Err(Error::new(ErrorKind::InvalidOperation, message))
         }
         _ => Ok(()),
     }

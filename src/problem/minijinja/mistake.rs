@@ -9,6 +9,38 @@ use super::{blocks, hint};
 use crate::formats::{Diagnostic, Span};
 use crate::problem::ProblemError;
 
+/// Whether an error says that a value is undefined, and no more.
+fn is_bare_undefined(error: &Error) -> bool {
+    error.kind() == ErrorKind::UndefinedError && error.detail().is_none()
+}
+
+/// Where the value is that the filter `join` at `span` is for; the filter where it is none.
+fn joined(template: &str, span: Span) -> Span {
+    let is_join = template.get(span.start..span.end).is_some_and(|filter| filter.starts_with("join"));
+    let before = template.get(..span.start).filter(|_| is_join).unwrap_or_default().trim_end();
+    let Some(value) = before.strip_suffix('|').map(str::trim_end) else { return span };
+    let (mut depth, mut quote, mut start) = (0_usize, None, 0);
+    for (at, c) in value.char_indices().rev() {
+        match (quote, c) {
+            (Some(open), _) if open == c => quote = None,
+            (Some(_), _) => {}
+            (None, '"' | '\'') => quote = Some(c),
+            (None, ')' | ']' | '}') => depth += 1,
+            (None, '(' | '[' | '{') if depth > 0 => depth -= 1,
+            (None, '(' | '[' | '{' | ',' | '=' | '~' | '+') if depth == 0 => {
+                start = at + c.len_utf8();
+                break;
+            }
+            (None, _) if depth == 0 && c.is_whitespace() => {
+                start = at + c.len_utf8();
+                break;
+            }
+            _ => {}
+        }
+    }
+    Span::new(start, value.len())
+}
+
 /// What went wrong, at its place in the template as it was written.
 pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> ProblemError {
     // The innermost error knows the place; the ones around it say which block or macro it was in.
@@ -32,6 +64,7 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         span = around.min_by_key(|site| site.end - site.start).copied().unwrap_or(span);
     }
     let span = Span::new(span.start - base, span.end.saturating_sub(base));
+    let span = if is_bare_undefined(innermost) { joined(template.text(), span) } else { span };
     if let Some(failure) = context.failure() {
         return ProblemError::store(template, span, failure);
     }
@@ -66,7 +99,9 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         kind => format!("{kind}: {detail}"),
     };
     let code = template.text().get(span.start..).unwrap_or_default();
-    let mistake = Mistake { error: innermost, template: template.text(), expression, code, missing: missing.as_ref() };
+    let keys = context.looked.keys();
+    let missing = missing.as_ref();
+    let mistake = Mistake { error: innermost, template: template.text(), expression, code, missing, keys: &keys };
     let hints = hint::hints(&mistake);
     let diagnostic = Diagnostic::new(template, span, message);
     ProblemError::Template(hints.into_iter().fold(diagnostic, Diagnostic::hint))

@@ -3,6 +3,7 @@
 mod blocks;
 mod bound;
 mod call;
+mod casing;
 mod context;
 mod documents;
 mod files;
@@ -96,6 +97,13 @@ pub(super) fn taken(request: &Request) -> Taken {
         };
         all.names.extend(template.undeclared_variables(false));
         for tag in tags::tags(source.text()) {
+            if tag.word() == "filter" {
+                // The engine does not list these; its arguments are in brackets.
+                let at = tag.code().find('(').unwrap_or(tag.code().len());
+                let arguments = tag.words().into_iter().filter(|(start, _)| *start > at);
+                let names = arguments.filter(|(_, word)| !word.starts_with(|c: char| c.is_ascii_digit()));
+                all.names.extend(names.map(|(_, word)| word.to_owned()));
+            }
             for (at, _) in tag.words().into_iter().filter(|(_, word)| *word == "param") {
                 let rest = tag.code().get(at + "param".len()..).unwrap_or_default().trim_start();
                 let argument = rest.strip_prefix('(').unwrap_or(rest).trim_start();

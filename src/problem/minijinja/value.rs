@@ -10,6 +10,7 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use minijinja::value::{DynObject, Enumerator, Object, ObjectRepr, Value, ValueKind};
 use minijinja::{Error, ErrorKind};
 
+use super::hint::Hint;
 use crate::formats::{Respelled, is_alike, shell};
 use crate::problem::origin::{DocumentId, document_id};
 use crate::store::{Namespace, metadata};
@@ -81,6 +82,13 @@ impl Looked {
     /// Whether the number was seen with 64 bits.
     pub(super) fn is_long(&self, number: i64) -> bool {
         self.longs.lock().unwrap_or_else(PoisonError::into_inner).contains(&number)
+    }
+
+    /// The keys of the document that was looked at last.
+    pub(super) fn keys(&self) -> Vec<String> {
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let entries = last.iter().flat_map(|root| root.raw.iter()).filter_map(Result::ok);
+        entries.map(|(key, _)| key.as_str().to_owned()).collect()
     }
 
     /// The last document's `_id`; nothing the next time.
@@ -286,6 +294,12 @@ fn nested(value: &Value, plain: &dyn Fn(&str) -> String, depth: usize) -> Result
             let mut document = Document::new();
             for key in value.try_iter()?.checked() {
                 let key = key?;
+                if key.is_undefined() {
+                    let hint =
+                        Hint("a key is written in quotes: {'at': 'x'}, or all as one text: \"{at: 'x'}\"".to_owned());
+                    let message = "a key of the query is a variable that is undefined";
+                    return Err(Error::new(ErrorKind::InvalidOperation, message).with_source(hint));
+                }
                 document.insert(key.to_string(), nested(&value.get_item(&key)?, plain, depth + 1)?);
             }
             Ok(Bson::Document(document))
