@@ -55,6 +55,35 @@ fn a_pipeline_does_not_leave_its_store() {
 }
 
 #[test]
+fn a_stage_with_two_keys_is_refused_wherever_it_stands() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "-q", "robmem.a", "{_id: 1}", "{_id: 2}"]).success();
+    let two = "{$match: {}, $limit: 1}";
+    for pipeline in [
+        format!("[{two}]"),
+        format!("[{{$match: {{}}}}, {two}]"),
+        "[{$limit: 1, $match: {}}]".to_owned(),
+        format!("[{{$lookup: {{from: 'a', pipeline: [{two}], as: 'x'}}}}]"),
+        format!("[{{$lookup: {{from: 'a', pipeline: [{{$match: {{}}}}, {two}], as: 'x'}}}}]"),
+        format!("[{{$unionWith: {{coll: 'a', pipeline: [{two}]}}}}]"),
+        format!("[{{$facet: {{x: [{two}]}}}}]"),
+        format!("[{{$match: {{}}}}, {{$facet: {{x: [{{$unionWith: {{coll: 'a', pipeline: [{two}]}}}}]}}}}]"),
+    ] {
+        let errors = lab.rmem(&["aggregate", "robmem.a", &pipeline]).stderr;
+        assert!(
+            errors.contains("a pipeline stage specification object must contain exactly one field"),
+            "{pipeline}: {errors}"
+        );
+    }
+    lab.write("two.j2", "<<#ONE||[{$match: {}, $limit: 1}]>><<_id>><</ONE>>");
+    let errors = lab.rmem(&["gen-problem", "--template", "two.j2"]).stderr;
+    assert!(errors.contains("exactly one field"), "{errors}");
+    // Empty filters in front of what has to be first are still nothing.
+    let found = lab.rmem(&["aggregate", "robmem.a", "[{$match: {}}, {$match: {}}, {$limit: 1}]"]).success();
+    assert_eq!(found, "{\"_id\":1}\n");
+}
+
+#[test]
 fn metadata_of_joined_documents_is_hidden() {
     let lab = Lab::new();
     lab.rmem(&["insert", "-q", "robmem.rooms", "{_id: 'kitchen'}"]).success();

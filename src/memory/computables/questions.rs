@@ -3,6 +3,7 @@
 use bson::{Bson, Document, doc};
 
 use super::view::View;
+use crate::query::is_empty_match;
 use crate::store::Namespace;
 
 /// Stages that have to be the first of a pipeline.
@@ -67,8 +68,7 @@ pub(in crate::memory) fn target(ns: &Namespace, stages: &[Document]) -> Option<N
 /// The pipeline over the documents that are seen, in its own collection and in others.
 pub(in crate::memory) fn visible_stages(ns: &Namespace, stages: &[Document], view: &View) -> Vec<Document> {
     // An empty filter in front changes nothing, but would hide what has to be the first stage.
-    let is_empty = |stage: &&Document| stage.get_document("$match").is_ok_and(Document::is_empty);
-    let stages = stages.iter().skip_while(is_empty);
+    let stages = stages.iter().skip_while(|stage| is_empty_match(stage));
     let mut stages: Vec<Document> = stages.map(|stage| with_visible_others(ns, stage, view)).collect();
     match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
         Some((name, Bson::Document(filter))) if name == "$match" => *filter = view.filter(filter),

@@ -39,6 +39,7 @@ use super::spill::Spill;
 use super::text::{self, Search};
 pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
+pub use parse::is_empty_match;
 use run::Run;
 use stage::Stage;
 

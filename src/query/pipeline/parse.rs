@@ -188,8 +188,11 @@ fn place_lookups(stages: &mut [Stage]) {
     }
 }
 
-fn is_empty_match(stage: &Document) -> bool {
-    stage.get_document("$match").is_ok_and(Document::is_empty)
+/// Returns whether a stage is `{$match: {}}`, which lets every document through.
+#[must_use]
+pub fn is_empty_match(stage: &Document) -> bool {
+    // A second key is an error, which must not be dropped with the stage.
+    stage.len() == 1 && stage.get_document("$match").is_ok_and(Document::is_empty)
 }
 
 fn positive(name: &str, argument: &Bson, least: i64) -> Result<u64> {

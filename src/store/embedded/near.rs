@@ -9,7 +9,7 @@ use super::access::{Chosen, Way};
 use super::catalog::Collection;
 use super::indexed::{Indexed, Indexes};
 use super::scan::Scan;
-use crate::query::{Filter, Near, QueryError, Sort};
+use crate::query::{Filter, Near, QueryError, Sort, is_empty_match};
 use crate::store::{Namespace, StoreError};
 
 /// MongoDB's code for a query that no index answers which needs one.
@@ -79,8 +79,7 @@ impl Embedded {
                 }
             }
         }
-        let is_empty = |stage: &Document| stage.get_document("$match").is_ok_and(Document::is_empty);
-        let first = stages.iter_mut().find(|stage| !is_empty(stage));
+        let first = stages.iter_mut().find(|stage| !is_empty_match(stage));
         let Some(Bson::Document(spec)) = first.and_then(|stage| stage.get_mut("$geoNear")) else {
             return Ok(stages);
         };

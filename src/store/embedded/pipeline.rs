@@ -7,7 +7,7 @@ use bson::{DateTime, Document};
 use super::Embedded;
 use super::scan::Scan;
 use super::search::{scored, text_index, unscored};
-use crate::query::{Filter, Origin, Pipeline, Sort, Spill, Spool, constants};
+use crate::query::{Filter, Origin, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
@@ -129,8 +129,7 @@ fn first_filter(stages: &[Document]) -> Document {
         Ok(near) => near.get_document("query").ok().cloned(),
         Err(_) => stage.get_document("$match").ok().cloned(),
     };
-    let is_nothing = |stage: &&Document| stage.get_document("$match").is_ok_and(Document::is_empty);
-    stages.iter().find(|stage| !is_nothing(stage)).and_then(matched).unwrap_or_default()
+    stages.iter().find(|stage| !is_empty_match(stage)).and_then(matched).unwrap_or_default()
 }
 
 pub(super) fn named(origin: &Origin, ns: &Namespace) -> Namespace {
