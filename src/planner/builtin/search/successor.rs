@@ -35,11 +35,19 @@ impl Generator {
     }
 
     /// The tree of some operators.
-    pub(super) fn of(task: &Task, mut order: Vec<OperatorId>) -> Self {
-        order.sort_by(|a, b| {
-            let condition = |operator: &OperatorId| &task.operators[*operator as usize].condition;
-            condition(a).cmp(condition(b)).then(a.cmp(b))
+    pub(super) fn of(task: &Task, operators: Vec<OperatorId>) -> Self {
+        let condition = |operator: OperatorId| &task.operators[operator as usize].condition;
+        // The first two facts decide most comparisons, and lie side by side.
+        let first = |operator: OperatorId| {
+            let fact = |place: usize| condition(operator).get(place).map_or(0, |fact| u64::from(*fact) + 1);
+            fact(0) << 32 | fact(1)
+        };
+        let mut keyed: Vec<(u64, OperatorId)> =
+            operators.into_iter().map(|operator| (first(operator), operator)).collect();
+        keyed.sort_unstable_by(|(one, a), (other, b)| {
+            one.cmp(other).then_with(|| condition(*a).cmp(condition(*b))).then(a.cmp(b))
         });
+        let order: Vec<OperatorId> = keyed.into_iter().map(|(_, operator)| operator).collect();
         let mut generator = Self::default();
         generator.node(task, &order, 0);
         generator.is_fallible = fallible(task);

@@ -129,14 +129,19 @@ impl<'t> Turns<'t> {
         if self.alive.as_ref() == Some(&pairs) {
             return Turn::Same;
         }
-        if !pairs.has_all(&self.init) && !is_forward || !complete(self.task, &pairs, &mut self.goal) {
+        let single = pairs.single();
+        if !pairs.has_all(&self.init) && !is_forward || !complete(self.task, &pairs, &single, &mut self.goal) {
             return Turn::Unsolvable;
         }
-        let cost = (self.task.facts() / 4 + self.task.len()) as u64 * self.sides.len() as u64;
+        let cost = (self.task.facts() + self.task.len()) as u64 * self.sides.len() as u64;
+        // What follows for the operators is of use for another turn only.
+        if cost < self.work {
+            let task = self.task;
+            self.sides.retain_mut(|sides| {
+                complete(task, &pairs, &single, &mut sides.before) && complete(task, &pairs, &single, &mut sides.after)
+            });
+        }
         self.work = self.work.saturating_sub(cost);
-        let task = self.task;
-        self.sides
-            .retain_mut(|sides| complete(task, &pairs, &mut sides.before) && complete(task, &pairs, &mut sides.after));
         self.alive = Some(pairs);
         if self.work == 0 { Turn::Spent } else { Turn::New }
     }
@@ -204,12 +209,12 @@ fn backward(task: &Task, sides: &Sides) -> Rule {
     }
 }
 
-/// Adds the facts that follow from a conjunction; says whether it can hold.
-fn complete(task: &Task, pairs: &Pairs, conjunction: &mut Vec<Fact>) -> bool {
+/// Adds the facts that follow from a conjunction; says whether it can hold. Those that are possible are `single`.
+fn complete(task: &Task, pairs: &Pairs, single: &[u64], conjunction: &mut Vec<Fact>) -> bool {
     if !pairs.has_all(conjunction) {
         return false;
     }
-    let mut fits = pairs.single();
+    let mut fits = single.to_vec();
     pairs.meet(conjunction, &mut fits);
     for variable in (0..task.len()).filter(|variable| !task.is_derived[*variable]) {
         let domain = task.domain(variable);
