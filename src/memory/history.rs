@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use bson::{Bson, DateTime, Document};
 
-use super::Memory;
 use super::watch::event;
+use super::{Memory, unseen};
 use crate::query::{Filter, QueryError};
 use crate::store::history::{Entry, HistoryRule, not_kept};
 use crate::store::{Change, ChangeKind, Namespace, StoreError, metadata};
@@ -107,7 +107,7 @@ impl Memory {
         selection: &Selection,
     ) -> Result<impl Iterator<Item = Result<Entry, StoreError>> + '_, StoreError> {
         let ns = &selection.namespace;
-        let filter = Filter::parse(&selection.filter)?;
+        let filter = Filter::parse(&unseen::in_filter(&selection.filter))?;
         let history = self.routes.reading(ns)?.history(ns, selection.since)?;
         let rules = self.routes.histories(ns);
         let entries = match history {

@@ -23,6 +23,7 @@ mod past;
 mod route;
 mod sharing;
 pub mod undo;
+mod unseen;
 pub mod watch;
 
 pub use clock::Clock;

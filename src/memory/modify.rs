@@ -2,7 +2,7 @@
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
-use super::Memory;
+use super::{Memory, unseen};
 use crate::query::{Filter, QueryError, Update};
 use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
@@ -159,9 +159,9 @@ impl Asked<'_> {
 }
 
 fn compiled(update: &UpdateSpec, array_filters: &[Document]) -> Result<Update, QueryError> {
-    match update {
-        UpdateSpec::Document(update) => Update::parse(update, array_filters),
-        UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
+    match unseen::in_update(update) {
+        UpdateSpec::Document(update) => Update::parse(&update, array_filters),
+        UpdateSpec::Pipeline(stages) => Update::parse_pipeline(&stages),
     }
 }
 

@@ -10,6 +10,7 @@ use super::clock::Clock;
 use super::computables::{self, Computables, Computed, Registry, View};
 use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
+use super::unseen;
 use crate::query::QueryError;
 use crate::store::{
     Aggregation, Documents, Find, Inserted, Namespace, Put, Query, Role, Store, StoreError, StoreUri, UpdateRequest,
@@ -119,7 +120,7 @@ impl Memory {
     /// Answers a query with documents as applications see them: without
     /// metadata, unless the projection names some. See [`Store::find`].
     pub fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let documents = self.find_with_metadata(ns, find)?;
+        let documents = self.find_with_metadata(ns, &unseen::in_find(find))?;
         if find.projection.keys().any(|key| is_metadata(key)) {
             return Ok(documents);
         }
@@ -130,7 +131,8 @@ impl Memory {
     pub fn find_with_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         self.answer(&[(ns, &find.filter)], true, |view| {
             if let Some(extended) = self.extended(&[(ns, &find.filter)], view)? {
-                return collected(extended.find(ns, find)?);
+                let find = Find { filter: unseen::in_filter(&find.filter), ..find.clone() };
+                return collected(extended.find(ns, &find)?);
             }
             let start = Instant::now();
             let find = Find { filter: view.filter(&find.filter), ..find.clone() };
@@ -184,7 +186,8 @@ impl Memory {
         let query = query.into();
         self.answer(&[(ns, query.filter)], true, |view| {
             if let Some(extended) = self.extended(&[(ns, query.filter)], view)? {
-                return extended.count(ns, query);
+                let filter = unseen::in_filter(query.filter);
+                return extended.count(ns, Query { filter: &filter, ..query });
             }
             let visible = view.filter(query.filter);
             let count = || self.routes.reading(ns)?.count(ns, Query { filter: &visible, ..query });
@@ -207,7 +210,8 @@ impl Memory {
         let query = query.into();
         self.answer(&[(ns, query.filter)], true, |view| {
             if let Some(extended) = self.extended(&[(ns, query.filter)], view)? {
-                return extended.values(ns, field, query);
+                let filter = unseen::in_filter(query.filter);
+                return extended.values(ns, field, Query { filter: &filter, ..query });
             }
             let visible = view.filter(query.filter);
             let start = Instant::now();
@@ -222,15 +226,24 @@ impl Memory {
         ns: &Namespace,
         pipeline: impl Into<Aggregation<'p>>,
     ) -> Result<Documents<'_>, StoreError> {
-        let results = self.aggregate_with_metadata(ns, pipeline.into())?;
+        let results = self.run_pipeline(ns, pipeline.into(), false)?;
         Ok(Box::new(results.map(|document| Ok(metadata::hide_within(document?)?))))
     }
 
-    /// Runs a pipeline; its results keep their metadata.
+    /// Runs a pipeline whose stages see the metadata, and whose results keep it.
     pub fn aggregate_with_metadata(
         &self,
         ns: &Namespace,
         pipeline: Aggregation<'_>,
+    ) -> Result<Documents<'_>, StoreError> {
+        self.run_pipeline(ns, pipeline, true)
+    }
+
+    fn run_pipeline(
+        &self,
+        ns: &Namespace,
+        pipeline: Aggregation<'_>,
+        shows_metadata: bool,
     ) -> Result<Documents<'_>, StoreError> {
         let last = pipeline.stages.last().and_then(|stage| stage.keys().next());
         let writes = last.is_some_and(|name| name == "$out" || name == "$merge");
@@ -245,13 +258,14 @@ impl Memory {
             return Err(QueryError::bad_value(message).into());
         }
         let work = |view: &View| {
+            let stages = computables::visible_stages(ns, pipeline.stages, view, shows_metadata);
+            let pipeline = Aggregation { stages: &stages, ..pipeline };
             if let Some(extended) = if writes { None } else { self.extended(&questions, view)? } {
                 return collected(extended.aggregate(ns, pipeline)?);
             }
             let start = Instant::now();
             let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };
-            let stages = computables::visible_stages(ns, pipeline.stages, view);
-            let results = store.aggregate(ns, Aggregation { stages: &stages, ..pipeline })?;
+            let results = store.aggregate(ns, pipeline)?;
             settled(view, self.journal.watch("aggregate", ns, start, results))
         };
         self.answer(&questions, !writes, work)
@@ -259,7 +273,8 @@ impl Memory {
 
     /// Changes documents; see [`Store::update`].
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        let update = UpdateRequest { filter: self.visible(&update.filter), ..update.clone() };
+        let (filter, spec) = (self.visible(&update.filter), unseen::in_update(&update.update));
+        let update = UpdateRequest { filter, update: spec, ..update.clone() };
         let work = || {
             let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
             store.update(ns, &update, Some(self.clock.now()))

@@ -1,5 +1,7 @@
 //! aggregate.
 
+use insta::assert_snapshot;
+
 use crate::lab::{Lab, assert_run};
 
 #[test]
@@ -96,4 +98,169 @@ fn metadata_of_joined_documents_is_hidden() {
     let named =
         lab.rmem(&["aggregate", "robmem.cups", "[{$project: {_id: 0, known: {$type: '$_robmem_info.inserted'}}}]"]);
     assert_eq!(named.success(), "{\"known\":\"date\"}\n");
+}
+
+/// Two documents that are equal but for their ids and what the memory notes of them, and one that holds the first.
+fn with_equal_documents() -> Lab {
+    let lab = Lab::new();
+    for document in ["{_id: 1, room: 'kitchen'}", "{_id: 2, room: 'kitchen'}"] {
+        lab.rmem(&["insert", "-q", "robmem.cups", document]).success();
+    }
+    lab.rmem(&["insert", "-q", "robmem.rooms", "{_id: 'kitchen', n: 1}"]).success();
+    lab.rmem(&["insert", "-q", "robmem.copies", "{_id: 1, of: [{_id: 'kitchen', n: 1}]}"]).success();
+    lab
+}
+
+#[test]
+fn stages_and_expressions_see_no_metadata() {
+    let lab = with_equal_documents();
+    let found = "{from: 'rooms', localField: 'room', foreignField: '_id', as: 'of'}";
+    let graph = "{from: 'rooms', startWith: '$room', connectFromField: 'next', connectToField: '_id', as: 'of'}";
+    let mut results = String::new();
+    for pipeline in [
+        "{$unset: '_id'}, {$group: {_id: '$$ROOT', n: {$sum: 1}}}",
+        "{$project: {_id: 0, n: {$size: {$objectToArray: '$$ROOT'}}}}",
+        "{$match: {$expr: {$eq: ['$$ROOT', {_id: 1, room: 'kitchen'}]}}}",
+        &format!("{{$lookup: {found}}}, {{$match: {{of: {{_id: 'kitchen', n: 1}}}}}}, {{$count: 'n'}}"),
+        "{$limit: 1}, {$lookup: {from: 'rooms', pipeline: [], as: 'of'}}, {$set: {of: {$objectToArray: {$first: '$of'}}}}",
+        &format!("{{$graphLookup: {graph}}}, {{$match: {{of: [{{_id: 'kitchen', n: 1}}]}}}}, {{$count: 'n'}}"),
+        "{$facet: {a: [{$match: {_id: 1}}]}}, {$match: {a: [{_id: 1, room: 'kitchen'}]}}",
+        "{$unionWith: 'rooms'}, {$project: {n: {$size: {$objectToArray: '$$ROOT'}}}}",
+    ] {
+        results += &lab.rmem(&["aggregate", "robmem.cups", &format!("[{pipeline}]")]).success();
+    }
+    assert_snapshot!(results, @r#"
+    {"_id":{"room":"kitchen"},"n":2}
+    {"n":2}
+    {"n":2}
+    {"_id":1,"room":"kitchen"}
+    {"n":2}
+    {"_id":1,"room":"kitchen","of":[{"k":"_id","v":"kitchen"},{"k":"n","v":1}]}
+    {"n":2}
+    {"a":[{"_id":1,"room":"kitchen"}]}
+    {"_id":1,"n":2}
+    {"_id":2,"n":2}
+    {"_id":"kitchen","n":2}
+    "#);
+    let schema = "{_id: 1, $jsonSchema: {properties: {_id: {}, room: {}}, additionalProperties: false}}";
+    let transcript = lab.transcript(&[
+        &["query", "robmem.cups", "{$expr: {$in: ['$$ROOT', [{_id: 2, room: 'kitchen'}]]}}"],
+        &["query", "robmem.cups", "{_id: 1}", "--fields", "{k: '$$ROOT'}"],
+        &["query", "robmem.cups", schema],
+        &["count", "robmem.cups", "{$expr: {$eq: [{$size: {$objectToArray: '$$CURRENT'}}, 2]}}"],
+    ]);
+    assert_run!(transcript, @r#"
+    $ rmem query robmem.cups "{\$expr: {\$in: ['\$\$ROOT', [{_id: 2, room: 'kitchen'}]]}}"
+    {"_id":2,"room":"kitchen"}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.cups '{_id: 1}' --fields "{k: '\$\$ROOT'}"
+    {"_id":1,"k":{"_id":1,"room":"kitchen"}}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.cups '{_id: 1, $jsonSchema: {properties: {_id: {}, room: {}}, additionalProperties: false}}'
+    {"_id":1,"room":"kitchen"}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem count robmem.cups "{\$expr: {\$eq: [{\$size: {\$objectToArray: '\$\$CURRENT'}}, 2]}}"
+    2
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn what_a_pipeline_stores_has_no_metadata_of_what_it_read() {
+    let lab = with_equal_documents();
+    lab.rmem(&["insert", "-q", "robmem.cups", "{_id: 3, room: 'hall', _robmem_info: {persistent: false}}"]).success();
+    let joined = "{$lookup: {from: 'rooms', localField: 'room', foreignField: '_id', as: 'of'}}";
+    assert_run!(
+        lab.transcript(&[
+            &["aggregate", "robmem.cups", &format!("[{joined}, {{$out: 'made'}}]")],
+            &["query", "robmem.made", "--meta"],
+            &["aggregate", "robmem.cups", &format!("[{joined}, {{$merge: 'merged'}}]")],
+            &["query", "robmem.merged", "--meta"],
+            &["update", "robmem.cups", "{_id: 3}", "[{$set: {was: '$$ROOT'}}]"],
+            &["update", "robmem.cups", "{_id: 3}", "[{$replaceWith: {$mergeObjects: ['$$ROOT', {n: 1}]}}]"],
+            &["find-and-modify", "robmem.cups", "{_id: 3}", "[{$project: {n: 1, again: '$$ROOT.was'}}]", "--new"],
+            &["query", "robmem.cups", "{_id: 3}", "--meta"],
+        ]),
+        @r#"
+        $ rmem aggregate robmem.cups "[{\$lookup: {from: 'rooms', localField: 'room', foreignField: '_id', as: 'of'}}, {\$out: 'made'}]"
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem query robmem.made --meta
+        {"_id":1,"room":"kitchen","of":[{"_id":"kitchen","n":1}],"_robmem_info":{"inserted":{"$date":"[TIME]"}}}
+        {"_id":2,"room":"kitchen","of":[{"_id":"kitchen","n":1}],"_robmem_info":{"inserted":{"$date":"[TIME]"}}}
+        {"_id":3,"room":"hall","of":[],"_robmem_info":{"inserted":{"$date":"[TIME]"}}}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem aggregate robmem.cups "[{\$lookup: {from: 'rooms', localField: 'room', foreignField: '_id', as: 'of'}}, {\$merge: 'merged'}]"
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem query robmem.merged --meta
+        {"_id":1,"of":[{"_id":"kitchen","n":1}],"room":"kitchen"}
+        {"_id":2,"of":[{"_id":"kitchen","n":1}],"room":"kitchen"}
+        {"_id":3,"of":[],"room":"hall"}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem update robmem.cups '{_id: 3}' "[{\$set: {was: '\$\$ROOT'}}]"
+        {"matched":1,"modified":1}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem update robmem.cups '{_id: 3}' "[{\$replaceWith: {\$mergeObjects: ['\$\$ROOT', {n: 1}]}}]"
+        {"matched":1,"modified":1}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem find-and-modify robmem.cups '{_id: 3}' "[{\$project: {n: 1, again: '\$\$ROOT.was'}}]" --new
+        {"_id":3,"n":1,"again":{"_id":3,"room":"hall"}}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem query robmem.cups '{_id: 3}' --meta
+        {"_id":3,"n":1,"again":{"_id":3,"room":"hall"},"_robmem_info":{"persistent":false,"inserted":{"$date":"[TIME]"},"updated":{"$date":"[TIME]"}}}
+        ------- stderr -------
+        [exit code: 0]
+        "#
+    );
+}
+
+#[test]
+fn metadata_that_a_pipeline_names_is_there() {
+    let lab = with_equal_documents();
+    lab.rmem(&["insert", "-q", "robmem.cups", "{_id: 3, room: 'hall', _robmem_info: {persistent: false}}"]).success();
+    assert_run!(
+        lab.transcript(&[
+            &["aggregate", "robmem.cups", "[{$match: {'_robmem_info.persistent': false}}, {$project: {_id: 1}}]"],
+            &["aggregate", "robmem.cups", "[{$group: {_id: {$type: '$_robmem_info.inserted'}, n: {$sum: 1}}}]"],
+            &["aggregate", "robmem.cups", "[{$set: {p: '$_robmem_info.persistent'}}, {$match: {p: false}}, {$project: {n: {$size: {$objectToArray: '$$ROOT'}}}}]"],
+            &["aggregate", "robmem.cups", "[{$match: {_id: 1}}, {$set: {'_robmem_info.persistent': false}}, {$out: 'made'}]"],
+            &["query", "robmem.made", "{'_robmem_info.persistent': false}"],
+            &["query", "robmem.cups", "{$expr: {$eq: ['$_robmem_info.persistent', false]}}"],
+        ]),
+        @r#"
+        $ rmem aggregate robmem.cups "[{\$match: {'_robmem_info.persistent': false}}, {\$project: {_id: 1}}]"
+        {"_id":3}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem aggregate robmem.cups "[{\$group: {_id: {\$type: '\$_robmem_info.inserted'}, n: {\$sum: 1}}}]"
+        {"_id":"date","n":3}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem aggregate robmem.cups "[{\$set: {p: '\$_robmem_info.persistent'}}, {\$match: {p: false}}, {\$project: {n: {\$size: {\$objectToArray: '\$\$ROOT'}}}}]"
+        {"_id":3,"n":3}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem aggregate robmem.cups "[{\$match: {_id: 1}}, {\$set: {'_robmem_info.persistent': false}}, {\$out: 'made'}]"
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem query robmem.made "{'_robmem_info.persistent': false}"
+        {"_id":1,"room":"kitchen"}
+        ------- stderr -------
+        [exit code: 0]
+        $ rmem query robmem.cups "{\$expr: {\$eq: ['\$_robmem_info.persistent', false]}}"
+        {"_id":3,"room":"hall"}
+        ------- stderr -------
+        [exit code: 0]
+        "#
+    );
 }

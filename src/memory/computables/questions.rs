@@ -3,6 +3,7 @@
 use bson::{Bson, Document, doc};
 
 use super::view::View;
+use crate::memory::unseen;
 use crate::query::is_empty_match;
 use crate::store::Namespace;
 
@@ -65,43 +66,73 @@ pub(in crate::memory) fn target(ns: &Namespace, stages: &[Document]) -> Option<N
     }
 }
 
-/// The pipeline over the documents that are seen, in its own collection and in others.
-pub(in crate::memory) fn visible_stages(ns: &Namespace, stages: &[Document], view: &View) -> Vec<Document> {
+/// The pipeline over the documents that are seen, in its own collection and in others. The stages see no metadata
+/// unless it `is_shown`.
+pub(in crate::memory) fn visible_stages(
+    ns: &Namespace,
+    stages: &[Document],
+    view: &View,
+    is_shown: bool,
+) -> Vec<Document> {
+    let mut stages = seen_stages(ns, stages, Sight { view, is_shown, is_inner: false });
+    unseen::date_results(&mut stages, view.time());
+    stages
+}
+
+/// What the stages of a pipeline see.
+#[derive(Clone, Copy)]
+struct Sight<'a> {
+    view: &'a View,
+    /// Whether they see the metadata.
+    is_shown: bool,
+    /// Whether it is a pipeline within another.
+    is_inner: bool,
+}
+
+fn seen_stages(ns: &Namespace, stages: &[Document], sight: Sight<'_>) -> Vec<Document> {
+    let view = sight.view;
     // An empty filter in front changes nothing, but would hide what has to be the first stage.
     let stages = stages.iter().skip_while(|stage| is_empty_match(stage));
-    let mut stages: Vec<Document> = stages.map(|stage| with_visible_others(ns, stage, view)).collect();
+    let mut stages: Vec<Document> = stages.flat_map(|stage| with_visible_others(ns, stage, sight)).collect();
     match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
         Some((name, Bson::Document(filter))) if name == "$match" => *filter = view.filter(filter),
         Some((name, Bson::Document(near))) if name == "$geoNear" => {
             let query = near.get_document("query").cloned().unwrap_or_default();
             near.insert("query", view.filter(&query));
         }
-        Some((name, _)) if FIRST_ONLY.contains(&name.as_str()) => {}
+        Some((name, _)) if FIRST_ONLY.contains(&name.as_str()) => return stages,
         _ => stages.insert(0, doc! { "$match": view.visible() }),
     }
+    if sight.is_shown {
+        return stages;
+    }
+    let rest = stages.split_off(1);
+    stages.extend(unseen::in_stages(rest, sight.is_inner));
     stages
 }
 
-/// A stage that looks other collections up, at what is seen of them. What is
-/// not written as it should be stays as it is: the store complains about it.
-fn with_visible_others(ns: &Namespace, stage: &Document, view: &View) -> Document {
-    let mut stage = stage.clone();
+/// A stage that looks other collections up, at what is seen of them, and perhaps one that hides the metadata of what it
+/// found. What is not written as it should be stays as it is: the store complains about it.
+fn with_visible_others(ns: &Namespace, stage: &Document, sight: Sight<'_>) -> Vec<Document> {
+    let (mut stage, mut after) = (stage.clone(), None);
+    let (view, inside) = (sight.view, Sight { is_inner: true, ..sight });
     for (name, argument) in stage.iter_mut() {
         match (name.as_str(), &mut *argument) {
             ("$lookup" | "$unionWith", Bson::Document(spec)) => {
                 let Some(other) = origin(ns, spec.get("from").or(spec.get("coll"))) else { continue };
                 match spec.get("pipeline") {
                     Some(Bson::Array(inner)) if inner.iter().all(|stage| stage.as_document().is_some()) => {
-                        spec.insert("pipeline", visible_stages(&other, &documents(inner), view));
+                        spec.insert("pipeline", seen_stages(&other, &documents(inner), inside));
                     }
                     None if !spec.contains_key("let") => {
-                        spec.insert("pipeline", vec![doc! { "$match": view.visible() }]);
+                        spec.insert("pipeline", seen_stages(&other, &[], inside));
                     }
                     _ => {}
                 }
             }
             ("$unionWith", Bson::String(collection)) => {
-                *argument = doc! { "coll": &*collection, "pipeline": [{ "$match": view.visible() }] }.into();
+                let pipeline = seen_stages(ns, &[], inside);
+                *argument = doc! { "coll": &*collection, "pipeline": pipeline }.into();
             }
             ("$graphLookup", Bson::Document(spec)) => {
                 if origin(ns, spec.get("from")).is_none() {
@@ -117,22 +148,26 @@ fn with_visible_others(ns: &Namespace, stage: &Document, view: &View) -> Documen
                     }
                     Some(_) => {}
                 }
+                let path = spec.get_str("as").ok().filter(|path| !path.starts_with('$'));
+                after = path.filter(|_| !sight.is_shown).map(unseen::in_array);
             }
             ("$facet", Bson::Document(facets)) => {
                 for (_, inner) in facets.iter_mut() {
                     if let Bson::Array(stages) = inner {
-                        for stage in stages.iter_mut() {
-                            if let Bson::Document(document) = stage {
-                                *stage = with_visible_others(ns, document, view).into();
+                        let seen = |stage: &Bson| match stage {
+                            Bson::Document(stage) => {
+                                with_visible_others(ns, stage, sight).into_iter().map(Bson::from).collect()
                             }
-                        }
+                            other => vec![other.clone()],
+                        };
+                        *stages = stages.iter().flat_map(seen).collect();
                     }
                 }
             }
             _ => {}
         }
     }
-    stage
+    std::iter::once(stage).chain(after).collect()
 }
 
 fn brings_documents(stage: &Document) -> bool {
@@ -204,7 +239,7 @@ mod tests {
             doc! { "$unionWith": "x" },
             doc! { "$facet": { "f": [{ "$graphLookup": { "from": "x", "as": "x" } }] } },
         ];
-        let seen = visible_stages(&ns("d.c"), &stages, &view);
+        let seen = visible_stages(&ns("d.c"), &stages, &view, true);
         let only = doc! { "$match": visible.clone() };
         assert_eq!(
             seen,
@@ -216,6 +251,6 @@ mod tests {
             ]
         );
         let wrong = [doc! { "$match": 1 }, doc! { "$lookup": { "from": 3, "let": {} } }];
-        assert_eq!(visible_stages(&ns("d.c"), &wrong, &view)[2..], wrong[1..]);
+        assert_eq!(visible_stages(&ns("d.c"), &wrong, &view, true)[2..], wrong[1..]);
     }
 }

@@ -3,6 +3,7 @@
 use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, doc};
 
+use crate::memory::unseen;
 use crate::store::metadata;
 
 /// What an operation sees: documents that have not decayed, and of those that
@@ -23,6 +24,11 @@ impl View {
     /// Returns the stored documents at a time, and all that the cache holds.
     pub(in crate::memory) fn with_computed(at: DateTime) -> Self {
         Self { at, tokens: None }
+    }
+
+    /// The time of the operation.
+    pub(super) fn time(&self) -> DateTime {
+        self.at
     }
 
     /// Adds the documents of a computation.
@@ -52,13 +58,13 @@ impl View {
         visible
     }
 
-    /// The filter, for the documents that are seen.
+    /// The filter, for the documents that are seen. Its expressions do not see the metadata.
     pub(in crate::memory) fn filter(&self, filter: &Document) -> Document {
         let visible = self.visible();
         if filter.is_empty() {
             visible
         } else {
-            doc! { "$and": [filter.clone(), visible] }
+            doc! { "$and": [unseen::in_filter(filter), visible] }
         }
     }
 }

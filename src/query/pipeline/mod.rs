@@ -25,6 +25,7 @@ mod run;
 mod script;
 mod stage;
 mod state;
+mod unset;
 mod unwind;
 mod window;
 

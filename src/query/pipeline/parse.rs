@@ -13,6 +13,7 @@ use super::near::GeoNear;
 use super::output::Output;
 use super::redact::Redact;
 use super::stage::Stage;
+use super::unset::plain_names;
 use super::unwind::Unwind;
 use super::window::Window;
 use crate::query::decimal::Rounding;
@@ -101,7 +102,8 @@ struct Place {
 fn stage(name: &str, argument: &Bson, scope: &Scope, place: Place, stages: &mut Vec<Stage>) -> Result<()> {
     let Place { depth, is_first } = place;
     if let Some(reshape) = Reshape::parse(name, argument, scope)? {
-        stages.push(Stage::Reshape(reshape));
+        let plain = if name == "$unset" { plain_names(argument) } else { None };
+        stages.push(plain.map_or(Stage::Reshape(reshape), Stage::Unset));
         return Ok(());
     }
     let stage = match name {

@@ -13,6 +13,7 @@ use super::lookup::{Lookup, Union};
 use super::near::GeoNear;
 use super::redact::Redact;
 use super::run::Run;
+use super::unset;
 use super::unwind::Unwind;
 use super::window::Window;
 use crate::query::error::QueryError;
@@ -28,6 +29,8 @@ use crate::query::text::SCORE;
 pub(super) enum Stage {
     Match(Filter),
     Reshape(Reshape),
+    /// Leaves fields out at the top of documents.
+    Unset(Vec<String>),
     Sort(Sort),
     Limit(u64),
     Skip(u64),
@@ -52,7 +55,7 @@ impl Stage {
     /// Returns whether the output for a document depends on no other input document.
     pub(super) fn is_piecewise(&self) -> bool {
         // `$lookup` is left out because it keeps an index of the foreign collection between documents.
-        matches!(self, Self::Match(_) | Self::Reshape(_) | Self::Unwind(_) | Self::Redact(_))
+        matches!(self, Self::Match(_) | Self::Reshape(_) | Self::Unset(_) | Self::Unwind(_) | Self::Redact(_))
     }
 
     /// Returns the pipeline within this stage, with its collection where it has one.
@@ -91,6 +94,7 @@ impl Stage {
                 shaped.extend(score.map(|score| (SCORE.to_owned(), score)));
                 Ok(encode(&shaped)?)
             })),
+            Self::Unset(names) => Box::new(input.map(move |document| Ok(unset::without(document?, names)?))),
             Self::Sort(sort) => {
                 let limit = limit.and_then(|limit| usize::try_from(limit).ok());
                 lazy(move || {
