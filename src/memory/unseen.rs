@@ -289,15 +289,16 @@ mod tests {
 
     #[test]
     fn an_update_keeps_the_metadata_of_the_document_that_it_replaces() {
-        let pipeline = |stage: Document| UpdateSpec::Pipeline(vec![stage]);
+        let updated = |stage: Document| match in_update(&UpdateSpec::Pipeline(vec![stage])) {
+            UpdateSpec::Pipeline(stages) => stages,
+            UpdateSpec::Document(document) => vec![document],
+        };
         let root = doc! { "$unsetField": { "field": INFO, "input": "$$ROOT" } };
         let kept = doc! { "$setField": { "field": INFO, "input": root, "value": "$_robmem_info" } };
-        let given = in_update(&pipeline(doc! { "$replaceWith": "$$ROOT" }));
-        assert_eq!(given, pipeline(doc! { "$replaceWith": kept }));
-        assert_eq!(in_update(&given), given);
-        assert_eq!(
-            in_update(&pipeline(doc! { "$project": { "a": 1 } })),
-            pipeline(doc! { "$project": { "a": 1, INFO: 1 } })
-        );
+        let replaced = doc! { "$replaceWith": kept };
+        let expected = vec![replaced.clone()];
+        assert_eq!(updated(doc! { "$replaceWith": "$$ROOT" }), expected);
+        assert_eq!(updated(replaced), expected);
+        assert_eq!(updated(doc! { "$project": { "a": 1 } }), [doc! { "$project": { "a": 1, INFO: 1 } }]);
     }
 }

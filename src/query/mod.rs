@@ -49,7 +49,7 @@ pub use collation::Collation;
 pub use compare::{compare, compare_values};
 pub use distinct::Distinct;
 pub use error::QueryError;
-pub use filter::Filter;
+pub use filter::{Filter, TextSearch};
 pub use geo::Near;
 pub use javascript::{MapReduce, Merging};
 pub use nesting::check;

@@ -311,3 +311,59 @@ fn weights_that_are_no_document_say_how_they_are_written() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn a_text_search_finds_what_its_index_holds() {
+    let lab = Lab::new();
+    for document in ["{_id: 1, s: 'a red cup', on: true}", "{_id: 2, s: 'the blue cup'}", "{_id: 3, s: 'plate', n: 7}"]
+    {
+        lab.rmem(&["insert", "-q", "robmem.things", document]).success();
+    }
+    lab.rmem(&["index", "robmem.things", "{s: 'text'}", "--partial", "{on: true}"]).success();
+    let cup = "{$text: {$search: 'cup'}}";
+    let partial = lab.transcript(&[&["query", "robmem.things", cup], &["count", "robmem.things", cup]]);
+    lab.rmem(&["index", "robmem.things", "--drop", "--name", "s_text"]).success();
+    lab.rmem(&["index", "robmem.things", "{s: 'text'}"]).success();
+    let either = "{$or: [{$text: {$search: 'cup'}}, {n: 7}]}";
+    let refused = lab.transcript(&[&["query", "robmem.things", either]]);
+    lab.rmem(&["index", "robmem.things", "{n: 1}"]).success();
+    let whole = lab.transcript(&[
+        &["query", "robmem.things", either, "--sort", "{_id: 1}"],
+        &["query", "robmem.things", "{$text: {$search: 'cup -the', $language: 'none'}}"],
+        &["query", "robmem.things", "{$nor: [{$text: {$search: 'cup'}}]}"],
+    ]);
+    assert_run!(format!("{partial}{refused}{whole}"), @r#"
+    $ rmem query robmem.things "{\$text: {\$search: 'cup'}}"
+    {"_id":1,"s":"a red cup","on":true}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem count robmem.things "{\$text: {\$search: 'cup'}}"
+    1
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.things "{\$or: [{\$text: {\$search: 'cup'}}, {n: 7}]}"
+    ------- stderr -------
+    error: <query>:1:9: $text within $or needs an index for each other alternative; make one, or ask in two queries
+      |
+    1 | {$or: [{$text: {$search: 'cup'}}, {n: 7}]}
+      |         ^^^^^
+    [exit code: 3]
+    $ rmem query robmem.things "{\$or: [{\$text: {\$search: 'cup'}}, {n: 7}]}" --sort '{_id: 1}'
+    {"_id":1,"s":"a red cup","on":true}
+    {"_id":2,"s":"the blue cup"}
+    {"_id":3,"s":"plate","n":7}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.things "{\$text: {\$search: 'cup -the', \$language: 'none'}}"
+    {"_id":1,"s":"a red cup","on":true}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem query robmem.things "{\$nor: [{\$text: {\$search: 'cup'}}]}"
+    ------- stderr -------
+    error: <query>:1:10: $text is only allowed at the top of a query
+      |
+    1 | {$nor: [{$text: {$search: 'cup'}}]}
+      |          ^^^^^
+    [exit code: 3]
+    "#);
+}

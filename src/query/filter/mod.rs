@@ -14,16 +14,19 @@ mod test;
 mod tree;
 mod types;
 
+use std::sync::Arc;
+
 use bson::{Bson, DateTime, Document, RawDocument};
 
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::geo::Near;
-use super::text::Search;
+use super::text::TextIndex;
 use super::view::Fields;
 pub(super) use parse::Parser;
 use prefilter::Prefilter;
 pub(super) use test::{Leaf, Order, Set, Test};
+pub use tree::TextSearch;
 pub(super) use tree::{Context, Node};
 
 /// Refuses what cannot be searched at once.
@@ -156,8 +159,28 @@ impl Filter {
 
     /// Returns the search of the filter, if any.
     #[must_use]
-    pub fn search(&self) -> Option<&Search> {
+    pub fn search(&self) -> Option<&TextSearch> {
         self.root.searches().into_iter().next()
+    }
+
+    /// Lets the search of the filter, if any, look for what an index searches in the documents that the index holds.
+    ///
+    /// # Errors
+    /// If the filter of a partial index is wrong.
+    pub fn bind(&self, index: &Arc<TextIndex>, partial: Option<&Document>) -> Result<()> {
+        for text in self.root.searches() {
+            text.search.bind(index);
+            if let (Some(partial), None) = (partial, text.within.get()) {
+                let _ = text.within.set(Parser::default().of_query().filter(partial)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns whether each alternative to the search (`$or`) has a condition on an indexed path.
+    #[must_use]
+    pub fn has_indexed_alternatives(&self, is_indexed: &dyn Fn(&str) -> bool) -> bool {
+        self.root.has_indexed_alternatives(is_indexed)
     }
 
     /// Returns whether the filter fixes the value at a path.

@@ -5,7 +5,7 @@ use bson::{Bson, Document};
 use super::operators::field_operator;
 use super::schema::Schema;
 use super::test::{Leaf, Test};
-use super::tree::Node;
+use super::tree::{Node, TextSearch};
 use crate::query::dollar::{is_operators, is_reference_key};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
@@ -145,7 +145,7 @@ impl<'a> Parser<'a> {
             "$where" if self.takes_code => Node::Where(Box::new(Program::predicate(value)?)),
             "$where" => return Err(QueryError::bad_value("$where is not allowed in this context").about(name)),
             "$text" if self.takes_search => {
-                Node::Text(Box::new(Search::parse(value).map_err(|error| error.about(name))?))
+                Node::Text(Box::new(TextSearch::new(Search::parse(value).map_err(|error| error.about(name))?)))
             }
             "$text" if self.distance == Distance::Stage => {
                 let message = "$match with $text is only allowed as the first stage of a pipeline";

@@ -1,6 +1,9 @@
 //! The compiled filter and how it walks a document.
 
-use bson::DateTime;
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use bson::{DateTime, RawDocument};
 
 use super::schema::Schema;
 use super::test::{Leaf, Test};
@@ -30,7 +33,7 @@ pub(in crate::query) enum Node {
     /// A predicate in JavaScript.
     Where(Box<Program>),
     /// A search of words.
-    Text(Box<Search>),
+    Text(Box<TextSearch>),
     /// A constant answer.
     Always(bool),
     /// True for about this part of the documents.
@@ -46,6 +49,43 @@ pub(in crate::query) struct Context<'a> {
     pub(in crate::query) now: Option<DateTime>,
     /// Variables for expressions.
     pub(in crate::query) variables: Option<&'a Variables>,
+}
+
+/// A search, and which documents are in its index.
+#[derive(Debug)]
+pub struct TextSearch {
+    pub(super) search: Search,
+    pub(super) within: OnceLock<Node>,
+}
+
+impl TextSearch {
+    pub(super) fn new(search: Search) -> Self {
+        Self { search, within: OnceLock::new() }
+    }
+
+    fn is_indexed(&self, fields: Fields<'_>) -> Result<bool> {
+        match self.within.get() {
+            None => Ok(true),
+            Some(node) => during(None, || node.matches(fields, &mut Context::default())),
+        }
+    }
+
+    /// Returns the score of a document, word by word, in the order of words; nothing where another part of the filter
+    /// found it.
+    ///
+    /// # Errors
+    /// If no index says what is searched.
+    pub fn scores(&self, document: &RawDocument) -> Result<Option<BTreeMap<String, f64>>> {
+        if self.is_indexed(document.into())? { self.search.scores(document) } else { Ok(None) }
+    }
+
+    /// Returns the score of a document, as [`Self::scores`] does.
+    ///
+    /// # Errors
+    /// If no index says what is searched.
+    pub fn score(&self, document: &RawDocument) -> Result<Option<f64>> {
+        Ok(self.scores(document)?.map(|scores| scores.values().sum()))
+    }
 }
 
 impl Node {
@@ -93,18 +133,39 @@ impl Node {
             // A schema compares strings byte by byte.
             Self::Schema(schema) => Ok(during(None, || schema.accepts(View::Document(fields)))),
             Self::Where(program) => program.holds(fields),
-            Self::Text(search) => search.matches(fields),
+            Self::Text(text) => Ok(text.is_indexed(fields)? && text.search.matches(fields)?),
             Self::Always(answer) => Ok(*answer),
             Self::Sample(rate) => Ok(random() < *rate),
         }
     }
 
     /// Returns the searches, also those that are alternatives.
-    pub(super) fn searches(&self) -> Vec<&Search> {
+    pub(super) fn searches(&self) -> Vec<&TextSearch> {
         match self {
             Self::And(children) | Self::Or(children) => children.iter().flat_map(Self::searches).collect(),
             Self::Text(search) => vec![search],
             _ => Vec::new(),
+        }
+    }
+
+    /// Returns whether each alternative to a search has a condition on an indexed path.
+    pub(super) fn has_indexed_alternatives(&self, is_indexed: &dyn Fn(&str) -> bool) -> bool {
+        match self {
+            Self::And(children) => children.iter().all(|child| child.has_indexed_alternatives(is_indexed)),
+            Self::Or(children) if !self.searches().is_empty() => {
+                children.iter().all(|child| child.is_served(is_indexed))
+            }
+            _ => true,
+        }
+    }
+
+    fn is_served(&self, is_indexed: &dyn Fn(&str) -> bool) -> bool {
+        match self {
+            Self::And(children) => children.iter().any(|child| child.is_served(is_indexed)),
+            Self::Or(children) => children.iter().all(|child| child.is_served(is_indexed)),
+            Self::Field(path, _) => is_indexed(path.text()),
+            Self::Text(_) | Self::Always(false) => true,
+            _ => false,
         }
     }
 

@@ -37,7 +37,7 @@ use super::filter::Filter;
 use super::geo::Near;
 use super::limit::check_result;
 use super::spill::Spill;
-use super::text::{self, Search};
+use super::text;
 pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
 pub use parse::is_empty_match;
@@ -96,9 +96,9 @@ impl Pipeline {
     }
 
     /// Returns the first filter that there is: empty ones before it do nothing.
-    fn search(&self) -> Option<&Search> {
+    fn search(&self) -> Option<&Filter> {
         self.stages.iter().find_map(|stage| match stage {
-            Stage::Match(filter) => filter.search(),
+            Stage::Match(filter) => filter.search().map(|_| filter),
             _ => None,
         })
     }
@@ -109,12 +109,12 @@ impl Pipeline {
         self.is_scored
     }
 
-    /// Returns the searches, each with the collection that it is about where that is another one.
+    /// Returns the filters that search, each with the collection that it is about where that is another one.
     #[must_use]
-    pub fn searches(&self) -> Vec<(Option<&Origin>, &Search)> {
-        let own = self.search().map(|search| (None, search));
+    pub fn searches(&self) -> Vec<(Option<&Origin>, &Filter)> {
+        let own = self.search().map(|filter| (None, filter));
         let inner = self.stages.iter().filter_map(Stage::inner).flat_map(|(origin, pipeline)| {
-            pipeline.searches().into_iter().map(move |(other, search)| (other.or(origin), search))
+            pipeline.searches().into_iter().map(move |(other, filter)| (other.or(origin), filter))
         });
         own.into_iter().chain(inner).collect()
     }

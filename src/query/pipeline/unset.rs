@@ -42,7 +42,7 @@ pub(super) fn without(document: RawDocumentBuf, names: &[String]) -> Result<RawD
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bson::doc;
+    use bson::{Document, doc};
 
     #[test]
     fn fields_are_left_out_wherever_they_stand() {
@@ -50,7 +50,7 @@ mod tests {
         let raw = RawDocumentBuf::try_from(&whole).unwrap();
         for names in [vec!["a"], vec!["b", "d"], vec!["c", "a"], vec!["x"], vec!["a", "b", "c", "d"]] {
             let expected = whole.iter().filter(|(key, _)| !names.contains(&key.as_str()));
-            let expected = expected.map(|(key, value)| (key.clone(), value.clone())).collect();
+            let expected: Document = expected.map(|(key, value)| (key.clone(), value.clone())).collect();
             let names: Vec<String> = names.into_iter().map(str::to_owned).collect();
             assert_eq!(without(raw.clone(), &names).unwrap(), RawDocumentBuf::try_from(&expected).unwrap());
         }

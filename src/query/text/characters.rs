@@ -2,7 +2,10 @@
 
 /// Returns whether a character is between words.
 pub(super) fn is_delimiter(c: char) -> bool {
-    !c.is_ascii_alphanumeric() && is_in(&DELIMITERS, c)
+    match c {
+        '\0' | '\t'..='\r' | ' '..='/' | ':'..='@' | '['..='^' | '`' | '{'..='~' => true,
+        c => !c.is_ascii() && is_in(&DELIMITERS, c),
+    }
 }
 
 /// Returns whether a character is an accent.
@@ -15,15 +18,8 @@ fn is_in(ranges: &[(char, char)], c: char) -> bool {
     behind.checked_sub(1).and_then(|index| ranges.get(index)).is_some_and(|(_, last)| c <= *last)
 }
 
-/// The characters between words, from the first to the last of each range: those of mongod 6.0, found by asking it.
-const DELIMITERS: [(char, char); 118] = [
-    ('\u{0}', '\u{0}'),
-    ('\u{9}', '\u{d}'),
-    ('\u{20}', '\u{2f}'),
-    ('\u{3a}', '\u{40}'),
-    ('\u{5b}', '\u{5e}'),
-    ('\u{60}', '\u{60}'),
-    ('\u{7b}', '\u{7e}'),
+/// The characters between words beyond ASCII, from the first to the last of each range: those of mongod 6.0, found by asking it.
+const DELIMITERS: [(char, char); 111] = [
     ('\u{85}', '\u{85}'),
     ('\u{a0}', '\u{a7}'),
     ('\u{a9}', '\u{a9}'),

@@ -7,7 +7,7 @@ use bson::{Bson, RawDocument};
 
 use super::index::TextIndex;
 use super::language::Language;
-use super::words::{Sensitivity, words};
+use super::words::{Initials, Sensitivity, tokens, words};
 use crate::query::error::{BAD_VALUE, QueryError, Result};
 use crate::query::view::Fields;
 
@@ -36,6 +36,9 @@ struct Question {
     exact: BTreeSet<String>,
     /// Words of which none may be there.
     refused: BTreeSet<String>,
+    /// What the words begin with: those in the index, and the others.
+    initials: Initials,
+    other_initials: Initials,
     /// What must be there, character by character, and what must not.
     phrases: Vec<String>,
     refused_phrases: Vec<String>,
@@ -88,7 +91,7 @@ impl Search {
     /// # Errors
     /// If no index says what is searched.
     pub(in crate::query) fn matches(&self, fields: Fields<'_>) -> Result<bool> {
-        self.question()?.matches(fields)
+        Ok(self.question()?.scores(fields)?.is_some())
     }
 
     /// Returns the score of a document, word by word, in the order of words; nothing where another part of the filter
@@ -97,19 +100,7 @@ impl Search {
     /// # Errors
     /// If no index says what is searched.
     pub fn scores(&self, document: &RawDocument) -> Result<Option<BTreeMap<String, f64>>> {
-        let question = self.question()?;
-        match question.matches(document.into())? {
-            true => Ok(Some(question.scores(document.into())?)),
-            false => Ok(None),
-        }
-    }
-
-    /// Returns the score of a document, as [`Self::scores`] does.
-    ///
-    /// # Errors
-    /// If no index says what is searched.
-    pub fn score(&self, document: &RawDocument) -> Result<Option<f64>> {
-        Ok(self.scores(document)?.map(|scores| scores.values().sum()))
+        self.question()?.scores(document.into())
     }
 }
 
@@ -126,59 +117,53 @@ impl Question {
         let plain = Sensitivity::default();
         let parts = Parts::of(&search.text);
         let sensitivity = search.sensitivity;
-        let of = |text: &str, sensitivity| words(text, language, sensitivity).collect();
+        let of = |text: &str, sensitivity| -> BTreeSet<String> { words(text, language, sensitivity).collect() };
         let fold = |phrases: Vec<&str>| phrases.into_iter().map(|phrase| sensitivity.fold(phrase)).collect();
+        let terms: BTreeSet<String> = of(&parts.wanted, plain);
+        let (exact, refused) = (of(&parts.wanted, sensitivity), of(&parts.refused, sensitivity));
         Self {
             index: Arc::clone(index),
             sensitivity,
-            terms: of(&parts.wanted, plain),
-            exact: of(&parts.wanted, sensitivity),
-            refused: of(&parts.refused, sensitivity),
+            initials: Initials::of(terms.iter()),
+            other_initials: Initials::of(exact.iter().chain(&refused)),
+            terms,
+            exact,
+            refused,
             phrases: fold(parts.phrases),
             refused_phrases: fold(parts.refused_phrases),
         }
     }
 
-    fn matches(&self, fields: Fields<'_>) -> Result<bool> {
-        let (mut is_found, mut is_exact, mut is_refused) = (false, !self.sensitivity.is_any(), false);
+    /// mongod's formula: each further occurrence of a word in a string counts half as much as the one before, words of
+    /// short strings count more, and a string that is the word itself counts a tenth more.
+    ///
+    /// Stop words are not in the index, but a word that is refused, or whose case or accents count, may be one.
+    fn scores(&self, fields: Fields<'_>) -> Result<Option<BTreeMap<String, f64>>> {
+        let mut scores = BTreeMap::new();
+        let (mut is_exact, mut is_refused) = (!self.sensitivity.is_any(), false);
         let mut left: Vec<&String> = self.phrases.iter().collect();
         let phrased = !self.phrases.is_empty() || !self.refused_phrases.is_empty();
-        self.index.each(fields, &mut |text, language, _| {
-            is_found = is_found || words(text, language, Sensitivity::default()).any(|word| self.terms.contains(&word));
-            if !is_exact || !self.refused.is_empty() {
-                for word in words(text, language, self.sensitivity) {
+        self.index.each(fields, &mut |text, language, weight| {
+            if is_refused {
+                return;
+            }
+            let (mut all, mut found) = (0.0, HashMap::<String, Occurrences>::new());
+            for token in tokens(text, language) {
+                let may_count = !is_exact || !self.refused.is_empty();
+                if may_count && self.other_initials.allow(&token, self.sensitivity) {
+                    let word = token.stem(language, self.sensitivity);
                     is_exact = is_exact || self.exact.contains(&word);
                     is_refused = is_refused || self.refused.contains(&word);
                 }
-            }
-            if phrased {
-                let text = self.sensitivity.fold(text);
-                left.retain(|phrase| !text.contains(phrase.as_str()));
-                is_refused = is_refused || self.refused_phrases.iter().any(|phrase| text.contains(phrase.as_str()));
-            }
-        })?;
-        Ok(is_found && is_exact && !is_refused && left.is_empty())
-    }
-
-    /// mongod's formula: each further occurrence of a word in a string counts half as much as the one before, words of
-    /// short strings count more, and a string that is the word itself counts a tenth more.
-    fn scores(&self, fields: Fields<'_>) -> Result<BTreeMap<String, f64>> {
-        struct Occurrences {
-            weight: f64,
-            count: f64,
-            next: f64,
-        }
-        let mut scores = BTreeMap::new();
-        self.index.each(fields, &mut |text, language, weight| {
-            let (mut all, mut found) = (0.0, HashMap::<String, Occurrences>::new());
-            for word in words(text, language, Sensitivity::default()) {
+                if token.is_stop_word(language) {
+                    continue;
+                }
                 all += 1.0;
-                if self.terms.contains(&word) {
-                    let first = Occurrences { weight: 0.0, count: 0.0, next: 1.0 };
-                    let word = found.entry(word).or_insert(first);
-                    word.weight += word.next;
-                    word.next /= 2.0;
-                    word.count += 1.0;
+                if self.initials.allow(&token, Sensitivity::default()) {
+                    let word = token.stem(language, Sensitivity::default());
+                    if self.terms.contains(&word) {
+                        found.entry(word).or_default().add();
+                    }
                 }
             }
             for (word, occurrences) in found {
@@ -186,8 +171,27 @@ impl Question {
                 let whole = if text.eq_ignore_ascii_case(&word) { 1.1 } else { 1.0 };
                 *scores.entry(word).or_insert(0.0) += weight * occurrences.weight * density * whole;
             }
+            if phrased {
+                let text = self.sensitivity.fold(text);
+                left.retain(|phrase| !text.contains(phrase.as_str()));
+                is_refused = is_refused || self.refused_phrases.iter().any(|phrase| text.contains(phrase.as_str()));
+            }
         })?;
-        Ok(scores)
+        Ok(Some(scores).filter(|scores| !scores.is_empty() && is_exact && !is_refused && left.is_empty()))
+    }
+}
+
+/// How often a word is in a string, and what that counts.
+#[derive(Default)]
+struct Occurrences {
+    weight: f64,
+    count: f64,
+}
+
+impl Occurrences {
+    fn add(&mut self) {
+        self.weight += 0.5_f64.powf(self.count);
+        self.count += 1.0;
     }
 }
 
@@ -250,7 +254,8 @@ mod tests {
         let index = Arc::new(TextIndex::parse(&index.0, &index.1).unwrap());
         let search = Search::parse(&search.into()).unwrap();
         search.bind(&index);
-        search.score(&RawDocumentBuf::try_from(&document).unwrap()).unwrap()
+        let scores = search.scores(&RawDocumentBuf::try_from(&document).unwrap()).unwrap();
+        scores.map(|scores| scores.values().sum())
     }
 
     fn found(text: &str, search_for: Document) -> bool {
@@ -280,6 +285,11 @@ mod tests {
         assert!(found("the brown fox", "\"brown fox\"") && !found("the brown red fox", "\"brown fox\""));
         assert!(!found("brown fox", "fox -brown") && found("red fox", "fox -brown") && !found("red fox", "-brown"));
         assert!(!found("brown fox", "fox -\"brown fox\"") && found("fox, brown", "fox -\"brown fox\""));
+        let unstopped = |words: &str| doc! { "$search": words, "$language": "none" };
+        assert!(
+            super::tests::found("a cup", unstopped("cup -the"))
+                && !super::tests::found("the cup", unstopped("cup -the"))
+        );
         assert!(found("red-cup", "cup") && found("pre-market", "pre-market") && !found("", "\""));
         assert!(found("the robot's arm", "robots") && found("数据库", "数据库") && found("CAFÉ", "cafe"));
     }

@@ -1,5 +1,7 @@
 //! The words of a text, as mongod splits and compares them.
 
+use std::borrow::Cow;
+
 use unicode_normalization::UnicodeNormalization as _;
 
 use super::characters::{is_accent, is_delimiter};
@@ -29,14 +31,67 @@ impl Sensitivity {
 
 /// Returns the words of a text, without stop words, reduced to their stems.
 pub(super) fn words(text: &str, language: Language, sensitivity: Sensitivity) -> impl Iterator<Item = String> {
-    text.split(move |c| is_between(c, language)).filter(|word| !word.is_empty()).filter_map(move |word| {
-        let lower = lowercase(word);
-        if language.is_stop_word(&lower) {
-            return None;
+    tokens(text, language)
+        .filter(move |token| !token.is_stop_word(language))
+        .map(move |token| token.stem(language, sensitivity))
+}
+
+/// Returns the words of a text, with stop words, as they stand there.
+pub(super) fn tokens(text: &str, language: Language) -> impl Iterator<Item = Token<'_>> {
+    let words = text.split(move |c| is_between(c, language)).filter(|word| !word.is_empty());
+    words.map(|word| Token { word, lower: lowercase_of(word) })
+}
+
+/// A word as it stands in a text.
+pub(super) struct Token<'t> {
+    word: &'t str,
+    lower: Cow<'t, str>,
+}
+
+impl Token<'_> {
+    pub(super) fn is_stop_word(&self, language: Language) -> bool {
+        language.is_stop_word(&self.lower)
+    }
+
+    /// Returns the word reduced to its stem.
+    pub(super) fn stem(&self, language: Language, sensitivity: Sensitivity) -> String {
+        let stem = language.stem(if sensitivity.case { self.word } else { &self.lower });
+        if sensitivity.diacritics { stem } else { without_diacritics(&stem) }
+    }
+
+    /// Returns the letter that the stem begins with, where that is known without it.
+    fn initial(&self, sensitivity: Sensitivity) -> Option<u8> {
+        let word = if sensitivity.case { self.word } else { &self.lower };
+        // Stems of English lose an apostrophe in front.
+        word.bytes().next().filter(u8::is_ascii_alphanumeric)
+    }
+}
+
+/// The letters that words begin with: most words of a text need no stem to be known for others.
+#[derive(Debug)]
+pub(super) struct Initials([bool; 128]);
+
+impl Initials {
+    pub(super) fn of<'w>(words: impl Iterator<Item = &'w String>) -> Self {
+        let mut letters = [false; 128];
+        for letter in words.filter_map(|word| word.bytes().next()) {
+            if let Some(place) = letters.get_mut(usize::from(letter)) {
+                *place = true;
+            }
         }
-        let stem = language.stem(if sensitivity.case { word } else { &lower });
-        Some(if sensitivity.diacritics { stem } else { without_diacritics(&stem) })
-    })
+        Self(letters)
+    }
+
+    /// Returns whether the stem of a word may be one of the words.
+    pub(super) fn allow(&self, token: &Token<'_>, sensitivity: Sensitivity) -> bool {
+        let initial = token.initial(sensitivity);
+        initial.is_none_or(|letter| self.0.get(usize::from(letter)).copied().unwrap_or(true))
+    }
+}
+
+fn lowercase_of(word: &str) -> Cow<'_, str> {
+    let is_lower = word.bytes().all(|byte| byte.is_ascii() && !byte.is_ascii_uppercase());
+    if is_lower { Cow::Borrowed(word) } else { Cow::Owned(lowercase(word)) }
 }
 
 /// Lower case, a character for a character.

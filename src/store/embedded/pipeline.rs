@@ -6,7 +6,7 @@ use bson::{DateTime, Document};
 
 use super::Embedded;
 use super::scan::Scan;
-use super::search::{scored, text_index, unscored};
+use super::search::{bind, scored, unscored};
 use crate::query::{Filter, Origin, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
@@ -61,10 +61,10 @@ impl Embedded {
     /// # Errors
     /// Where a collection has no text index.
     fn bind_searches(&self, ns: &Namespace, pipeline: &Pipeline) -> Result<(), StoreError> {
-        for (origin, search) in pipeline.searches() {
+        for (origin, filter) in pipeline.searches() {
             let other = origin.map(|origin| named(origin, ns));
             if let Some(collection) = self.collection(other.as_ref().unwrap_or(ns))? {
-                search.bind(text_index(&self.indexes_of(collection)?)?.1);
+                bind(filter, &self.indexes_of(collection)?)?;
             }
         }
         Ok(())

@@ -125,11 +125,7 @@ impl<'a> Scan<'a> {
         let indexes = store.indexes_of(collection)?;
         sharpen(&indexes, filter);
         let mut chosen = match (filter.near(), hint) {
-            _ if filter.search().is_some() => {
-                let shared = Rc::clone(filter);
-                let search = shared.search().ok_or_else(|| store.fail("a search was lost"))?;
-                store.by_words(collection, &indexes, filter, search, (sort, hint))?
-            }
+            _ if filter.search().is_some() => store.by_words(collection, &indexes, filter, (sort, hint))?,
             (None, Some(hint)) => store.hinted(collection, &indexes, filter, sort, hint)?,
             (Some(near), _) => store.by_distance(collection, &indexes, filter, near, sort)?,
             (None, None) => store.choose(collection, &indexes, filter, sort, is_explained)?,

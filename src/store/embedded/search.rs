@@ -9,9 +9,9 @@ use bson::doc;
 use super::Embedded;
 use super::access::{Chosen, Way};
 use super::catalog::Collection;
-use super::indexed::{Indexed, Indexes};
+use super::indexed::{Indexed, Indexes, PARTIAL};
 use super::scan::Scan;
-use crate::query::text::{self, Search, TextIndex};
+use crate::query::text::{self, TextIndex};
 use crate::query::{Filter, QueryError, Sort};
 use crate::store::{Documents, Hint, Namespace, StoreError};
 
@@ -25,7 +25,6 @@ impl Embedded {
         collection: Collection,
         indexes: &Indexes,
         filter: &Rc<Filter>,
-        search: &Search,
         (sort, hint): (&Sort, Option<&Hint>),
     ) -> Result<Chosen, StoreError> {
         let index = text_index(indexes)?;
@@ -33,7 +32,9 @@ impl Embedded {
             return Err(QueryError::bad_value("$text takes no hint: there is one text index").into());
         }
         check_fixed(index.1, filter)?;
-        search.bind(index.1);
+        check_alternatives(indexes, filter)?;
+        bind(filter, indexes)?;
+        let search = filter.search().ok_or_else(|| self.fail("a search was lost"))?;
         let candidates = self.choose(collection, indexes, filter, &Sort::none(), false)?;
         let (mut by_word, mut unscored) = (BTreeMap::<String, Vec<(f64, i64)>>::new(), Vec::new());
         for found in Scan::along(self, collection, filter, candidates)? {
@@ -62,11 +63,20 @@ impl Embedded {
     /// # Errors
     /// Where the collection has no text index.
     pub(super) fn bind_search(&self, ns: &Namespace, filter: &Filter) -> Result<(), StoreError> {
-        if let (Some(search), Some(collection)) = (filter.search(), self.collection(ns)?) {
-            search.bind(text_index(&self.indexes_of(collection)?)?.1);
+        if let (Some(_), Some(collection)) = (filter.search(), self.collection(ns)?) {
+            bind(filter, &self.indexes_of(collection)?)?;
         }
         Ok(())
     }
+}
+
+/// Lets the search of a filter know what it searches.
+///
+/// # Errors
+/// Where there is no text index.
+pub(super) fn bind(filter: &Filter, indexes: &Indexes) -> Result<(), QueryError> {
+    let (index, text) = text_index(indexes)?;
+    filter.bind(text, index.definition.other.get_document(PARTIAL).ok())
 }
 
 /// Documents with the score that a search gives them.
@@ -106,4 +116,18 @@ fn check_fixed(index: &TextIndex, filter: &Filter) -> Result<(), QueryError> {
             Err(QueryError::invalid(NO_PLAN, message))
         }
     }
+}
+
+/// Refuses alternatives to a search that no index finds: then it would not be the text index that finds all.
+fn check_alternatives(indexes: &Indexes, filter: &Filter) -> Result<(), QueryError> {
+    let begins_with = |index: &Indexed, path: &str| {
+        let is_usable = !index.is_hidden() && index.definition.other.get(PARTIAL).is_none();
+        is_usable && (index.pattern.is_wildcard() || index.definition.keys.keys().next().is_some_and(|key| key == path))
+    };
+    let is_indexed = |path: &str| path == "_id" || indexes.iter().any(|index| begins_with(index, path));
+    if filter.has_indexed_alternatives(&is_indexed) {
+        return Ok(());
+    }
+    let message = "$text within $or needs an index for each other alternative; make one, or ask in two queries";
+    Err(QueryError::invalid(NO_PLAN, message))
 }
