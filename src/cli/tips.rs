@@ -48,6 +48,9 @@ const TIPS: [(&[&str], &str); 23] = [
     (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),
 ];
 
+/// The commands of features, of which this program may have been built without some.
+const FEATURES: [(&str, &str); 3] = [("serve", "serve"), ("view", "views"), ("export", "views")];
+
 /// The tip for `use DATABASE` in one word.
 const TIP_OF_USE: &str = "a collection is named with its database, as in 'rmem query robmem.worldmodel'";
 
@@ -62,10 +65,14 @@ pub(super) fn with_tip(mut error: Error) -> Error {
     let lower = word.to_ascii_lowercase();
     let is_command = error.kind() == ErrorKind::InvalidSubcommand;
     let known = || TIPS.iter().find(|(words, _)| is_command && words.contains(&lower.as_str()));
+    let feature = FEATURES.iter().find(|(command, _)| is_command && *command == lower);
+    let feature = feature.map(|(command, feature)| {
+        format!("this rmem was built without '{command}'; build it with the feature {feature}, as `cargo install --path .` does")
+    });
     let tip = mongosh::command(word).map(|command| format!("write: {command}"));
     let tip = tip.or_else(|| lower.starts_with("use ").then(|| TIP_OF_USE.to_owned()));
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
-    if let Some(tip) = tip.or_else(|| known().map(|(_, tip)| (*tip).to_owned())).or_else(documents) {
+    if let Some(tip) = feature.or(tip).or_else(|| known().map(|(_, tip)| (*tip).to_owned())).or_else(documents) {
         error.remove(value);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }

@@ -20,16 +20,17 @@ pub(super) const PROBLEM: [Format; 2] = [Format::Text, Format::Json];
 /// The formats of CLIPS facts.
 pub(crate) const FACTS: [Format; 1] = [Format::Clips];
 /// The formats of plans.
-pub(crate) const PLAN: [Format; 7] =
-    [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Dot, Format::Svg];
+pub(crate) const PLAN: [Format; 8] =
+    [Format::Text, Format::Json, Format::Document, Format::Clips, Format::Ff, Format::Shell, Format::Dot, Format::Svg];
 
 /// The formats of stored plans, of which it is known what was done.
-pub(crate) const STORED_PLAN: [Format; 8] = [
+pub(crate) const STORED_PLAN: [Format; 9] = [
     Format::Text,
     Format::Json,
     Format::Document,
     Format::Clips,
     Format::Ff,
+    Format::Shell,
     Format::Dot,
     Format::Svg,
     Format::Timeline,

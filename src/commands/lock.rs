@@ -19,7 +19,7 @@ Examples:
   rmem lock table --owner r1 --force
   rmem lock table --owner r1 --wait 1m && { pick-up; rmem unlock table --owner r1; }
 
-Exits with 5 if another owner holds the lock. The owner of a lock may lock it again, which renews it: two processes \
+Exits with 5 if another owner holds the lock. The owner of a lock may lock it again, which renews it (without --ttl, it then has no end): two processes \
 with the same owner do not exclude each other. --force takes the lock from another owner, and prints who had it: for \
 a lock without --ttl whose robot is gone.
 

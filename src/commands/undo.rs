@@ -13,6 +13,7 @@ use crate::formats::shell;
 use crate::memory::Memory;
 use crate::memory::history::Selection;
 use crate::memory::undo::{DEFAULT_LAST, Restoration, UndoPlan};
+use crate::output::amount;
 use crate::store::{Entry, StoreError};
 
 /// What stands below the help of `undo`.
@@ -73,6 +74,14 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
             return Err(StoreError::Held { what }.into());
         }
         memory.undo_unless_changed(&selection, last, &plan)?;
+        if let Some(newest) = &plan.newest {
+            let others = if plan.changes > 1 { ", the newest of them" } else { "" };
+            context.output.note(&format!(
+                "took back {}{others}: {}",
+                amount(plan.changes as u64, "change"),
+                later(newest)
+            ));
+        }
     }
     context.print_result(result(&plan))?;
     if plan.changes > 0 && plan.documents.is_empty() {

@@ -100,6 +100,13 @@ struct Column {
 
 /// The columns of the first row.
 fn columns(source: &Source, header: Vec<(String, Span)>) -> Result<Vec<Column>, Diagnostic> {
+    if let [(only, span)] = header.as_slice()
+        && only.contains(';')
+    {
+        let message = format!("the first row is one key, `{only}`; expected keys with commas between them");
+        let hint = "a spreadsheet can save with commas, or with tabs: then the file's name ends in .tsv";
+        return Err(Diagnostic::new(source, *span, message).hint(hint));
+    }
     let mut columns: Vec<Column> = Vec::with_capacity(header.len());
     for (text, span) in header {
         let wrong = |message: String| Diagnostic::new(source, span, message);

@@ -4,6 +4,23 @@
 /// Names of one letter are like no other.
 #[must_use]
 pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    // Of collections of one database, only what follows can be misspelt.
+    if let Some((database, name)) = wanted.rsplit_once('.') {
+        let same = |candidate: &&'a str| candidate.rsplit_once('.').is_some_and(|(other, _)| other == database);
+        let of = |candidate: &'a str| candidate.get(database.len() + 1..).unwrap_or_default();
+        let near = likest(name, candidates.iter().copied().filter(same).map(of));
+        if let Some(near) = near {
+            return candidates.into_iter().find(|candidate| same(candidate) && of(candidate) == near);
+        }
+        let others = candidates.into_iter().filter(|candidate| !same(candidate));
+        return likest(wanted, others);
+    }
+    likest(wanted, candidates)
+}
+
+/// The candidate that differs in the fewest letters.
+fn likest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = wanted.to_lowercase();
     let letters = lower.chars().count();
     let limit = letters.div_ceil(3).min(3).min(letters.saturating_sub(1));
@@ -29,5 +46,6 @@ mod tests {
         assert_eq!(nearest("robmem.plans", names), None);
         assert_eq!(nearest("robmem.objects", names), None);
         assert_eq!(nearest("", names), None);
+        assert_eq!(nearest("robmem.few", ["robmem.bom", "robmen.few"]), Some("robmen.few"));
     }
 }

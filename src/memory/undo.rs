@@ -34,6 +34,8 @@ pub struct Restoration {
 pub struct UndoPlan {
     /// How many changes are taken back.
     pub changes: usize,
+    /// The newest of them.
+    pub newest: Option<Entry>,
     /// What becomes of the documents, in the order of their first change.
     pub documents: Vec<Restoration>,
 }
@@ -97,7 +99,8 @@ impl Memory {
         let mut ordered: Vec<Changes> = changes.into_values().collect();
         ordered.sort_by_key(|changes| changes.order);
         let documents = ordered.into_iter().filter_map(|changes| self.restoration(ns, changes).transpose());
-        Ok(UndoPlan { changes: count, documents: documents.collect::<Result<_, _>>()? })
+        let documents = documents.collect::<Result<_, _>>()?;
+        Ok(UndoPlan { changes: count, newest: selected.pop(), documents })
     }
 
     /// What becomes of a document; nothing where it stays as it is.

@@ -28,6 +28,8 @@ pub enum Format {
     Ff,
     /// A stored document as it is, one line of JSON.
     Document,
+    /// Lines of words, quoted for a shell.
+    Shell,
     /// A graph for Graphviz.
     Dot,
     /// A drawing.
@@ -50,6 +52,7 @@ const OWN: &[Format] = &[
     Format::Clips,
     Format::Ff,
     Format::Document,
+    Format::Shell,
     Format::Dot,
     Format::Svg,
     Format::Timeline,
@@ -78,6 +81,7 @@ impl Format {
             Self::Tsv => "tsv",
             Self::Text => "text",
             Self::Clips => "clips",
+            Self::Shell => "shell",
             Self::Ff => "ff",
             Self::Document => "document",
             Self::Dot => "dot",

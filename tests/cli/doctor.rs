@@ -54,7 +54,7 @@ fn doctor_tries_planners_and_computables() {
 #[test]
 fn doctor_asks_the_programs_of_computables() {
     let lab = Lab::empty();
-    lab.write("sum.sh", "read q; case $q in *'\"x\":2'*) echo '{sum: 3} {sum: 4}';; *) echo no x >&2; exit 7;; esac\n");
+    lab.write("sum.sh", "read q; case $q in *'\"x\":2'*) echo '{compute: \"sum\", x: 2, sum: 3} {compute: \"sum\", x: 2, sum: 4}';; *) echo no x >&2; exit 7;; esac\n");
     lab.write("chatty.sh", "echo 'this is no document'\n");
     lab.write("slow.sh", "sleep 100\n");
     lab.write(
@@ -121,4 +121,17 @@ fn doctor_prints_json() {
     assert_eq!(of("memory", "mem:").unwrap()["state"], "ok, 0 collections");
     assert_eq!(of("planner", "builtin").unwrap()["ok"], true);
     assert!(lab.rmem(&["doctor", "--help"]).success().contains("Output format: text, json"));
+}
+
+#[test]
+fn a_program_whose_answers_its_query_does_not_find_is_a_mistake() {
+    let lab = Lab::new();
+    lab.write(
+        "rmem.toml",
+        "memory = 'file:robot.rmem'\n\
+         [[computable]]\nname = 'scan'\ncollection = 'a.b'\nspec = \"{typ: 'scan'}\"\ncommand = ['echo', '{\"type\": \"scan\"}']\n",
+    );
+    let found = lab.rmem(&["doctor"]);
+    let wanted = "computable scan: does not answer {\"typ\":\"scan\"}: of the 1 that it prints, the query finds none: {\"type\":\"scan\"}";
+    assert!(found.stdout.contains(wanted), "{found}");
 }

@@ -47,6 +47,37 @@ fn an_executive_takes_the_steps_of_its_plan_one_by_one() {
 }
 
 #[test]
+fn an_executive_takes_plans_with_times_and_names_with_blanks() {
+    for executive in executives() {
+        let lab = Lab::new();
+        lab.write(
+            "d.pddl",
+            "(define (domain d) (:requirements :durative-actions :typing) (:types box)\n\
+             (:predicates (on ?b - box) (off ?b - box))\n\
+             (:durative-action lift :parameters (?b - box) :duration (= ?duration 5)\n\
+             :condition (at start (on ?b)) :effect (and (at start (not (on ?b))) (at end (off ?b)))))\n",
+        );
+        lab.write(
+            "t.j2",
+            "(define (problem p) (:domain d)\n\
+             (:objects {% for b in query('a.boxes') %}{{ b.name }} {% endfor %}- box)\n\
+             (:init {% for b in query('a.boxes') %}({{ b.state }} {{ b.name }}) {% endfor %})\n\
+             (:goal {{ goal }}))\n",
+        );
+        lab.write(
+            "act.sh",
+            "#!/bin/sh\nset -eu\necho \"$#: $2\"\n\
+             rmem update -q a.boxes \"{name: '$2'}\" \"{\\$set: {state: 'off'}}\" >/dev/null\n",
+        );
+        lab.rmem(&["insert", "a.boxes", "{name: \"Box (1): $HOME\", state: 'on'}"]).success();
+        let text =
+            lab.shell(&format!("chmod +x act.sh && {executive} d.pddl t.j2 '(off \"Box (1): $HOME\")' ./act.sh"));
+        assert_eq!(text.success(), "plan 1\n2: Box (1): $HOME\ndid lift Box (1): $HOME\n", "{executive}");
+        assert_eq!(lab.rmem(&["count", "a.boxes", "{state: 'off'}"]).success(), "1\n");
+    }
+}
+
+#[test]
 fn an_executive_notices_that_the_world_changed_and_plans_again() {
     for executive in executives() {
         let lab = Lab::new();

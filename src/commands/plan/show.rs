@@ -25,7 +25,7 @@ pub(super) use formats::PLAN as FORMATS;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg --lanes robot > plan.svg\n\n\
-Formats: text (as in planning competitions), json (outcome, cost and steps for an executive), document (as it is stored), dot (the partial order, for Graphviz), svg (lanes of actions over time, with causal links), timeline (planned times above real ones, as SVG), clips, ff."
+Formats: text (as in planning competitions), json (outcome, cost and steps for an executive), document (as it is stored), dot (the partial order, for Graphviz), svg (lanes of actions over time, with causal links), timeline (planned times above real ones, as SVG), clips, ff, shell (a line a step: its number, how it stands, the action and its arguments, quoted for a shell: eval \"set -- $line\")."
 )]
 #[command(arg = formats::argument(&formats::STORED_PLAN))]
 pub struct ShowArgs {
@@ -157,6 +157,7 @@ pub(super) fn print(page: &PrintedPlan<'_>, context: &mut Context<'_>) -> Result
         Format::Document => plan::Format::Document,
         Format::Clips => plan::Format::Clips,
         Format::Ff => plan::Format::Ff,
+        Format::Shell => plan::Format::Shell,
         Format::Dot => plan::Format::Dot,
         Format::Svg => plan::Format::Svg,
         other => return Err(WrongInput::new(format!("a plan has no format `{}`", other.name())).into()),

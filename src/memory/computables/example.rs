@@ -6,7 +6,9 @@ use bson::{Bson, Document, doc};
 
 use super::definition::{BodyKind, Definition};
 use super::spec::Spec;
+use crate::formats::shell;
 use crate::process::Host;
+use crate::query::Filter;
 
 impl Definition {
     /// Returns a query that the spec matches, with made-up values where the spec leaves them open; none where none is
@@ -32,8 +34,22 @@ impl Definition {
         let BodyKind::Command { words, folder, timeout } = &self.body else { return None };
         let (words, folder) = (words.clone(), folder.clone());
         let program = super::command::Command { words, folder, timeout: most.min(*timeout), host: host.clone() };
-        Some(program.answer(query, &[]).map(|documents| documents.len()).map_err(|error| error.to_string()))
+        Some(program.answer(query, &[]).map_err(|error| error.to_string()).and_then(|documents| {
+            let count = documents.len();
+            if count > 0 && self.adds.is_none() && !documents.iter().any(|document| is_found(query, document)) {
+                return Err(format!(
+                    "of the {count} that it prints, the query finds none: {}",
+                    shell::relaxed(&documents[0])
+                ));
+            }
+            Ok(count)
+        }))
     }
+}
+
+/// Whether a query finds a document; also where it cannot be told here.
+fn is_found(query: &Document, document: &Document) -> bool {
+    Filter::parse(query).and_then(|filter| filter.matches_document(document)).unwrap_or(true)
 }
 
 /// A document that a query matches, as far as its operators say which.

@@ -4,6 +4,7 @@ mod clips;
 mod dot;
 mod ff;
 mod page;
+mod shell;
 mod svg;
 mod text;
 
@@ -22,6 +23,8 @@ pub enum Format {
     Clips,
     /// As FF writes it: `step    0: unstack b a`.
     Ff,
+    /// A line a step: its number, how it stands, the action and its arguments, as words of a shell.
+    Shell,
     /// A graph for Graphviz.
     Dot,
     /// A drawing for browsers: boxes in order, or bars over time.
@@ -47,6 +50,7 @@ impl PrintedPlan<'_> {
             Format::Document => Ok(serde_json::to_string(self.document).unwrap_or_default() + "\n"),
             Format::Clips => clips::facts(self),
             Format::Ff => Ok(ff::ff(self.plan)),
+            Format::Shell => Ok(shell::lines(self)),
             Format::Dot => Ok(dot::graph(self)),
             Format::Svg => Ok(svg::draw(self)),
         }

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use bson::{Bson, Document};
 
 use crate::formats::clips::{Value, is_symbol, write_value};
+use crate::formats::shell;
 use crate::pddl::{Plan, Step, Structure};
 use crate::plan::Status;
 use crate::problem::names;
@@ -70,6 +71,14 @@ fn readable(value: &Bson) -> String {
     match value {
         Bson::String(text) => names::written(text),
         other => slot(other),
+    }
+}
+
+/// A value as a program gets it for an argument: a text is itself.
+pub(super) fn restored(value: &Bson) -> String {
+    match value {
+        Bson::String(text) => text.clone(),
+        other => shell::relaxed_value(other),
     }
 }
 
