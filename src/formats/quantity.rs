@@ -25,6 +25,26 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(seconds).map_err(|_| wrong())
 }
 
+/// Reads a limit of time: a duration that is not 0.
+///
+/// # Errors
+/// A sentence that says what was expected.
+pub fn time_limit(text: &str) -> Result<Duration, String> {
+    let limit = duration(text)?;
+    let wrong = || format!("`{text}` leaves no time; expected more than 0, like 500ms, 2s, 1m or 1h");
+    if limit.is_zero() { Err(wrong()) } else { Ok(limit) }
+}
+
+/// Reads a limit of memory: a size with its unit, as a number of bytes is rarely meant.
+///
+/// # Errors
+/// A sentence that says what was expected.
+pub fn memory_limit(text: &str) -> Result<u64, String> {
+    let has_unit = text.ends_with(|c: char| c.is_ascii_alphabetic());
+    let wrong = || format!("`{text}` has no unit; expected a size like 512M or 2G (512B for bytes)");
+    if has_unit || size(text).is_err() { size(text) } else { Err(wrong()) }
+}
+
 /// Writes a duration as it is read, in its largest unit without a remainder.
 #[must_use]
 pub fn write_duration(duration: Duration) -> String {
@@ -119,6 +139,16 @@ mod tests {
         for text in ["", "14", "25:00", "14:61", "yesterday", "2023-02-30", "-3s", "ago"] {
             assert!(time(text, now).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn limits_are_more_than_0_and_have_units() {
+        assert_eq!(time_limit("1ms"), Ok(Duration::from_millis(1)));
+        assert_eq!(memory_limit("2G"), Ok(2 << 30));
+        assert_eq!(memory_limit("100B"), Ok(100));
+        assert!(time_limit("0s").is_err_and(|words| words.contains("more than 0")));
+        assert!(memory_limit("1").is_err_and(|words| words.contains("no unit")));
+        assert!(memory_limit("x").is_err_and(|words| words.contains("not a size")));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::pddl::Plan;
 pub enum Outcome {
     /// A plan; the empty one where the goal holds already.
     Plan(Plan),
-    /// Proven: there is no plan.
+    /// There is no plan: as rmem has proved, or as the planner says.
     Unsolvable,
     /// The planner gave up without a proof.
     GaveUp,
@@ -17,8 +17,12 @@ pub enum Outcome {
     OutOfTime,
     /// It returned an invalid plan.
     Invalid,
-    /// It crashed, or returned what is not a plan.
+    /// It crashed: a signal ended it, or it ended with an exit code other than 0 and without a plan.
     Failed,
+    /// It ended well, but what it returned is not a plan.
+    NoPlan,
+    /// Its program is there, but cannot be executed.
+    NotExecutable,
     /// It cannot handle a feature that the task uses.
     Unsupported,
     /// There is no such program.
@@ -39,6 +43,8 @@ impl Outcome {
             Self::OutOfTime => "timeout",
             Self::Invalid => "invalid",
             Self::Failed => "crashed",
+            Self::NoPlan => "no-plan",
+            Self::NotExecutable => "not-executable",
             Self::Unsupported => "unsupported",
             Self::NotFound => "not-found",
             Self::Interrupted => "interrupted",
@@ -50,12 +56,14 @@ impl Outcome {
     pub fn sentence(&self) -> &'static str {
         match self {
             Self::Plan(_) => "a plan was found",
-            Self::Unsolvable => "proven: no plan exists",
+            Self::Unsolvable => "no plan exists",
             Self::GaveUp => "the planner gave up without proof",
             Self::OutOfMemory => "the planner ran out of memory",
             Self::OutOfTime => "the planner ran out of time",
             Self::Invalid => "the planner returned an invalid plan",
-            Self::Failed => "the planner crashed, or returned what is not a plan",
+            Self::Failed => "the planner crashed",
+            Self::NoPlan => "the planner returned what is not a plan",
+            Self::NotExecutable => "the planner's program cannot be executed",
             Self::Unsupported => "the planner cannot handle the task",
             Self::NotFound => "the planner's program was not found",
             Self::Interrupted => "interrupted",

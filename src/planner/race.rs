@@ -1,7 +1,7 @@
 //! Several planners at once on one task.
 //!
-//! The first whose plan is right wins, and the others are ended. A proof that there is no plan
-//! ends the race as well: there is none to be found. A planner that cannot handle the task, is not
+//! The first whose plan is right wins, and the others are ended. A planner's word that there is no plan
+//! ends the race as well, unless another one has a plan: that refutes it. A planner that cannot handle the task, is not
 //! installed or fails does not take part any longer, and the others go on.
 //!
 //! The limits are one for all. Each may use what the others leave of the memory; where all of them together
@@ -25,7 +25,7 @@ const LOOK: Duration = Duration::from_millis(20);
 /// A race that is over.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Race {
-    /// What each planner did, in the order they were named. Planners that were stopped because another had won
+    /// What each planner did, in the order they were named. A planner that was stopped because another had won
     /// has [`Outcome::Interrupted`].
     pub runs: Vec<Run>,
     /// Whose outcome counts, by its place among the runs.
@@ -41,12 +41,19 @@ impl Race {
         self.runs.get(self.winner)
     }
 
+    /// The runs that say that there is no plan, where the winner has a plan that was simulated.
+    pub fn wrong_claims(&self) -> impl Iterator<Item = &Run> {
+        let is_refuted = self.winner().is_some_and(refutes);
+        self.runs.iter().filter(move |run| is_refuted && run.outcome == Outcome::Unsolvable)
+    }
+
     /// The word for what a planner of the race came to.
     #[must_use]
     pub fn word(&self, run: &Run) -> &'static str {
         let is_won = self.winner().is_some_and(|run| is_decided(&run.outcome));
         match run.outcome {
-            Outcome::Interrupted if is_won => "ended",
+            Outcome::Interrupted if is_won => "stopped",
+            Outcome::Unsolvable if self.winner().is_some_and(refutes) => "wrong",
             ref outcome => outcome.word(),
         }
     }
@@ -107,7 +114,8 @@ impl<'a> Portfolio<'a> {
                     Ok((place, run)) => {
                         let is_over = match run.outcome {
                             Outcome::Plan(_) => !is_for_best,
-                            ref outcome => is_decided(outcome),
+                            Outcome::Unsolvable => !runs.iter().flatten().any(refutes),
+                            _ => false,
                         };
                         if first.is_none() && is_over {
                             first = Some(place);
@@ -128,8 +136,14 @@ impl<'a> Portfolio<'a> {
         });
         // A thread without a result has panicked, which the scope has passed on.
         let runs: Vec<Run> = runs.into_iter().flatten().collect();
-        let winner =
-            first.filter(|place| *place < runs.len()).or_else(|| best(&runs, task)).or_else(|| most_telling(&runs))?;
+        // Whoever says that there is no plan is wrong where another one has a plan that holds.
+        let is_refuted = |place: &usize| {
+            runs.get(*place).is_none_or(|run| run.outcome == Outcome::Unsolvable) && runs.iter().any(refutes)
+        };
+        let winner = first
+            .filter(|place| *place < runs.len() && !is_refuted(place))
+            .or_else(|| best(&runs, task))
+            .or_else(|| most_telling(&runs))?;
         Some(Race { runs, winner, is_interrupted })
     }
 }
@@ -137,6 +151,11 @@ impl<'a> Portfolio<'a> {
 /// Whether no planner has to go on.
 fn is_decided(outcome: &Outcome) -> bool {
     matches!(outcome, Outcome::Plan(_) | Outcome::Unsolvable)
+}
+
+/// Whether a run has a plan that was simulated, so that there is a plan whatever another planner says.
+fn refutes(run: &Run) -> bool {
+    run.outcome.plan().is_some() && run.unjudged.is_none()
 }
 
 /// The run with the best plan; of equals the one with fewer steps, then the first named.
@@ -167,30 +186,38 @@ fn most_telling(runs: &[Run]) -> Option<usize> {
         Outcome::OutOfTime => 2,
         Outcome::OutOfMemory => 3,
         Outcome::GaveUp => 4,
-        Outcome::Invalid | Outcome::Failed => 5,
+        Outcome::Invalid | Outcome::Failed | Outcome::NoPlan | Outcome::NotExecutable => 5,
         Outcome::Unsupported => 6,
         Outcome::NotFound => 7,
     };
     runs.iter().enumerate().min_by_key(|(_, run)| rank(&run.outcome)).map(|(place, _)| place)
 }
 
-/// A table: planner, outcome, time, processor time, steps.
+/// A table: planner, outcome, time, processor time, steps, and the cost or, of plans with times, the makespan.
 impl fmt::Display for Race {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let width = self.runs.iter().map(|run| run.planner.chars().count()).max().unwrap_or_default().max(7);
-        write!(f, "{:<width$}  {:<13}  {:>9}  {:>9}  {:>6}", "planner", "outcome", "time", "cpu", "steps")?;
+        let is_temporal = self.runs.iter().filter_map(|run| run.outcome.plan()).any(|plan| plan.makespan().is_some());
+        let quality = if is_temporal { "makespan" } else { "cost" };
+        write!(
+            f,
+            "{:<width$}  {:<14}  {:>9}  {:>9}  {:>6}  {quality:>9}",
+            "planner", "outcome", "time", "cpu", "steps"
+        )?;
         for (place, run) in self.runs.iter().enumerate() {
             let outcome = self.word(run);
             let seconds = |time: Duration| format!("{:.2} s", time.as_secs_f64());
             let steps = run.outcome.plan().map_or_else(|| "-".to_owned(), |plan| plan.steps.len().to_string());
             let (time, cpu) = (seconds(run.time), run.cpu.map_or_else(|| "-".to_owned(), seconds));
+            let quality = run.outcome.plan().and_then(|plan| if is_temporal { plan.makespan() } else { plan.cost });
+            let quality = quality.map_or_else(|| "-".to_owned(), |quality| ((quality * 1e3).round() / 1e3).to_string());
             let mark = match run.outcome {
                 _ if place != self.winner => "",
                 Outcome::Plan(_) => "  wins",
                 Outcome::Unsolvable => "  decides",
                 _ => "",
             };
-            write!(f, "\n{:<width$}  {outcome:<13}  {time:>9}  {cpu:>9}  {steps:>6}{mark}", run.planner)?;
+            write!(f, "\n{:<width$}  {outcome:<14}  {time:>9}  {cpu:>9}  {steps:>6}  {quality:>9}{mark}", run.planner)?;
         }
         Ok(())
     }

@@ -13,7 +13,7 @@ use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
 use crate::pddl::{Feature, Plan, Step, Validation, Why, validate, why};
-use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, Share};
+use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, SUPERVISOR_GONE, Share};
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
@@ -26,6 +26,11 @@ pub trait Planner: Send + Sync {
     /// Its version, where that is known without running it.
     fn version(&self) -> Option<String> {
         None
+    }
+
+    /// Whether it is rmem itself, whose word that there is no plan is a proof.
+    fn is_own(&self) -> bool {
+        false
     }
 
     /// What it cannot do, what is most worth saying first.
@@ -124,6 +129,10 @@ pub struct Run {
     pub is_spaced: bool,
     /// The planner refused the costs of actions, and was sent the task without them.
     pub is_without_costs: bool,
+    /// Whether rmem itself has proved that there is no plan; otherwise that is the word of another planner.
+    pub is_proven: bool,
+    /// The exit code of its program; none where a signal or a limit ended it.
+    pub code: Option<i32>,
     /// Why there is no plan, where that was asked for.
     pub why: Option<Why>,
     /// The message about the outcome: the planner's own words, or what it lacks
@@ -172,6 +181,7 @@ impl Run {
             self.outcome = Outcome::Unsolvable;
             self.message = "the planner gave up, but the goal can never hold".to_owned();
         }
+        self.is_proven |= why.is_proof();
         self.why = Some(why);
     }
 
@@ -370,7 +380,7 @@ fn conclude(
         }
         End::Interrupted if !keeps => return (Outcome::Interrupted, String::new()),
         End::TooMuchOutput => {
-            return (Outcome::Failed, format!("its program printed more than {} MiB", limits.output >> 20));
+            return (Outcome::NoPlan, format!("its program printed more than {} MiB", limits.output >> 20));
         }
         End::OutOfTime if !keeps => {
             let time = limits.time.unwrap_or_default();
@@ -384,7 +394,8 @@ fn conclude(
         }
         End::Starved if !keeps => return (Outcome::OutOfMemory, memory(limits)),
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
-        End::Failed(words) => return (Outcome::Failed, format!("its program could not be run: {words}")),
+        End::Failed(words) if words.starts_with(SUPERVISOR_GONE) => return (Outcome::Failed, words.clone()),
+        End::Failed(words) => return (Outcome::NotExecutable, format!("its program could not be run: {words}")),
         _ => {}
     }
     let crash = crash(&ended.end);
@@ -405,12 +416,13 @@ fn conclude(
         Verdict::OutOfTime => (Outcome::OutOfTime, answer.message),
         _ if ended.out_of_memory => (Outcome::OutOfMemory, memory(limits)),
         Verdict::Unclear if ended.end == End::Exited(127) => absent(&ended.stderr),
-        Verdict::Rejected => (Outcome::Failed, format!("it refused its input: {}", answer.message)),
-        Verdict::NoCriterion => (Outcome::Failed, answer.message),
-        _ => match crash {
-            Some(crash) => (Outcome::Failed, crash),
-            None if answer.message.is_empty() => (Outcome::Failed, "what it returned is not a plan".to_owned()),
-            None => (Outcome::Failed, answer.message),
+        Verdict::Rejected => (Outcome::NoPlan, format!("it refused its input: {}", answer.message)),
+        Verdict::NoCriterion => (Outcome::NoPlan, answer.message),
+        _ => match (crash, &ended.end) {
+            (Some(crash), _) => (Outcome::Failed, crash),
+            (None, End::Exited(code)) if *code != 0 => (Outcome::Failed, exited(*code, &answer.message, &ended.stderr)),
+            (None, _) if answer.message.is_empty() => (Outcome::NoPlan, "what it returned is not a plan".to_owned()),
+            (None, _) => (Outcome::NoPlan, answer.message),
         },
     }
 }
@@ -427,13 +439,26 @@ fn memory(limits: &Limits) -> String {
 /// The outcome of a program that is there and exits with 127. That is what shells do when
 /// they cannot find what they are to run, which they say.
 fn absent(stderr: &str) -> (Outcome, String) {
-    let words = stderr.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default().trim();
+    let words = last_line(stderr);
     let lower = words.to_lowercase();
     match ["not found", "no such file"].iter().any(|complaint| lower.contains(complaint)) {
         true => (Outcome::NotFound, format!("its program calls another: {words}")),
         false if words.is_empty() => (Outcome::Failed, "it exited with 127".to_owned()),
         false => (Outcome::Failed, format!("it exited with 127: {words}")),
     }
+}
+
+/// The message about a program that ended with an exit code other than 0 and without a plan: the reader's, or the last
+/// line that it wrote to stderr.
+fn exited(code: i32, message: &str, stderr: &str) -> String {
+    let words = if message.is_empty() { last_line(stderr) } else { message };
+    let words: String = words.chars().take(200).collect();
+    if words.is_empty() { format!("it exited with {code}") } else { format!("it exited with {code}: {words}") }
+}
+
+/// The last line with words.
+fn last_line(text: &str) -> &str {
+    text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default().trim()
 }
 
 /// A crash: a signal, also as a shell reports one.
@@ -458,6 +483,8 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
         _ => word.to_string_lossy().into_owned(),
     };
     Run {
+        is_proven: outcome == Outcome::Unsolvable && planner.is_own(),
+        code: ended.code(),
         outcome,
         planner: planner.name().to_owned(),
         version: planner.version(),

@@ -91,7 +91,19 @@ impl<'a> PlanResult<'a> {
             Note::Info(format!("{} knows no costs of actions; it was sent the task without them", run.planner))
         });
         let cut_short = || Note::Info("interrupted; this is the best plan that was found until then".to_owned());
-        let notes = race.into_iter().chain(unjudged).chain(self.run.is_spaced.then(spaced)).chain(self.ended_early());
+        let wrong = self.race.wrong_claims().map(|run| {
+            let text = format!(
+                "{} says that no plan exists, which is wrong: {} has a valid plan",
+                run.planner, self.run.planner
+            );
+            Note::Warning(text)
+        });
+        let notes = race
+            .into_iter()
+            .chain(wrong)
+            .chain(unjudged)
+            .chain(self.run.is_spaced.then(spaced))
+            .chain(self.ended_early());
         let is_cut_short = self.race.is_interrupted && self.run.outcome.plan().is_some();
         notes.chain(costless).chain(is_cut_short.then(cut_short)).collect()
     }
@@ -104,7 +116,10 @@ impl<'a> PlanResult<'a> {
         let names: Vec<String> =
             early.map(|run| format!("{} ended after {:.1} s", run.planner, run.time.as_secs_f64())).collect();
         let is_told = options.anytime && !self.race.is_interrupted && !names.is_empty();
-        is_told.then(|| Note::Info(format!("--anytime: {}; no better plan is looked for any more", names.join(", "))))
+        // Others may have used all of the time.
+        let is_over = self.time < options.timeout.mul_f64(0.9);
+        let rest = if is_over { "; no better plan is looked for any more" } else { ", the others went on" };
+        is_told.then(|| Note::Info(format!("--anytime: {}{rest}", names.join(", "))))
     }
 
     /// Stores the document with its lineage and returns its id. A search that was interrupted says nothing about
@@ -151,8 +166,11 @@ impl<'a> PlanResult<'a> {
         let run = &self.run;
         let text = match (&run.outcome, run.message.as_str()) {
             (Outcome::Plan(_), _) => return None,
-            (Outcome::Failed | Outcome::Invalid, message) if !message.is_empty() => {
-                format!("{}: {message}", run.planner)
+            (outcome, message) if is_broken(outcome) && !message.is_empty() => format!("{}: {message}", run.planner),
+            (Outcome::Unsolvable, message) => {
+                let colon = if message.is_empty() { "" } else { ": " };
+                let claim = if run.is_proven { ": proven: no plan exists" } else { " says that no plan exists" };
+                format!("{}{claim}{colon}{message}", run.planner)
             }
             (outcome, "") => format!("{}: {}", run.planner, outcome.sentence()),
             (outcome, message) => format!("{}: {}: {message}", run.planner, outcome.sentence()),
@@ -160,7 +178,7 @@ impl<'a> PlanResult<'a> {
         let text = names::readable(&text);
         let tail = run.tail();
         Some(match run.outcome {
-            Outcome::Failed | Outcome::Invalid if !tail.is_empty() => {
+            ref outcome if is_broken(outcome) && !tail.is_empty() => {
                 format!("{text}\n  the last lines it printed:\n{}", indent(&tail))
             }
             _ => text,
@@ -172,6 +190,11 @@ impl<'a> PlanResult<'a> {
     pub fn why(&self) -> Option<String> {
         self.run.why.as_ref().map(|why| names::readable(&why.to_string()))
     }
+}
+
+/// Whether the planner did not do what planners do, so that its own words are worth printing.
+fn is_broken(outcome: &Outcome) -> bool {
+    matches!(outcome, Outcome::Failed | Outcome::NoPlan | Outcome::NotExecutable | Outcome::Invalid)
 }
 
 /// A planner's output with control characters made visible, so that they do not reach the terminal.

@@ -76,7 +76,7 @@ impl<'a> PreparedSearch<'a> {
         let race = race.ok_or(PlanningError::NoPlanner)?;
         let time = start.elapsed();
         let mut run = race.winner().ok_or(PlanningError::NoPlanner)?.clone();
-        if run.outcome == Outcome::Failed && run.message.contains(NO_FILES) {
+        if run.outcome == Outcome::NotExecutable && run.message.contains(NO_FILES) {
             let (address, reason) = (host.temporary.display().to_string(), run.message);
             return Err(StoreError::Failed { address, reason }.into());
         }

@@ -212,6 +212,8 @@ impl Prepared {
 /// The beginning of the error where the files of a run cannot be made: a fault of this machine, not of
 /// the program.
 pub(crate) const NO_FILES: &str = "no files can be made for a run";
+/// What is said of a run whose supervisor ended before it.
+pub(crate) const SUPERVISOR_GONE: &str = "its supervisor is gone";
 
 fn unmade(host: &Host<'_>, error: &io::Error) -> io::Error {
     // The name of the file is rmem's own.
@@ -327,7 +329,7 @@ impl Supervisor {
                 }
                 Err(error) => {
                     self.abandon();
-                    let gone = || End::Failed(format!("its supervisor is gone: {error}"));
+                    let gone = || End::Failed(format!("{SUPERVISOR_GONE}: {error}"));
                     return (stopped.map_or_else(gone, |(end, _)| end), None);
                 }
             }

@@ -25,6 +25,8 @@ pub struct Axis {
     pub label: String,
     /// Whether it is logarithmic.
     pub log: bool,
+    /// Whether its values are whole numbers, such as counts.
+    pub whole: bool,
     /// Whether its values are dates, as seconds since 1970.
     pub dates: bool,
     /// The least and the greatest value that it shows (default: those of what is drawn).

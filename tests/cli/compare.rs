@@ -68,7 +68,11 @@ fn csv_has_the_runs_and_scores_apart() {
     let lab = lab();
     let csv = lab.rmem(&["compare", "tasks", "--format", "csv", "--only", "one"]).success();
     let lines: Vec<&str> = csv.lines().collect();
-    assert_eq!((lines.len(), lines[0]), (2, "task,planner,outcome,seconds,cpu,memory,cost,steps,message"), "{csv}");
+    assert_eq!(
+        (lines.len(), lines[0]),
+        (2, "task,planner,outcome,seconds,cpu,memory,cost,makespan,steps,exit_code,message"),
+        "{csv}"
+    );
     assert!(lines[1].starts_with("lights/one,builtin,success,"), "{csv}");
     let scores = lab.rmem(&["compare", "tasks", "--format", "csv", "--scores"]).success();
     assert!(scores.starts_with("planner,tasks,solved,coverage,ipc_satisficing,ipc_agile,par10,memory\n"), "{scores}");
@@ -160,9 +164,97 @@ fn what_cannot_be_compared_is_named() {
     refused(&["tasks", "--only", "three"], 3, "with `three` in its name");
     refused(&["--stored", "robmem.none"], 3, "robmem.none has no plan");
     lab.write("tasks/lights/wrong.pddl", "(define (problem");
-    let run = lab.rmem(&["compare", "tasks"]).exits(0);
-    assert!(run.stderr.contains("lights/wrong is left out: tasks/lights/wrong.pddl:1:"), "{run}");
+    refused(&["tasks", "--timeout", "0s"], 2, "`0s` leaves no time; expected more than 0");
+    refused(&["tasks", "--memory-limit", "1"], 2, "`1` has no unit");
+    refused(&["tasks", "--anytime", "--planner", "ff"], 2, "ff cannot improve a plan; leave out --anytime");
+    let absent = "[planner.absent]\ncommand = ['/nonexistent/planner']\noutput = 'ff'\n";
+    lab.write("rmem.toml", &format!("{}{absent}", lab.read("rmem.toml")));
+    refused(
+        &["tasks", "--planner", "quitter", "--planner", "absent"],
+        127,
+        "absent: the planner's program was not found",
+    );
+    assert_eq!(runs(&lab), 0, "nothing was run");
     refused(&["tasks/lights/domain.pddl", "tasks/lights/wrong.pddl"], 3, "wrong.pddl:1:");
+}
+
+#[test]
+fn a_task_that_cannot_be_read_counts_as_not_solved() {
+    let lab = lab();
+    lab.write("tasks/lights/wrong.pddl", "(define (problem");
+    let run = lab.rmem(&["compare", "tasks"]).exits(3);
+    assert!(run.stderr.contains("lights/wrong cannot be read: tasks/lights/wrong.pddl:1:"), "{run}");
+    let rows: Vec<serde_json::Value> = run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!((&rows[2]["task"], &rows[2]["outcome"]), (&"lights/wrong".into(), &"unreadable".into()), "{run}");
+    assert_eq!((&rows[3]["tasks"], &rows[3]["solved"]), (&3.into(), &2.into()), "{run}");
+}
+
+#[test]
+fn who_says_wrongly_that_there_is_no_plan_has_not_solved_the_task() {
+    let lab = lab();
+    lab.write("rmem.toml", "[planner.liar]\ncommand = ['/bin/sh', '-c', 'exit 11']\noutput = 'downward'\n");
+    let both = ["compare", "tasks", "--only", "one", "--planner", "liar", "--planner", "builtin"];
+    for times in ["the first time", "from the memory"] {
+        let run = lab.rmem(&both).exits(0);
+        let rows: Vec<serde_json::Value> = run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let message = "it says that no plan exists, but builtin has a valid plan";
+        assert_eq!((&rows[0]["outcome"], &rows[0]["message"]), (&"wrong".into(), &message.into()), "{times}: {run}");
+        assert_eq!((&rows[2]["solved"], &rows[2]["ipc_satisficing"]), (&0.into(), &0.0.into()), "{times}: {run}");
+        assert_eq!((&rows[3]["solved"], &rows[3]["ipc_satisficing"]), (&1.into(), &1.0.into()), "{times}: {run}");
+        let is_warned = run.stderr.contains("warning: liar on lights/one: it says that no plan exists");
+        assert_eq!(is_warned, times == "the first time", "{run}");
+    }
+}
+
+#[test]
+fn plans_with_times_are_compared_by_their_makespans() {
+    let lab = lab();
+    let task = crate::lab::root().join("fixtures/tasks/delivery").display().to_string();
+    let run = lab.rmem(&["compare", &task]).exits(0);
+    let row: serde_json::Value = serde_json::from_str(run.stdout.lines().next().unwrap()).unwrap();
+    assert!(row["makespan"].as_f64().unwrap() > 30.0 && row["cost"] == row["makespan"], "{run}");
+}
+
+#[test]
+fn a_run_is_made_again_where_the_planners_script_has_changed() {
+    let lab = lab();
+    let script = lab.path().join("planner.sh").display().to_string();
+    let log = lab.path().join("log").display().to_string();
+    lab.write("rmem.toml", &format!("[planner.script]\ncommand = ['sh', '{script}']\noutput = 'ff'\n"));
+    lab.write("planner.sh", &format!("echo run >> {log}; echo 'no licence' >&2; exit 7\n"));
+    let words = ["compare", "tasks", "--only", "one", "--planner", "script"];
+    let run = lab.rmem(&words).exits(0);
+    let row: serde_json::Value = serde_json::from_str(run.stdout.lines().next().unwrap()).unwrap();
+    assert_eq!((&row["outcome"], &row["exit_code"]), (&"crashed".into(), &7.into()), "{run}");
+    assert_eq!(row["message"], "it exited with 7: no licence", "{run}");
+    lab.rmem(&words).exits(0);
+    assert_eq!(runs(&lab), 1);
+    lab.write("planner.sh", &format!("echo run >> {log}; echo 'search cap reached!'\n"));
+    let run = lab.rmem(&words).exits(0);
+    assert!(runs(&lab) == 2 && run.stdout.contains("gave-up"), "{run}");
+    let kept = lab.rmem(&["query", "robmem.comparisons", "{outcome: 'crashed'}", "--fields", "{run: 1, _id: 0}"]);
+    let kept: serde_json::Value = serde_json::from_str(&kept.success()).unwrap();
+    assert_eq!((&kept["run"]["command"][0], &kept["run"]["anytime"]), (&"sh".into(), &false.into()), "{kept}");
+    assert_eq!(kept["run"]["problem"].as_str().map(str::len), Some(64), "{kept}");
+}
+
+#[test]
+fn a_task_that_is_named_twice_is_run_once_and_names_do_not_depend_on_the_order() {
+    let lab = lab();
+    for file in ["domain", "one"] {
+        lab.write(&format!("more/lights/{file}.pddl"), &lab.read(&format!("tasks/lights/{file}.pddl")));
+    }
+    let names = |paths: [&str; 3]| {
+        let run = lab.rmem(&[&["compare", "--format", "csv", "--only", "one"], &paths[..]].concat()).exits(0);
+        assert!(run.stderr.contains("of the tasks are named twice; each is run once"), "{run}");
+        let names = run.stdout.lines().skip(1).filter_map(|line| line.split(',').next());
+        let mut names: Vec<String> = names.map(str::to_owned).collect();
+        names.sort();
+        names
+    };
+    let wanted = ["more/lights/one", "tasks/lights/one"];
+    assert_eq!(names(["tasks", "more", "tasks/lights"]), wanted);
+    assert_eq!(names(["more", "tasks/lights", "tasks"]), wanted);
 }
 
 #[test]

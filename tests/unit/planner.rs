@@ -287,7 +287,7 @@ fn an_interruption_stops_the_run() {
 fn a_flood_of_output_is_stopped() {
     let limits = Limits { output: 1 << 20, ..within(30.0) };
     let run = Place::new().ff("exec yes", &limits);
-    assert_eq!(run.outcome, Outcome::Failed);
+    assert_eq!(run.outcome, Outcome::NoPlan);
     assert!(run.message.contains("more than 1 MiB"), "{}", run.message);
     assert!(run.stdout.len() <= 1 << 20);
 }
@@ -338,7 +338,7 @@ fn actions_that_touch_are_set_apart() {
 fn half_a_plan_file_is_not_a_plan() {
     let run =
         Place::new().configured("echo '(go a)' > \"$3\"; echo '(go b' >> \"$3\"", Dialect::Downward, &within(10.0));
-    assert_eq!(run.outcome, Outcome::Failed);
+    assert_eq!(run.outcome, Outcome::NoPlan);
     assert!(run.message.contains("plan:2:"), "{}", run.message);
     let body = "echo '(go a)' > \"$3\"; echo '; cost = 1 (unit cost)' >> \"$3\"";
     let run = Place::new().configured(body, Dialect::Downward, &within(10.0));
@@ -559,7 +559,7 @@ fn only_files_of_the_runs_own_are_read_as_plans() {
     for body in ["mkfifo \"$3\"", "ln -s /dev/zero \"$3\"", "mkdir \"$3\"", &link, "rm -f stdout; mkfifo stdout"] {
         let started = Instant::now();
         let run = Place::new().configured(body, Dialect::Downward, &within(10.0));
-        assert_eq!(run.outcome, Outcome::Failed, "{body}: {run:?}");
+        assert_eq!(run.outcome, Outcome::NoPlan, "{body}: {run:?}");
         assert!(started.elapsed() < Duration::from_secs(8), "{body}: {:?}", started.elapsed());
     }
     let body = "printf '(go a)\\n; cost = 1 (unit cost)\\n' > best; ln -s best \"$3\"";
@@ -583,6 +583,12 @@ fn what_was_not_found_is_told_apart() {
     let run = Place::new().ff("no-such-inner-command", &within(10.0));
     assert_eq!(run.outcome, Outcome::NotFound);
     assert!(run.message.contains("no-such-inner-command") && run.message.contains("not found"), "{}", run.message);
+
+    let run = Place::new().ff("echo 'no licence' >&2; exit 7", &within(10.0));
+    assert_eq!((run.outcome, run.message.as_str()), (Outcome::Failed, "it exited with 7: no licence"));
+    assert_eq!(run.code, Some(7));
+    let run = Place::new().ff("echo hello", &within(10.0));
+    assert_eq!((run.outcome, run.message.as_str()), (Outcome::NoPlan, "what it returned is not a plan"));
 
     let run = Place::new().ff("echo 'licence missing' >&2; exit 127", &within(10.0));
     assert_eq!((run.outcome, run.message.as_str()), (Outcome::Failed, "it exited with 127: licence missing"));

@@ -1,24 +1,27 @@
 //! `rmem compare PATH… --planner A --planner B`: planners side by side.
 
 mod plot;
+mod rows;
 mod task;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bson::{Bson, DateTime, Document, doc};
+use bson::{DateTime, doc};
 use clap::Args;
 
+use self::rows::Rows;
 use self::task::{Named, Place};
 use super::{Context, UsageError, formats};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exit::Exit;
-use crate::formats::{quantity, shell};
+use crate::fault::{AtFault, Fault};
+use crate::formats::quantity;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::output::Format;
 use crate::planner::{Host, Limits, Planner, Task};
-use crate::planning::comparison::{Measurement, Score, Setup, measure, scores};
+use crate::planning::comparison::{Measurement, Score, Setup, measure, program_files, refute, scores, unscored};
 use crate::store::{Find, Namespace};
 use crate::views::pictures;
 
@@ -37,14 +40,17 @@ Examples:
   rmem compare --stored robmem.plans --planner ff --plot solved.svg
 
 Runs each planner on each task, one after the other, and validates each plan by simulation. A folder has domain.pddl \
-and problems, or folders of such; --stored takes the tasks of stored plans, instantiated from the memory as it is now.
+and problems (or a folder `instances` of them), or folders of such; --stored takes the tasks of stored plans, instantiated \
+from the memory as it is now.
 
-Prints a document for each run (seconds are wall time, memory is the most that was seen resident, in bytes), and for \
-each planner its coverage, the satisficing and agile scores of the IPC, and PAR10. With csv and tsv, the scores are \
-printed by --scores. The satisficing score compares with the best plan that one of the planners found.
+Prints a document for each run (seconds are wall time, memory is the most that was seen resident, in bytes; cost is the \
+metric's value, else the makespan or the number of steps), and for each planner its coverage, the satisficing and agile \
+scores of the IPC, and PAR10. With csv and tsv, the scores are printed by --scores. The satisficing score compares with \
+the best plan that one of the planners found. That a task has no plan counts as solved, unless another planner has a \
+plan: then it is `wrong`. Tasks that cannot be read are `unreadable`, count as not solved, and make the exit code 3.
 
-Runs are kept in the memory. The same command goes on where it was interrupted, and prints what is there; --again \
-runs everything again.";
+Runs are kept in the memory. The same command goes on where it was interrupted, and prints what is there; a run is made \
+again where the task, the planner's program or arguments, or the limits have changed. --again runs everything again.";
 
 /// Run planners side by side: coverage, times, costs, scores
 #[derive(Debug, Args)]
@@ -63,10 +69,10 @@ pub struct CompareArgs {
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     pub only: String,
     /// Time limit of a run
-    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
+    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::time_limit)]
     pub timeout: Duration,
     /// Memory limit of a run
-    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    #[arg(long, value_name = "SIZE", value_parser = quantity::memory_limit)]
     pub memory_limit: Option<u64>,
     /// Let planners use all of the time to find better plans
     #[arg(long)]
@@ -95,18 +101,36 @@ pub(super) fn run(args: &CompareArgs, context: &mut Context<'_>) -> Result<Exit>
     let planners = planners(args, context)?;
     let memory = context.memory_to_fill()?;
     let place = args.stored.as_ref().map_or(Place::Paths(&args.paths), Place::Plans);
-    let tasks = task::find(&place, &args.only, &memory)?;
+    let found = task::find(&place, &args.only, &memory)?;
+    if found.repeated > 0 {
+        context.output.note(&format!("{} of the tasks are named twice; each is run once", found.repeated));
+    }
     let format = context.format(&FORMATS)?;
     let guard = InterruptGuard::new();
     let host = Host { interrupted: guard.interrupted(), ..context.host() };
-    let mut comparison = Comparison { args, memory, planners, host, format, measured: Vec::new(), known: 0 };
-    let is_whole = comparison.measure_all(&tasks, context)?;
-    comparison.report(context)?;
-    if is_whole {
-        return Ok(Exit::Done);
+    let programs = planners.iter().map(|planner| program(planner.as_ref(), &host, context)).collect::<Result<_>>()?;
+    let mut comparison = Comparison {
+        args,
+        memory,
+        planners,
+        programs,
+        host,
+        rows: Rows::new(format, args.scores),
+        measured: Vec::new(),
+        known: 0,
+        unreadable: 0,
+    };
+    let is_whole = comparison.measure_all(&found.tasks, context)?;
+    comparison.report(found.tasks.len(), context)?;
+    if !is_whole {
+        context.output.warn(match (args.no_store, args.again) {
+            (true, _) => "interrupted; with --no-store, no run is kept",
+            (_, true) => "interrupted; the same command without --again goes on from here",
+            _ => "interrupted; the same command goes on from here",
+        });
+        return Ok(Exit::Interrupted);
     }
-    context.output.warn("interrupted; the same command goes on from here");
-    Ok(Exit::Interrupted)
+    Ok(if comparison.unreadable > 0 { Exit::BadInput } else { Exit::Done })
 }
 
 /// The planners, each once.
@@ -119,7 +143,39 @@ fn planners(args: &CompareArgs, context: &Context<'_>) -> Result<Vec<Box<dyn Pla
         }
         names.push(name);
     }
-    names.into_iter().map(|name| Ok(registry.get(name, args.anytime)?)).collect()
+    let planners: Vec<Box<dyn Planner>> =
+        names.iter().map(|name| registry.get(name, args.anytime)).collect::<Result<_, _>>()?;
+    if args.anytime && !planners.iter().any(|planner| planner.is_anytime()) {
+        let message = format!("{} cannot improve a plan; leave out --anytime", names.join(", "));
+        return Err(UsageError::new(message).into());
+    }
+    Ok(planners)
+}
+
+/// A planner that is not installed, which is known before the first run.
+#[derive(Debug, thiserror::Error)]
+#[error("{planner}: the planner's program was not found: {install}")]
+struct NotInstalled {
+    planner: String,
+    install: String,
+}
+
+impl AtFault for NotInstalled {
+    fn fault(&self) -> Fault {
+        Fault::Program
+    }
+}
+
+/// The files of a planner's command.
+fn program(planner: &dyn Planner, host: &Host<'_>, context: &Context<'_>) -> Result<Vec<String>> {
+    let command = planner.command(host);
+    let name = command.first().and_then(|word| word.to_str()).unwrap_or_default();
+    let found = context.program(name);
+    // A file that cannot be executed is an outcome, with the reason.
+    if found.is_none() && !Path::new(name).exists() {
+        return Err(NotInstalled { planner: planner.name().to_owned(), install: planner.install() }.into());
+    }
+    Ok(program_files(found, &command))
 }
 
 /// A comparison as it goes on.
@@ -127,43 +183,94 @@ struct Comparison<'a> {
     args: &'a CompareArgs,
     memory: Memory,
     planners: Vec<Box<dyn Planner>>,
+    /// The files of each planner's command.
+    programs: Vec<Vec<String>>,
     host: Host<'a>,
-    format: Format,
+    rows: Rows,
     measured: Vec<Measurement>,
     /// How many runs were there already.
     known: usize,
+    /// How many tasks cannot be read.
+    unreadable: usize,
 }
 
 impl Comparison<'_> {
     /// Measures every planner on every task; returns false where it was interrupted.
     fn measure_all(&mut self, tasks: &[Named], context: &mut Context<'_>) -> Result<bool> {
         let progress = context.output.progress("reading the tasks");
-        let (mut place, mut count) = (0, tasks.len());
-        for named in tasks {
-            let Some((domain, problem)) = named.read(&self.memory, context)? else {
-                count -= 1;
-                continue;
+        for (place, named) in tasks.iter().enumerate() {
+            let start = self.measured.len();
+            let is_whole = match named.read(&self.memory, context)? {
+                Ok((domain, problem)) => {
+                    let say = |planner: &str| {
+                        let (place, count) = (place + 1, tasks.len());
+                        progress.say(&format!("task {place} of {count}: {planner} on {}", named.name));
+                    };
+                    self.measure_task(&named.name, &Task { domain: &domain, problem: &problem }, &say, context)?
+                }
+                Err(error) => {
+                    self.leave_out(&named.name, &error, context);
+                    true
+                }
             };
-            place += 1;
-            let task = Task { domain: &domain, problem: &problem };
-            for nth in 0..self.planners.len() {
-                let planner = self.planners.get(nth).map(|planner| planner.name()).unwrap_or_default();
-                progress.say(&format!("task {place} of {count}: {planner} on {}", named.name));
-                let Some(measured) = self.measured_one(nth, &named.name, &task)? else { return Ok(false) };
-                self.print(&measured, context)?;
-                self.measured.push(measured);
+            self.settle(start, context)?;
+            self.rows.print(&self.measured, true, context)?;
+            if !is_whole {
+                return Ok(false);
             }
         }
         Ok(true)
     }
 
+    /// Measures every planner on a task; returns false where it was interrupted.
+    fn measure_task(
+        &mut self,
+        name: &str,
+        task: &Task<'_>,
+        say: &dyn Fn(&str),
+        context: &mut Context<'_>,
+    ) -> Result<bool> {
+        for nth in 0..self.planners.len() {
+            say(self.planners.get(nth).map(|planner| planner.name()).unwrap_or_default());
+            let Some(measured) = self.measured_one(nth, name, task)? else { return Ok(false) };
+            let took = Duration::try_from_secs_f64(measured.seconds).unwrap_or_default();
+            context.output.operation("compare", &format!("{} on {name}", measured.planner), &measured.outcome, took);
+            self.measured.push(measured);
+            self.rows.print(&self.measured, false, context)?;
+        }
+        Ok(true)
+    }
+
+    /// Counts a task that cannot be read for every planner, as one that is not solved.
+    fn leave_out(&mut self, name: &str, error: &Error, context: &mut Context<'_>) {
+        context.output.warn(&format!("{name} cannot be read: {error}"));
+        self.unreadable += 1;
+        let (timeout, message) = (self.args.timeout, error.to_string());
+        let names = self.planners.iter().map(|planner| planner.name());
+        self.measured.extend(names.map(|planner| Measurement::unreadable(name, planner, timeout, &message)));
+    }
+
+    /// Looks, once all planners ran on a task, who said wrongly that it has no plan.
+    fn settle(&mut self, start: usize, context: &mut Context<'_>) -> Result<()> {
+        let Some(rows) = self.measured.get_mut(start..) else { return Ok(()) };
+        for place in refute(rows) {
+            let Some(wrong) = rows.get(place) else { continue };
+            context.output.warn(&format!("{} on {}: {}", wrong.planner, wrong.task, wrong.message));
+            if !self.args.no_store {
+                self.memory.put(&self.args.into, vec![wrong.to_document(DateTime::now())])?;
+            }
+        }
+        Ok(())
+    }
+
     /// A run, or the one that is kept; none where it was interrupted.
     fn measured_one(&mut self, nth: usize, name: &str, task: &Task<'_>) -> Result<Option<Measurement>> {
-        let Some(planner) = self.planners.get(nth) else { return Ok(None) };
+        let (Some(planner), Some(program)) = (self.planners.get(nth), self.programs.get(nth)) else { return Ok(None) };
         let memory = Some(self.args.memory_limit.unwrap_or(NO_LIMIT));
         let limits = Limits { time: Some(self.args.timeout), memory, output: MAX_OUTPUT };
         let task = Task { domain: task.domain, problem: task.problem };
-        let setup = Setup { name, planner: planner.as_ref(), task, limits };
+        let anytime = self.args.anytime;
+        let setup = Setup { name, planner: planner.as_ref(), task, limits, anytime, program };
         if let Some(kept) = self.kept(&setup.key(&self.host))? {
             self.known += 1;
             return Ok(Some(Measurement { task: name.to_owned(), ..kept }));
@@ -192,35 +299,20 @@ impl Comparison<'_> {
         Ok(found.as_ref().and_then(Measurement::from_document))
     }
 
-    /// Prints a run at once, where its format is one of lines.
-    fn print(&self, measured: &Measurement, context: &mut Context<'_>) -> Result<()> {
-        if self.format != Format::Jsonl || self.args.scores {
-            return Ok(());
-        }
-        context.output.line(&shell::relaxed(&measured.listed()))?;
-        Ok(context.output.flush()?)
-    }
-
     /// Prints what is not printed yet: runs, scores, the plot.
-    fn report(&self, context: &mut Context<'_>) -> Result<()> {
+    fn report(&self, tasks: usize, context: &mut Context<'_>) -> Result<()> {
         if self.known > 0 {
-            let all = self.measured.len();
+            let all = tasks * self.planners.len();
             context.output.note(&format!("{} of {all} runs were there already; --again runs them again", self.known));
         }
-        let scores: Vec<Document> = scores(&self.measured).iter().map(Score::listed).collect();
-        let runs: Vec<Document> = self.measured.iter().map(Measurement::listed).collect();
-        if let Some(path) = &self.args.plot {
-            super::plot::write(path, &plot::solved(&self.measured).positive().draw()?, context)?;
+        for task in unscored(&self.measured) {
+            let why = "a plan's cost is negative or not known";
+            context.output.note(&format!("{task} counts for no satisficing score: {why}"));
         }
-        let printed: Vec<Document> = match (self.format, self.args.scores) {
-            (Format::Json, false) => {
-                let whole = doc! { "runs": runs, "scores": scores };
-                return Ok(context.output.line(&shell::pretty(&Bson::Document(whole)))?);
-            }
-            (_, true) | (Format::Jsonl, false) => scores,
-            (Format::Csv | Format::Tsv, false) => runs,
-            (_, false) => [runs, scores].concat(),
-        };
-        context.print_documents(printed.into_iter().map(Ok)).map(drop)
+        if let Some(path) = &self.args.plot {
+            super::plot::write(path, &plot::solved(&self.measured, self.args.timeout).draw()?, context)?;
+        }
+        let scores = scores(&self.measured).iter().map(Score::listed).collect();
+        self.rows.end(&self.measured, scores, context)
     }
 }

@@ -1,5 +1,7 @@
 //! How many tasks each planner solved within which time.
 
+use std::time::Duration;
+
 use crate::planning::comparison::{Measurement, scores};
 use crate::views::{Axis, Chart, Kind, Point, Series};
 
@@ -7,10 +9,16 @@ use crate::views::{Axis, Chart, Kind, Point, Series};
 const LEAST: f64 = 1e-3;
 
 /// The chart: a line for each planner, time on a logarithmic axis.
-pub(super) fn solved(measured: &[Measurement]) -> Chart {
+pub(super) fn solved(measured: &[Measurement], timeout: Duration) -> Chart {
     let all = scores(measured);
     let counts: Vec<String> =
         all.iter().map(|score| format!("{} {} of {}", score.planner, score.solved, score.tasks)).collect();
+    let most = all.iter().map(|score| score.tasks).max().unwrap_or_default().max(1);
+    let limit = timeout.as_secs_f64().max(LEAST * 10.0);
+    let first = measured.iter().filter(|run| run.is_solved()).map(|run| run.seconds).fold(limit, f64::min);
+    let least = first.max(LEAST).log10().floor().min((limit / 10.0).log10().floor());
+    #[expect(clippy::cast_precision_loss, reason = "a number of tasks")]
+    let top = most as f64;
     let series = all.into_iter().map(|score| {
         let own = measured.iter().filter(|run| run.planner == score.planner && run.is_solved());
         let mut times: Vec<f64> = own.map(|run| run.seconds.max(LEAST)).collect();
@@ -21,10 +29,21 @@ pub(super) fn solved(measured: &[Measurement]) -> Chart {
     });
     Chart {
         title: format!("Tasks solved: {}", counts.join(", ")),
-        x: Axis { label: "time (s)".to_owned(), log: true, ..Axis::default() },
-        y: Axis { label: "tasks solved".to_owned(), ..Axis::default() },
+        x: Axis {
+            label: "time (s)".to_owned(),
+            log: true,
+            range: Some((10_f64.powf(least), 10_f64.powf(limit.log10().ceil()))),
+            ..Axis::default()
+        },
+        y: Axis { label: "tasks solved".to_owned(), whole: true, range: Some((0.0, top)), ..Axis::default() },
         kind: Kind::Line,
-        series: series.filter(|series| !series.points.is_empty()).collect(),
+        series: series.chain([time_limit(limit, top)]).collect(),
         size: (800.0, 500.0),
     }
+}
+
+/// A line up, at the limit of time.
+fn time_limit(limit: f64, top: f64) -> Series {
+    let points = [0.0, top].map(|y| Point { x: limit, y, ..Point::default() });
+    Series { name: "time limit".to_owned(), points: points.into(), ..Series::default() }
 }

@@ -1,9 +1,11 @@
 //! The tasks that planners are compared on: files, folders, and those of stored plans.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use crate::commands::{Context, UsageError, WrongInput};
-use crate::error::{Context as _, Result};
+use crate::error::{Context as _, Error, Result};
+use crate::fault::Fault;
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostics, Source};
 use crate::memory::Memory;
@@ -28,18 +30,23 @@ pub(super) struct Named {
 }
 
 enum From {
-    /// Files that were named: a mistake in them is an error.
+    /// A domain and a problem.
     Files(PathBuf, PathBuf),
-    /// Files of a folder: those with a mistake are left out.
-    Folder(PathBuf, PathBuf),
     /// The texts of a stored plan.
     Plan(Box<TaskSource>),
 }
 
+/// The tasks that were found.
+pub(super) struct Found {
+    pub(super) tasks: Vec<Named>,
+    /// How many of them were named once more.
+    pub(super) repeated: usize,
+}
+
 /// Finds the tasks that the command line names.
-pub(super) fn find(place: &Place<'_>, only: &str, memory: &Memory) -> Result<Vec<Named>> {
-    let mut found = match place {
-        Place::Plans(ns) => of_plans(ns, memory)?,
+pub(super) fn find(place: &Place<'_>, only: &str, memory: &Memory) -> Result<Found> {
+    let Found { tasks: mut found, repeated } = match place {
+        Place::Plans(ns) => Found { tasks: of_plans(ns, memory)?, repeated: 0 },
         Place::Paths(paths) => of_paths(paths)?,
     };
     found.retain(|named| named.name.contains(only));
@@ -51,39 +58,39 @@ pub(super) fn find(place: &Place<'_>, only: &str, memory: &Memory) -> Result<Vec
         let only = if only.is_empty() { String::new() } else { format!(" with `{only}` in its name") };
         return Err(WrongInput::new(format!("{place}{only}")).into());
     }
-    Ok(found)
+    Ok(Found { tasks: found, repeated })
 }
 
-fn of_paths(paths: &[PathBuf]) -> Result<Vec<Named>> {
-    let mut found = Vec::new();
+fn of_paths(paths: &[PathBuf]) -> Result<Found> {
+    let mut found: Vec<Named> = Vec::new();
     let mut domain: Option<&Path> = None;
+    let mut is_alone = true;
     for path in paths {
         if !path.exists() {
             return Err(WrongInput::new(format!("there is no file or folder {}", path.display())).into());
         }
         if path.is_dir() {
             let of_folder = tasks(path).with_context(|| format!("cannot read {}", path.display()))?;
-            found.extend(
-                of_folder
-                    .into_iter()
-                    .map(|TaskFiles { name, domain, problem, .. }| Named { name, from: From::Folder(domain, problem) }),
-            );
+            let named = |task: TaskFiles| Named { name: task.name, from: From::Files(task.domain, task.problem) };
+            found.extend(of_folder.into_iter().map(named));
             continue;
         }
         match domain {
             None => domain = Some(path),
-            Some(domain) => found.push(Named {
-                name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-                from: From::Files(domain.to_owned(), path.clone()),
-            }),
+            Some(domain) => {
+                is_alone = false;
+                let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                found.push(Named { name, from: From::Files(domain.to_owned(), path.clone()) });
+            }
         }
     }
-    let is_alone = domain.is_some() && !found.iter().any(|named| matches!(named.from, From::Files(..)));
     if let (true, Some(domain)) = (is_alone, domain) {
         let message = format!("{} is a file without problems; expected DOMAIN PROBLEM… or a folder", domain.display());
         return Err(UsageError::new(message).into());
     }
-    Ok(distinct(found))
+    let count = found.len();
+    let tasks = distinct(once(found));
+    Ok(Found { repeated: count - tasks.len(), tasks })
 }
 
 /// The tasks of stored plans, the same task once.
@@ -102,39 +109,81 @@ fn of_plans(ns: &Namespace, memory: &Memory) -> Result<Vec<Named>> {
     Ok(found)
 }
 
-/// Gives tasks of one name the numbers 2, 3, … as well.
+/// Leaves out tasks whose files were there already.
+fn once(found: Vec<Named>) -> Vec<Named> {
+    let mut seen = HashSet::new();
+    let whole = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let is_new = |named: &Named| match &named.from {
+        From::Files(domain, problem) => seen.insert((whole(domain), whole(problem))),
+        From::Plan(_) => true,
+    };
+    found.into_iter().filter(is_new).collect::<Vec<_>>()
+}
+
+/// Gives tasks of one name the end of their problem's path that is as long as is needed to tell them apart; and, where one
+/// problem is for several domains, the domain as well.
 fn distinct(mut found: Vec<Named>) -> Vec<Named> {
-    let mut seen: std::collections::HashMap<String, usize> = std::collections::HashMap::new();
-    for named in &mut found {
-        let count = seen.entry(named.name.clone()).or_default();
-        *count += 1;
-        if *count > 1 {
-            named.name = format!("{} ({count})", named.name);
+    let names: Vec<String> = found.iter().map(|named| named.name.clone()).collect();
+    for (place, name) in names.iter().enumerate() {
+        let Some(From::Files(domain, problem)) = found.get(place).map(|named| &named.from) else { continue };
+        let others: Vec<Vec<String>> = (0..names.len())
+            .filter(|other| *other != place && names.get(*other) == Some(name))
+            .filter_map(|other| found.get(other)?.from.parts())
+            .collect();
+        if others.is_empty() {
+            continue;
+        }
+        let own = parts(problem);
+        let end = |parts: &[String], length: usize| parts[parts.len().saturating_sub(length)..].join("/");
+        let is_distinct = |length: &usize| others.iter().all(|other| end(other, *length) != end(&own, *length));
+        let name = match (1..=own.len()).find(is_distinct) {
+            Some(length) => end(&own, length.max(name.split('/').count())),
+            None => format!("{name} ({})", domain.display()),
+        };
+        if let Some(named) = found.get_mut(place) {
+            named.name = name;
         }
     }
     found
 }
 
-impl Named {
-    /// Reads the task; none where it is one of a folder and wrong.
-    pub(super) fn read(&self, memory: &Memory, context: &mut Context<'_>) -> Result<Option<(Domain, Problem)>> {
-        match &self.from {
-            From::Files(domain, problem) => read(domain, problem, context).map(Some),
-            From::Folder(domain, problem) => match read(domain, problem, context) {
-                Ok(task) => Ok(Some(task)),
-                Err(error) => {
-                    context.output.warn(&format!("{} is left out: {error}", self.name));
-                    Ok(None)
-                }
-            },
-            From::Plan(source) => {
-                let domain = source.read_domain()?;
-                let task = PlanningTask::instantiate(source, None, &domain, memory);
-                let task = task.with_context(|| format!("the task of the plan {}", self.name))?;
-                Ok(Some((domain, task.problem)))
-            }
+impl From {
+    /// The parts of the problem's path.
+    fn parts(&self) -> Option<Vec<String>> {
+        match self {
+            Self::Files(_, problem) => Some(parts(problem)),
+            Self::Plan(_) => None,
         }
     }
+}
+
+/// The parts of a file's whole path, without the ending of its name.
+fn parts(path: &Path) -> Vec<String> {
+    let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned()).with_extension("");
+    whole.iter().map(|part| part.to_string_lossy().into_owned()).collect()
+}
+
+impl Named {
+    /// Reads the task; the inner error is that of a task that cannot be read, which keeps no other from being measured.
+    pub(super) fn read(
+        &self,
+        memory: &Memory,
+        context: &mut Context<'_>,
+    ) -> Result<std::result::Result<(Domain, Problem), Error>> {
+        match &self.from {
+            From::Files(domain, problem) => Ok(read(domain, problem, context)),
+            From::Plan(source) => match of_plan(source, memory) {
+                Err(error) if !matches!(error.fault(), Fault::Input | Fault::Unsupported) => Err(error),
+                read => Ok(read),
+            },
+        }
+    }
+}
+
+fn of_plan(source: &TaskSource, memory: &Memory) -> Result<(Domain, Problem)> {
+    let domain = source.read_domain()?;
+    let task = PlanningTask::instantiate(source, None, &domain, memory)?;
+    Ok((domain, task.problem))
 }
 
 fn read(domain: &Path, problem: &Path, context: &mut Context<'_>) -> Result<(Domain, Problem)> {

@@ -28,10 +28,10 @@ pub struct RerunArgs {
     #[arg(long, value_name = "NAME")]
     pub planner: Vec<String>,
     /// Time limit instead of the plan's
-    #[arg(long, value_name = "DURATION", value_parser = quantity::duration)]
+    #[arg(long, value_name = "DURATION", value_parser = quantity::time_limit)]
     pub timeout: Option<Duration>,
     /// Memory limit instead of the plan's
-    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    #[arg(long, value_name = "SIZE", value_parser = quantity::memory_limit)]
     pub memory_limit: Option<u64>,
     /// The memory as it was.
     #[command(flatten)]

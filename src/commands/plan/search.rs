@@ -36,13 +36,13 @@ pub struct LimitArgs {
     #[arg(long, value_name = "NAME", default_value = "builtin")]
     pub planner: Vec<String>,
     /// Time limit
-    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::duration)]
+    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = quantity::time_limit)]
     pub timeout: Duration,
     /// Use all of the time to find better plans, and take the best; an interruption (130) takes the best so far
     #[arg(long)]
     pub anytime: bool,
     /// Memory limit
-    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    #[arg(long, value_name = "SIZE", value_parser = quantity::memory_limit)]
     pub memory_limit: Option<u64>,
     /// Collection in which the plan is stored
     #[arg(long, value_name = "NS", default_value = "robmem.plans")]

@@ -99,6 +99,10 @@ impl Planner for Builtin {
         Some(ENGINE.to_owned())
     }
 
+    fn is_own(&self) -> bool {
+        true
+    }
+
     fn lacks(&self) -> &[Feature] {
         &LACKS
     }

@@ -1,11 +1,15 @@
 //! The tasks of a folder, laid out as the collections of the planning competitions are.
 //!
 //! A folder of a domain has `domain.pddl` and problems, or for each problem a domain of its own:
-//! `domain_p01.pddl`, `domain-p01.pddl` or `p01-domain.pddl` beside `p01.pddl`. A collection is a folder of such folders.
+//! `domain_p01.pddl`, `domain-p01.pddl` or `p01-domain.pddl` beside `p01.pddl`. Problems may be in a folder `instances` or
+//! `problems` beside `domain.pddl`. A collection is a folder of such folders.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+
+/// Folders of problems beside their domain.
+const INSTANCES: [&str; 2] = ["instances", "problems"];
 
 /// The files of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -39,13 +43,16 @@ fn of_domain(folder: &Path) -> io::Result<Vec<TaskFiles>> {
     let group = name(folder);
     let is_problem =
         |path: &PathBuf| path.extension().is_some_and(|end| end == "pddl") && !name(path).contains("domain");
-    let problems = entries(folder)?.into_iter().filter(is_problem);
+    let mut problems: Vec<PathBuf> = entries(folder)?.into_iter().filter(is_problem).collect();
+    for inner in INSTANCES.iter().map(|name| folder.join(name)).filter(|inner| inner.is_dir()) {
+        problems.extend(entries(&inner)?.into_iter().filter(is_problem));
+    }
     let task = |problem: PathBuf| {
         let file = name(&problem);
         let name = format!("{group}/{}", file.trim_end_matches(".pddl"));
         Some(TaskFiles { group: group.clone(), name, domain: domain_of(folder, &file)?, problem })
     };
-    let mut tasks: Vec<TaskFiles> = problems.filter_map(task).collect();
+    let mut tasks: Vec<TaskFiles> = problems.into_iter().filter_map(task).collect();
     if let [only] = tasks.as_mut_slice()
         && name(&only.problem) == "problem.pddl"
     {
@@ -103,6 +110,8 @@ mod tests {
             "own/p2-large.pddl",
             "none/p1.pddl",
             "loose.pddl",
+            "within/domain.pddl",
+            "within/instances/instance-1.pddl",
         ] {
             let path = folder.path().join(file);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -118,6 +127,7 @@ mod tests {
             ("own/p2-large", "p2-domain.pddl"),
             ("several/problem-2", "domain.pddl"),
             ("several/problem", "domain.pddl"),
+            ("within/instance-1", "domain.pddl"),
         ];
         assert_eq!(names, wanted.map(|(name, domain)| (name.to_owned(), domain.to_owned())));
         assert_eq!(tasks(&folder.path().join("blocks")).unwrap().len(), 2);

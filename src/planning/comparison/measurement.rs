@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, doc};
 
+use crate::pddl::Plan;
 use crate::plan::{hash, reported};
-use crate::planner::{Host, Limits, Outcome, Planner, Task, run};
+use crate::planner::{Host, Limits, Outcome, Planner, Run, Task, run};
 
 /// A run to be measured: what makes it the same as another.
 pub struct Setup<'a> {
@@ -17,6 +18,11 @@ pub struct Setup<'a> {
     pub task: Task<'a>,
     /// The limits of the run.
     pub limits: Limits,
+    /// Whether the planner may use all of the time.
+    pub anytime: bool,
+    /// The files that the planner's command names: its program and scripts among its arguments, with what tells
+    /// whether they have changed.
+    pub program: &'a [String],
 }
 
 /// What a planner did on a task.
@@ -36,18 +42,28 @@ pub struct Measurement {
     pub cpu: Option<f64>,
     /// The most memory that its processes had resident, in bytes: of one of them, or of all at once as far as it was seen.
     pub memory: Option<i64>,
-    /// The plan's cost by its metric, else its number of steps.
+    /// The plan's value by the problem's metric; without a metric its makespan, or its number of steps.
     pub cost: Option<f64>,
+    /// Whether the metric is to be maximized, so that more is better.
+    pub maximize: bool,
+    /// When the last action of a plan with times ends.
+    pub makespan: Option<f64>,
+    /// Whether the plan was simulated, so that there is one whatever other planners say.
+    pub is_simulated: bool,
     /// How many steps the plan has.
     pub steps: Option<i64>,
     /// The limit of time, in seconds.
     pub timeout: f64,
+    /// The exit code of the planner's program; none where a signal or a limit ended it.
+    pub code: Option<i32>,
     /// The message about the outcome.
     pub message: String,
+    /// What was run: the planner's version and command, its limits, and the hashes of domain and problem.
+    pub provenance: Document,
 }
 
 impl Setup<'_> {
-    /// The key: texts of the task, planner with its version and arguments, limits.
+    /// The key: texts of the task, planner with its version, program and arguments, limits.
     #[must_use]
     pub fn key(&self, host: &Host<'_>) -> String {
         let planner = self.planner;
@@ -59,9 +75,24 @@ impl Setup<'_> {
             planner.name().to_owned(),
             planner.version().unwrap_or_default(),
             arguments.join(" "),
-            format!("{:?} {:?}", self.limits.time, self.limits.memory),
+            self.program.join("\n"),
+            format!("{:?} {:?} {}", self.limits.time, self.limits.memory, self.anytime),
         ];
         hash(&parts.join("\0"))
+    }
+
+    /// What is run, as it is kept with the measurement.
+    fn provenance(&self, run: &Run) -> Document {
+        let limit = self.limits.memory.and_then(|bytes| i64::try_from(bytes).ok()).filter(|bytes| *bytes < i64::MAX);
+        doc! {
+            "version": run.version.clone(),
+            "command": run.command.clone(),
+            "program": self.program.to_vec(),
+            "memory_limit": limit,
+            "anytime": self.anytime,
+            "domain": hash(self.task.domain.source().text()),
+            "problem": hash(self.task.problem.source().text()),
+        }
     }
 }
 
@@ -74,6 +105,12 @@ pub fn measure(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
     let steps = plan.map(|plan| i64::try_from(plan.steps.len()).unwrap_or(i64::MAX));
     #[expect(clippy::cast_precision_loss, reason = "a number of steps")]
     let length = steps.map(|steps| steps as f64);
+    let makespan = plan.and_then(Plan::makespan);
+    let metric = setup.task.problem.tree().metric.as_ref();
+    let cost = match metric {
+        Some(_) => plan.and_then(|plan| plan.cost),
+        None => makespan.or(length),
+    };
     Measurement {
         key: setup.key(host),
         task: setup.name.to_owned(),
@@ -82,15 +119,55 @@ pub fn measure(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
         seconds: run.time.as_secs_f64(),
         cpu: run.cpu.map(|cpu| cpu.as_secs_f64()),
         memory: run.memory.and_then(|bytes| i64::try_from(bytes).ok()),
-        cost: plan.and_then(|plan| plan.cost).or(length),
+        cost,
+        maximize: metric.is_some_and(|metric| !metric.minimize),
+        makespan,
+        is_simulated: plan.is_some() && run.unjudged.is_none(),
         steps,
         timeout: setup.limits.time.unwrap_or(Duration::MAX).as_secs_f64(),
+        code: run.code,
         message: run.message.lines().next().unwrap_or_default().to_owned(),
+        provenance: setup.provenance(&run),
     }
 }
 
 impl Measurement {
-    /// Whether the task is solved: by a valid plan, or by the proof that there is none.
+    /// A run that was not made, as the task cannot be read.
+    #[must_use]
+    pub fn unreadable(task: &str, planner: &str, timeout: Duration, message: &str) -> Self {
+        Self {
+            key: String::new(),
+            task: task.to_owned(),
+            planner: planner.to_owned(),
+            outcome: UNREADABLE.to_owned(),
+            seconds: 0.0,
+            cpu: None,
+            memory: None,
+            cost: None,
+            maximize: false,
+            makespan: None,
+            is_simulated: false,
+            steps: None,
+            timeout: timeout.as_secs_f64(),
+            code: None,
+            message: message.lines().next().unwrap_or_default().to_owned(),
+            provenance: Document::new(),
+        }
+    }
+
+    /// Whether the planner says that there is no plan, and nothing refutes it.
+    #[must_use]
+    pub fn is_unsolvable(&self) -> bool {
+        self.outcome == Outcome::Unsolvable.word()
+    }
+
+    /// Marks the word that there is no plan as wrong, as another planner has a plan.
+    pub fn refute(&mut self, other: &str) {
+        self.outcome = WRONG.to_owned();
+        self.message = format!("it says that no plan exists, but {other} has a valid plan");
+    }
+
+    /// Whether the task is solved: by a valid plan, or by the word that there is none, which no plan refutes.
     #[must_use]
     pub fn is_solved(&self) -> bool {
         [Outcome::Unsolvable.word(), SUCCESS].contains(&self.outcome.as_str())
@@ -114,7 +191,9 @@ impl Measurement {
             "cpu": self.cpu.map(millis),
             "memory": self.memory,
             "cost": self.cost.map(reported),
+            "makespan": self.makespan.map(reported),
             "steps": self.steps,
+            "exit_code": self.code,
             "message": (!self.message.is_empty()).then_some(&self.message),
         }
     }
@@ -124,6 +203,7 @@ impl Measurement {
     pub fn to_document(&self, at: DateTime) -> Document {
         let mut document = doc! { "_id": &self.key, "at": at, "timeout": self.timeout };
         document.extend(self.listed());
+        document.extend(doc! { "maximize": self.maximize, "simulated": self.is_simulated, "run": &self.provenance });
         document
     }
 
@@ -147,13 +227,22 @@ impl Measurement {
             cpu: number("cpu"),
             memory: document.get_i64("memory").ok(),
             cost: number("cost"),
+            maximize: document.get_bool("maximize").ok()?,
+            makespan: number("makespan"),
+            is_simulated: document.get_bool("simulated").ok()?,
             steps: document.get_i64("steps").ok(),
             timeout: number("timeout")?,
+            code: document.get_i32("exit_code").ok(),
             message: text("message").unwrap_or_default(),
+            provenance: document.get_document("run").cloned().unwrap_or_default(),
         })
     }
 }
 
+/// The word for a task that cannot be read.
+const UNREADABLE: &str = "unreadable";
+/// The word for a planner that says that there is no plan where another one has a plan.
+const WRONG: &str = "wrong";
 /// The word for a plan.
 const SUCCESS: &str = "success";
 
@@ -172,9 +261,14 @@ mod tests {
             cpu: None,
             memory: Some(1 << 33),
             cost: Some(3.0),
+            maximize: true,
+            makespan: Some(4.5),
+            is_simulated: true,
             steps: Some(3),
             timeout: 60.0,
+            code: Some(0),
             message: String::new(),
+            provenance: doc! { "anytime": false },
         };
         let document = measured.to_document(DateTime::from_millis(0));
         assert_eq!(Measurement::from_document(&document), Some(measured));

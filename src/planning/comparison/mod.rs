@@ -5,8 +5,10 @@
 
 mod collection;
 mod measurement;
+mod program;
 mod score;
 
 pub use collection::{TaskFiles, tasks};
 pub use measurement::{Measurement, Setup, measure};
-pub use score::{Score, scores};
+pub use program::program_files;
+pub use score::{Score, refute, scores, unscored};

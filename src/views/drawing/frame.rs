@@ -18,6 +18,8 @@ const INSIDE: f64 = 0.75;
 const TITLE: f64 = 18.0;
 const LABEL: f64 = 14.0;
 const TICK: f64 = 12.0;
+/// The most ticks of an axis of whole numbers, about.
+const TICKS: f64 = 8.0;
 /// The longest line of a legend, in characters.
 const LEGEND: usize = 24;
 /// How names of bars are turned where they do not fit beside each other, in degrees.
@@ -71,6 +73,11 @@ fn y_axis(chart: &Chart, mut layout: Layout) -> Layout {
         layout = layout.with_log_y().with_y_tick_format(TickFormat::Custom(Arc::new(power)));
     } else if chart.span_y().is_some_and(is_long) {
         layout = layout.with_y_tick_format(TickFormat::Custom(Arc::new(scientific)));
+    }
+    if chart.y.whole {
+        let (least, greatest) = chart.y.range.or(chart.span_y()).unwrap_or((0.0, 1.0));
+        let step = ((greatest - least) / TICKS).ceil().max(1.0);
+        layout = layout.with_y_tick_step(step).with_y_tick_format(TickFormat::Fixed(0));
     }
     if let Some((least, greatest)) = chart.y.range {
         layout = layout.with_y_axis_min(least).with_y_axis_max(greatest);

@@ -48,7 +48,11 @@ fn lines(chart: &Chart) -> Vec<Plot> {
 
 fn points(chart: &Chart) -> Vec<Plot> {
     let mut plots = Vec::new();
-    for (nth, series) in chart.series.iter().enumerate().filter(|(_, series)| !series.points.is_empty()) {
+    for (nth, series) in chart.series.iter().enumerate() {
+        // A line without points is in the legend.
+        if series.points.is_empty() && (chart.kind != Kind::Line || series.name.is_empty()) {
+            continue;
+        }
         let mut plot = ScatterPlot::new()
             .with_data(series.points.iter().map(|point| (point.x, point.y)).collect::<Vec<_>>())
             .with_color(color(nth))

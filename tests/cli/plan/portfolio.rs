@@ -38,7 +38,7 @@ fn the_first_valid_plan_wins_and_the_other_planners_are_stopped() {
     let run = race(&lab, "solvable", &["sleeper", "builtin"], &[]).exits(0);
     assert!(run.stdout.starts_with('('), "{run}");
     assert!(row(&run, "builtin").contains("success") && row(&run, "builtin").ends_with("wins"), "{run}");
-    assert!(row(&run, "sleeper").contains("ended"), "{run}");
+    assert!(row(&run, "sleeper").contains("stopped"), "{run}");
     if let Ok(pid) = std::fs::read_to_string(lab.path().join("sleeper.pid")) {
         assert!(!Path::new("/proc").join(pid.trim()).exists(), "the sleeper is still there");
     }
@@ -54,7 +54,7 @@ fn a_wrong_plan_does_not_win() {
 #[test]
 fn a_proof_ends_the_race() {
     let run = race(&Lab::new(), "unreachable", &["sleeper", "builtin"], &[]).exits(11);
-    assert!(row(&run, "sleeper").contains("ended") && row(&run, "builtin").contains("unsolvable"), "{run}");
+    assert!(row(&run, "sleeper").contains("stopped") && row(&run, "builtin").contains("unsolvable"), "{run}");
 }
 
 #[test]
@@ -487,4 +487,59 @@ fn what_a_planner_says_of_its_input_is_told_with_the_users_own_lines() {
     let run = lab.rmem(&["plan", "-d", "own.pddl", "-p", "task.pddl", "--no-store", "--planner", "old"]).exits(32);
     let first = run.stderr.lines().next().unwrap_or_default().to_owned();
     assert_eq!(first, "error: old: it refused its input: own.pddl:10: syntax error, 'define' expected at `Q`", "{run}");
+}
+
+/// A task, a planner that finds a plan, and two that say at once, or once that is there, that there is none.
+fn contradiction(lab: &Lab) {
+    searching(lab);
+    let folder = lab.path().display();
+    lab.write(
+        "rmem.toml",
+        &format!(
+            "[planner.good]\noutput = 'downward'\n\
+             command = ['/bin/sh', '-c', \"printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {{plan}}; : > {folder}/found\"]\n\
+             [planner.liar]\noutput = 'downward'\n\
+             command = ['/bin/sh', '-c', 'until [ -e {folder}/found ]; do sleep 0.05; done; sleep 1; exit 11']\n\
+             [planner.claimer]\noutput = 'downward'\ncommand = ['/bin/sh', '-c', 'exit 11']\n"
+        ),
+    );
+}
+
+#[test]
+fn a_valid_plan_refutes_the_word_that_there_is_none() {
+    let lab = Lab::new();
+    contradiction(&lab);
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--anytime", "--timeout", "20s"];
+    let run = lab.rmem(&[&words[..], &["--planner", "good", "--planner", "liar"]].concat()).exits(0);
+    assert_eq!(run.stdout, "(jump)\n; cost = 1 (unit cost)\n");
+    let warning = "warning: liar says that no plan exists, which is wrong: good has a valid plan";
+    assert!(run.stderr.contains(warning) && row(&run, "liar").contains("wrong"), "{run}");
+    assert!(row(&run, "good").ends_with("wins"), "{run}");
+}
+
+#[test]
+fn only_a_proof_of_rmem_is_called_one() {
+    let lab = Lab::new();
+    contradiction(&lab);
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", "claimer"];
+    let run = lab.rmem(&words).exits(11);
+    assert!(run.stderr.starts_with("error: claimer says that no plan exists"), "{run}");
+    assert!(!run.stderr.contains("proven"), "{run}");
+}
+
+#[test]
+fn that_no_better_plan_is_looked_for_is_said_only_where_no_planner_goes_on() {
+    let lab = Lab::new();
+    contradiction(&lab);
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--anytime", "--timeout", "2s"];
+    let alone = lab.rmem(&[&words[..], &["--planner", "good"]].concat()).exits(0);
+    assert!(alone.stderr.contains("; no better plan is looked for any more"), "{alone}");
+    searching(&lab);
+    let good = "[planner.good]\noutput = 'downward'\ncommand = ['/bin/sh', '-c', \"printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\n";
+    lab.write("rmem.toml", &format!("{}{good}", lab.read("rmem.toml")));
+    let both = lab.rmem(&[&words[..], &["--planner", "good", "--planner", "searcher"]].concat()).exits(0);
+    assert!(
+        both.stderr.contains("--anytime: good ended after") && both.stderr.contains("the others went on"),
+        "{both}"
+    );
 }
