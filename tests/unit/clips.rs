@@ -89,6 +89,11 @@ fn floats_are_spelled_as_clips_spells_them() {
 fn a_list_in_deffacts_is_a_slot_or_a_call() {
     let text = "(deffacts d (range (min 1) (max 2)) (n (+ 1 2)) (n 0 (min 1 2)) (+ (a 1)))";
     assert_eq!(written(text), "(range (min 1) (max 2))\n(n 3)\n(n 0 1)\n(+ (a 1))\n");
+    assert_eq!(
+        written("(deffacts d (n (pi)) (m (x)) (time 1))\n(n (now))"),
+        "(n 3.141592653589793)\n(m (x))\n(time 1)\n(n (now))\n"
+    );
+    assert_eq!(written("(deftemplate n (multislot now)) (deffacts d (n (now)))"), "(n (now))\n");
     assert_eq!(written("(deftemplate n (slot + )) (deffacts d (n (+ 1)))"), "(n (+ 1))\n");
 }
 
@@ -187,6 +192,16 @@ fn what_is_wrong_is_said_at_its_place() {
         ("(a 1 | 2)", "t:1:6: expected a value, found `|`"),
         ("(a \u{1})", "t:1:4: expected a word of CLIPS, found `\\u{1}`"),
         ("(deffacts d (a b (now)))", "t:1:18: expected `create$` or arithmetic, found the function `now`"),
+        ("(deffacts d (a (now)))", "t:1:16: expected `create$` or arithmetic, found the function `now`"),
+        (
+            "(deffacts d (a (length$ (create$ x))))",
+            "t:1:16: expected `create$` or arithmetic, found the function `length$`",
+        ),
+        (
+            "(deffunction f () 1) (deffacts d (a (f)))",
+            "t:1:37: expected `create$` or arithmetic, found the function `f`",
+        ),
+        ("(deffacts d (a (b 1) (now)))", "t:1:22: `now` is a function, which rmem does not evaluate here"),
         ("(deffacts d (a (/ 1 0)))", "t:1:16: the value of `/` is not a finite number"),
         ("(deffacts d (a (div 1 0)))", "t:1:16: `div` expected a number that is not zero"),
         ("(deffacts d (a (+ 9223372036854775807 1)))", "t:1:16: the result does not fit into 64 bits"),

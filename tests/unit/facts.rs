@@ -83,11 +83,37 @@ fn types_that_a_document_would_lose_are_recorded() {
     let wanted = doc! {
         "relation": "t", "a": "x", "b": "x", "m": ["x", "y", "[z]"], "c": "x y", "relation_": "r", "_id_": 1,
         "_robmem_info": { "clips": {
-            "strings": ["a", "m 1"], "instances": ["m 2"], "names": { "_id_": "_id", "relation_": "relation" },
+            "strings": ["a", "m y"], "instances": ["m [z]"], "names": { "_id_": "_id", "relation_": "relation" },
         } },
     };
     assert_eq!(document, wanted);
     assert_eq!(import("(t (a x))", &Schema::default()), doc! { "relation": "t", "a": "x" });
+}
+
+#[test]
+fn a_string_of_an_array_stays_one_where_the_array_changes() {
+    let mut document = import(r#"(t (m x "y" [z]))"#, &Schema::default());
+    document.insert("m", vec!["new", "y", "[z]", "x"]);
+    assert_eq!(export(&document), "(t (m new \"y\" [z] x))");
+    // A text that is a symbol as well is told from it by its place.
+    let both = import(r#"(t (m y "y"))"#, &Schema::default());
+    assert_eq!(both.get_document("_robmem_info").unwrap(), &doc! { "clips": { "strings": ["m 1"] } });
+    assert_eq!(export(&both), "(t (m y \"y\"))");
+}
+
+#[test]
+fn texts_true_and_false_are_symbols_in_slots_of_symbols() {
+    let schema = schema("(deftemplate t (slot s (type SYMBOL)) (multislot m (type SYMBOL)) (slot a))");
+    let document = doc! { "relation": "t", "s": "FALSE", "m": ["TRUE", "x"], "a": "TRUE" };
+    assert_eq!(text(&exporter(&schema).fact(&document).unwrap()), r#"(t (s FALSE) (m TRUE x) (a "TRUE"))"#);
+}
+
+#[test]
+fn words_of_clips_are_no_facts() {
+    for text in ["(not a)", "(exists 1)", "(deffacts d (assert a))"] {
+        let error = try_import(text, &Schema::default()).unwrap_err();
+        assert!(error.contains("which CLIPS keeps for itself"), "{text}: {error}");
+    }
 }
 
 #[test]

@@ -8,8 +8,8 @@ use crate::fault::{AtFault, Fault};
 pub struct FactError {
     key: String,
     message: String,
-    /// Whether `--nested` would help.
-    nested: bool,
+    /// What would help, if anything does.
+    remedy: Option<Remedy>,
 }
 
 impl AtFault for FactError {
@@ -20,12 +20,12 @@ impl AtFault for FactError {
 
 impl FactError {
     pub(super) fn new(key: &str, message: impl Into<String>) -> Self {
-        Self { key: key.escape_debug().to_string(), message: message.into(), nested: false }
+        Self { key: key.escape_debug().to_string(), message: message.into(), remedy: None }
     }
 
-    /// The same error, which another [`super::Nested`] would avoid.
-    pub(super) fn nested(self) -> Self {
-        Self { nested: true, ..self }
+    /// The same error with what would help.
+    pub(super) fn remedy(self, remedy: Remedy) -> Self {
+        Self { remedy: Some(remedy), ..self }
     }
 
     /// The key that cannot be represented.
@@ -34,9 +34,24 @@ impl FactError {
         &self.key
     }
 
-    /// Whether another [`super::Nested`] would avoid it.
+    /// What would avoid the error; none where only another document would.
     #[must_use]
-    pub fn is_nested(&self) -> bool {
-        self.nested
+    pub fn hint(&self) -> Option<&'static str> {
+        self.remedy.map(|remedy| match remedy {
+            Remedy::Flatten => "--nested flatten makes slots of nested keys, --nested json writes a string",
+            Remedy::Json => "--nested json writes a string",
+            Remedy::Query => "the query {relation: {$type: 'string'}} leaves out documents without a template",
+        })
     }
+}
+
+/// What would avoid an error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Remedy {
+    /// Either way to treat nested values.
+    Flatten,
+    /// Writing the value as JSON.
+    Json,
+    /// A query that leaves the document out.
+    Query,
 }

@@ -1,13 +1,14 @@
 //! Documents to facts.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use bson::{Bson, Document};
 
-use super::error::FactError;
+use super::error::{FactError, Remedy};
 use super::key::{RELATION, VALUES};
 use super::nested::{self, Nested};
-use super::record::{Record, label};
+use super::record::{Record, labels};
 use super::schema::{INITIAL, Schema};
 use crate::formats::Span;
 use crate::formats::clips::{
@@ -15,7 +16,12 @@ use crate::formats::clips::{
 };
 use crate::store::metadata;
 
-/// Words that CLIPS takes for something else at the head of a fact.
+/// Whether CLIPS takes a word for something else at the head of a fact.
+pub(super) fn is_reserved(name: &str) -> bool {
+    is_construct(name) || RESERVED.contains(&name)
+}
+
+/// The conditional elements of rules.
 const RESERVED: [&str; 9] = ["and", "or", "not", "test", "logical", "exists", "forall", "object", "declare"];
 
 /// How documents become facts.
@@ -109,14 +115,20 @@ impl Exporter<'_> {
         let types = slot.map_or(Types::ANY, |slot| slot.types);
         let wrong = |message: String| FactError::new(name, message);
         match value {
-            Bson::String(text) => lexeme(text, &label(name, place), record, types).map_err(wrong),
+            Bson::String(text) => lexeme(text, &labels(name, place, text), record, types).map_err(wrong),
             Bson::Symbol(text) if is_symbol(text) => Ok(Value::Symbol(text.clone())),
             Bson::Boolean(flag) => Ok(Value::Symbol(if *flag { "TRUE" } else { "FALSE" }.to_owned())),
             Bson::Int32(number) => Ok(integer(i64::from(*number), types)),
             Bson::Int64(number) => Ok(integer(*number, types)),
             Bson::Double(number) if number.is_finite() => Ok(Value::Float(*number)),
             other if self.nested == Nested::Json => Ok(Value::Text(nested::json(other))),
-            other => Err(wrong(format!("is {}, which no slot can hold", kind(other))).nested()),
+            other => {
+                let remedy = match other {
+                    Bson::Document(_) | Bson::Array(_) if self.nested == Nested::Refuse => Remedy::Flatten,
+                    _ => Remedy::Json,
+                };
+                Err(wrong(format!("is {}, which no slot can hold", kind(other))).remedy(remedy))
+            }
         }
     }
 }
@@ -125,15 +137,16 @@ impl Exporter<'_> {
 fn relation(document: &Document) -> Result<&str, FactError> {
     let wrong = |message: String| Err(FactError::new(RELATION, message));
     match document.get(RELATION) {
-        None => wrong("is missing; expected the name of a template".to_owned()),
-        Some(Bson::String(name)) if is_construct(name) || RESERVED.contains(&name.as_str()) => {
-            wrong(format!("is `{name}`, which CLIPS keeps for itself"))
-        }
+        None => Err(FactError::new(RELATION, "is missing; expected the name of a template").remedy(Remedy::Query)),
+        Some(Bson::String(name)) if is_reserved(name) => wrong(format!("is `{name}`, which CLIPS keeps for itself")),
         Some(Bson::String(name)) if is_symbol(name) => Ok(name),
         Some(Bson::String(name)) => {
             wrong(format!("is \"{}\", which is not a symbol and cannot be the name of a template", name.escape_debug()))
         }
-        Some(other) => wrong(format!("is {}; expected the name of a template", kind(other))),
+        Some(other) => {
+            let message = format!("is {}; expected the name of a template", kind(other));
+            Err(FactError::new(RELATION, message).remedy(Remedy::Query))
+        }
     }
 }
 
@@ -160,18 +173,23 @@ fn known<'t>(slot: Option<&'t Slot>, template: &Template, name: &str) -> Result<
 }
 
 /// The value that a string is, by what is recorded, by its slot's types, or by how it looks.
-fn lexeme(text: &str, label: &str, record: &Record, types: Types) -> Result<Value, String> {
+fn lexeme(text: &str, labels: &[String], record: &Record, types: Types) -> Result<Value, String> {
     if text.contains('\0') {
         return Err("holds a NUL character, which no string of CLIPS can".to_owned());
     }
     let instance = text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).filter(|name| is_instance(name));
     let quoted = || Ok(Value::Text(text.to_owned()));
+    let is_in = |noted: &BTreeSet<String>| labels.iter().any(|label| noted.contains(label));
     match instance {
-        Some(name) if types.has(Types::INSTANCE) && (record.instances.contains(label) || !types.has(Types::STRING)) => {
+        Some(name) if types.has(Types::INSTANCE) && (is_in(&record.instances) || !types.has(Types::STRING)) => {
             Ok(Value::Instance(name.to_owned()))
         }
-        _ if record.strings.contains(label) && types.has(Types::STRING) => quoted(),
+        _ if is_in(&record.strings) && types.has(Types::STRING) => quoted(),
         _ if types.has(Types::SYMBOL) && looks_like_a_symbol(text) => Ok(Value::Symbol(text.to_owned())),
+        // Programs for Fawkes store the symbols TRUE and FALSE as texts.
+        _ if types.has(Types::SYMBOL) && !types.has(Types::STRING) && is_symbol(text) => {
+            Ok(Value::Symbol(text.to_owned()))
+        }
         _ if types.has(Types::SYMBOL) && !types.has(Types::STRING) => {
             Err(format!("is \"{}\"; expected {}", text.escape_debug(), types.names()))
         }

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 
 use bson::{Bson, Document, doc};
 
-use super::export::looks_like_a_symbol;
-use super::record::{self, Record, label};
+use super::export::{is_reserved, looks_like_a_symbol};
+use super::record::{self, Record, by_place, by_text};
 use super::schema::{INITIAL, Schema};
 use super::{RELATION, VALUES};
 use crate::formats::Span;
@@ -41,6 +41,10 @@ impl Importer<'_> {
         let wrong = |message: String| Misfit { span: fact.span, message };
         let mut document = doc! { RELATION: &fact.name };
         let mut record = Record::default();
+        if is_reserved(&fact.name) {
+            let message = format!("no fact can begin with `{}`, which CLIPS keeps for itself", fact.name);
+            return Err(wrong(message));
+        }
         match (&fact.body, template) {
             (_, None) if self.strict && fact.name != INITIAL => {
                 return Err(wrong(format!("the template `{}` is not known", fact.name)));
@@ -154,31 +158,38 @@ fn key(name: &str, slots: &[Filled], record: &mut Record) -> String {
 
 fn value(slot: &str, values: &[Value], multiple: bool, record: &mut Record) -> Bson {
     match values {
-        [only] if !multiple => single(slot, None, only, record),
+        [only] if !multiple => single(&|_| slot.to_owned(), only, record),
         values => Bson::Array(array(slot, values, record)),
     }
 }
 
 fn array(slot: &str, values: &[Value], record: &mut Record) -> Vec<Bson> {
-    values.iter().enumerate().map(|(place, value)| single(slot, Some(place), value, record)).collect()
+    let is_symbol_too = |text: &str| values.iter().any(|value| matches!(value, Value::Symbol(other) if other == text));
+    let single = |(place, value)| {
+        let label = |text: &str| if is_symbol_too(text) { by_place(slot, place) } else { by_text(slot, text) };
+        single(&label, value, record)
+    };
+    values.iter().enumerate().map(single).collect()
 }
 
-fn single(slot: &str, place: Option<usize>, value: &Value, record: &mut Record) -> Bson {
+/// The value, of which is noted by its label what a document would lose.
+fn single(label: &dyn Fn(&str) -> String, value: &Value, record: &mut Record) -> Bson {
     match value {
         Value::Symbol(text) if text == "TRUE" => Bson::Boolean(true),
         Value::Symbol(text) if text == "FALSE" => Bson::Boolean(false),
         Value::Symbol(text) => Bson::String(text.clone()),
         Value::Text(text) => {
             if looks_like_a_symbol(text) {
-                record.strings.insert(label(slot, place));
+                record.strings.insert(label(text));
             }
             Bson::String(text.clone())
         }
         Value::Integer(number) => i32::try_from(*number).map_or(Bson::Int64(*number), Bson::Int32),
         Value::Float(number) => Bson::Double(*number),
         Value::Instance(name) => {
-            record.instances.insert(label(slot, place));
-            Bson::String(format!("[{name}]"))
+            let text = format!("[{name}]");
+            record.instances.insert(label(&text));
+            Bson::String(text)
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Facts that replace documents by keys other than `_id`.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap};
 
 use bson::{Bson, Document, doc};
 
@@ -21,17 +21,9 @@ pub type Found = Vec<(Span, Document)>;
 /// Why documents cannot be matched to the stored ones by a key.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyError {
-    /// A fact has no value for the key, several, or one that another fact has.
+    /// A fact has no value for the key, several, or one that another fact or several stored documents have.
     #[error(transparent)]
     Text(#[from] Diagnostic),
-    /// Two stored documents have the same values for the keys.
-    #[error("{namespace} has two documents with the {key}; nothing was imported")]
-    Ambiguous {
-        /// The collection.
-        namespace: Namespace,
-        /// The keys with their values, as relaxed JSON.
-        key: String,
-    },
     /// The store fails.
     #[error("{0}")]
     Store(#[from] StoreError),
@@ -40,7 +32,7 @@ pub enum KeyError {
 impl AtFault for KeyError {
     fn fault(&self) -> Fault {
         match self {
-            Self::Text(_) | Self::Ambiguous { .. } => Fault::Input,
+            Self::Text(_) => Fault::Input,
             Self::Store(error) => error.fault(),
         }
     }
@@ -79,7 +71,7 @@ pub fn give_ids(
     documents.retain(|(_, document)| !is_initial(document));
     check_unique(keys, source, documents)?;
     for batch in documents.chunks_mut(BATCH) {
-        let stored = stored(keys, batch, memory, namespace, respelled)?;
+        let stored = stored(keys, source, batch, memory, namespace, respelled)?;
         for (_, document) in batch {
             if let Some(id) =
                 identity(keys, document).and_then(|identity| stored.get(&canonical::encode_value(&identity)))
@@ -116,7 +108,9 @@ fn check_unique(keys: &[String], source: &Source, documents: &Found) -> Result<(
                 Some(Bson::Array(_)) => "one value in the slot",
                 Some(_) => continue,
             };
-            return Err(Diagnostic::new(source, *span, format!("expected {number} `{key}`, the key")));
+            let error = Diagnostic::new(source, *span, format!("expected {number} `{key}`, the key"));
+            let hint = "import facts that have no such slot from a file of their own, without --key";
+            return Err(if document.contains_key(key) { error } else { error.hint(hint) });
         }
         let Some(identity) = identity(keys, document) else { continue };
         if let Some(first) = seen.insert(canonical::encode_value(&identity), *span) {
@@ -132,6 +126,7 @@ fn check_unique(keys: &[String], source: &Source, documents: &Found) -> Result<(
 /// differ in hyphens and underscores; a document with the exact keys goes first.
 fn stored(
     keys: &[String],
+    source: &Source,
     documents: &[(Span, Document)],
     memory: &Memory,
     namespace: &Namespace,
@@ -145,10 +140,9 @@ fn stored(
         let any = spellings.into_iter().map(|spelling| doc! { spelling: { "$in": values.clone() } });
         conditions.push(doc! { "$or": any.collect::<Vec<_>>() });
     }
-    let wanted: HashSet<Vec<u8>> = documents
+    let wanted: HashMap<Vec<u8>, Span> = documents
         .iter()
-        .filter_map(|(_, document)| identity(keys, document))
-        .map(|identity| canonical::encode_value(&identity))
+        .filter_map(|(span, document)| Some((canonical::encode_value(&identity(keys, document)?), *span)))
         .collect();
     let find = Find { filter: doc! { "$and": conditions }, projection, ..Find::default() };
     // Each with whether the keys are spelled as they are there.
@@ -161,12 +155,13 @@ fn stored(
         let is_exact = spelled == keys;
         let (Some(identity), Some(id)) = (identity(&spelled, &document), document.remove("_id")) else { continue };
         let name = canonical::encode_value(&identity);
-        if !wanted.contains(&name) {
-            continue;
-        }
+        let Some(span) = wanted.get(&name) else { continue };
         match ids.get(&name) {
             Some((_, known)) if *known == is_exact => {
-                return Err(KeyError::Ambiguous { namespace: namespace.clone(), key: named(&spelled, &document) });
+                let key = named(&spelled, &document);
+                let message = format!("{namespace} has two documents with the {key}; nothing was imported");
+                let hint = "name one more slot that tells them apart, like --key SLOT,SLOT, or delete one of them";
+                return Err(Diagnostic::new(source, *span, message).hint(hint).into());
             }
             Some((_, true)) => continue,
             _ => drop(ids.insert(name, (id, is_exact))),

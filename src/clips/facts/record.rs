@@ -2,14 +2,15 @@
 //!
 //! ```text
 //! clips: {
-//!   strings: ["name", "tags 2"],   // slots that hold a string which looks like a symbol
+//!   strings: ["name", "tags red"], // slots that hold a string which looks like a symbol
 //!   instances: ["owner"],          // slots that hold the name of an instance
 //!   slots: true,                   // `values` is a slot, and the fact is not ordered
 //!   names: {relation_: "relation"} // keys that could not be called like their slot
 //! }
 //! ```
 //!
-//! A value of a multislot goes by the slot's name, a blank and its place from 0.
+//! A value of a multislot goes by the slot's name, a blank and its text, so that it is found where the array has
+//! changed; where the multislot has the same text also as a symbol, by its place from 0 instead of its text.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -29,9 +30,19 @@ pub(super) struct Record {
     pub(super) names: BTreeMap<String, String>,
 }
 
-/// What a value goes by: its slot, and its place where there are several.
-pub(super) fn label(slot: &str, place: Option<usize>) -> String {
-    place.map_or_else(|| slot.to_owned(), |place| format!("{slot} {place}"))
+/// What a text may go by: its slot, or where that has several, their place or the text.
+pub(super) fn labels(slot: &str, place: Option<usize>, text: &str) -> Vec<String> {
+    place.map_or_else(|| vec![slot.to_owned()], |place| vec![by_place(slot, place), by_text(slot, text)])
+}
+
+/// What a value of a multislot goes by where its text is not enough.
+pub(super) fn by_place(slot: &str, place: usize) -> String {
+    format!("{slot} {place}")
+}
+
+/// What a value of a multislot goes by.
+pub(super) fn by_text(slot: &str, text: &str) -> String {
+    format!("{slot} {text}")
 }
 
 impl Record {
@@ -43,8 +54,8 @@ impl Record {
         };
         let names = clips.get_document("names").into_iter().flatten();
         Self {
-            strings: labels(clips, "strings"),
-            instances: labels(clips, "instances"),
+            strings: list(clips, "strings"),
+            instances: list(clips, "instances"),
             slots: clips.get_bool("slots").unwrap_or(false),
             names: names.filter_map(|(key, slot)| Some((key.clone(), slot.as_str()?.to_owned()))).collect(),
         }
@@ -71,7 +82,7 @@ impl Record {
     }
 }
 
-fn labels(clips: &Document, key: &str) -> BTreeSet<String> {
+fn list(clips: &Document, key: &str) -> BTreeSet<String> {
     let labels = clips.get_array(key).into_iter().flatten();
     labels.filter_map(|label| label.as_str().map(str::to_owned)).collect()
 }

@@ -172,16 +172,17 @@ impl<'a> Form<'a> {
 
 fn complain(source: &Source, span: Span, error: &FactError) -> Diagnostic {
     let complaint = Diagnostic::new(source, span, error.to_string());
-    if error.is_nested() { complaint.hint(NESTED) } else { complaint }
+    match error.hint() {
+        Some(hint) => complaint.hint(hint),
+        None => complaint,
+    }
 }
 
 fn refuse(namespace: &Namespace, document: &Document, error: &FactError) -> WrongInput {
     let id = document.get("_id").map(shell::relaxed_value).unwrap_or_default();
-    let hint = if error.is_nested() { format!("\n  = hint: {NESTED}") } else { String::new() };
+    let hint = error.hint().map(|hint| format!("\n  = hint: {hint}")).unwrap_or_default();
     WrongInput::new(format!("{namespace}, document {id}: {error}{hint}"))
 }
-
-const NESTED: &str = "--nested flatten makes slots of nested keys, --nested json writes a string";
 
 fn plural(count: usize, one: &'static str, many: &'static str) -> &'static str {
     if count == 1 { one } else { many }

@@ -1,6 +1,6 @@
 //! `rmem clips import [FILE]`: CLIPS facts as documents.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use bson::doc;
@@ -8,11 +8,11 @@ use clap::Args;
 
 use super::schema;
 use crate::clips::facts::{Found, Importer, Schema, give_ids, remove_repeated, remove_stored, spelled};
-use crate::commands::{Context, formats};
+use crate::commands::{Context, WrongInput, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::clips::{Item, Reader};
-use crate::formats::{Diagnostic, Source};
+use crate::formats::clips::{self, Body, Fact, Item, Reader, Slot};
+use crate::formats::{Diagnostic, Source, nearest};
 use crate::store::Namespace;
 
 /// What stands below the help of `clips import`.
@@ -47,13 +47,18 @@ pub struct ImportArgs {
 
 /// How many names of a kind are printed.
 const NAMES: usize = 10;
+/// The construct that asserts instances.
+const INSTANCES: &str = "definstances";
+/// What is said about it.
+const NO_INSTANCES: &str = "instances of classes cannot be imported, only facts";
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut schema = schema::read(&args.deftemplates, context)?;
     let progress = context.output.progress("importing facts");
     let source = context.read(&args.file)?;
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
-    let (mut found, skipped) = documents(&source, &mut schema, args)?;
+    let (mut found, remarks) = documents(&source, &mut schema, args)?;
+    remarks.check_imported(&source, &found)?;
     let repeated = remove_repeated(&mut found);
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
     let stored = match args.key.as_slice() {
@@ -78,7 +83,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     if stored > 0 {
         context.output.note(&format!("{} in {namespace} already", facts(stored)));
     }
-    report(&skipped, context);
+    remarks.report(&schema, args, context);
     Ok(Exit::Done)
 }
 
@@ -87,36 +92,102 @@ fn facts(count: usize) -> String {
     if count == 1 { "1 fact was".to_owned() } else { format!("{count} facts were") }
 }
 
-/// The names of what was passed over, by kind.
-type Skipped = BTreeMap<String, Vec<String>>;
+/// What is said about a text besides its facts.
+#[derive(Debug, Default)]
+struct Remarks {
+    /// The names of what was passed over, by kind.
+    skipped: BTreeMap<String, Vec<String>>,
+    /// Templates that are not among the known ones.
+    unknown: BTreeSet<String>,
+    /// Slots that CLIPS would take for calls, with their templates.
+    doubtful: BTreeSet<(String, String)>,
+    /// Slots that were left out, with their templates: only a running CLIPS knows their defaults.
+    left_out: BTreeSet<(String, String)>,
+}
 
 /// The documents of a text.
-fn documents(source: &Source, schema: &mut Schema, args: &ImportArgs) -> Result<(Found, Skipped), Diagnostic> {
+fn documents(source: &Source, schema: &mut Schema, args: &ImportArgs) -> Result<(Found, Remarks), Diagnostic> {
     let names: Vec<String> = schema.names().map(str::to_owned).collect();
-    let (mut documents, mut skipped) = (Vec::new(), Skipped::new());
-    for item in Reader::new(source, names).with_globals(std::mem::take(&mut schema.globals)) {
+    let (mut documents, mut remarks) = (Vec::new(), Remarks::default());
+    let mut reader = Reader::new(source, names).with_globals(std::mem::take(&mut schema.globals));
+    for item in reader.by_ref() {
         match item? {
             Item::Template(template) => schema.add(template),
-            Item::Skipped { kind, name } => skipped.entry(kind).or_default().push(name),
+            Item::Skipped { kind, name } => remarks.skipped.entry(kind).or_default().push(name),
             Item::Fact(fact) => {
                 let importer = Importer { schema, strict: args.strict };
                 let document =
                     importer.document(&fact).map_err(|error| Diagnostic::new(source, error.span, error.message))?;
+                remarks.note(&fact, schema);
                 documents.push((fact.span, document));
             }
         }
     }
-    Ok((documents, skipped))
+    remarks.doubtful.clone_from(reader.doubtful());
+    Ok((documents, remarks))
 }
 
-/// Says what was passed over.
-fn report(skipped: &Skipped, context: &mut Context<'_>) {
-    for (kind, names) in skipped {
-        let named: Vec<&str> = names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
-        let more = named.len().saturating_sub(NAMES);
-        let shown = named.iter().take(NAMES).copied().collect::<Vec<_>>().join(", ");
-        let rest = if more > 0 { format!(", and {more} more") } else { String::new() };
-        let list = if shown.is_empty() { String::new() } else { format!(": {shown}{rest}") };
-        context.output.note(&format!("passed over {} {kind}{list}", names.len()));
+impl Remarks {
+    /// Notes what has to be said about a fact.
+    fn note(&mut self, fact: &Fact, schema: &Schema) {
+        match (schema.get(&fact.name), &fact.body) {
+            (None, Body::Slots(_)) => drop(self.unknown.insert(fact.name.clone())),
+            // Ordered facts need no deftemplate.
+            (None, Body::Ordered(_)) if nearest(&fact.name, schema.names()).is_some() => {
+                self.unknown.insert(fact.name.clone());
+            }
+            (Some(template), Body::Slots(filled)) => {
+                let is_left_out = |slot: &&Slot| {
+                    slot.default == clips::Default::Unknown && filled.iter().all(|filled| filled.name != slot.name)
+                };
+                let left_out = template.slots.iter().filter(is_left_out);
+                self.left_out.extend(left_out.map(|slot| (template.name.clone(), slot.name.clone())));
+            }
+            _ => {}
+        }
+    }
+
+    /// Refuses a text that has instances and no facts.
+    fn check_imported(&self, source: &Source, found: &Found) -> Result<(), WrongInput> {
+        match self.skipped.contains_key(INSTANCES) && found.is_empty() {
+            true => Err(WrongInput::new(format!("{}: {NO_INSTANCES}; nothing was imported", source.name()))),
+            false => Ok(()),
+        }
+    }
+
+    fn report(&self, schema: &Schema, args: &ImportArgs, context: &mut Context<'_>) {
+        if !args.deftemplates.is_empty() {
+            for name in &self.unknown {
+                let hint = nearest(name, schema.names()).map(|name| format!("; did you mean `{name}`?"));
+                let hint = hint.unwrap_or_default();
+                context.output.warn(&format!("no deftemplate `{name}`; its facts were not checked{hint}"));
+            }
+        }
+        for (template, slot) in &self.doubtful {
+            context.output.warn(&format!(
+                "no deftemplate `{template}`: took `{slot}` for a slot; CLIPS would call the function `{slot}`"
+            ));
+        }
+        for (template, slot) in &self.left_out {
+            context.output.note(&format!(
+                "the slot `{slot}` of `{template}` was left out where a fact does not give it: its default is computed by CLIPS"
+            ));
+        }
+        if self.skipped.contains_key(INSTANCES) {
+            context.output.warn(NO_INSTANCES);
+        }
+        self.report_skipped(context);
+    }
+
+    /// Says what was passed over.
+    fn report_skipped(&self, context: &mut Context<'_>) {
+        for (kind, names) in &self.skipped {
+            let named: Vec<&str> = names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
+            let more = named.len().saturating_sub(NAMES);
+            let shown = named.iter().take(NAMES).copied().collect::<Vec<_>>().join(", ");
+            let rest = if more > 0 { format!(", and {more} more") } else { String::new() };
+            let list = if shown.is_empty() { String::new() } else { format!(": {shown}{rest}") };
+            context.output.note(&format!("passed over {} {kind}{list}", names.len()));
+        }
     }
 }

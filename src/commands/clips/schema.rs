@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::clips::facts::Schema;
-use crate::commands::Context;
+use crate::commands::{Context, WrongInput};
 use crate::error::Result;
 use crate::formats::clips::{Item, Reader};
 
@@ -13,10 +13,19 @@ pub(super) fn read(paths: &[PathBuf], context: &mut Context<'_>) -> Result<Schem
     for path in paths {
         let source = context.read(path)?;
         let mut reader = Reader::of_templates(&source).with_globals(schema.globals.clone());
+        let mut is_used = false;
         for item in reader.by_ref() {
-            if let Item::Template(template) = item? {
-                schema.add(template);
+            match item? {
+                Item::Template(template) => {
+                    schema.add(template);
+                    is_used = true;
+                }
+                Item::Skipped { kind, .. } => is_used |= kind == "defglobal",
+                Item::Fact(_) => {}
             }
+        }
+        if !is_used {
+            return Err(WrongInput::new(format!("--deftemplates: {} has no deftemplate", source.name())).into());
         }
         schema.globals = reader.into_globals();
     }

@@ -1,5 +1,6 @@
 //! Function calls where a fact's values stand: `(create$ …)`, arithmetic.
 
+use super::function::is_function;
 use super::global::Globals;
 use super::lexer::{Lexer, Token, TokenKind};
 use super::value::Value;
@@ -15,7 +16,7 @@ const UNMISTAKABLE: [&str; 10] = ["create$", "+", "-", "*", "/", "**", "div", "m
 
 /// Whether a list with this head is a call and not a slot.
 pub(super) fn is_call(name: &str) -> bool {
-    UNMISTAKABLE.contains(&name)
+    UNMISTAKABLE.contains(&name) || name.ends_with('$') && is_function(name)
 }
 
 struct Call<'a> {

@@ -13,6 +13,7 @@ mod command;
 mod defglobal;
 mod deftemplate;
 mod expression;
+mod function;
 mod global;
 mod lexer;
 mod reader;

@@ -1,11 +1,12 @@
 //! Text to facts and templates, one at a time.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::{BTreeSet, HashSet, VecDeque};
 
 use super::command::{self, Content};
 use super::defglobal;
 use super::deftemplate::{self, local};
 use super::expression::{self, evaluate};
+use super::function::is_function;
 use super::global::Globals;
 use super::lexer::{Lexer, Token, TokenKind};
 use super::template::Template;
@@ -51,10 +52,15 @@ pub fn is_construct(name: &str) -> bool {
 ///
 /// In `deffacts` and `assert` a list inside of a fact can be a slot or a call. It is a
 /// slot where the template is known, and else unless a plain value comes before it or
-/// its head is a function that no slot would be named after, like `create$` or `+`.
+/// its head is a function that no slot would be named after, like `create$` or `+`,
+/// or one that is called without arguments, like `(now)`.
 pub struct Reader<'a> {
     lexer: Lexer<'a>,
     templates: HashSet<String>,
+    /// The functions that the text defines.
+    functions: HashSet<&'a str>,
+    /// The templates that are not known, with slots that have the names of functions.
+    doubtful: BTreeSet<(String, String)>,
     globals: Globals,
     /// What one construct held besides what was handed out of it.
     ready: VecDeque<Item>,
@@ -73,6 +79,8 @@ impl<'a> Reader<'a> {
         Self {
             lexer: Lexer::new(source),
             templates: templates.into_iter().collect(),
+            functions: HashSet::new(),
+            doubtful: BTreeSet::new(),
             globals: Globals::default(),
             ready: VecDeque::new(),
             group: None,
@@ -86,6 +94,13 @@ impl<'a> Reader<'a> {
     #[must_use]
     pub fn with_globals(self, globals: Globals) -> Self {
         Self { globals, ..self }
+    }
+
+    /// Returns what was taken for slots in `deffacts` and `assert` and would be calls of functions in CLIPS, unless
+    /// a template has such slots: names of templates that are not known, and of slots.
+    #[must_use]
+    pub fn doubtful(&self) -> &BTreeSet<(String, String)> {
+        &self.doubtful
     }
 
     /// Returns the global variables that are known after what was read.
@@ -234,6 +249,9 @@ impl<'a> Reader<'a> {
             _ if !is_named => String::new(),
             _ => self.lexer.text(first).to_owned(),
         };
+        if matches!(kind, "deffunction" | "defgeneric" | "defmethod") && first.kind == TokenKind::Symbol {
+            self.functions.insert(local(self.lexer.text(first)));
+        }
         let mut depth = 1_usize;
         while depth > 0 {
             let token = self.lexer.next()?;
@@ -251,17 +269,19 @@ impl<'a> Reader<'a> {
     fn fact(&mut self, open: Span) -> Result<Fact, Diagnostic> {
         let head = self.lexer.next()?;
         if head.kind != TokenKind::Symbol {
-            return Err(self.unclosed(head, open, "the name of a template"));
+            let error = self.unclosed(head, open, "the name of a template");
+            let is_instance = head.kind == TokenKind::Instance;
+            return Err(if is_instance { error.hint("instances of classes cannot be imported") } else { error });
         }
         let name = self.lexer.text(head);
         let (body, end) = if self.has_slots(name)? {
-            let (mut slots, end) = self.slots(open)?;
+            let (mut slots, end) = self.slots(name, open)?;
             for name in self.lexer.remark(end.end)? {
                 slots.iter_mut().filter(|slot| slot.name == name).for_each(|slot| slot.multiple = true);
             }
             (Body::Slots(slots), end)
         } else {
-            let (values, end, _) = self.values(open)?;
+            let (values, end, _) = self.values(open).map_err(|error| self.without_template(error, name))?;
             (Body::Ordered(values), end)
         };
         Ok(Fact { name: name.to_owned(), body, span: open.to(end) })
@@ -278,11 +298,47 @@ impl<'a> Reader<'a> {
             return Ok(true);
         }
         let head = self.lexer.peek(1)?;
-        Ok(!expression::is_call(self.lexer.text(head)))
+        let head = self.lexer.text(head);
+        let is_empty = self.lexer.peek(2)?.kind == TokenKind::Close;
+        Ok(!(expression::is_call(head) || is_empty && self.is_function(head)))
     }
 
-    /// Slots up to the `)` of their fact.
-    fn slots(&mut self, fact: Span) -> Result<(Vec<Filled>, Span), Diagnostic> {
+    /// Whether a word is the name of a function, of CLIPS or of the text.
+    fn is_function(&self, name: &str) -> bool {
+        is_function(name) || self.functions.contains(name)
+    }
+
+    /// Says how a list becomes a slot, where it was taken for a call for want of a template.
+    fn without_template(&self, error: Diagnostic, name: &str) -> Diagnostic {
+        let is_call = self.lexer.source.slice(error.span()).starts_with('(');
+        if self.group.is_none() || self.templates.contains(local(name)) || !is_call {
+            return error;
+        }
+        error.hint(format!(
+            "no deftemplate `{name}` is known, so this is a call of a function, as in CLIPS; \
+             if it is a slot, name the file of the deftemplate: --deftemplates FILE"
+        ))
+    }
+
+    /// Notes a slot of a template that is not known which CLIPS would take for a call.
+    ///
+    /// # Errors
+    /// Where it is one without arguments: no slot looks like that.
+    fn doubt(&mut self, template: &str, slot: &Filled) -> Result<(), Diagnostic> {
+        if self.group.is_none() || self.templates.contains(local(template)) || !self.is_function(&slot.name) {
+            return Ok(());
+        }
+        if slot.values.is_empty() && !slot.computed {
+            let message = format!("`{}` is a function, which rmem does not evaluate here", slot.name);
+            let error = Diagnostic::new(self.lexer.source, slot.span, message);
+            return Err(self.without_template(error, template));
+        }
+        self.doubtful.insert((local(template).to_owned(), slot.name.clone()));
+        Ok(())
+    }
+
+    /// Slots of a fact of this template up to its `)`.
+    fn slots(&mut self, template: &str, fact: Span) -> Result<(Vec<Filled>, Span), Diagnostic> {
         let mut slots: Vec<Filled> = Vec::new();
         loop {
             let token = self.lexer.next()?;
@@ -301,7 +357,9 @@ impl<'a> Reader<'a> {
             if slots.iter().any(|slot| slot.name == name) {
                 return Err(Diagnostic::new(self.lexer.source, span, format!("the slot `{name}` is given twice")));
             }
-            slots.push(Filled { name: name.to_owned(), values, multiple: false, computed, span });
+            let slot = Filled { name: name.to_owned(), values, multiple: false, computed, span };
+            self.doubt(template, &slot)?;
+            slots.push(slot);
         }
     }
 

@@ -180,7 +180,15 @@ impl Slot {
         let kind = Types::of(value);
         if !self.types.has(kind) {
             let (wanted, found) = (self.types.names(), kind.names());
-            return Err(format!("the slot `{}` expected {wanted}, found {found} `{}`", self.name, text(value)));
+            let instead = match value {
+                Value::Integer(number) if self.types.has(Types::FLOAT) => format!("; write {number}.0"),
+                _ => String::new(),
+            };
+            return Err(format!(
+                "the slot `{}` expected {wanted}, found {found} `{}`{instead}",
+                self.name,
+                text(value)
+            ));
         }
         let restricted = |(types, _): &&(Types, Vec<Value>)| types.has(kind);
         if let Some((_, allowed)) = self.allowed.iter().filter(restricted).find(|(_, allowed)| !allowed.contains(value))

@@ -43,7 +43,7 @@ fn computed_integers_go_into_slots_for_floats() {
     assert_eq!(lab.rmem(&["clips", "export"]).success(), "(pose (at 1.5 0.0 2.0))\n");
     assert_run!(lab.rmem_with(&["clips", "import"], &format!("{template}\n(deffacts f (pose (at 1)))")), @r"
     ------- stderr -------
-    error: <stdin>:2:19: the slot `at` expected FLOAT, found INTEGER `1`
+    error: <stdin>:2:19: the slot `at` expected FLOAT, found INTEGER `1`; write 1.0
       |
     2 | (deffacts f (pose (at 1)))
       |                   ^^^^^^
@@ -135,6 +135,7 @@ fn several_keys_identify_facts_together() {
       |
     1 | (m (name A))
       | ^^^^^^^^^^^^
+      = hint: import facts that have no such slot from a file of their own, without --key
     [exit code: 3]
     ");
 }
@@ -197,6 +198,77 @@ fn a_misspelt_construct_is_an_error() {
     1 | (deftemplat t (slot a (type FLOAT)))
       |  ^^^^^^^^^^
       = hint: did you mean `deftemplate`?
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_call_is_not_taken_for_a_slot() {
+    assert_run!(lab().rmem_with(&["clips", "import"], "(deffacts t\n  (last-seen (now))\n  (init (time)))"), @r"
+    ------- stderr -------
+    error: <stdin>:2:14: expected `create$` or arithmetic, found the function `now`
+      |
+    2 |   (last-seen (now))
+      |              ^^^^
+      = hint: no deftemplate `last-seen` is known, so this is a call of a function, as in CLIPS; if it is a slot, name the file of the deftemplate: --deftemplates FILE
+    [exit code: 3]
+    ");
+    assert_run!(lab().rmem_with(&["clips", "import"], "(deffacts t (limit (max 3)) (on (a 1)))"), @r#"
+    {"inserted":2,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    warning: no deftemplate `limit`: took `max` for a slot; CLIPS would call the function `max`
+    [exit code: 0]
+    "#);
+    // Facts as CLIPS prints them have no calls.
+    assert_run!(lab().rmem_with(&["clips", "import"], "(limit (max 3) (now))"), @r#"
+    {"inserted":1,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn what_deftemplates_do_not_say_is_said() {
+    let lab = lab();
+    lab.write("t.clp", "(deftemplate machine (slot name) (slot seen (default-dynamic (now))))");
+    lab.write("rules.clp", "(defrule r (a) =>)");
+    let import = |file: &'static str| ["clips", "import", "--deftemplates", file];
+    assert_run!(lab.rmem_with(&import("t.clp"), "(machine (name A)) (machin (name B)) (machine (name C)) (at A)"), @r#"
+    {"inserted":4,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    warning: no deftemplate `machin`; its facts were not checked; did you mean `machine`?
+    the slot `seen` of `machine` was left out where a fact does not give it: its default is computed by CLIPS
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem_with(&import("rules.clp"), "(a 1)"), @r"
+    ------- stderr -------
+    error: --deftemplates: rules.clp has no deftemplate
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn instances_are_not_imported_and_named() {
+    let instances = "(definstances robots (R1 of ROBOT))";
+    assert_run!(lab().rmem_with(&["clips", "import"], instances), @r"
+    ------- stderr -------
+    error: <stdin>: instances of classes cannot be imported, only facts; nothing was imported
+    [exit code: 3]
+    ");
+    assert_run!(lab().rmem_with(&["clips", "import"], &format!("{instances} (a 1)")), @r#"
+    {"inserted":1,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    warning: instances of classes cannot be imported, only facts
+    passed over 1 definstances: robots
+    [exit code: 0]
+    "#);
+    assert_run!(lab().rmem_with(&["clips", "import"], "([R1] of ROBOT (x 1))"), @r"
+    ------- stderr -------
+    error: <stdin>:1:2: expected the name of a template, found `[R1]`
+      |
+    1 | ([R1] of ROBOT (x 1))
+      |  ^^^^
+      = hint: instances of classes cannot be imported
     [exit code: 3]
     ");
 }

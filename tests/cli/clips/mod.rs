@@ -127,13 +127,18 @@ fn a_fact_replaces_the_document_with_the_same_key() {
       |
     2 | (t (v 5))
       | ^^^^^^^^^
+      = hint: import facts that have no such slot from a file of their own, without --key
     [exit code: 3]
     ");
     assert_eq!(lab.rmem(&["clips", "export"]).success(), facts);
     lab.rmem(&["insert", "robmem.worldmodel", "{relation: 't', 'sync-id': 1}"]).success();
     assert_run!(lab.rmem_with(&import, "(t (sync-id 9))\n(t (sync-id 1) (v z))"), @r"
     ------- stderr -------
-    error: robmem.worldmodel has two documents with the `sync-id` 1; nothing was imported
+    error: <stdin>:2:1: robmem.worldmodel has two documents with the `sync-id` 1; nothing was imported
+      |
+    2 | (t (sync-id 1) (v z))
+      | ^^^^^^^^^^^^^^^^^^^^^
+      = hint: name one more slot that tells them apart, like --key SLOT,SLOT, or delete one of them
     [exit code: 3]
     ");
     assert_eq!(lab.rmem(&["count", "robmem.worldmodel"]).success(), "4\n");
@@ -165,4 +170,23 @@ fn what_has_no_place_in_a_fact_is_refused_or_nested() {
     [exit code: 3]
     ");
     assert_eq!(lab.rmem(&["clips", "export", "--nested", "flatten"]).success(), "(t (pose_x 1) (pose_y 2))\n");
+    let from = ["clips", "export", "--from", "-"];
+    assert_run!(lab.rmem_with(&from, "{relation: 't', a: null}"), @r"
+    ------- stderr -------
+    error: <stdin>:1:1: the key `a` is null, which no slot can hold
+      |
+    1 | {relation: 't', a: null}
+      | ^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: --nested json writes a string
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem_with(&from, "{a: 1}"), @r"
+    ------- stderr -------
+    error: <stdin>:1:1: the key `relation` is missing; expected the name of a template
+      |
+    1 | {a: 1}
+      | ^^^^^^
+      = hint: the query {relation: {$type: 'string'}} leaves out documents without a template
+    [exit code: 3]
+    ");
 }

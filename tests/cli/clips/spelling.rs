@@ -118,7 +118,11 @@ fn a_stored_key_is_found_by_the_other_spelling() {
     lab.rmem(&["insert", "a.b", "{_id: 4, relation: 'at', name: 'r1', sync_id: 3, x: 1}"]).success();
     assert_run!(lab.rmem_with(&import, "(at (name r1) (sync-id 3) (x 5))"), @r#"
     ------- stderr -------
-    error: a.b has two documents with the `name` "r1", `sync_id` 3; nothing was imported
+    error: <stdin>:1:1: a.b has two documents with the `name` "r1", `sync_id` 3; nothing was imported
+      |
+    1 | (at (name r1) (sync-id 3) (x 5))
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: name one more slot that tells them apart, like --key SLOT,SLOT, or delete one of them
     [exit code: 3]
     "#);
 }
