@@ -53,7 +53,9 @@ pub use filter::{Filter, TextSearch};
 pub use geo::Near;
 pub use javascript::{MapReduce, Merging};
 pub use nesting::check;
-pub use pipeline::{Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched, is_empty_match};
+pub use pipeline::{
+    Description, Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched, is_empty_match,
+};
 pub use projection::Projection;
 pub use sort::Sort;
 pub use spill::{Spill, Spool};

@@ -264,3 +264,51 @@ fn metadata_that_a_pipeline_names_is_there() {
         "#
     );
 }
+
+#[test]
+fn a_collection_describes_itself() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "-q", "robmem.cups", "{_id: 1, n: 1}", "{_id: 2, n: 2}"]).success();
+    lab.rmem(&["index", "robmem.cups", "{n: 1}"]).success();
+    let sizes = "[{$collStats: {storageStats: {}, count: {}}}, {$project: {count: 1, n: '$storageStats.count', \
+                 indexes: '$storageStats.nindexes', large: {$gt: ['$storageStats.size', 60]}}}]";
+    let transcript = lab.transcript(&[
+        &["aggregate", "robmem.cups", sizes],
+        &["aggregate", "robmem.cups", "[{$indexStats: {}}, {$project: {name: 1, spec: 1}}]"],
+        &["aggregate", "robmem.cups", "[{$collStats: {latencyStats: {}}}]"],
+        &["aggregate", "robmem.cups", "[{$limit: 1}, {$indexStats: {}}]"],
+        &["aggregate", "robmem.none", "[{$collStats: {count: {}}}]"],
+    ]);
+    assert_run!(transcript, @r#"
+    $ rmem aggregate robmem.cups "[{\$collStats: {storageStats: {}, count: {}}}, {\$project: {count: 1, n: '\$storageStats.count', indexes: '\$storageStats.nindexes', large: {\$gt: ['\$storageStats.size', 60]}}}]"
+    {"count":2,"n":2,"indexes":2,"large":true}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem aggregate robmem.cups '[{$indexStats: {}}, {$project: {name: 1, spec: 1}}]'
+    {"name":"_id_","spec":{"v":2,"key":{"_id":1},"name":"_id_"}}
+    {"name":"n_1","spec":{"v":2,"key":{"n":1},"name":"n_1"}}
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem aggregate robmem.cups '[{$collStats: {latencyStats: {}}}]'
+    ------- stderr -------
+    error: <pipeline>:1:3: latencyStats of $collStats is not measured by the embedded store; take storageStats or count
+      |
+    1 | [{$collStats: {latencyStats: {}}}]
+      |   ^^^^^^^^^^
+    [exit code: 3]
+    $ rmem aggregate robmem.cups '[{$limit: 1}, {$indexStats: {}}]'
+    ------- stderr -------
+    error: <pipeline>:1:16: $indexStats is only valid as the first stage in a pipeline
+      |
+    1 | [{$limit: 1}, {$indexStats: {}}]
+      |                ^^^^^^^^^^^
+    [exit code: 3]
+    $ rmem aggregate robmem.none '[{$collStats: {count: {}}}]'
+    ------- stderr -------
+    error: <pipeline>:1:1: there is no collection robmem.none
+      |
+    1 | [{$collStats: {count: {}}}]
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    "#);
+}

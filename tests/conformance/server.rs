@@ -145,11 +145,16 @@ impl Server {
         let stages = documents(command, "pipeline")?;
         let modifiers = modifiers(command, &["collation", "let", "hint"])?;
         let brings = stages.first().is_some_and(|stage| stage.contains_key("$documents"));
-        let found: Vec<_> = self
+        let mut found: Vec<_> = self
             .store
             .aggregate(ns, Aggregation { stages: &stages, modifiers: &modifiers })?
             .map(decoded)
             .collect::<Result<_, _>>()?;
+        if found.iter().any(|document| document.contains_key("storageStats")) {
+            // Sizes are those of mongod's files.
+            return Err(Failure::Refused("storageStats of $collStats".to_owned()));
+        }
+        take_host(&mut found, recorded);
         if brings != (ns.collection == NO_COLLECTION) {
             return Err(Failure::Failed("a collection, or $documents".to_owned()));
         }
@@ -214,6 +219,16 @@ impl Server {
             }
         }
         Ok(reply(doc! {"n": n}, errors))
+    }
+}
+
+/// Gives documents that name their host that of the recording.
+fn take_host(found: &mut [Document], recorded: &Document) {
+    let batch = recorded.get_document("cursor").and_then(|cursor| cursor.get_array("firstBatch"));
+    let host = batch.ok().and_then(|batch| batch.first()?.as_document()?.get_str("host").ok());
+    let Some(host) = host else { return };
+    for document in found.iter_mut().filter(|document| document.get_str("host").is_ok_and(|host| host == "rmem")) {
+        document.insert("host", host);
     }
 }
 

@@ -4,6 +4,7 @@ use bson::{Bson, Document};
 
 use super::bucket::{AutoBucket, Bucket};
 use super::densify::Densify;
+use super::description::{is_description, misplaced};
 use super::facet::Facet;
 use super::fill;
 use super::graph::GraphLookup;
@@ -30,12 +31,10 @@ const MAX_STAGES: usize = 1000;
 const MAX_DEPTH: usize = 20;
 
 /// Stages of MongoDB that rmem refuses by name.
-const REFUSED: [&str; 20] = [
+const REFUSED: [&str; 18] = [
     "$changeStream",
     "$changeStreamSplitLargeEvent",
-    "$collStats",
     "$currentOp",
-    "$indexStats",
     "$listCatalog",
     "$listClusterCatalog",
     "$listLocalSessions",
@@ -80,6 +79,9 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
         }
         if name == "$documents" && index > 0 {
             return Err(QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline"));
+        }
+        if is_description(name) {
+            return Err(misplaced(name, index));
         }
         let is_first = documents.iter().take(index).all(is_empty_match);
         stage(name, argument, scope, Place { depth, is_first }, &mut stages).map_err(|error| error.about(name))?;

@@ -38,6 +38,7 @@ mod scan;
 mod search;
 mod slices;
 mod snapshot;
+mod statistics;
 mod transaction;
 mod verbs;
 mod watcher;

@@ -7,7 +7,7 @@ use bson::{DateTime, Document};
 use super::Embedded;
 use super::scan::Scan;
 use super::search::{bind, scored, unscored};
-use crate::query::{Filter, Origin, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
+use crate::query::{Description, Filter, Origin, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
@@ -21,6 +21,9 @@ impl Embedded {
         ns: &Namespace,
         Aggregation { stages, modifiers }: Aggregation<'_>,
     ) -> Result<Documents<'_>, StoreError> {
+        let description = stages.first().map(Description::parse).transpose()?.flatten();
+        let described = description.map(|description| self.described(ns, description)).transpose()?;
+        let stages = if described.is_some() { stages.get(1..).unwrap_or_default() } else { stages };
         let stages = &self.with_near_key(ns, stages)?;
         let constants = constants(&modifiers.variables)?;
         let pipeline = Pipeline::parse_with(stages, &constants)?;
@@ -28,9 +31,10 @@ impl Embedded {
             self.check_near(collection, near)?;
         }
         self.bind_searches(ns, &pipeline)?;
-        let input = match pipeline.brings_documents() {
-            true => Box::new(std::iter::empty()),
-            false => {
+        let input: Documents<'_> = match (described, pipeline.brings_documents()) {
+            (Some(documents), _) => Box::new(documents.into_iter().map(Ok)),
+            (None, true) => Box::new(std::iter::empty()),
+            (None, false) => {
                 self.input(ns, &first_filter(stages), &constants, (modifiers.hint.as_ref(), pipeline.is_scored()))?
             }
         };
@@ -103,7 +107,7 @@ impl Embedded {
     }
 
     /// The documents that match, in natural order.
-    fn matches(&self, ns: &Namespace, filter: &Document) -> Result<Documents<'_>, StoreError> {
+    pub(super) fn matches(&self, ns: &Namespace, filter: &Document) -> Result<Documents<'_>, StoreError> {
         self.input(ns, filter, &Document::new(), (None, false))
     }
 
