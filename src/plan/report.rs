@@ -21,16 +21,18 @@ impl Record {
         let millis = lineage.and_then(|lineage| lineage.get_document("times").ok()?.get_f64("plan").ok());
         let id = namespace.and_then(|_| self.document.get("_id")).map(|_| self.id());
         let steps = self.steps();
-        let ends = steps.iter().filter_map(end);
+        let makespan = steps.iter().filter_map(end).reduce(f64::max);
+        // Without a metric, the stored cost is the number of steps, which says nothing about a plan with times.
+        let has_cost = makespan.is_none() || of("metric") != Bson::Null;
         doc! {
             "id": id,
             "namespace": namespace,
             "outcome": self.outcome(),
             "exit": i32::from(exit),
             "planner": of("planner"),
-            "cost": number(&of("cost")),
+            "cost": if has_cost { number(&of("cost")) } else { Bson::Null },
             "metric": of("metric"),
-            "makespan": ends.reduce(f64::max).map_or(Bson::Null, reported),
+            "makespan": makespan.map_or(Bson::Null, reported),
             "seconds": millis.map(|millis| rounded(millis / 1000.0)),
             "steps": steps,
             "why": of("why"),
@@ -162,5 +164,18 @@ mod tests {
         let step = report.get_array("steps").unwrap()[0].as_document().unwrap();
         assert_eq!(step.get_array("list").unwrap(), &vec![Bson::from("box #18")]);
         assert_eq!((report.get("id"), report.get("makespan")), (Some(&Bson::Null), Some(&Bson::Double(3.5))));
+        assert_eq!(report.get("cost"), Some(&Bson::Null));
+    }
+
+    #[test]
+    fn a_plan_with_times_has_a_cost_only_by_a_metric() {
+        let lineage = |metric: Option<&str>| {
+            let lineage = doc! { "lineage": { "cost": 2.0, "metric": metric } };
+            let action = doc! { "name": "go", "args": [], "start": 0.0, "duration": 8.0 };
+            let document = doc! { "plan": 1, "actions": [action], crate::store::metadata::INFO: lineage };
+            Record { document }.report(None, 0).get("cost").cloned()
+        };
+        assert_eq!(lineage(None), Some(Bson::Null));
+        assert_eq!(lineage(Some("minimize (fuel)")), Some(Bson::Int64(2)));
     }
 }

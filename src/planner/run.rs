@@ -412,7 +412,7 @@ fn conclude(
         },
         Verdict::GaveUp if crash.is_none() => (Outcome::GaveUp, answer.message),
         Verdict::Unsupported => (Outcome::Unsupported, answer.message),
-        Verdict::OutOfMemory => (Outcome::OutOfMemory, answer.message),
+        Verdict::OutOfMemory => (Outcome::OutOfMemory, with_limit(&answer.message, limits)),
         Verdict::OutOfTime => (Outcome::OutOfTime, answer.message),
         _ if ended.out_of_memory => (Outcome::OutOfMemory, memory(limits)),
         Verdict::Unclear if ended.end == End::Exited(127) => absent(&ended.stderr),
@@ -424,6 +424,15 @@ fn conclude(
             (None, _) if answer.message.is_empty() => (Outcome::NoPlan, "what it returned is not a plan".to_owned()),
             (None, _) => (Outcome::NoPlan, answer.message),
         },
+    }
+}
+
+/// A planner's words about its memory without the system's number of the error, and the limit that was too low.
+fn with_limit(words: &str, limits: &Limits) -> String {
+    let words = words.split(" (os error").next().unwrap_or_default();
+    match limits.memory {
+        Some(bytes) if bytes < i64::MAX as u64 => format!("{words}; {}", memory(limits)),
+        _ => words.to_owned(),
     }
 }
 

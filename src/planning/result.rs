@@ -149,7 +149,9 @@ impl<'a> PlanResult<'a> {
     #[must_use]
     pub fn printed<'b>(&'b self, id: &'b str, value: &'b dyn Fn(&str) -> Bson) -> Option<PrintedPlan<'b>> {
         let plan = self.run.outcome.plan()?;
-        Some(PrintedPlan { plan, document: &self.document, statuses: &[], id, value, structure: None, lanes: None })
+        let has_metric = self.task.problem.tree().metric.is_some();
+        let document = &self.document;
+        Some(PrintedPlan { plan, document, statuses: &[], id, value, structure: None, has_metric, lanes: None })
     }
 
     /// Which step of the plan needs which, for drawings of it. Empty where there is no plan.

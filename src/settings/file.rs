@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{computable, history, scene};
-use crate::formats::{Diagnostic, Source, Span};
+use crate::formats::{Diagnostic, Source, Span, nearest};
 use crate::memory::computables::Definition;
 use crate::output::Format;
 use crate::pddl::Feature;
@@ -100,6 +100,26 @@ impl File {
         Ok(file)
     }
 
+    /// A word in braces that was probably meant to stand for a file of the run, with its place.
+    fn misspelt_file(&self, command: &Spanned<Vec<String>>) -> Option<(Range<usize>, String)> {
+        let text = self.text.get(command.span())?;
+        for word in command.get_ref() {
+            for (at, _) in word.match_indices('{') {
+                let inner = word.get(at + 1..)?.split('}').next().unwrap_or_default();
+                // `${name}` is a shell's variable.
+                let is_variable = word.get(..at)?.ends_with('$');
+                let Some(meant) = nearest(inner, ["domain", "problem", "plan"]).filter(|_| !is_variable) else {
+                    continue;
+                };
+                let marked = format!("{{{inner}}}");
+                let start = command.span().start + text.find(&marked).unwrap_or_default();
+                let message = format!("`{marked}` stands for no file of the run; did you mean `{{{meant}}}`?");
+                return Some((start..start + marked.len(), message));
+            }
+        }
+        None
+    }
+
     /// Checks what types cannot express; an error is the first mistake with its place.
     fn check(&self) -> Result<(), (Range<usize>, String)> {
         if let Some(name) = &self.collection {
@@ -130,6 +150,9 @@ impl File {
                     table.command.span(),
                     "expected a program and its arguments, found an empty list".to_owned(),
                 ));
+            }
+            if let Some((span, message)) = self.misspelt_file(&table.command) {
+                return Err((span, message));
             }
             if let Some(unknown) = table.lacks.iter().find(|lack| Feature::named(lack.get_ref()).next().is_none()) {
                 let mut known: Vec<&str> = Feature::ALL.iter().map(|feature| feature.requirement()).collect();
@@ -251,6 +274,9 @@ mod tests {
         assert!(complaint("shared_databases = [\"a\", \"b.c\"]\n").starts_with("rmem.toml:1:26: `b.c`"));
         let text = complaint("[planner.builtin]\ncommand = [\"x\"]\noutput = \"ff\"\n");
         assert!(text.starts_with("rmem.toml:1:10: `builtin` is a built-in planner"), "{text}");
+        let text = complaint("[planner.x]\ncommand = [\"x\", \"{domian}\"]\noutput = \"ff\"\n");
+        assert!(text.starts_with("rmem.toml:2:18: `{domian}` stands for no file of the run"), "{text}");
+        assert!(text.contains("did you mean `{domain}`?"), "{text}");
         let text = complaint("[planner.x]\ncommand = []\noutput = \"ff\"\n");
         assert!(text.starts_with("rmem.toml:2:11: expected a program"), "{text}");
         let computable =

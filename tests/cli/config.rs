@@ -85,7 +85,7 @@ fn the_flag_overrules_a_format_of_the_environment_that_does_not_exist() {
     assert_run!(lab.rmem(&["collections", "--memory", "mem:"]), @r"
     ------- stderr -------
     error: set by environment variable RMEM_FORMAT
-      caused by: unknown format `xml`; expected one of jsonl, json, canonical, table, csv, tsv, text, clips, ff, document, dot, svg, timeline, moveit, moveit-msg, mjcf, sdf, urdf, openrave
+      caused by: unknown format `xml`; expected one of jsonl, json, canonical, table, csv, tsv, text, clips, ff, document, shell, dot, svg, timeline, moveit, moveit-msg, mjcf, sdf, urdf, openrave
     [exit code: 2]
     ");
 }

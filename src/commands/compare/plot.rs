@@ -18,7 +18,10 @@ pub(super) fn solved(measured: &[Measurement], timeout: Duration) -> Chart {
     let first = measured.iter().filter(|run| run.is_solved()).map(|run| run.seconds).fold(limit, f64::min);
     let least = first.max(LEAST).log10().floor().min((limit / 10.0).log10().floor());
     #[expect(clippy::cast_precision_loss, reason = "a number of tasks")]
-    let top = most as f64;
+    let most = most as f64;
+    // A tick above the last task, so that its point is whole.
+    let step = (most / 8.0).ceil();
+    let top = ((most / step).floor() + 1.0) * step;
     let series = all.into_iter().map(|score| {
         let own = measured.iter().filter(|run| run.planner == score.planner && run.is_solved());
         let mut times: Vec<f64> = own.map(|run| run.seconds.max(LEAST)).collect();
@@ -32,7 +35,7 @@ pub(super) fn solved(measured: &[Measurement], timeout: Duration) -> Chart {
         x: Axis {
             label: "time (s)".to_owned(),
             log: true,
-            range: Some((10_f64.powf(least), 10_f64.powf(limit.log10().ceil()))),
+            range: Some((10_f64.powf(least), limit * 1.3)),
             ..Axis::default()
         },
         y: Axis { label: "tasks solved".to_owned(), whole: true, range: Some((0.0, top)), ..Axis::default() },

@@ -83,6 +83,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
         id: &id,
         value: &value,
         structure: structure.as_ref(),
+        has_metric: record.lineage().is_some_and(|lineage| lineage.get_str("metric").is_ok()),
         lanes: args.lanes.as_deref(),
     };
     if let (Format::Svg, Some(lanes)) = (format, &args.lanes) {

@@ -25,6 +25,8 @@ pub struct PrintedPlan<'a> {
     pub value: &'a dyn Fn(&str) -> Bson,
     /// Which step needs which, where the domain is known.
     pub structure: Option<&'a Structure>,
+    /// Whether the problem has a metric, so that the cost is its value and not the number of steps.
+    pub has_metric: bool,
     /// The parameter whose values are the lanes of a drawing (default: the one that the most steps have).
     pub lanes: Option<&'a str>,
 }

@@ -21,7 +21,9 @@ pub(super) fn text(page: &PrintedPlan<'_>) -> String {
     let makespan = page.plan.makespan().map(rounded);
     let _ = match page.plan.cost.map(rounded) {
         // Without a metric, the cost is the number of steps, which says nothing about a plan with times.
-        Some(cost) if cost != length && Some(cost) != makespan => writeln!(text, "; cost = {cost} (general cost)"),
+        Some(cost) if Some(cost) != makespan && (cost != length || (page.has_metric && makespan.is_none())) => {
+            writeln!(text, "; cost = {cost} (general cost)")
+        }
         _ if makespan.is_some() => Ok(()),
         _ => writeln!(text, "; cost = {length} (unit cost)"),
     };

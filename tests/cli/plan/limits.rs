@@ -59,7 +59,7 @@ fn a_limit_of_memory_is_22() {
     let args = ["plan", "-d", domain, "-p", problem, "--memory-limit", "100M", "--timeout", "60s", "--no-store"];
     assert_run!(Lab::new().rmem(&args), @r"
     ------- stderr -------
-    error: builtin: the planner ran out of memory: memory allocation of 67108864 bytes for the engine failed: Resource temporarily unavailable (os error 11)
+    error: builtin: the planner ran out of memory: memory allocation of 67108864 bytes for the engine failed: Resource temporarily unavailable; its limit was 100 MiB
     [exit code: 22]
     ");
 }

@@ -543,3 +543,15 @@ fn that_no_better_plan_is_looked_for_is_said_only_where_no_planner_goes_on() {
         "{both}"
     );
 }
+
+#[test]
+fn a_cost_by_a_metric_is_no_unit_cost() {
+    let lab = Lab::new();
+    costly(&lab);
+    let even =
+        lab.read("own.pddl").replace("(total-cost) 3", "(total-cost) 1").replace("(total-cost) 4", "(total-cost) 1");
+    lab.write("own.pddl", &even);
+    let found = lab.rmem(&["plan", "-d", "own.pddl", "-p", "task.pddl"]).success();
+    assert_eq!(found, "(first)\n(second)\n; cost = 2 (general cost)\n");
+    assert_eq!(lab.rmem(&["plan", "show", "last"]).success(), found);
+}
