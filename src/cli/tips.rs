@@ -3,6 +3,7 @@
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
+use crate::formats::command_line::word;
 use crate::formats::mongosh;
 use crate::store::Namespace;
 
@@ -59,6 +60,7 @@ pub(super) fn with_tip(mut error: Error) -> Error {
     let (kind, value) = match error.kind() {
         ErrorKind::InvalidSubcommand => (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
         ErrorKind::ValueValidation => (ContextKind::InvalidValue, ContextKind::SuggestedValue),
+        ErrorKind::UnknownArgument => return with_option(error),
         _ => return error,
     };
     let Some(ContextValue::String(word)) = error.get(kind) else { return error };
@@ -74,6 +76,43 @@ pub(super) fn with_tip(mut error: Error) -> Error {
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
     if let Some(tip) = feature.or(tip).or_else(|| known().map(|(_, tip)| (*tip).to_owned())).or_else(documents) {
         error.remove(value);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
+}
+
+/// Options of mongosh and MongoDB's tools, and what rmem has for each.
+const OPTIONS: [(&[&str], &str); 4] = [
+    (&["--projection", "--project"], "'--fields PROJECTION' selects fields"),
+    (&["--pretty"], "'--format' has other formats; see the help of the command"),
+    (&["--db", "--database"], TIP_OF_USE),
+    (
+        &["--nsInclude", "--nsFrom", "--nsTo"],
+        "'rmem dump NS' writes one collection, 'rmem restore --into NS' reads one",
+    ),
+];
+
+/// Adds a tip to the error for an argument that a command does not have.
+fn with_option(mut error: Error) -> Error {
+    let Some(ContextValue::String(argument)) = error.get(ContextKind::InvalidArg) else { return error };
+    let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
+    let is_of = |name: &str| usage.contains(&format!("rmem {name} "));
+    let known = || OPTIONS.iter().find(|(names, _)| names.contains(&argument.split('=').next().unwrap_or_default()));
+    let tip = match argument.as_str() {
+        fields if fields.starts_with('{') && is_of("query") => Some(format!("write: --fields {}", word(fields))),
+        options if options.starts_with('{') && is_of("update") => {
+            let flags = [("upsert", " --upsert"), ("multi", " --many")];
+            let flags: String =
+                flags.iter().filter(|(name, _)| options.contains(name)).map(|(_, flag)| *flag).collect();
+            (!flags.is_empty()).then(|| format!("write:{flags}"))
+        }
+        number if number.strip_prefix('-').is_some_and(|n| n.parse::<u64>().is_ok()) && is_of("query") => {
+            Some("all documents are printed without '--limit'".to_owned())
+        }
+        _ => known().map(|(_, tip)| (*tip).to_owned()),
+    };
+    if let Some(tip) = tip {
+        error.remove(ContextKind::SuggestedArg);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
     error

@@ -53,8 +53,13 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         let line = format!("computable {} on {value}", computable.name);
         row(line, &format!("computable.{}", computable.name), Some(value), None)
     }));
+    let stores = [&settings.memory.value, &settings.shared.value];
+    let wrong = stores.into_iter().flatten().find_map(|uri| StoreUri::parse(uri).err());
     context.print_lines(rows)?;
-    Ok(Exit::Done)
+    match wrong {
+        Some(error) => Err(error.into()),
+        None => Ok(Exit::Done),
+    }
 }
 
 /// A line, and the same as a document.

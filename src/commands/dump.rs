@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::at::AtArgs;
-use super::{Context, UsageError};
+use super::{Context, UsageError, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::dump::world_file::WorldDumpError;
@@ -63,6 +63,14 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     let progress = context.output.progress(&format!("writing {}", args.output.display()));
     let memory = args.past.memory(context)?.with_meter(progress.meter());
     let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
+    // What was there at another time is not known.
+    if !args.all && args.past.at.is_none() {
+        let absent = namespaces.iter().filter(|namespace| missing::warn(namespace, &memory, context)).count();
+        if absent == namespaces.len() {
+            context.output.error("nothing was written: no such collection");
+            return Ok(Exit::No);
+        }
+    }
     if is_world {
         context.output.write_with(&args.output, |out| match world_file::write(&memory, &namespaces, out) {
             Err(WorldDumpError::Write(error)) => Err(error.into()),

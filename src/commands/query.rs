@@ -17,7 +17,7 @@ const HELP: &str = "\
 Examples:
   rmem query robmem.worldmodel \"{relation: 'on'}\" --sort '{object_top: 1}'
   rmem query robmem.worldmodel --fields '{object: 1, _id: 0}' --limit 5
-  rmem query robmem.worldmodel \"{relation: 'no', size: {$gt: '3'}}\" --why";
+  rmem query robmem.worldmodel '{relation: \"no\", size: {$gt: \"3\"}}' --why";
 
 /// Print the documents that match a query
 #[derive(Debug, Args)]

@@ -174,7 +174,7 @@ impl<'a> Reader<'a> {
 
     fn check_tag(&self, tag: Option<&Tag>, known: &[&str], place: saphyr_parser::Span) -> Result<(), Diagnostic> {
         match tag {
-            Some(tag) if !(tag.is_yaml_core_schema() && known.contains(&tag.suffix.as_str())) => {
+            Some(tag) if !(is_local(tag) || tag.is_yaml_core_schema() && known.contains(&tag.suffix.as_str())) => {
                 Err(self.wrong(place, unknown(tag)))
             }
             _ => Ok(()),
@@ -191,6 +191,11 @@ impl<'a> Reader<'a> {
         let text = self.source.text();
         text.char_indices().nth(place.index()).map_or(text.len(), |(byte, _)| byte)
     }
+}
+
+/// Whether a tag is one of an application, like `!url`, also with a prefix that `%TAG` gives it: it says nothing about the value.
+fn is_local(tag: &Tag) -> bool {
+    !(tag.is_yaml_core_schema() || tag.handle.is_empty() && tag.suffix == "!")
 }
 
 fn unknown(tag: &Tag) -> String {
@@ -233,13 +238,9 @@ fn merged(value: Bson) -> Option<Document> {
 
 /// A scalar as its tag says, or as it looks where it is plain.
 fn scalar(text: &str, style: ScalarStyle, tag: Option<&Tag>) -> Result<Bson, String> {
-    let Some(tag) = tag else {
+    let Some(tag) = tag.filter(|tag| !is_local(tag)) else {
         return Ok(if style == ScalarStyle::Plain { plain(text) } else { Bson::String(text.to_owned()) });
     };
-    let is_core = tag.is_yaml_core_schema() || (tag.handle.is_empty() && tag.suffix == "!");
-    if !is_core {
-        return Err(unknown(tag));
-    }
     let found = plain(text);
     let value = match (tag.suffix.as_str(), found) {
         ("str" | "!", _) => Some(Bson::String(text.to_owned())),
@@ -351,6 +352,13 @@ mod tests {
     }
 
     #[test]
+    fn tags_of_applications_say_nothing() {
+        let text = "%TAG ! tag:robots.example,2026/\n---\nurl: !url http://localhost/x\nn: !count 3\nt: !text '3'\nm: !pose {x: !m 1.5}\nl: !list [1]\n";
+        let wanted = doc! { "url": "http://localhost/x", "n": 3, "t": "3", "m": { "x": 1.5 }, "l": [1] };
+        assert_eq!(read(text), Ok(vec![wanted]));
+    }
+
+    #[test]
     fn extended_json_anchors_and_merges_are_resolved() {
         let text =
             "- &base {frame: map, at: {$date: '2026-01-31T12:00:00Z'}}\n- <<: *base\n  frame: odom\n  again: *base\n";
@@ -364,7 +372,7 @@ mod tests {
         for (text, place) in [
             ("a: 1\na: 2\n", "x.yaml:2:1: the key `a` is given twice"),
             ("a: [1\n", "x.yaml:2:1: this is not YAML"),
-            ("ä: 'é'\nb: !robot 3\n", "x.yaml:2:"),
+            ("ä: 'é'\nb: !!robot 3\n", "x.yaml:2:"),
             ("- a: 1\n- 7\n", "x.yaml:2:3: expected a document, which is a mapping"),
             ("just text\n", "x.yaml:1:1: expected a document, which is a mapping"),
             ("a: {$oid: 3}\n", "x.yaml:1:4: `$oid` takes a string of 24 hexadecimal digits"),

@@ -14,7 +14,7 @@ mod source;
 
 pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document};
 pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};
-pub use print::{Format, PrintError, PrintedPlan};
+pub use print::{FactLayout, Format, PrintError, PrintedPlan};
 pub use progress::{Progress, Status};
 pub use report::{reported, rounded};
 pub use repository::{LAST, Record, Repository, RepositoryError, spelled};

@@ -93,7 +93,12 @@ impl File {
             |span: Range<usize>, message: String| Diagnostic::new(&shown, Span::new(span.start, span.end), message);
         let mut file: Self = toml::from_str(source.text()).map_err(|error| {
             let message = error.message().lines().next().unwrap_or_default();
-            complain(error.span().unwrap_or_default(), masked_excerpt(message))
+            let wrong = complain(error.span().unwrap_or_default(), masked_excerpt(message));
+            match [".yaml", ".yml"].iter().any(|end| source.name().ends_with(end)) {
+                true => wrong
+                    .hint("settings are TOML, not YAML; \"From Fawkes\" in docs/settings.md says where its keys went"),
+                false => wrong,
+            }
         })?;
         source.text().clone_into(&mut file.text);
         file.check().map_err(|(span, message)| complain(span, message))?;

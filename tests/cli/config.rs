@@ -138,3 +138,22 @@ fn a_history_is_printed_as_it_is_written() {
         assert!(lab.rmem(&["config"]).success().contains(printed), "{shown}");
     }
 }
+
+#[test]
+fn a_memory_that_is_no_uri_is_an_error() {
+    let lab = Lab::new();
+    for (memory, instead) in
+        [("localhost:27017", "use file:PATH, mem:, mongodb://…"), ("lager.rmem", "file:lager.rmem")]
+    {
+        let run = lab.rmem(&["--memory", memory, "config"]).exits(2);
+        assert!(run.stderr.starts_with("error: ") && run.stderr.contains(instead), "{run}");
+    }
+}
+
+#[test]
+fn settings_in_yaml_are_an_error_that_says_so() {
+    let lab = Lab::new();
+    lab.write("robot-memory.yaml", "plugins/robot-memory:\n  database: robmem\n");
+    let run = lab.rmem(&["--config", "robot-memory.yaml", "config"]);
+    assert!(run.code != 0 && run.stderr.contains("= hint: settings are TOML, not YAML"), "{run}");
+}

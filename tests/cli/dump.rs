@@ -90,3 +90,17 @@ fn a_dump_loads_again_and_gives_the_same_bytes() {
     let again = lab.rmem(&["--memory", "mem:", "--load", "world.json", "dump", "--all"]).success();
     assert_eq!(again, lab.read("world.json"));
 }
+
+#[test]
+fn a_collection_that_does_not_exist_is_named() {
+    let lab = crate::lab::three_documents();
+    let dump = lab.rmem(&["dump", "robmem.worldmodl", "robmem.worldmodel"]).exits(0);
+    assert_eq!(dump.stderr, "warning: no collection robmem.worldmodl; did you mean robmem.worldmodel?\n");
+    crate::lab::assert_run!(lab.rmem(&["dump", "robmem.worldmodl", "-o", "world.json"]), @r"
+    ------- stderr -------
+    warning: no collection robmem.worldmodl; did you mean robmem.worldmodel?
+    error: nothing was written: no such collection
+    [exit code: 1]
+    ");
+    assert!(!lab.path().join("world.json").exists());
+}

@@ -348,3 +348,18 @@ fn messages_say_what_to_do_in_plain_words() {
         assert!(run.stderr.contains("there is no such file or folder") && !run.stderr.contains("os error"), "{run}");
     }
 }
+
+#[test]
+fn an_argument_of_mongosh_has_a_tip() {
+    let lab = Lab::new();
+    for (args, tip) in [
+        (&["query", "a.b", "{}", "{name: 1}"][..], "tip: write: --fields \"{name: 1}\""),
+        (&["update", "a.b", "{}", "{}", "{upsert: true, multi: true}"], "tip: write: --upsert --many"),
+        (&["query", "a.b", "--projection", "{a: 1}"], "tip: '--fields PROJECTION' selects fields"),
+        (&["query", "a.b", "--limit", "-1"], "tip: all documents are printed without '--limit'"),
+        (&["query", "a.b", "--db", "x"], "tip: a collection is named with its database"),
+    ] {
+        let run = lab.rmem(args).exits(2);
+        assert!(run.stderr.contains(tip), "{run}");
+    }
+}

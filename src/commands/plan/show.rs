@@ -4,16 +4,16 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 
 use bson::{Bson, DateTime};
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::stored::{self, StoredArgs};
-use crate::commands::{Context, WrongInput, error, formats};
+use crate::commands::{Context, UsageError, WrongInput, error, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
 use crate::pddl::Plan;
-use crate::plan::{self, PrintedPlan, Progress, Record, Status, Stored};
+use crate::plan::{self, FactLayout, PrintedPlan, Progress, Record, Status, Stored};
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
 use crate::views::chart::{COLORS, timeline_height};
@@ -24,7 +24,7 @@ pub(super) use formats::PLAN as FORMATS;
 /// Print a stored plan
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg --lanes robot > plan.svg\n\n\
+    after_help = "Examples:\n  rmem plan show last\n  rmem plan show last --format clips --layout fawkes --goal-id ORDER-1\n  rmem plan show last --format dot | dot -Tpng > plan.png\n  rmem plan show 65f0 --format svg --lanes robot > plan.svg\n\n\
 Formats: text (as in planning competitions), json (outcome, cost and steps for an executive), document (as it is stored), dot (the partial order, for Graphviz), svg (lanes of actions over time, with causal links), timeline (planned times above real ones, as SVG), clips, ff, shell (a line a step: its number, how it stands, the action and its arguments, quoted for a shell: eval \"set -- $line\")."
 )]
 #[command(arg = formats::argument(&formats::STORED_PLAN))]
@@ -35,10 +35,33 @@ pub struct ShowArgs {
     /// Parameter with one lane per value in an SVG (default: the most frequent parameter)
     #[arg(long, value_name = "PARAMETER")]
     pub lanes: Option<String>,
+    /// Deftemplates that facts are for: rmem, fawkes, or cx (default: rmem)
+    #[arg(long, value_name = "LAYOUT", hide_possible_values = true)]
+    pub layout: Option<FactLayouts>,
+    /// Goal of the plan in facts for fawkes
+    #[arg(long, value_name = "SYMBOL", default_value = "nil", hide_default_value = true)]
+    pub goal_id: String,
+    /// PDDL instance of the plan in facts for cx
+    #[arg(long, value_name = "SYMBOL", default_value = "nil", hide_default_value = true)]
+    pub instance: String,
+}
+
+/// For whose deftemplates facts are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FactLayouts {
+    /// `plan` and `plan-action` of rmem.
+    Rmem,
+    /// `plan` and `plan-action` of Fawkes' executive.
+    Fawkes,
+    /// `pddl-plan` and `pddl-action` of CX.
+    Cx,
 }
 
 pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&formats::STORED_PLAN)?;
+    if args.layout.is_some() && format != Format::Clips {
+        return Err(UsageError::new("--layout is for facts; add --format clips").into());
+    }
     let memory = context.memory()?;
     let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
     let id = record.id();
@@ -89,7 +112,13 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     if let (Format::Svg, Some(lanes)) = (format, &args.lanes) {
         check_lanes(lanes, &printed)?;
     }
-    print(&printed, context)?;
+    let layout = match args.layout {
+        None | Some(FactLayouts::Rmem) => return print(&printed, context).map(|()| Exit::Done),
+        Some(FactLayouts::Fawkes) => FactLayout::Fawkes { goal: &args.goal_id },
+        Some(FactLayouts::Cx) => FactLayout::Cx { instance: &args.instance },
+    };
+    let text = printed.facts(layout)?;
+    context.output.stdout().write_all(text.as_bytes())?;
     Ok(Exit::Done)
 }
 

@@ -8,7 +8,7 @@ mod shell;
 mod svg;
 mod text;
 
-pub use clips::PrintError;
+pub use clips::{FactLayout, PrintError};
 pub use page::PrintedPlan;
 
 /// How a plan is printed.
@@ -38,6 +38,15 @@ impl PrintedPlan<'_> {
         svg::lanes(self)
     }
 
+    /// Prints the plan as facts for these deftemplates.
+    ///
+    /// # Errors
+    ///
+    /// A value that CLIPS cannot read.
+    pub fn facts(&self, layout: FactLayout<'_>) -> Result<String, PrintError> {
+        clips::facts(self, layout)
+    }
+
     /// Prints the plan; the text ends with a line break.
     ///
     /// # Errors
@@ -48,7 +57,7 @@ impl PrintedPlan<'_> {
             Format::Text => Ok(text::text(self)),
             // Documents become JSON without fail: their keys are strings.
             Format::Document => Ok(serde_json::to_string(self.document).unwrap_or_default() + "\n"),
-            Format::Clips => clips::facts(self),
+            Format::Clips => self.facts(FactLayout::Own),
             Format::Ff => Ok(ff::ff(self.plan)),
             Format::Shell => Ok(shell::lines(self)),
             Format::Dot => Ok(dot::graph(self)),

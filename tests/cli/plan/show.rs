@@ -103,3 +103,57 @@ fn the_graph_of_a_plan_is_its_partial_order() {
     assert!(dot.contains("init -> s1;") && dot.contains("s5 -> goal;"), "{dot}");
     assert!(!dot.contains("s1 -> s5"), "what follows from others is left out: {dot}");
 }
+
+/// The slots that executives have for plans, in deftemplates of our own.
+const EXECUTIVES: &str = "(deftemplate plan (slot id (type SYMBOL)) (slot goal-id (type SYMBOL)) (slot cost (type FLOAT)))
+(deftemplate plan-action
+  (slot id (type INTEGER)) (slot plan-id (type SYMBOL)) (slot goal-id (type SYMBOL)) (slot action-name (type SYMBOL))
+  (multislot param-names (type SYMBOL)) (multislot param-values) (slot duration (type FLOAT)) (slot dispatch-time (type FLOAT))
+  (slot state (type SYMBOL) (allowed-values FORMULATED PENDING RUNNING FINAL FAILED)))
+(deftemplate pddl-plan (slot id (type SYMBOL)) (slot instance (type SYMBOL)))
+(deftemplate pddl-action
+  (slot instance (type SYMBOL)) (slot id (type SYMBOL)) (slot plan (type SYMBOL)) (slot name (type SYMBOL))
+  (multislot params (type SYMBOL)) (slot planned-start-time (type FLOAT)) (slot planned-duration (type FLOAT)))
+";
+
+#[test]
+fn facts_fit_the_deftemplates_of_executives() {
+    let lab = Lab::new();
+    plan(&lab, &["-q"]).success();
+    lab.write("executives.clp", EXECUTIVES);
+    let show = |more: &[&str]| lab.rmem(&[&["plan", "show", "last", "--format", "clips", "--layout"], more].concat());
+    let fawkes = show(&["fawkes", "--goal-id", "G1"]);
+    assert_run!(fawkes, @r"
+    (plan (id [ID]) (goal-id G1) (cost 5.0))
+    (plan-action (id 1) (plan-id [ID]) (goal-id G1) (action-name stack) (param-names x y) (param-values B C) (state FORMULATED))
+    (plan-action (id 2) (plan-id [ID]) (goal-id G1) (action-name unstack) (param-names x y) (param-values D A) (state FORMULATED))
+    (plan-action (id 3) (plan-id [ID]) (goal-id G1) (action-name putdown) (param-names x) (param-values D) (state FORMULATED))
+    (plan-action (id 4) (plan-id [ID]) (goal-id G1) (action-name pickup) (param-names x) (param-values A) (state FORMULATED))
+    (plan-action (id 5) (plan-id [ID]) (goal-id G1) (action-name stack) (param-names x y) (param-values A B) (state FORMULATED))
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    let cx = show(&["cx", "--instance", "test"]);
+    // The first line and the first action.
+    let start = |text: &str| text.lines().take(2).collect::<Vec<_>>().join("\n").replace(&id(text), "ID");
+    assert_eq!(
+        start(&cx.stdout),
+        "(pddl-plan (id ID) (instance test))\n\
+         (pddl-action (instance test) (id ID-1) (plan ID) (name stack) (params B C) (planned-start-time 0.0))"
+    );
+    for (facts, count) in [(fawkes.stdout, 6), (cx.stdout, 6)] {
+        let import = ["clips", "import", "-", "--into", "robmem.facts", "--deftemplates", "executives.clp", "--strict"];
+        let report = lab.rmem_with(&import, &facts).success();
+        assert!(report.starts_with(&format!("{{\"inserted\":{count},")), "{report}");
+    }
+    assert_run!(lab.rmem(&["plan", "show", "last", "--layout", "cx"]), @r"
+    ------- stderr -------
+    error: --layout is for facts; add --format clips
+    [exit code: 2]
+    ");
+}
+
+/// The id of a plan, from its first fact.
+fn id(facts: &str) -> String {
+    facts.split_once("(id ").and_then(|(_, rest)| rest.split(')').next()).unwrap().to_owned()
+}
