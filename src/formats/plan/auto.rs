@@ -1,7 +1,7 @@
 //! The run of a planner, whichever it is.
 
-use super::file::read_plan;
 use super::printed::{Dialect, dialect};
+use super::read::read_plan;
 use super::transcript::{Transcript, Verdict};
 use super::{behind, downward, ff, temporal};
 use crate::formats::Source;

@@ -1,7 +1,7 @@
 //! Plan files, in whichever of the three spellings.
 
-use super::transcript::{Action, Transcript, Verdict};
-use super::{behind, downward, ff, lines, temporal};
+use super::transcript::Action;
+use super::{downward, ff, lines, temporal};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// How a plan file is spelled.
@@ -26,38 +26,6 @@ pub struct PlanFile {
     pub cost: Option<f64>,
     /// Whether it stood in the output of a planner, and not in a file of its own.
     pub is_printed: bool,
-}
-
-/// Reads a plan file; the first line that is not empty and not a comment shows how it
-/// is spelled. An empty file is the empty plan. The plan may have all the rest of a planner's
-/// output around it; of several plans, the last is taken.
-///
-/// # Errors
-///
-/// What is not a step, at its place; output of a planner in which there is no plan.
-pub fn read_plan(source: &Source) -> Result<PlanFile, Diagnostic> {
-    let plan = match plan_file(source) {
-        // FF's plan with a line missing.
-        Err(error) if source.text().lines().any(ff::is_found) => Err(error),
-        Err(error) => printed(source).unwrap_or(Err(error)),
-        plan => plan,
-    }?;
-    if plan.is_printed { behind::last(source, plan) } else { Ok(plan) }
-}
-
-/// The plan in the output of a planner, where the text is that.
-fn printed(source: &Source) -> Option<Result<PlanFile, Diagnostic>> {
-    let Transcript { verdict, actions, cost, message, .. } = super::printed::printed(source.text())?;
-    if verdict != Verdict::Plan {
-        let end = Span::at(source.text().trim_end().len());
-        let message = if message.is_empty() { String::new() } else { format!(": {message}") };
-        return Some(Err(Diagnostic::new(source, end, format!("the planner's output has no plan{message}"))));
-    }
-    let spelling = match actions.iter().any(|action| action.start.is_some()) {
-        true => Spelling::Temporal,
-        false => Spelling::Ipc,
-    };
-    Some(Ok(PlanFile { spelling, actions, cost, is_printed: true }))
 }
 
 /// A text that is a plan file, or what FF prints.
@@ -128,75 +96,4 @@ pub(super) fn wrong(source: &Source, line: lines::Line<'_>, message: &str) -> Di
     let text = line.text.trim();
     let start = line.offset + line.text.len() - line.text.trim_start().len();
     Diagnostic::new(source, Span::new(start, start + text.len()), message)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read(text: &str) -> PlanFile {
-        read_plan(&Source::new("plan", text)).unwrap()
-    }
-
-    #[test]
-    fn tells_the_three_spellings_apart() {
-        for (text, spelling) in [
-            ("(move r2 k l)\n", Spelling::Ipc),
-            ("; found in 2 s\n(move r2 k l)\n; cost = 1 (unit cost)\n", Spelling::Ipc),
-            ("step    0: MOVE R2 K L\n        1: DROP\n", Spelling::Ff),
-            ("0: MOVE R2 K L\n", Spelling::Ff),
-            ("0.000: (move r2 k l) [1]\n", Spelling::Temporal),
-            ("0: (move r2 k l)\n", Spelling::Temporal),
-            ("\u{feff}(move r2 k l)\n", Spelling::Ipc),
-            ("\u{feff}0: MOVE R2 K L\n", Spelling::Ff),
-            ("\u{feff}0: (move r2 k l)\n", Spelling::Temporal),
-        ] {
-            let plan = read(text);
-            assert_eq!(plan.spelling, spelling, "{text}");
-            assert_eq!(
-                plan.actions[0].arguments,
-                match spelling {
-                    Spelling::Ff => ["R2", "K", "L"],
-                    _ => ["r2", "k", "l"],
-                }
-            );
-        }
-    }
-
-    #[test]
-    fn an_empty_file_is_the_empty_plan() {
-        for text in ["", "\n\n", "; cost = 0 (unit cost)\n"] {
-            assert_eq!(read(text).actions, [], "{text:?}");
-        }
-    }
-
-    #[test]
-    fn steps_may_share_a_line() {
-        assert_eq!(read("(a) (b x)\n(c)").actions.len(), 3);
-    }
-
-    #[test]
-    fn what_is_not_a_plan_is_an_error_at_its_place() {
-        for (text, place) in [
-            ("hello", (1, 1)),
-            ("(a)\nhello", (2, 1)),
-            ("(a) b", (1, 5)),
-            ("()", (1, 2)),
-            ("(a (b))", (1, 4)),
-            ("0: GO A\n  what", (2, 3)),
-            ("0: (a)\n1e400: (go a b) [5]", (2, 1)),
-            ("0: (a) [1e999]", (1, 9)),
-        ] {
-            let error = read_plan(&Source::new("plan", text)).unwrap_err();
-            assert_eq!(error.position(), place, "{error}");
-        }
-    }
-
-    #[test]
-    fn nesting_and_size_end_in_an_error() {
-        let deep = "(".repeat(100_000);
-        assert!(read_plan(&Source::new("plan", deep)).is_err());
-        let long = format!("(a {})", "x ".repeat(200_000));
-        assert_eq!(read(&long).actions[0].arguments.len(), 200_000);
-    }
 }

@@ -18,7 +18,9 @@ mod behind;
 mod file;
 mod lines;
 mod printed;
+mod read;
 mod transcript;
 
-pub use file::{PlanFile, Spelling, read_plan};
+pub use file::{PlanFile, Spelling};
+pub use read::read_plan;
 pub use transcript::{Action, Complaint, Transcript, Verdict};

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use minijinja::value::{Kwargs, Rest, Value, ValueKind};
 use minijinja::{Error, ErrorKind};
 
+use super::advice::Hint;
 use super::context::{Context, invalid};
-use super::hint::Hint;
 use super::signature::Signature;
 use crate::formats::mongosh;
 use crate::store::{Find, Namespace};

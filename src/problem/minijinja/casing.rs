@@ -6,8 +6,8 @@ use std::sync::Arc;
 use minijinja::value::{StringInput, Value, ValueKind};
 use minijinja::{Environment, Error, State, filters};
 
+use super::advice::Hint;
 use super::context::{Context, invalid};
-use super::hint::Hint;
 use super::limits;
 use super::value::{CLOSE, OPEN};
 
@@ -79,18 +79,6 @@ fn outside(text: &str, change: impl Fn(&str) -> String) -> String {
         rest = after;
     }
     changed + &change(rest)
-}
-
-/// Whether a filter cut a text that was rendered in the middle of a mark.
-pub(super) fn is_cut(text: &str) -> bool {
-    let mut is_open = false;
-    for mark in text.chars().filter(|c| [OPEN, CLOSE].contains(c)) {
-        if is_open == (mark == OPEN) {
-            return true;
-        }
-        is_open = !is_open;
-    }
-    is_open
 }
 
 /// What the filters of a `{% filter %}` block made, where it is text still.

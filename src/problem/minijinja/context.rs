@@ -9,8 +9,7 @@ use bson::{Bson, Document, RawDocumentBuf};
 use minijinja::value::{Value, ValueKind};
 use minijinja::{Error, ErrorKind, Output};
 
-use super::casing::is_cut;
-use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
+use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, is_cut, to_bson};
 use crate::formats::{Source, Span, shell};
 use crate::problem::answer::{Answer, Asker, Question};
 use crate::problem::assembly::Emitted;

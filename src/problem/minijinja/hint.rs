@@ -2,6 +2,7 @@
 
 use minijinja::{Error, ErrorKind};
 
+use super::advice::Hint;
 use super::method::METHODS;
 use super::value::Missing;
 use crate::formats::{is_alike, nearest};
@@ -116,11 +117,6 @@ const CLOCKS: [&str; 9] = ["now", "today", "time", "date", "datetime", "timestam
 
 /// Ways to ask how many there are, as methods and keys of other languages.
 const LENGTHS: [&str; 5] = ["length", "len", "size", "count", "__len__"];
-
-/// A hint that an error brings along, as its source.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(super) struct Hint(pub(super) String);
 
 /// A mistake that the engine found.
 pub(super) struct Mistake<'a> {

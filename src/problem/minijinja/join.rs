@@ -3,8 +3,8 @@
 use minijinja::value::{Kwargs, Value, ValueKind};
 use minijinja::{Error, ErrorKind, State};
 
+use super::advice::Hint;
 use super::context::{Context, invalid};
-use super::hint::Hint;
 
 /// Joins values: by white space, they stay apart; by anything else, they become one text.
 pub(super) fn join(

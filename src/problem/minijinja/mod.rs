@@ -1,5 +1,6 @@
 //! Renders minijinja templates.
 
+mod advice;
 mod blocks;
 mod bound;
 mod call;

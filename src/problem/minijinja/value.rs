@@ -10,7 +10,7 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use minijinja::value::{DynObject, Enumerator, Object, ObjectRepr, Value, ValueKind};
 use minijinja::{Error, ErrorKind};
 
-use super::hint::Hint;
+use super::advice::Hint;
 use crate::formats::{Respelled, is_alike, shell};
 use crate::problem::origin::{DocumentId, document_id};
 use crate::store::{Namespace, metadata};
@@ -20,6 +20,18 @@ use crate::store::{Namespace, metadata};
 pub(super) const OPEN: char = '\u{FDD0}';
 /// See [`OPEN`].
 pub(super) const CLOSE: char = '\u{FDD1}';
+
+/// Whether a filter cut a text that was rendered in the middle of a mark.
+pub(super) fn is_cut(text: &str) -> bool {
+    let mut is_open = false;
+    for mark in text.chars().filter(|c| [OPEN, CLOSE].contains(c)) {
+        if is_open == (mark == OPEN) {
+            return true;
+        }
+        is_open = !is_open;
+    }
+    is_open
+}
 
 /// How deep a value may nest that goes into a query.
 const MAX_DEPTH: usize = 100;
