@@ -121,21 +121,27 @@ pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> Result<E
         Some(ComputablesCommand::List(_)) | None => {}
     }
     let memory = context.memory()?;
+    let mut wrong = Vec::new();
     let rows: Vec<Document> = match args.check.as_slice() {
         [namespace, query] => {
             let namespace: Namespace = namespace.parse()?;
             let query = argument("<query>", query)?;
             memory.check_computables(&namespace, &query)?.iter().map(checked).collect()
         }
-        _ => memory.computables()?.iter().map(|computable| listed(computable)).collect(),
+        _ => {
+            let (computables, complaints) = memory.computables()?;
+            wrong = complaints;
+            computables.iter().map(|computable| listed(computable)).collect()
+        }
     };
-    if rows.is_empty() {
+    if rows.is_empty() && wrong.is_empty() {
         context.output.note(
             "there are no computables; they are [[computable]] tables in rmem.toml, or added by rmem computables add",
         );
     }
     context.print_rows(rows.into_iter().map(Ok))?;
-    Ok(Exit::Done)
+    wrong.iter().for_each(|wrong| context.output.error(wrong));
+    Ok(if wrong.is_empty() { Exit::Done } else { Exit::BadInput })
 }
 
 /// Keeps computables in the memory, and prints their names.
@@ -182,8 +188,13 @@ fn remove(args: &RemoveArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let mut exit = Exit::Done;
     for name in &args.names {
-        if memory.forget_computable(name)? {
+        if let Some((_, others)) = memory.forget_computable(name)? {
             context.output.line(name)?;
+            for other in others {
+                context
+                    .output
+                    .note(&format!("{other} keeps another computable `{name}`; remove once more takes that away"));
+            }
             continue;
         }
         exit = Exit::No;

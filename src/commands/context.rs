@@ -42,6 +42,8 @@ pub struct Context<'a> {
     pub(super) terminal: bool,
     pub(super) columns: Option<usize>,
     operations: Rc<RefCell<Vec<Operation>>>,
+    /// What a memory warned of.
+    warnings: Rc<RefCell<Vec<String>>>,
 }
 
 impl<'a> Context<'a> {
@@ -68,6 +70,7 @@ impl<'a> Context<'a> {
             terminal,
             columns,
             operations: Rc::default(),
+            warnings: Rc::default(),
         }
     }
 
@@ -89,7 +92,9 @@ impl<'a> Context<'a> {
     /// # Errors
     /// As [`Context::memory`].
     pub fn memory_to_fill(&mut self) -> Result<Memory> {
+        let warnings = Rc::clone(&self.warnings);
         let memory = self.opening().open(self.observer())?;
+        let memory = memory.with_warnings(Rc::new(move |warning| warnings.borrow_mut().push(warning.to_owned())));
         for path in self.settings.load.clone() {
             let start = Instant::now();
             let (name, world) = self.world(&path)?;
@@ -123,6 +128,9 @@ impl<'a> Context<'a> {
 
     /// Prints and logs the operations that were observed since the last call.
     pub fn report_operations(&mut self) {
+        for warning in self.warnings.take() {
+            self.output.warn(&warning);
+        }
         for operation in self.operations.take() {
             let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
             let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| amount(count, "document"));

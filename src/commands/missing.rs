@@ -30,7 +30,7 @@ pub(super) fn warn_of_nearest(namespace: &Namespace, memory: &Memory, context: &
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
 pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> {
     // A hint is not worth an error.
-    if memory.computables().ok()?.iter().any(|computable| computable.definition.namespace == *namespace) {
+    if memory.computables().ok()?.0.iter().any(|computable| computable.definition.namespace == *namespace) {
         return None;
     }
     let names = memory.collections_beside(namespace).ok()?;

@@ -158,7 +158,7 @@ impl Asked<'_> {
     }
 }
 
-fn compiled(update: &UpdateSpec, array_filters: &[Document]) -> Result<Update, QueryError> {
+pub(super) fn compiled(update: &UpdateSpec, array_filters: &[Document]) -> Result<Update, QueryError> {
     match unseen::in_update(update) {
         UpdateSpec::Document(update) => Update::parse(&update, array_filters),
         UpdateSpec::Pipeline(stages) => Update::parse_pipeline(&stages),

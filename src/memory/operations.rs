@@ -81,6 +81,7 @@ impl Memory {
 
     /// Stores documents; see [`Store::insert`].
     pub fn insert(&self, ns: &Namespace, mut documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        self.check_kept(ns, &documents)?;
         let now = self.clock.now();
         for document in &mut documents {
             metadata::insert(document, now)?;
@@ -113,6 +114,7 @@ impl Memory {
     pub fn put(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Put, StoreError> {
         let count = length(&documents);
         documents.iter().try_for_each(metadata::check)?;
+        self.check_kept(ns, &documents)?;
         let put = || self.routes.of(ns)?.put(ns, documents, Some(self.clock.now()));
         self.journal.note("put", Some(ns), |_| count, put).inspect(|_| self.journal.count(count))
     }
@@ -251,6 +253,11 @@ impl Memory {
         for other in asked.iter().map(|(other, _)| other).chain(&computables::target(ns, pipeline.stages)) {
             self.routes.check_reach(ns, other)?;
         }
+        if let Some(target) = computables::target(ns, pipeline.stages).filter(|ns| ns.collection == computables::KEPT) {
+            let message =
+                format!("{target} keeps computables, and a pipeline cannot write there; `rmem computables add` does");
+            return Err(QueryError::bad_value(message).into());
+        }
         let questions: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
         if writes && self.is_extended(&questions)? {
             let message =
@@ -275,6 +282,7 @@ impl Memory {
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
         let (filter, spec) = (self.visible(&update.filter), unseen::in_update(&update.update));
         let update = UpdateRequest { filter, update: spec, ..update.clone() };
+        self.check_kept_update(ns, &update)?;
         let work = || {
             let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
             store.update(ns, &update, Some(self.clock.now()))
@@ -338,6 +346,13 @@ impl Memory {
         Self { computables: Box::new(Computables::new(registry)), ..self }
     }
 
+    /// The same memory, which says once what is odd and concerns others.
+    #[must_use]
+    pub fn with_warnings(self, warnings: computables::Warnings) -> Self {
+        self.computables.set_warnings(warnings);
+        self
+    }
+
     /// What was computed, or found in the cache, for the last query, count or pipeline.
     #[must_use]
     pub fn computed(&self) -> Vec<Computed> {
@@ -347,6 +362,7 @@ impl Memory {
     /// Gives a collection the name of another, in its place; see [`Store::rename`].
     pub fn rename_collection(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
         let work = || {
+            self.check_kept_rename(from, to)?;
             let store = self.routes.of(to)?;
             computables::forget(store, to)?;
             store.rename(from, to)

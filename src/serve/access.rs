@@ -75,14 +75,20 @@ impl<'m> Access<'m> {
 
     pub(super) fn insert(self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
         match self.store(ns)? {
-            Some(store) => store.insert(ns, documents),
+            Some(store) => {
+                self.memory.check_kept(ns, &documents)?;
+                store.insert(ns, documents)
+            }
             None => self.memory.insert(ns, documents),
         }
     }
 
     pub(super) fn update(self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
         match self.store(ns)? {
-            Some(store) => store.update(ns, update, None),
+            Some(store) => {
+                self.memory.check_kept_update(ns, update)?;
+                store.update(ns, update, None)
+            }
             None => self.memory.update(ns, update),
         }
     }

@@ -83,15 +83,22 @@ priority = 2
     // In the settings, the same tables are the same computables; of one name, there is one.
     lab.write("rmem.toml", &format!("memory = 'file:robot.rmem'\n{tables}"));
     let both = lab.rmem(&["computables"]);
-    assert_run!(both, @r"
+    assert_run!(both, @r#"
+    {"name":"near","collection":"b.x","spec":{"nearest_to":{"$exists":true}},"priority":2,"cache":null,"body":"nearest, with positions under at","origin":"b.rmem.computables"}
+    {"name":"near","collection":"b.x","spec":{"nearest_to":{"$exists":true}},"priority":2,"cache":null,"body":"nearest, with positions under at","origin":"$LAB/rmem.toml:10"}
+    {"name":"height","collection":"a.y","spec":{"height":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.y: [{\"$project\":{\"height\":\"$z\"}}]","origin":"a.rmem.computables","adds":["height"]}
+    {"name":"height","collection":"a.x","spec":{"height":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.x: [{\"$project\":{\"height\":\"$z\"}}]","origin":"a.rmem.computables","adds":["height"]}
+    {"name":"height","collection":"a.y","spec":{"height":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.y: [{\"$project\":{\"height\":\"$z\"}}]","origin":"$LAB/rmem.toml:3","adds":["height"]}
+    {"name":"height","collection":"a.x","spec":{"height":{"$exists":true}},"priority":0,"cache":null,"body":"pipeline over a.x: [{\"$project\":{\"height\":\"$z\"}}]","origin":"$LAB/rmem.toml:3","adds":["height"]}
     ------- stderr -------
     error: two computables are called `height`: that of $LAB/rmem.toml:3, and that of a.rmem.computables; rename one of them, or take the one in the memory away: rmem computables remove height
+    error: two computables are called `near`: that of $LAB/rmem.toml:10, and that of b.rmem.computables; rename one of them, or take the one in the memory away: rmem computables remove near
     [exit code: 3]
-    ");
+    "#);
     assert_eq!(lab.rmem(&["query", "a.y", "{height: 3}"]).exits(3).stdout, "");
     assert_run!(lab.rmem(&["computables", "add", "--file", "two.toml"]), @r"
     ------- stderr -------
-    error: two computables are called `height`: that of $LAB/rmem.toml:3, and that of a.rmem.computables; rename one of them, or take the one in the memory away: rmem computables remove height
+    error: a.rmem.computables keeps a computable `height` already; rmem computables remove height takes it away
     [exit code: 3]
     ");
     lab.rmem(&["computables", "remove", "near", "height"]).success();
@@ -126,27 +133,19 @@ fn programs_are_not_kept() {
       | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
     [exit code: 3]
     ");
-    // Nor is what another program wrote there.
-    lab.rmem(&[
-        "insert",
-        "a.rmem.computables",
-        "{_id: 'sum', collection: 'a.x', spec: '{}', command: ['touch', 'ran']}",
-    ])
-    .success();
-    assert_run!(lab.rmem(&["query", "a.x", "{}"]), @r#"
+    // Nor is what is written there.
+    let written = "{_id: 'sum', collection: 'a.x', spec: '{}', command: ['touch', 'ran']}";
+    assert_run!(lab.rmem(&["insert", "a.rmem.computables", written]), @r"
     ------- stderr -------
-    error: a.rmem.computables has a document with _id "sum" that is no computable: `command`: a program is declared in a settings file only: others write to the memory, and what they write must not run programs here; remove it: rmem computables remove sum
-    [exit code: 3]
-    "#);
-    assert!(!lab.path().join("ran").exists());
-    lab.rmem(&["computables", "remove", "sum"]).success();
-    lab.rmem(&["insert", "a.rmem.computables", "{_id: 3}"]).success();
-    assert_run!(lab.rmem(&["query", "a.x", "{}"]), @r"
-    ------- stderr -------
-    error: a.rmem.computables has a document with _id 3 that is no computable: `_id`: expected a string, found 3; remove it: rmem delete a.rmem.computables '{_id: 3}'
+    error: a.rmem.computables keeps computables, and the document `sum` is none: `command`: a program is declared in a settings file only: others write to the memory, and what they write must not run programs here; `rmem computables add` keeps one
     [exit code: 3]
     ");
-    lab.rmem(&["delete", "a.rmem.computables", "{_id: 3}"]).success();
+    assert_run!(lab.rmem(&["insert", "a.rmem.computables", "{_id: 3}"]), @r"
+    ------- stderr -------
+    error: a.rmem.computables keeps computables, and the document `3` is none: `_id`: expected a string, found 3; `rmem computables add` keeps one
+    [exit code: 3]
+    ");
+    assert!(!lab.path().join("ran").exists());
     assert_eq!(lab.rmem(&["count", "a.x"]).success(), "0\n");
 }
 
@@ -224,4 +223,49 @@ fn what_is_no_computable_is_refused_with_its_place() {
     [exit code: 2]
     ");
     assert_eq!(lab.rmem(&["computables"]).success(), "");
+}
+
+#[test]
+fn what_is_written_among_the_computables_is_one_or_is_refused() {
+    let lab = lab();
+    let place = "a.rmem.computables";
+    lab.rmem(&["computables", "add", LOW]).success();
+    lab.write("w.json", r#"{"a.rmem.computables": [{"_id": "low", "collection": "a.q"}], "a.ok": [{"_id": 1}]}"#);
+    for (args, wrong) in [
+        (&["insert", place, "{_id: 'x', collection: 'a.b', spec: {a: 1}, pipeline: 7}"][..], "found 7"),
+        (&["insert", place, "{name: 'x', collection: 'a.b', spec: {a: 1}, pipeline: []}"], "it has no _id"),
+        (&["update", place, "{_id: 'low'}", "{$set: {cache: 'never'}}"], "`never` is not a duration"),
+        (&["update", place, "{_id: 'low'}", "{collection: 'a.x'}", "--replace"], "expected a `spec`"),
+        (&["update", place, "{_id: 'other'}", "{$set: {cache: '2m'}}", "--upsert"], "expected the `collection`"),
+        (&["find-and-modify", place, "{_id: 'low'}", "{$set: {spec: 5}}"], "`spec`: expected a query, found 5"),
+        (&["aggregate", "a.x", "[{$out: 'rmem.computables'}]"], "a pipeline cannot write there"),
+        (&["restore", "w.json"], "nothing was changed"),
+    ] {
+        let stderr = lab.rmem(args).exits(3).stderr;
+        assert!(stderr.contains(wrong) && stderr.contains("a.rmem.computables"), "{stderr}");
+    }
+    lab.rmem(&["update", place, "{_id: 'low'}", "{$set: {cache: '2m'}}"]).success();
+    assert!(lab.rmem(&["computables"]).success().contains(r#""cache":"120s""#));
+}
+
+#[test]
+fn a_name_that_settings_and_memory_have_stops_the_queries_that_need_it() {
+    let lab = lab();
+    lab.rmem(&["computables", "add", LOW]).success();
+    lab.rmem(&["insert", "a.other", "{_id: 1}"]).success();
+    lab.write(
+        "rmem.toml",
+        "memory = 'file:robot.rmem'\n[[computable]]\nname = 'low'\ncollection = 'a.z'\nspec = '{z: 1}'\npipeline = '[]'\n",
+    );
+    let taken = "two computables are called `low`: that of ";
+    for query in [["query", "a.x", "{relation: 'on-table'}"], ["count", "a.z", "{z: 1}"]] {
+        let stderr = lab.rmem(&query).exits(3).stderr;
+        assert!(stderr.contains(taken), "{stderr}");
+    }
+    assert_eq!(lab.rmem(&["query", "a.other"]).success(), "{\"_id\":1}\n");
+    assert_eq!(lab.rmem(&["query", "a.x", "{relation: 'in'}"]).success(), "");
+    let listed = lab.rmem(&["computables"]).exits(3);
+    assert!(listed.stdout.lines().count() == 2 && listed.stderr.contains(taken), "{listed}");
+    lab.rmem(&["computables", "remove", "low"]).success();
+    assert_eq!(lab.rmem(&["count", "a.z", "{z: 1}"]).success(), "0\n");
 }

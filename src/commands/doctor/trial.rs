@@ -103,7 +103,10 @@ pub(super) fn computables(asked: &[Document], memory: Option<&Memory>, context: 
     let tried = |definition: &Definition| Trial::of(&definition.name, computable(definition, asked, memory, context));
     match memory.map(Memory::computables).transpose() {
         Ok(None) => context.settings.computables.iter().map(tried).collect(),
-        Ok(Some(all)) => all.iter().map(|computable| tried(&computable.definition)).collect(),
+        Ok(Some((all, wrong))) => {
+            let wrong = wrong.into_iter().map(|wrong| Trial::of("kept in the memory", Err(wrong)));
+            all.iter().map(|computable| tried(&computable.definition)).chain(wrong).collect()
+        }
         Err(error) => vec![Trial::of("kept in the memory", Err(error.to_string()))],
     }
 }

@@ -54,7 +54,7 @@ impl Memory {
     pub fn check_computables(&self, ns: &Namespace, query: &Document) -> Result<Vec<Check>, StoreError> {
         let check =
             |computable: Rc<Computable>| Ok(Check { verdict: self.verdict(&computable, ns, query)?, computable });
-        self.computables()?.into_iter().map(check).collect()
+        self.computables()?.0.into_iter().map(check).collect()
     }
 
     fn verdict(&self, computable: &Computable, ns: &Namespace, query: &Document) -> Result<Verdict, StoreError> {

@@ -12,9 +12,8 @@ use bson::{Bson, Document, doc};
 
 use super::definition::{BodyKind, Definition, NO_PROGRAMS, Origin};
 use super::record;
-use super::registry::{Computable, Registry, taken};
+use super::registry::{Computable, Registry, Wrong, taken, wrong_message};
 use super::state::{Kept, Wanted};
-use crate::formats::shell;
 use crate::memory::Memory;
 use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError, metadata};
@@ -47,8 +46,12 @@ impl Memory {
         }
         let registry = match records.is_empty() {
             true => Rc::clone(declared),
-            false => Rc::new(declared.with(definitions(&records, &place(&ns.database))?, None)?),
+            false => {
+                let place = place(&ns.database);
+                Rc::new(declared.with_kept(definitions(&records, &place), &place))
+            }
         };
+        registry.elsewhere(ns).for_each(|message| self.computables.warn(message));
         all.insert(ns.database.clone(), Kept { records, registry: Rc::clone(&registry), read: Instant::now() });
         Ok(registry)
     }
@@ -68,16 +71,17 @@ impl Memory {
         Ok(places)
     }
 
-    /// All computables, of the settings and of all databases, in the order in which they run.
+    /// All computables, of the settings and of all databases, in the order in which they run; and what is kept as one
+    /// and cannot be used, each as a sentence.
     ///
     /// # Errors
-    /// Where the store fails, what is kept is no computable, or two have one name.
-    pub fn computables(&self) -> Result<Vec<Rc<Computable>>, StoreError> {
-        let mut kept = Vec::new();
+    /// Where the store fails.
+    pub fn computables(&self) -> Result<(Vec<Rc<Computable>>, Vec<String>), StoreError> {
+        let mut all = Rc::clone(&self.computables.declared);
         for place in self.places()? {
-            kept.extend(definitions(&self.records(&place)?, &place)?);
+            all = Rc::new(all.with_kept(definitions(&self.records(&place)?, &place), &place));
         }
-        Ok(self.computables.declared.with(kept, None)?.iter().map(Rc::clone).collect())
+        Ok((all.iter().map(Rc::clone).collect(), all.complaints()))
     }
 
     /// Keeps computables in the memory, each in the database of its collections, from now on and for everyone who
@@ -86,7 +90,7 @@ impl Memory {
     /// # Errors
     /// Where one is a program, or a name is taken.
     pub fn keep_computables(&self, computables: &[Vec<Definition>]) -> Result<(), StoreError> {
-        let known = self.computables()?;
+        let (known, _) = self.computables()?;
         let mut by_place: Vec<(Namespace, Vec<Document>)> = Vec::new();
         for (at, definitions) in computables.iter().enumerate() {
             let Some(first) = definitions.first() else { continue };
@@ -113,26 +117,42 @@ impl Memory {
         }
         let places: Vec<Namespace> = by_place.iter().map(|(place, _)| place.clone()).collect();
         let places: Vec<&Namespace> = places.iter().collect();
-        self.atomically(
+        let kept = self.atomically(
             &places,
             |error| error,
             |_| by_place.iter().try_for_each(|(place, records)| self.insert(place, records.clone()).map(drop)),
-        )?;
+        );
+        if let Err(StoreError::Duplicate { namespace, key, .. }) = kept {
+            // Its `_id` is its name, so that one of two processes wins.
+            let name = key.trim_start_matches("_id: ").to_owned();
+            let what = format!(
+                "{namespace} keeps a computable {name} already, which another process has just added; nothing was added"
+            );
+            return Err(StoreError::Held { what });
+        }
+        kept?;
         self.computables.kept.borrow_mut().clear();
         Ok(())
     }
 
-    /// Removes what is kept under a name; returns whether there was something.
+    /// Removes what is kept under a name: one computable, also where several databases keep one of that name. Returns
+    /// where it was, and where others are.
     ///
     /// # Errors
     /// Where the store fails.
-    pub fn forget_computable(&self, name: &str) -> Result<bool, StoreError> {
-        let mut removed = 0;
+    pub fn forget_computable(&self, name: &str) -> Result<Option<(Namespace, Vec<Namespace>)>, StoreError> {
+        let named = doc! { "_id": name };
+        let mut removed = None;
+        let mut others = Vec::new();
         for place in self.places()? {
-            removed += self.delete(&place, &doc! { "_id": name }, false)?;
+            match removed {
+                None if self.delete(&place, &named, false)? > 0 => removed = Some(place),
+                Some(_) if self.count_stored(&place, &named)? > 0 => others.push(place),
+                _ => {}
+            }
         }
         self.computables.kept.borrow_mut().clear();
-        Ok(removed > 0)
+        Ok(removed.map(|place| (place, others)))
     }
 
     /// All that the questions need, in the order in which it runs.
@@ -162,27 +182,36 @@ impl Memory {
 }
 
 /// The definitions of what a collection keeps.
-fn definitions(records: &[Document], place: &Namespace) -> Result<Vec<Definition>, StoreError> {
-    let origin = Origin::Memory(place.clone());
-    let mut definitions = Vec::new();
-    for record in records {
-        let read = record::read(record, &origin).and_then(|read| match read.first() {
-            Some(first) if first.namespace.database != place.database => {
-                Err(format!("`collection`: {} is in another database", first.namespace))
-            }
-            _ => Ok(read),
-        });
-        definitions.extend(read.map_err(|wrong| wrong_record(record, place, &wrong))?);
-    }
-    Ok(definitions)
+fn definitions(records: &[Document], place: &Namespace) -> Vec<Result<Vec<Definition>, Wrong>> {
+    let definitions = records.iter().map(|record| {
+        read(record, place).map_err(|wrong| {
+            let id = record.get("_id").cloned().unwrap_or(Bson::Null);
+            Wrong { collections: collections(record), message: wrong_message(place, &id, &wrong) }
+        })
+    });
+    definitions.collect()
 }
 
-fn wrong_record(record: &Document, place: &Namespace, wrong: &str) -> StoreError {
-    let id = record.get("_id").map(shell::relaxed_value).unwrap_or_default();
-    let remove = match record.get("_id") {
-        Some(Bson::String(name)) => format!("rmem computables remove {name}"),
-        _ => format!("rmem delete {place} '{{_id: {id}}}'"),
+/// The definitions of one document.
+///
+/// # Errors
+/// What is wrong with it, in a sentence.
+pub(super) fn read(record: &Document, place: &Namespace) -> Result<Vec<Definition>, String> {
+    let read = record::read(record, &Origin::Memory(place.clone()))?;
+    match read.first() {
+        Some(first) if first.namespace.database != place.database => {
+            Err(format!("`collection`: {} is in another database", first.namespace))
+        }
+        _ => Ok(read),
+    }
+}
+
+/// The collections that a document names, though there is something wrong with it.
+fn collections(record: &Document) -> Vec<String> {
+    let names = match record.get("collection") {
+        Some(Bson::Array(names)) => names.as_slice(),
+        Some(name) => std::slice::from_ref(name),
+        None => &[],
     };
-    let message = format!("{place} has a document with _id {id} that is no computable: {wrong}; remove it: {remove}");
-    QueryError::bad_value(message).into()
+    names.iter().filter_map(Bson::as_str).map(str::to_owned).collect()
 }

@@ -1,6 +1,6 @@
 //! The computables of a memory, and which of them a query needs.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
 use bson::{Bson, Document};
@@ -8,6 +8,7 @@ use bson::{Bson, Document};
 use super::body::Body;
 use super::definition::{Definition, Origin};
 use super::spec::{Slot, Spec};
+use crate::formats::shell;
 use crate::process::Host;
 use crate::query::QueryError;
 use crate::store::{Namespace, StoreError};
@@ -33,6 +34,19 @@ impl Computable {
 pub struct Registry {
     computables: Vec<Rc<Computable>>,
     places: HashMap<Namespace, Places>,
+    /// What is kept and cannot be used.
+    wrong: Vec<Wrong>,
+    /// Names that two computables have, each with what is to be said to who needs one of them.
+    taken: BTreeMap<String, String>,
+}
+
+/// A document that is kept as a computable and is none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Wrong {
+    /// The collections that it names.
+    pub(super) collections: Vec<String>,
+    /// What is wrong with it, and what to do.
+    pub(super) message: String,
 }
 
 /// Where the specs of a namespace are looked for, so that a query is matched
@@ -58,24 +72,89 @@ impl Registry {
     /// # Errors
     /// Where a spec is no query, a body is not acceptable, or two that are declared apart have one name.
     pub(super) fn with(&self, definitions: Vec<Definition>, host: Option<&Host<'static>>) -> Result<Self, StoreError> {
-        let mut all = self.computables.clone();
+        let mut registry = self.copy();
         for definition in definitions {
+            let all = &registry.computables;
             if let Some(other) = all.iter().find(|other| is_taken(&definition, &other.definition)) {
                 return Err(taken(&definition.name, &other.definition.origin, &definition.origin));
             }
-            let body = definition.body.body(&definition.namespace, host);
-            let body = body.map_err(|error| failed(&definition.name, error))?;
-            let spec = Spec::parse(&definition.spec).map_err(|error| failed(&definition.name, error))?;
-            // Of equal priorities, the later registered runs first.
-            let at = all.partition_point(|other| other.definition.priority > definition.priority);
-            all.insert(at, Rc::new(Computable { definition, body, spec }));
+            let name = definition.name.clone();
+            registry.add(definition, host).map_err(|error| failed(&name, error))?;
         }
-        let mut places: HashMap<Namespace, Places> = HashMap::new();
-        for (index, computable) in all.iter().enumerate() {
-            let places = places.entry(computable.definition.namespace.clone()).or_default();
+        Ok(registry.indexed())
+    }
+
+    /// These, and computables that a database keeps. What is wrong with one of those, or that two have one name, is for the
+    /// queries that it concerns.
+    pub(super) fn with_kept(&self, kept: Vec<Result<Vec<Definition>, Wrong>>, place: &Namespace) -> Self {
+        let mut registry = self.copy();
+        for read in kept {
+            let definitions = match read {
+                Ok(definitions) => definitions,
+                Err(wrong) => {
+                    registry.wrong.push(wrong);
+                    continue;
+                }
+            };
+            for definition in definitions {
+                let (name, collection) = (definition.name.clone(), definition.namespace.to_string());
+                let other = registry.computables.iter().find(|other| is_taken(&definition, &other.definition));
+                if let Some(other) = other {
+                    let message = taken(&name, &other.definition.origin, &definition.origin).to_string();
+                    registry.taken.insert(name.clone(), message);
+                }
+                if let Err(error) = registry.add(definition, None) {
+                    let message = wrong_message(place, &Bson::String(name), &error.to_string());
+                    registry.wrong.push(Wrong { collections: vec![collection], message });
+                }
+            }
+        }
+        registry.indexed()
+    }
+
+    /// Whether computables with these definitions could be added.
+    ///
+    /// # Errors
+    /// What is wrong with one, in a sentence.
+    pub(super) fn check(mut self, definitions: Vec<Definition>) -> Result<(), String> {
+        let mut definitions = definitions.into_iter();
+        definitions.try_for_each(|definition| self.add(definition, None)).map_err(|error| error.to_string())
+    }
+
+    fn copy(&self) -> Self {
+        let (wrong, taken) = (self.wrong.clone(), self.taken.clone());
+        Self { computables: self.computables.clone(), places: HashMap::new(), wrong, taken }
+    }
+
+    fn add(&mut self, definition: Definition, host: Option<&Host<'static>>) -> Result<(), QueryError> {
+        let body = definition.body.body(&definition.namespace, host)?;
+        let spec = Spec::parse(&definition.spec)?;
+        // Of equal priorities, the later registered runs first.
+        let at = self.computables.partition_point(|other| other.definition.priority > definition.priority);
+        self.computables.insert(at, Rc::new(Computable { definition, body, spec }));
+        Ok(())
+    }
+
+    /// With the places of the specs.
+    fn indexed(mut self) -> Self {
+        for (index, computable) in self.computables.iter().enumerate() {
+            let places = self.places.entry(computable.definition.namespace.clone()).or_default();
             computable.spec.slots().into_iter().for_each(|slot| places.add(slot, index));
         }
-        Ok(Self { computables: all, places })
+        self
+    }
+
+    /// What is wrong with what is kept, and the names that two have.
+    pub(super) fn complaints(&self) -> Vec<String> {
+        let taken = self.taken.values().cloned();
+        self.wrong.iter().map(|wrong| wrong.message.clone()).chain(taken).collect()
+    }
+
+    /// What is wrong with documents that do not concern a collection.
+    pub(super) fn elsewhere<'a>(&'a self, ns: &Namespace) -> impl Iterator<Item = &'a str> {
+        let name = ns.to_string();
+        let elsewhere = self.wrong.iter().filter(move |wrong| !wrong.collections.contains(&name));
+        elsewhere.map(|wrong| wrong.message.as_str())
     }
 
     /// All, in the order in which they run.
@@ -86,8 +165,15 @@ impl Registry {
     /// Those that a query needs, in the order in which they run.
     ///
     /// # Errors
-    /// Where an expression in a spec fails on the query.
+    /// Where an expression in a spec fails on the query; what is kept for the collection is no computable; one that the query
+    /// needs has the name of another.
     pub fn matching(&self, ns: &Namespace, query: &Document) -> Result<Vec<Rc<Computable>>, StoreError> {
+        if !self.wrong.is_empty() {
+            let name = ns.to_string();
+            if let Some(wrong) = self.wrong.iter().find(|wrong| wrong.collections.contains(&name)) {
+                return Err(QueryError::bad_value(wrong.message.as_str()).into());
+            }
+        }
         let Some(places) = self.places.get(ns) else { return Ok(Vec::new()) };
         let mut found = places.candidates(query);
         found.sort_unstable();
@@ -95,6 +181,9 @@ impl Registry {
         let mut matching = Vec::new();
         for computable in found.into_iter().filter_map(|index| self.computables.get(index)) {
             if computable.spec.matches(query).map_err(|error| failed(&computable.definition.name, error))? {
+                if let Some(message) = self.taken.get(&computable.definition.name) {
+                    return Err(QueryError::bad_value(message.as_str()).into());
+                }
                 matching.push(Rc::clone(computable));
             }
         }
@@ -133,12 +222,28 @@ fn is_taken(definition: &Definition, other: &Definition) -> bool {
 
 /// The error for two computables of one name.
 pub(super) fn taken(name: &str, one: &Origin, other: &Origin) -> StoreError {
+    if let (Origin::Memory(one), Origin::Memory(other)) = (one, other)
+        && one == other
+    {
+        let what = format!("{one} keeps a computable `{name}` already; rmem computables remove {name} takes it away");
+        return QueryError::bad_value(what).into();
+    }
     let hint = match (one, other) {
         (Origin::Settings(_), Origin::Settings(_)) => "rename one of them".to_owned(),
         _ => format!("rename one of them, or take the one in the memory away: rmem computables remove {name}"),
     };
     QueryError::bad_value(format!("two computables are called `{name}`: that of {one}, and that of {other}; {hint}"))
         .into()
+}
+
+/// What to say of a document that is kept as a computable and is none.
+pub(super) fn wrong_message(place: &Namespace, id: &Bson, wrong: &str) -> String {
+    let remove = match id {
+        Bson::String(name) => format!("rmem computables remove {name}"),
+        _ => format!("rmem delete {place} '{{_id: {}}}'", shell::relaxed_value(id)),
+    };
+    let id = shell::relaxed_value(id);
+    format!("{place} has a document with _id {id} that is no computable: {wrong}; remove it: {remove}")
 }
 
 fn failed(name: &str, error: QueryError) -> StoreError {

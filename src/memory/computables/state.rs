@@ -1,7 +1,7 @@
 //! The computables of a memory: which are registered, which are running, what the last operation computed.
 
 use std::cell::{Cell, RefCell};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -26,9 +26,16 @@ pub(in crate::memory) struct Computables {
     pub(super) running: RefCell<Vec<Running>>,
     /// What was computed for the last operation.
     pub(super) computed: RefCell<Vec<Computed>>,
+    /// What was warned of, which is not said again.
+    warned: RefCell<HashSet<String>>,
+    /// Where warnings go.
+    warnings: RefCell<Option<Warnings>>,
     /// Whether all that the cache holds is seen.
     is_shown: Cell<bool>,
 }
+
+/// Called with each warning, once.
+pub type Warnings = Rc<dyn Fn(&str)>;
 
 /// The computables of a database: those of the settings, and those that it keeps.
 pub(super) struct Kept {
@@ -77,6 +84,20 @@ pub(super) struct Running {
 impl Computables {
     pub(in crate::memory) fn new(declared: Registry) -> Self {
         Self { declared: Rc::new(declared), ..Self::default() }
+    }
+
+    /// Says where warnings go.
+    pub(in crate::memory) fn set_warnings(&self, warnings: Warnings) {
+        *self.warnings.borrow_mut() = Some(warnings);
+    }
+
+    /// Warns, once.
+    pub(super) fn warn(&self, message: &str) {
+        if let Some(warnings) = &*self.warnings.borrow()
+            && self.warned.borrow_mut().insert(message.to_owned())
+        {
+            warnings(message);
+        }
     }
 
     /// Shows all that the cache holds, or only what was computed for an operation.

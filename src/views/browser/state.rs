@@ -290,7 +290,7 @@ impl<'a> Browser<'a> {
     }
 
     fn computables(&mut self) -> Result<(), StoreError> {
-        let computables = self.memory.computables()?;
+        let (computables, wrong) = self.memory.computables()?;
         let listed = computables.iter().map(|computable| {
             let definition = &computable.definition;
             let (name, namespace) = (&definition.name, &definition.namespace);
@@ -300,7 +300,7 @@ impl<'a> Browser<'a> {
                 computable.describe()
             )
         });
-        let text: String = listed.collect();
+        let text: String = listed.chain(wrong.iter().map(|wrong| format!("{wrong}\n"))).collect();
         let text = if text.is_empty() { "there are no computables".to_owned() } else { text };
         self.show("computables".to_owned(), &text);
         Ok(())

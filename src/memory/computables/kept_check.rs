@@ -1,0 +1,135 @@
+//! What is written to a collection of computables is checked, so that one wrong document does not concern others.
+
+use bson::{Bson, Document};
+
+use super::kept::{COLLECTION, read};
+use super::registry::Registry;
+use crate::formats::shell;
+use crate::memory::Memory;
+use crate::memory::modify::compiled;
+use crate::query::{Filter, QueryError};
+use crate::store::{Find, Namespace, StoreError, UpdateRequest};
+
+impl Memory {
+    /// Refuses documents that are no computables where only these are kept.
+    pub(crate) fn check_kept(&self, ns: &Namespace, documents: &[Document]) -> Result<(), StoreError> {
+        if ns.collection != COLLECTION {
+            return Ok(());
+        }
+        documents.iter().try_for_each(|document| check(ns, document))
+    }
+
+    /// Refuses an update that would make of a computable what is none.
+    pub(crate) fn check_kept_update(&self, ns: &Namespace, request: &UpdateRequest) -> Result<(), StoreError> {
+        if ns.collection != COLLECTION {
+            return Ok(());
+        }
+        let now = self.clock.now();
+        let update = compiled(&request.update, &request.array_filters)?;
+        let filter = Filter::parse(&request.filter)?;
+        let find = Find { filter: request.filter.clone(), ..Find::default() };
+        let mut is_matched = false;
+        for raw in self.routes.reading(ns)?.find(ns, &find)? {
+            let raw = raw?;
+            is_matched = true;
+            let changed = update.apply(&raw, &filter, now)?.unwrap_or(raw);
+            check(ns, &Document::try_from(&*changed).map_err(QueryError::from)?)?;
+        }
+        if request.upsert && !is_matched {
+            check(ns, &Document::try_from(&*update.upsert(&request.filter, now)?).map_err(QueryError::from)?)?;
+        }
+        Ok(())
+    }
+
+    /// Refuses a collection in the place of one of computables, where it has others.
+    pub(in crate::memory) fn check_kept_rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+        if to.collection != COLLECTION {
+            return Ok(());
+        }
+        for raw in self.routes.reading(from)?.find(from, &Find::default())? {
+            check(to, &Document::try_from(&*raw?).map_err(QueryError::from)?)?;
+        }
+        Ok(())
+    }
+}
+
+fn check(place: &Namespace, document: &Document) -> Result<(), StoreError> {
+    let wrong = match document.get("_id") {
+        None => Err("it has no _id; expected its name there".to_owned()),
+        Some(_) => read(document, place).and_then(|definitions| Registry::default().check(definitions)),
+    };
+    wrong.map_err(|wrong| {
+        let id = document.get("_id").or(document.get("name")).map_or_else(|| "new".to_owned(), name);
+        let message = format!(
+            "{place} keeps computables, and the document `{id}` is none: {wrong}; `rmem computables add` keeps one"
+        );
+        QueryError::bad_value(message).into()
+    })
+}
+
+fn name(id: &Bson) -> String {
+    id.as_str().map_or_else(|| shell::relaxed_value(id), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    use bson::doc;
+
+    use super::*;
+    use crate::memory::computables::{Origin, read as read_record};
+    use crate::store::StoreUri;
+
+    fn good(name: &str, collection: &str) -> Document {
+        doc! { "_id": name, "collection": collection, "spec": "{a: 1}", "pipeline": "[]" }
+    }
+
+    #[test]
+    fn what_got_in_otherwise_stops_the_queries_that_it_concerns_and_no_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let uri = StoreUri::parse(&format!("file:{}", folder.path().join("robot.rmem").display())).unwrap();
+        let said: Rc<RefCell<Vec<String>>> = Rc::default();
+        let sink = Rc::clone(&said);
+        let memory = Memory::at(uri.clone(), uri, Vec::new())
+            .with_warnings(Rc::new(move |warning| sink.borrow_mut().push(warning.to_owned())));
+        let place = Namespace::parse("a.rmem.computables").unwrap();
+        let wrong = doc! { "_id": "wrong", "collection": ["a.bad", "a.worse"], "spec": 7 };
+        let error = memory.insert(&place, vec![good("fine", "a.good"), wrong.clone()]).unwrap_err();
+        assert!(error.to_string().contains("the document `wrong` is none: `spec`: expected a query"), "{error}");
+        // As a client of MongoDB writes it.
+        let all = vec![wrong, doc! { "x": 1 }, good("fine", "a.good")];
+        memory.routes.of(&place).unwrap().insert(&place, all).unwrap();
+        let query = doc! { "a": 1 };
+        let count = |collection: &str| memory.count(&Namespace::parse(collection).unwrap(), &query);
+        assert_eq!((count("a.good").unwrap(), count("a.other").unwrap(), count("b.bad").unwrap()), (0, 0, 0));
+        assert_eq!(said.borrow().len(), 2, "each once: {said:?}");
+        let error = count("a.worse").unwrap_err().to_string();
+        assert!(error.contains("a document with _id \"wrong\" that is no computable: `spec`"), "{error}");
+        let (computables, wrong) = memory.computables().unwrap();
+        let names: Vec<&str> = computables.iter().map(|computable| computable.definition.name.as_str()).collect();
+        assert_eq!((names, wrong.len()), (vec!["fine"], 2));
+        assert!(memory.forget_computable("wrong").unwrap().is_some());
+        assert_eq!(count("a.worse").unwrap(), 0);
+    }
+
+    #[test]
+    fn of_two_that_add_one_name_at_once_one_does_and_remove_takes_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let uri = StoreUri::parse(&format!("file:{}", folder.path().join("robot.rmem").display())).unwrap();
+        let memory = Memory::at(uri.clone(), uri, Vec::new());
+        let definitions = |collection: &str| read_record(&good("one", collection), &Origin::program()).unwrap();
+        memory.keep_computables(&[definitions("a.x")]).unwrap();
+        let error = memory.keep_computables(&[definitions("a.y")]).unwrap_err();
+        assert!(error.to_string().contains("a.rmem.computables keeps a computable `one` already"), "{error}");
+        // Another database has another collection of computables.
+        let other = Namespace::parse("b.rmem.computables").unwrap();
+        memory.insert(&other, vec![good("one", "b.x")]).unwrap();
+        assert_eq!(memory.computables().unwrap().1.len(), 1);
+        let (place, others) = memory.forget_computable("one").unwrap().unwrap();
+        assert_eq!((place.to_string().as_str(), others), ("a.rmem.computables", vec![other.clone()]));
+        assert_eq!(memory.forget_computable("one").unwrap(), Some((other, Vec::new())));
+        assert_eq!(memory.forget_computable("one").unwrap(), None);
+    }
+}
