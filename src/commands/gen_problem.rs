@@ -6,14 +6,14 @@ use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::at::AtArgs;
-use super::template::{TemplateArgs, is_template, read_domain, render_domain, report, request, require, warn};
+use super::template::{Asked, TemplateArgs, is_template, read_domain, render_domain, report, request, require, warn};
 use super::{Context, explanation, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect, shell};
 use crate::output::Format;
 use crate::pddl::Domain;
-use crate::problem::{self, Generated, SectionReport};
+use crate::problem::{self, SectionReport};
 use crate::settings::Origin;
 
 /// Generate a PDDL problem from a template with queries
@@ -62,31 +62,46 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
         domain = Some(Domain::read(text, dialect).map_err(Diagnostics)?);
     }
     let request = request(template, &args.options, rendered.as_ref().map(|(_, request)| request), context)?;
+    let is_file = args.output != Path::new("-");
+    // Where only the text is asked for, it is written as it is made.
+    if args.explain.is_none()
+        && (is_file || !is_json)
+        && let Some(mut streamed) = problem::stream(&request, &memory, domain.as_ref(), dialect)?
+    {
+        report(&Asked::from(&streamed), &memory, context);
+        if args.options.strict {
+            require(&streamed.sections)?;
+        }
+        context.output.write_with(&args.output, |out| Ok(streamed.copy_to(out)?))?;
+        if is_json {
+            context.output.line(&shell::pretty(&Bson::Document(summary(&streamed.sections, None))))?;
+        }
+        return Ok(Exit::Done);
+    }
     let generated = problem::generate(&request, &memory)?;
-    report(&generated, &memory, context);
+    report(&Asked::from(&generated), &memory, context);
     if let Some(domain) = &domain {
         let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
         warn(&generated.explain(problem.warnings().to_vec()), context);
     }
     if args.options.strict {
-        require(&generated)?;
+        require(&generated.sections)?;
     }
     if let Some(atom) = &args.explain {
         return explanation::print(atom, &generated, dialect, &memory, context);
     }
-    let is_file = args.output != Path::new("-");
     if !is_json || is_file {
         context.output.write_file(&args.output, generated.text.as_bytes())?;
     }
     if is_json {
         let text = (!is_file).then(|| generated.text.clone());
-        context.output.line(&shell::pretty(&Bson::Document(summary(&generated, text))))?;
+        context.output.line(&shell::pretty(&Bson::Document(summary(&generated.sections, text))))?;
     }
     Ok(Exit::Done)
 }
 
 /// The text of a problem, and what the sections of its template matched.
-fn summary(generated: &Generated, text: Option<String>) -> Document {
+fn summary(sections: &[SectionReport], text: Option<String>) -> Document {
     let section = |section: &SectionReport| {
         let mut part: Document = section.part.iter().map(|part| ("part".to_owned(), part.into())).collect();
         part.extend(doc! {
@@ -99,6 +114,6 @@ fn summary(generated: &Generated, text: Option<String>) -> Document {
         part
     };
     let mut summary: Document = text.map(|text| ("problem".to_owned(), text.into())).into_iter().collect();
-    summary.insert("sections", generated.sections.iter().map(section).collect::<Vec<_>>());
+    summary.insert("sections", sections.iter().map(section).collect::<Vec<_>>());
     summary
 }

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::formats::{Diagnostic, Diagnostics, Source, command_line, pddl::Dialect, shell};
 use crate::memory::Memory;
 use crate::pddl::Domain;
-use crate::problem::{self, Generated, Request, SectionReport, Syntax, check_use, read_parts, takes_goal};
+use crate::problem::{self, Generated, Request, SectionReport, Streamed, Syntax, check_use, read_parts, takes_goal};
 use crate::store::Namespace;
 
 /// The arguments of a template.
@@ -101,11 +101,11 @@ pub(super) fn render_domain(
     let template = context.read(path)?;
     let request = unchecked(template, &TemplateArgs { goal: None, ..options.clone() }, context)?;
     let generated = problem::generate(&request, memory)?;
-    report(&generated, memory, context);
+    report(&Asked::from(&generated), memory, context);
     let dialect = Dialect { lenient: options.lenient };
     generated.check_domain(dialect).map_err(Diagnostics)?;
     if options.strict {
-        require(&generated)?;
+        require(&generated.sections)?;
     }
     Ok((Source::new(request.template.name(), generated.text), request))
 }
@@ -160,11 +160,33 @@ fn parameter(definition: &Definition) -> Result<(String, Bson), Diagnostic> {
     Ok((definition.name.clone(), value))
 }
 
+/// What was asked for a problem.
+pub(super) struct Asked<'g> {
+    pub(super) sections: &'g [SectionReport],
+    namespaces: &'g [Namespace],
+    respelled: &'g [String],
+    is_goal_unused: bool,
+}
+
+impl<'g> From<&'g Generated> for Asked<'g> {
+    fn from(generated: &'g Generated) -> Self {
+        let Generated { sections, namespaces, respelled, is_goal_unused, .. } = generated;
+        Self { sections, namespaces, respelled, is_goal_unused: *is_goal_unused }
+    }
+}
+
+impl<'g> From<&'g Streamed> for Asked<'g> {
+    fn from(streamed: &'g Streamed) -> Self {
+        let Streamed { sections, namespaces, respelled, is_goal_unused, .. } = streamed;
+        Self { sections, namespaces, respelled, is_goal_unused: *is_goal_unused }
+    }
+}
+
 /// Reports how many documents each section of a template matched, under `-v`. One that matched none is a warning with
 /// the reason; so is a collection that does not exist.
-pub(super) fn report(generated: &Generated, memory: &Memory, context: &mut Context<'_>) {
+pub(super) fn report(asked: &Asked<'_>, memory: &Memory, context: &mut Context<'_>) {
     let mut warned: Vec<&Namespace> = Vec::new();
-    for section in &generated.sections {
+    for section in asked.sections {
         let plural = if section.matched == 1 { "document" } else { "documents" };
         let line =
             format!("{}: {} in {}: {} {plural}", section.place(), section.name, section.namespace, section.matched);
@@ -181,21 +203,21 @@ pub(super) fn report(generated: &Generated, memory: &Memory, context: &mut Conte
             warned.push(&section.namespace);
         }
     }
-    if generated.is_goal_unused {
+    if asked.is_goal_unused {
         let message = "the goal is not in the problem: the part of the template that uses it was left out";
         context.output.warn(message);
     }
-    generated.respelled.iter().for_each(|name| context.output.note(name));
-    for namespace in &generated.namespaces {
-        if !warned.contains(&namespace) && !generated.sections.iter().any(|section| section.namespace == *namespace) {
+    asked.respelled.iter().for_each(|name| context.output.note(name));
+    for namespace in asked.namespaces {
+        if !warned.contains(&namespace) && !asked.sections.iter().any(|section| section.namespace == *namespace) {
             missing::warn(namespace, memory, context);
         }
     }
 }
 
 /// Refuses what was made from sections of which one matched no document.
-pub(super) fn require(generated: &Generated) -> Result<()> {
-    let empty = generated.sections.iter().filter(|section| section.matched == 0);
+pub(super) fn require(sections: &[SectionReport]) -> Result<()> {
+    let empty = sections.iter().filter(|section| section.matched == 0);
     let empty: Vec<String> = empty.map(|section| format!("{}: {}", section.place(), section.name)).collect();
     if empty.is_empty() {
         return Ok(());

@@ -117,6 +117,11 @@ impl Types {
             .collect()
     }
 
+    /// The number of a type that is declared.
+    pub(super) fn find(&self, name: &str) -> Option<u32> {
+        self.table.find(name)
+    }
+
     /// Whether everything of type `child` is of type `parent`.
     pub(super) fn is_subtype(&self, child: u32, parent: u32) -> bool {
         if child == parent || parent == OBJECT {

@@ -13,9 +13,11 @@ use bson::{Bson, Document, RawDocumentBuf};
 use crate::memory::Memory;
 use crate::store::{Documents, Find, Namespace, StoreError};
 
-/// How many documents an answer holds at most: enough to make the way between
-/// the threads cheap, few enough to keep rendering lazy.
-const BATCH: usize = 256;
+/// How many documents the first part of an answer holds at most: few, since it may be all that is wanted.
+const FIRST: usize = 256;
+/// How many the others hold at most, and how many bytes until they are complete: enough to make the way between the threads cheap.
+const BATCH: usize = 2048;
+const BATCH_SIZE: usize = 1 << 20;
 
 /// A question to the memory.
 pub(super) enum Question {
@@ -35,7 +37,7 @@ pub(super) enum Question {
 pub(super) enum Answer {
     /// The number of an answer that is fetched by [`Question::Next`].
     Cursor(u64),
-    /// Some documents; fewer than [`BATCH`] are the last.
+    /// Some documents, and whether they are the last.
     Documents(Vec<RawDocumentBuf>, bool),
     Count(u64),
     Values(Vec<Bson>),
@@ -142,13 +144,19 @@ impl Open<'_> {
     }
 
     fn part(&mut self) -> Answer {
-        match self.documents.by_ref().take(BATCH).collect::<Result<Vec<_>, _>>() {
-            Ok(documents) => {
-                let last = documents.len() < BATCH;
-                Answer::Documents(documents, last)
+        let most = if self.given > 1 { BATCH } else { FIRST };
+        let (mut documents, mut size) = (Vec::with_capacity(most), 0);
+        while documents.len() < most && size < BATCH_SIZE {
+            match self.documents.next() {
+                Some(Ok(document)) => {
+                    size += document.as_bytes().len();
+                    documents.push(document);
+                }
+                Some(Err(error)) => return Answer::Failed(error),
+                None => return Answer::Documents(documents, true),
             }
-            Err(error) => Answer::Failed(error),
         }
+        Answer::Documents(documents, false)
     }
 }
 

@@ -1,6 +1,5 @@
 //! Text and values become the problem; here every value is made a name or a number.
 
-use std::borrow::Cow;
 use std::collections::HashMap;
 
 use bson::Bson;
@@ -8,6 +7,7 @@ use bson::Bson;
 use super::names;
 use super::origin::{DocumentId, Placed, StretchKind, from_document};
 use super::texts::Texts;
+use crate::formats::pddl::NameSet;
 use crate::formats::{Diagnostic, Span};
 
 /// A value on its way into the problem.
@@ -28,19 +28,30 @@ pub(super) struct Emitted {
     pub(super) value: Option<Box<Bson>>,
 }
 
-enum Part<'a> {
-    /// Text, and where it stands in the template if that is known.
-    Text(&'a str, Option<Place>),
-    Value(Cow<'a, Emitted>),
+/// A part of the token under way.
+#[derive(Debug)]
+struct Part {
+    /// Where it ends in the token.
+    end: usize,
+    kind: PartKind,
 }
 
-impl Part<'_> {
-    fn text(&self) -> &str {
-        match self {
-            Self::Text(text, _) => text,
-            Self::Value(value) => &value.text,
-        }
-    }
+#[derive(Debug)]
+enum PartKind {
+    /// Text, and where it stands in the template if that is known.
+    Text(Option<Place>),
+    Value {
+        number: bool,
+        origin: Option<Origin>,
+    },
+}
+
+/// Where a value comes from.
+#[derive(Debug)]
+struct Origin {
+    template: Span,
+    document: Option<DocumentId>,
+    value: Option<Box<Bson>>,
 }
 
 /// Where text of the template stands, and the document it is written for.
@@ -70,22 +81,28 @@ impl Place {
     }
 }
 
-/// Where a name was first written, and from where.
-struct Spelling {
-    output: Span,
-    template: Span,
-    document: Option<DocumentId>,
+/// Collects the problem token by token.
+#[derive(Debug)]
+pub(super) struct Assembler {
+    template: Texts,
+    out: String,
+    /// The token under way; it holds a value, or is the text right before the end.
+    token: String,
+    parts: Vec<Part>,
+    /// The names that were made of values.
+    names: NameSet,
+    /// Of each of them, whether a value of this text is a name as it is.
+    is_legal: Vec<bool>,
+    /// Where everything comes from, unless nobody asks.
+    notes: Option<Notes>,
 }
 
-/// Collects the problem token by token.
-pub(super) struct Assembler<'a> {
-    template: &'a Texts,
-    out: String,
+/// Where the parts of a problem come from.
+#[derive(Debug, Default)]
+struct Notes {
     placed: Vec<Placed>,
-    /// The token under way; it holds a value, or is the text right before the end.
-    token: Vec<Part<'a>>,
-    /// Names by their folded case.
-    spellings: HashMap<String, Spelling>,
+    /// From where each name was first written.
+    first: Vec<(Span, Option<DocumentId>)>,
     /// What names by their folded case stand for, where that is no text.
     values: HashMap<String, Bson>,
 }
@@ -103,50 +120,59 @@ fn is_delimiter(c: char) -> bool {
     c.is_whitespace() || matches!(c, '(' | ')' | ';' | '"')
 }
 
-impl<'a> Assembler<'a> {
-    pub(super) fn new(template: &'a Texts) -> Self {
+impl Assembler {
+    /// One that notes where everything comes from.
+    pub(super) fn new(template: &Texts) -> Self {
+        Self { notes: Some(Notes::default()), ..Self::without_notes(template) }
+    }
+
+    /// One that makes the same text, and knows of no part where it comes from.
+    pub(super) fn without_notes(template: &Texts) -> Self {
         Self {
-            template,
+            template: template.clone(),
             out: String::new(),
-            placed: Vec::new(),
-            token: Vec::new(),
-            spellings: HashMap::new(),
-            values: HashMap::new(),
+            token: String::new(),
+            parts: Vec::new(),
+            names: NameSet::default(),
+            is_legal: Vec::new(),
+            notes: None,
         }
     }
 
     /// Adds text whose place in the template is not known.
-    pub(super) fn text(&mut self, text: &'a str) -> Result<(), Diagnostic> {
+    pub(super) fn text(&mut self, text: &str) -> Result<(), Diagnostic> {
         self.stretch(text, None)
     }
 
     /// Adds text of the template.
-    pub(super) fn literal(&mut self, text: &'a str, place: Literal) -> Result<(), Diagnostic> {
+    pub(super) fn literal(&mut self, text: &str, place: Literal) -> Result<(), Diagnostic> {
         self.stretch(text, Some(Place::Literal(place)))
     }
 
     /// Adds text that the expression or the tag at `template` made of other text.
-    pub(super) fn made(&mut self, text: &'a str, template: Span) -> Result<(), Diagnostic> {
+    pub(super) fn made(&mut self, text: &str, template: Span) -> Result<(), Diagnostic> {
         self.stretch(text, Some(Place::Made(template)))
     }
 
     /// Adds the goal, which the marker or the expression at `template` stands for.
-    pub(super) fn goal(&mut self, goal: &'a str, template: Span) -> Result<(), Diagnostic> {
+    pub(super) fn goal(&mut self, goal: &str, template: Span) -> Result<(), Diagnostic> {
         // A goal starts and ends with a parenthesis, so none of it is in a token.
         self.stretch(goal, None)?;
         let output = Span::new(self.out.len().saturating_sub(goal.len()), self.out.len());
-        self.placed.push(Placed { output, template, document: None, kind: StretchKind::Goal });
+        if let Some(notes) = &mut self.notes {
+            notes.placed.push(Placed { output, template, document: None, kind: StretchKind::Goal });
+        }
         Ok(())
     }
 
-    fn stretch(&mut self, text: &'a str, place: Option<Place>) -> Result<(), Diagnostic> {
+    fn stretch(&mut self, text: &str, place: Option<Place>) -> Result<(), Diagnostic> {
         let after = |length: usize| place.as_ref().map(|place| place.after(length));
         let mut start = 0;
-        if !self.token.is_empty() {
+        if !self.parts.is_empty() {
             start = text.find(is_delimiter).unwrap_or(text.len());
             let (head, tail) = text.split_at(start);
             if !head.is_empty() {
-                self.token.push(Part::Text(head, after(0)));
+                self.part(head, PartKind::Text(after(0)));
             }
             if tail.is_empty() {
                 return Ok(());
@@ -158,9 +184,15 @@ impl<'a> Assembler<'a> {
         let (whole, open) = rest.split_at(tail);
         self.write(whole, after(start));
         if !open.is_empty() {
-            self.token.push(Part::Text(open, after(start + tail)));
+            self.part(open, PartKind::Text(after(start + tail)));
         }
         Ok(())
+    }
+
+    /// Adds a part to the token.
+    fn part(&mut self, text: &str, kind: PartKind) {
+        self.token.push_str(text);
+        self.parts.push(Part { end: self.token.len(), kind });
     }
 
     /// Writes text into the problem, and notes where it came from.
@@ -168,117 +200,136 @@ impl<'a> Assembler<'a> {
         let at = self.out.len();
         self.out.push_str(text);
         let output = Span::new(at, self.out.len());
-        self.placed.extend(place.filter(|_| !text.is_empty()).map(|place| match place {
+        let (Some(notes), Some(place), false) = (&mut self.notes, place, text.is_empty()) else { return };
+        notes.placed.push(match place {
             Place::Literal(Literal { start, document }) => {
                 Placed { output, template: Span::new(start, start + text.len()), document, kind: StretchKind::Text }
             }
             Place::Made(template) => Placed { output, template, document: None, kind: StretchKind::Made },
-        }));
+        });
     }
 
-    /// Adds a value.
-    pub(super) fn value(&mut self, value: Cow<'a, Emitted>) {
-        self.token.push(Part::Value(value));
+    /// Adds a value, which the expression or the filter at `template` wrote.
+    pub(super) fn value(&mut self, value: &Emitted, template: Span) {
+        let origin = Origin { template, document: value.document.clone(), value: value.value.clone() };
+        self.part(&value.text, PartKind::Value { number: value.number, origin: Some(origin) });
+    }
+
+    /// Adds a value of which nothing is noted: its text, as yet not a name, and whether it is a number.
+    pub(super) fn plain_value(&mut self, text: &str, number: bool) {
+        self.part(text, PartKind::Value { number, origin: None });
+    }
+
+    /// The text that was made so far, whole tokens; the caller may take it away where nothing is noted.
+    pub(super) fn made_text(&mut self) -> &mut String {
+        &mut self.out
     }
 
     /// Ends the problem.
     pub(super) fn finish(mut self) -> Result<Assembled, Diagnostic> {
         self.flush()?;
-        Ok(Assembled { text: self.out, placed: self.placed, values: self.values })
+        let Notes { placed, values, .. } = self.notes.unwrap_or_default();
+        Ok(Assembled { text: self.out, placed, values })
     }
 
-    fn flush(&mut self) -> Result<(), Diagnostic> {
-        let mut parts = std::mem::take(&mut self.token);
-        let start = self.out.len();
-        let whole = joined(&parts);
-        let plain = is_number(&parts, &whole);
-        let mangle_all = !plain && (names::looks_mangled(&whole) || names::is_operator(&whole));
-        let mut first: Option<(Span, Option<DocumentId>)> = None;
-        let only = match parts.as_slice() {
-            [Part::Value(value)] => value.value.as_deref().cloned(),
-            _ => None,
-        };
-        drop(whole);
-        for part in parts.drain(..) {
-            match part {
-                Part::Text(text, place) => self.write(text, place),
-                Part::Value(value) => {
-                    let at = self.out.len();
-                    let token = self.out.get(start..).unwrap_or_default().trim_start_matches(['?', ':']);
-                    let fits = names::is_inner(&value.text)
-                        && !value.text.is_empty()
-                        && (!token.is_empty() || names::is_legal(&value.text));
-                    if plain || (fits && !mangle_all) {
-                        self.out.push_str(&value.text);
-                    } else {
-                        self.out.push_str(&names::encode(&value.text));
-                    }
-                    if first.is_none() {
-                        first = Some((value.template, value.document.clone()));
-                    }
-                    let output = Span::new(at, self.out.len());
-                    let (template, document) = match value {
-                        Cow::Owned(value) => (value.template, value.document),
-                        Cow::Borrowed(value) => (value.template, value.document.clone()),
-                    };
-                    self.placed.push(Placed { output, template, document, kind: StretchKind::Value });
-                }
-            }
-        }
-        self.token = parts;
-        if let Some(value) = only {
-            let name = self.out.get(start..).unwrap_or_default().to_ascii_lowercase();
-            self.values.entry(name).or_insert(value);
-        }
-        match first {
-            Some((template, document)) if !plain => self.remember(start, template, document),
-            _ => Ok(()),
-        }
+    /// Writes the token under way.
+    pub(super) fn flush(&mut self) -> Result<(), Diagnostic> {
+        let (mut token, mut parts) = (std::mem::take(&mut self.token), std::mem::take(&mut self.parts));
+        let flushed = self.put(&token, &mut parts);
+        token.clear();
+        parts.clear();
+        (self.token, self.parts) = (token, parts);
+        flushed
     }
 
-    /// Refuses a name that differs from an earlier one in case only.
-    fn remember(&mut self, start: usize, template: Span, document: Option<DocumentId>) -> Result<(), Diagnostic> {
-        let output = Span::new(start, self.out.len());
-        let name = self.out.get(start..).unwrap_or_default();
-        let folded = match name.bytes().any(|byte| byte.is_ascii_uppercase()) {
-            true => Cow::Owned(name.to_ascii_lowercase()),
-            false => Cow::Borrowed(name),
-        };
-        let Some(known) = self.spellings.get(folded.as_ref()) else {
-            self.spellings.insert(folded.into_owned(), Spelling { output, template, document });
+    fn put(&mut self, token: &str, parts: &mut Vec<Part>) -> Result<(), Diagnostic> {
+        if self.is_known(token, parts) {
+            self.out.push_str(token);
             return Ok(());
-        };
-        match self.out.get(known.output.start..known.output.end).unwrap_or_default() {
-            known if known == name => Ok(()),
-            first => {
-                let (first, name) = (names::readable(first), names::readable(name));
-                let message = format!("`{first}` and `{name}` are one name to PDDL, which takes no notice of case");
-                let place = self.template.place(known.template.start);
-                let from = |document: &Option<DocumentId>| {
-                    document
-                        .as_deref()
-                        .map_or(String::new(), |(namespace, id)| format!(" {}", from_document(namespace, id)))
-                };
-                Err(self
-                    .template
-                    .complain(template, message)
-                    .hint(format!("`{first}` comes{} at {place}", from(&known.document)))
-                    .hint(format!("`{name}` comes{}", from(&document))))
+        }
+        let start = self.out.len();
+        let plain = is_number(parts, token);
+        let mangle_all = !plain && (names::looks_mangled(token) || names::is_operator(token));
+        let is_single = parts.len() == 1;
+        // Whether there is a value in it, and where the first one comes from.
+        let (mut has_value, mut first, mut only) = (false, None, None);
+        let mut begin = 0;
+        for Part { end, kind } in parts.drain(..) {
+            let text = token.get(begin..end).unwrap_or_default();
+            begin = end;
+            let origin = match kind {
+                PartKind::Text(place) => {
+                    self.write(text, place);
+                    continue;
+                }
+                PartKind::Value { origin, .. } => origin,
+            };
+            has_value = true;
+            let at = self.out.len();
+            let before = self.out.get(start..).unwrap_or_default().trim_start_matches(['?', ':']);
+            let fits = names::is_inner(text) && !text.is_empty() && (!before.is_empty() || names::is_legal(text));
+            if plain || (fits && !mangle_all) {
+                self.out.push_str(text);
+            } else {
+                self.out.push_str(&names::encode(text));
+            }
+            let output = Span::new(at, self.out.len());
+            if let (Some(notes), Some(Origin { template, document, value })) = (&mut self.notes, origin) {
+                only = value.filter(|_| is_single);
+                first = first.or_else(|| Some((template, document.clone())));
+                notes.placed.push(Placed { output, template, document, kind: StretchKind::Value });
             }
         }
+        if let (Some(notes), Some(value)) = (&mut self.notes, only) {
+            let name = self.out.get(start..).unwrap_or_default().to_ascii_lowercase();
+            notes.values.entry(name).or_insert(*value);
+        }
+        if has_value && !plain { self.remember(start, first) } else { Ok(()) }
     }
-}
 
-fn joined<'b>(parts: &'b [Part<'_>]) -> Cow<'b, str> {
-    match parts {
-        [only] => Cow::Borrowed(only.text()),
-        parts => parts.iter().map(Part::text).collect(),
+    /// Whether the token is one value of which nothing is noted, and its text a name that was written before.
+    fn is_known(&self, token: &str, parts: &[Part]) -> bool {
+        let [Part { kind: PartKind::Value { number: false, origin: None }, .. }] = parts else { return false };
+        let Some(number) = self.names.find(token) else { return false };
+        self.is_legal.get(number).is_some_and(|is_legal| *is_legal) && self.names.get(number) == Some(token)
+    }
+
+    /// Refuses a name that differs from an earlier one in case only. `from` is where it comes from.
+    fn remember(&mut self, start: usize, from: Option<(Span, Option<DocumentId>)>) -> Result<(), Diagnostic> {
+        let name = self.out.get(start..).unwrap_or_default();
+        let known = match self.names.add(name) {
+            Ok(_) => {
+                let is_legal = names::is_legal(name) && !names::looks_mangled(name) && !names::is_operator(name);
+                self.is_legal.push(is_legal);
+                self.notes.iter_mut().for_each(|notes| notes.first.push(from.clone().unwrap_or_default()));
+                return Ok(());
+            }
+            Err(known) => known,
+        };
+        let first = self.names.get(known).unwrap_or_default();
+        if first == name {
+            return Ok(());
+        }
+        let (first, name) = (names::readable(first), names::readable(name));
+        let message = format!("`{first}` and `{name}` are one name to PDDL, which takes no notice of case");
+        let (template, document) = from.unwrap_or_default();
+        let (first_place, first_document) =
+            self.notes.as_ref().and_then(|notes| notes.first.get(known)).cloned().unwrap_or_default();
+        let place = self.template.place(first_place.start);
+        let from = |document: &Option<DocumentId>| {
+            document.as_deref().map_or(String::new(), |(namespace, id)| format!(" {}", from_document(namespace, id)))
+        };
+        Err(self
+            .template
+            .complain(template, message)
+            .hint(format!("`{first}` comes{} at {place}", from(&first_document)))
+            .hint(format!("`{name}` comes{}", from(&document))))
     }
 }
 
 /// Whether the token is a number: its values are numbers, and so is the whole.
-fn is_number(parts: &[Part<'_>], text: &str) -> bool {
-    if parts.iter().any(|part| matches!(part, Part::Value(value) if !value.number)) {
+fn is_number(parts: &[Part], text: &str) -> bool {
+    if parts.iter().any(|part| matches!(part.kind, PartKind::Value { number: false, .. })) {
         return false;
     }
     let digits = text.strip_prefix('-').unwrap_or(text);
@@ -292,9 +343,7 @@ mod tests {
     use super::*;
 
     /// Text as itself, values between braces; a `#` makes one a number.
-    fn assemble(text: &str) -> Result<String, String> {
-        let texts = Texts::new(&crate::formats::Source::new("t", text), []);
-        let mut assembler = Assembler::new(&texts);
+    fn fill(text: &str, mut assembler: Assembler, is_noted: bool) -> Result<String, String> {
         let mut rest = text;
         while let Some((before, after)) = rest.split_once('{') {
             assembler.text(before).map_err(|error| error.to_string())?;
@@ -302,12 +351,25 @@ mod tests {
             let (number, value) = value.strip_prefix('#').map_or((false, value), |value| (true, value));
             let template = Span::at(text.len() - after.len());
             let text = value.to_owned();
-            let emitted = Emitted { text, number, template, is_placed: true, document: None, goal: false, value: None };
-            assembler.value(Cow::Owned(emitted));
+            if is_noted {
+                let emitted =
+                    Emitted { text, number, template, is_placed: true, document: None, goal: false, value: None };
+                assembler.value(&emitted, template);
+            } else {
+                assembler.plain_value(value, number);
+            }
             rest = after;
         }
         assembler.text(rest).map_err(|error| error.to_string())?;
         assembler.finish().map(|assembled| assembled.text).map_err(|error| error.to_string())
+    }
+
+    fn assemble(text: &str) -> Result<String, String> {
+        let texts = Texts::new(&crate::formats::Source::new("t", text), []);
+        let noted = fill(text, Assembler::new(&texts), true);
+        let plain = fill(text, Assembler::without_notes(&texts), false);
+        assert_eq!(noted.as_ref().ok(), plain.as_ref().ok(), "notes change no text");
+        noted
     }
 
     #[test]
@@ -326,6 +388,8 @@ mod tests {
             ("{x--a--x} x{--a}", "x--x_2d_2da_2d_2dx--x xx--_2d_2da--x"),
             ("({not} {and}s n{ot} {Or})", "(x--not--x ands nx--ot--x x--_4fr--x)"),
             ("; {a\nb}", "; x--a_0ab--x"),
+            ("{a b} {x--a_20b--x} {a b}", "x--a_20b--x x--x_2d_2da_5f20b_2d_2dx--x x--a_20b--x"),
+            ("?{x} {?x} ?{x} {x} {x} {ot} n{ot}", "?x x--_3fx--x ?x x x ot nx--ot--x"),
         ] {
             assert_eq!(assemble(template).as_deref(), Ok(wanted), "{template}");
         }

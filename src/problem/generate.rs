@@ -1,9 +1,11 @@
 //! The way from a request to a problem: which syntax the template has, and the module that renders it.
 
 use super::request::{ProblemError, Request, Syntax};
-use super::{Generated, goal, marker, minijinja};
+use super::{Generated, Streamed, goal, marker, minijinja};
+use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
+use crate::pddl::Domain;
 
 /// Makes the problem: answers the template's queries and renders it.
 ///
@@ -13,6 +15,32 @@ use crate::memory::Memory;
 /// A mistake in the template, a query, the goal or a parameter, at its place;
 /// two values that PDDL takes for the same name; a store that fails.
 pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, ProblemError> {
+    let (goal, syntax) = read(request)?;
+    match syntax {
+        Syntax::Marker => marker::expand(request, goal.as_deref(), memory),
+        _ => minijinja::render(request, goal.as_deref(), memory),
+    }
+}
+
+/// Makes the problem without holding it, and checks it against a domain if one is given. Nothing comes back where the problem
+/// may be wrong or odd, or where the template is of a kind that is not made in this way: [`generate`] is for these.
+///
+/// # Errors
+/// A mistake in the goal or a parameter, and a store that fails.
+pub fn stream(
+    request: &Request,
+    memory: &Memory,
+    domain: Option<&Domain>,
+    dialect: Dialect,
+) -> Result<Option<Streamed>, ProblemError> {
+    match read(request)? {
+        (_, Syntax::Marker) => Ok(None),
+        (goal, _) => minijinja::stream(request, goal.as_deref(), memory, domain, dialect),
+    }
+}
+
+/// The goal of a request, and the syntax of its template.
+fn read(request: &Request) -> Result<(Option<String>, Syntax), ProblemError> {
     let goal = request.goal.as_deref().map(goal::parse).transpose()?;
     let syntax = spelling(request)?;
     for (name, _) in &request.parameters {
@@ -28,10 +56,7 @@ pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, Problem
             return Err(if goal { diagnostic.hint("give the goal with --goal") } else { diagnostic }.into());
         }
     }
-    match syntax {
-        Syntax::Marker => marker::expand(request, goal.as_deref(), memory),
-        _ => minijinja::render(request, goal.as_deref(), memory),
-    }
+    Ok((goal, syntax))
 }
 
 /// The spelling by content; a template without any marker is fine in both.

@@ -19,13 +19,15 @@ pub mod names;
 mod origin;
 mod parts;
 mod request;
+mod stream;
 mod taken;
 mod texts;
 mod usage;
 
 pub use explain::{Explanation, Part, Writer};
-pub use generate::generate;
+pub use generate::{generate, stream};
 pub use origin::{Generated, Origin};
 pub use parts::read_parts;
 pub use request::{ProblemError, Request, SectionReport, Syntax, TemplatePart};
+pub use stream::Streamed;
 pub use usage::{check_use, takes_goal};

@@ -3,7 +3,39 @@
 //! An element is a type byte, a name that ends in NUL, and a value whose length depends on the type
 //! (<https://bsonspec.org/spec.html>). Damaged bytes end the iteration without an error.
 
-use bson::RawDocument;
+use bson::{RawBsonRef, RawDocument};
+
+/// Returns the value of a field of the document itself, without looking at the others; none where its bytes are damaged.
+#[must_use]
+pub fn field<'a>(document: &'a RawDocument, name: &str) -> Option<RawBsonRef<'a>> {
+    let Element { type_code, value, .. } = Elements::new(document).find(name.as_bytes())?;
+    Some(match type_code {
+        0x01 => RawBsonRef::Double(f64::from_le_bytes(value.try_into().ok()?)),
+        0x02 => RawBsonRef::String(string(value)?),
+        0x08 => RawBsonRef::Boolean(match value {
+            [0] => false,
+            [1] => true,
+            _ => return None,
+        }),
+        0x10 => RawBsonRef::Int32(i32::from_le_bytes(value.try_into().ok()?)),
+        0x12 => RawBsonRef::Int64(i64::from_le_bytes(value.try_into().ok()?)),
+        _ => return document.get(name).ok().flatten(),
+    })
+}
+
+/// Returns where in the bytes of the document a field of its own begins and ends.
+#[must_use]
+pub fn extent(document: &RawDocument, name: &str) -> Option<(usize, usize)> {
+    let length = document.as_bytes().len();
+    let mut elements = Elements::new(document);
+    loop {
+        let start = length - elements.rest.len();
+        let element = elements.next()?;
+        if element.name == name.as_bytes() {
+            return Some((start, length - elements.rest.len()));
+        }
+    }
+}
 
 /// An iterator over elements; `rest` are the bytes not yet read.
 #[derive(Debug, Clone)]

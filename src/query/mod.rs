@@ -48,6 +48,7 @@ mod zone;
 pub use collation::Collation;
 pub use compare::{compare, compare_values};
 pub use distinct::Distinct;
+pub use element::{extent, field};
 pub use error::QueryError;
 pub use filter::{Filter, TextSearch};
 pub use geo::Near;

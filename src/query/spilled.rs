@@ -82,6 +82,21 @@ proptest! {
     }
 
     #[test]
+    fn buckets_and_facets_are_the_same(documents in documents(), limit in 0..20_000usize, buckets in 1..9i32, exact in any::<bool>()) {
+        let output = doc! { "n": { "$sum": 1 }, "ids": { "$push": "$_id" } };
+        let mut auto = doc! { "groupBy": if exact { "$v" } else { "$g" }, "buckets": buckets, "output": output };
+        if !exact {
+            auto.insert("granularity", "R5");
+        }
+        let facet = doc! { "first": [{ "$limit": 3 }], "all": [{ "$sort": { "v": 1 } }], "auto": [{ "$bucketAuto": auto.clone() }] };
+        for stage in [doc! { "$bucketAuto": auto }, doc! { "$facet": facet }] {
+            // The bounds may be NaN, which is not equal to itself.
+            let run = |limit| run(&[stage.clone()], &documents, limit).map(|documents| format!("{documents:?}"));
+            prop_assert_eq!(run(limit)?, run(usize::MAX)?);
+        }
+    }
+
+    #[test]
     fn sorts_are_the_same(documents in documents(), limit in 0..20_000usize, least in 0..150i64, backwards in any::<bool>()) {
         let sort = doc! { "$sort": { "v": if backwards { -1 } else { 1 }, "g": 1 } };
         for stages in [vec![sort.clone()], vec![sort, doc! { "$limit": least + 1 }]] {

@@ -8,7 +8,7 @@ use bson::raw::{CStr, RawBsonRef, cstr};
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::request::UpdateSpec;
-use crate::query::QueryError;
+use crate::query::{QueryError, extent};
 
 /// The key that metadata is under.
 pub const INFO: &str = "_robmem_info";
@@ -201,16 +201,19 @@ pub(crate) fn upsert(document: &RawDocument, at: DateTime) -> Result<RawDocument
 /// # Errors
 /// Where the document is malformed.
 pub fn hide(document: RawDocumentBuf) -> Result<RawDocumentBuf, QueryError> {
-    match find(&document)? {
+    // Where there is none, the document may also be damaged.
+    let found = match extent(&document, INFO) {
+        Some(found) => Some(found),
+        None => find(&document)?,
+    };
+    match found {
         None => Ok(document),
         Some((start, end)) => {
-            let bytes = document.as_bytes();
-            let size = i32::try_from(bytes.len() - (end - start)).unwrap_or(i32::MAX);
-            let mut kept = Vec::with_capacity(bytes.len() - (end - start));
-            kept.extend_from_slice(&size.to_le_bytes());
-            kept.extend_from_slice(bytes.get(4..start).unwrap_or_default());
-            kept.extend_from_slice(bytes.get(end..).unwrap_or_default());
-            Ok(RawDocumentBuf::from_bytes(kept)?)
+            let mut bytes = document.into_bytes();
+            bytes.drain(start..end);
+            let size = i32::try_from(bytes.len()).unwrap_or(i32::MAX);
+            bytes.get_mut(..4).into_iter().for_each(|length| length.copy_from_slice(&size.to_le_bytes()));
+            Ok(RawDocumentBuf::from_bytes(bytes)?)
         }
     }
 }

@@ -490,3 +490,114 @@ fn an_absent_atom_is_explained_by_what_could_have_written_it() {
     let run = explain("(flies A)");
     assert!(run.stderr.contains("no line of templates/blocksworld/problem.pddl.j2 writes `(flies …)`"), "{run}");
 }
+
+/// A template with a loop, a macro, a condition and the goal, and a domain for it.
+fn large(lab: &Lab) {
+    lab.write(
+        "large.j2",
+        "\
+{% macro at(thing) %}(at {{ thing.name }} {{ thing.location }}){% endmacro %}
+(define (problem tidy-up) (:domain tidy) ; all things
+  (:objects
+{%- for thing in query('a.b', {'type': 'thing'}) %}
+    {{ thing.name }} - thing
+{%- endfor %} shelf - place)
+  (:init
+{%- for thing in query('a.b', {'type': 'thing'}) %}
+    {{ at(thing) }}
+{%- if thing.tidied %}
+    (tidied {{ thing.name }}) (= (weight {{ thing.name }}) {{ thing.weight }})
+{%- endif %}
+{%- endfor %})
+  (:goal {{ goal }}))
+",
+    );
+    lab.write(
+        "tidy.pddl",
+        "(define (domain tidy) (:requirements :strips :typing :fluents) (:types thing place)
+  (:predicates (at ?thing - thing ?place - place) (tidied ?thing - thing)) (:functions (weight ?thing - thing)))",
+    );
+}
+
+/// Things by number; the documents of the last one come from `last`.
+fn things(lab: &Lab, count: usize, last: &str) {
+    let thing = |n: usize| {
+        format!(
+            "{{\"type\": \"thing\", \"name\": \"thing{n}\", \"location\": \"shelf\", \"tidied\": {}, \"weight\": {}.5}}\n",
+            n % 3 == 0,
+            n % 7
+        )
+    };
+    let lines: String = (0..count).map(thing).collect();
+    lab.write("things.jsonl", &format!("{lines}{last}"));
+    assert_eq!(lab.rmem(&["insert", "a.b", "--file", "things.jsonl", "-q"]).code, 0);
+}
+
+#[test]
+fn a_problem_that_is_larger_than_a_part_is_the_same_however_it_is_made() {
+    let lab = Lab::new();
+    large(&lab);
+    things(&lab, 3000, "");
+    let goal = ["--template", "large.j2", "--goal", "(at thing7 shelf)"];
+    let rmem = |more: &[&str]| lab.rmem(&[&["gen-problem"], &goal[..], more].concat());
+    let streamed = rmem(&[]);
+    assert_eq!((streamed.code, streamed.stderr.as_str()), (0, ""));
+    assert!(streamed.stdout.len() > 150_000, "{}", streamed.stdout.len());
+    assert!(streamed.stdout.contains("(at thing2999 shelf)"));
+    let checked = rmem(&["--domain", "tidy.pddl", "-o", "checked.pddl"]);
+    assert_eq!((checked.code, checked.stderr.as_str()), (0, ""));
+    assert_eq!(lab.read("checked.pddl"), streamed.stdout);
+    // As JSON, the text is held.
+    let held = rmem(&["--domain", "tidy.pddl", "--format", "json"]);
+    let held: serde_json::Value = serde_json::from_str(&held.stdout).unwrap();
+    assert_eq!(held["problem"], streamed.stdout);
+    assert_eq!(held["sections"][0]["documents"], 3000);
+}
+
+#[test]
+fn a_mistake_behind_many_documents_leaves_the_file_as_it_was() {
+    let wrong = [
+        (
+            "{\"type\": \"thing\", \"name\": \"Thing5\", \"location\": \"shelf\", \"tidied\": false}\n",
+            "are one name to PDDL",
+        ),
+        (
+            "{\"type\": \"thing\", \"name\": \"last\", \"location\": \"attic\", \"tidied\": false}\n",
+            "object `attic` is not declared",
+        ),
+        (
+            "{\"type\": \"thing\", \"name\": \"last\", \"location\": \"thing5\", \"tidied\": false}\n",
+            "is of type `thing`",
+        ),
+        ("{\"type\": \"thing\", \"name\": \"last\", \"location\": \"shelf\"}\n", "`thing.tidied` is undefined"),
+    ];
+    for (last, message) in wrong {
+        let lab = Lab::new();
+        large(&lab);
+        things(&lab, 3000, last);
+        lab.write("problem.pddl", "as it was");
+        let arguments = ["--template", "large.j2", "--domain", "tidy.pddl", "--goal", "(tidied thing0)"];
+        let to_file = lab.rmem(&[&["gen-problem", "-o", "problem.pddl"], &arguments[..]].concat());
+        assert_eq!((to_file.code, to_file.stdout.as_str()), (3, ""), "{}", to_file.stderr);
+        assert!(to_file.stderr.contains(message) && to_file.stderr.contains("large.j2:"), "{}", to_file.stderr);
+        assert_eq!(to_file.stderr.matches("error").count(), 1, "{}", to_file.stderr);
+        assert_eq!(lab.read("problem.pddl"), "as it was");
+        let to_stdout = lab.rmem(&[&["gen-problem"], &arguments[..]].concat());
+        assert_eq!((to_stdout.code, to_stdout.stdout.as_str()), (3, ""));
+        assert_eq!(to_stdout.stderr, to_file.stderr);
+    }
+}
+
+#[test]
+fn text_that_is_collected_is_written_as_often_as_the_template_says() {
+    let lab = Lab::new();
+    lab.write(
+        "twice.j2",
+        "{% set name %}{{ find_one('a.b', {}).name }}{% endset %}({{ name }} {{ name }})\n\
+         {% filter upper %}(a {{ find_one('a.b', {}).name }}){% endfilter %}\n\
+         {% macro f(x) %}{{ x.name }}{% endmacro %}{% if f(find_one('a.b', {})) == 'box 1' %}(same){% endif %}\n",
+    );
+    lab.rmem(&["insert", "a.b", "{name: 'box 1'}", "-q"]);
+    let run = lab.rmem(&["gen-problem", "--template", "twice.j2"]);
+    assert_eq!(run.stdout, "(x--box_201--x x--box_201--x)\n(A x--box_201--x)\n\n", "{}", run.stderr);
+}

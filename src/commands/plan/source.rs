@@ -109,8 +109,8 @@ impl SectionCounts {
             Err(error) => error.generated(),
         };
         let Some(generated) = generated.filter(|_| self != Self::Silent) else { return Ok(()) };
-        template::report(generated, memory, context);
+        template::report(&generated.into(), memory, context);
         // What is wrong with the problem is said instead.
-        if self == Self::Required && task.is_ok() { template::require(generated) } else { Ok(()) }
+        if self == Self::Required && task.is_ok() { template::require(&generated.sections) } else { Ok(()) }
     }
 }

@@ -13,6 +13,7 @@ pub mod ast;
 mod foreign;
 mod grammar;
 mod init;
+mod name_set;
 mod outline;
 pub mod portable;
 mod section;
@@ -21,6 +22,7 @@ mod walk;
 mod write;
 
 pub use foreign::{other_language, tight_dashes};
+pub use name_set::NameSet;
 pub use section::{read_domain, read_problem};
 
 /// How deep brackets may nest, counted from `(define`.

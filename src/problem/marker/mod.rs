@@ -3,7 +3,6 @@
 mod query;
 mod value;
 
-use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -110,7 +109,7 @@ struct Expander<'a> {
     memory: &'a Memory,
     parameters: RawDocumentBuf,
     namespace: Arc<Namespace>,
-    assembler: Assembler<'a>,
+    assembler: Assembler,
     reports: Vec<SectionReport>,
     kept: HashSet<String>,
     /// Documents of kept sections, by the place of their query.
@@ -289,15 +288,8 @@ impl<'a> Expander<'a> {
         if let Some((text, number)) = spell(value) {
             let value = Bson::try_from(value).ok().filter(|value| !matches!(value, Bson::String(_) | Bson::Symbol(_)));
             let (document, value) = (document.cloned(), value.map(Box::new));
-            self.assembler.value(Cow::Owned(Emitted {
-                text,
-                number,
-                template,
-                is_placed: true,
-                document,
-                goal: false,
-                value,
-            }));
+            let emitted = Emitted { text, number, template, is_placed: true, document, goal: false, value };
+            self.assembler.value(&emitted, template);
             return Ok(());
         }
         if self.request.lenient {

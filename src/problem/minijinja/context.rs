@@ -1,18 +1,22 @@
 //! What the functions of one rendering share: the memory, its answers, and what was written.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use bson::{Bson, Document, RawDocumentBuf};
 use minijinja::value::{Value, ValueKind};
 use minijinja::{Error, ErrorKind, Output};
 
-use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, is_cut, to_bson};
+use super::direct::{Direct, lock};
+use super::pieces::{Piece, is_cut, is_marked, pieces};
+use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
 use crate::formats::{Source, Span, shell};
 use crate::problem::answer::{Answer, Asker, Question};
 use crate::problem::assembly::Emitted;
+use crate::problem::stream::Stream;
 use crate::store::{Namespace, StoreError};
 
 /// What the functions of one rendering share.
@@ -32,6 +36,8 @@ pub(super) struct Context {
     pub(super) looked: Arc<Looked>,
     failure: Mutex<Option<StoreError>>,
     emitted: Mutex<Vec<Emitted>>,
+    /// Where the problem goes while it is rendered, if that is not noted.
+    pub(super) direct: Option<Arc<Direct>>,
     asked: Mutex<Vec<Asked>>,
     /// The memory that the template queries.
     namespaces: Mutex<Vec<Namespace>>,
@@ -67,10 +73,6 @@ impl Tally {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Where a text lies in memory.
 fn address(text: &str) -> usize {
     text.as_ptr().addr()
@@ -92,11 +94,18 @@ impl Context {
             looked: Arc::default(),
             failure: Mutex::default(),
             emitted: Mutex::default(),
+            direct: None,
             asked: Mutex::default(),
             namespaces: Mutex::default(),
             named: Mutex::default(),
             joined: Mutex::default(),
         }
+    }
+
+    /// The same for a problem that is made while it is rendered.
+    pub(super) fn streaming(asker: Asker, sites: Vec<Span>, stream: Stream) -> Self {
+        let looked = Arc::new(Looked::forgetful());
+        Self { looked, direct: Some(Arc::new(Direct::new(stream))), ..Self::new(asker, sites, HashSet::new()) }
     }
 
     /// Says that nothing more will be asked.
@@ -107,6 +116,11 @@ impl Context {
     /// Why the store did not answer, if that is what ended the rendering.
     pub(super) fn failure(&self) -> Option<StoreError> {
         lock(&self.failure).take()
+    }
+
+    /// Whether the store did not answer.
+    pub(super) fn has_failed(&self) -> bool {
+        lock(&self.failure).is_some()
     }
 
     /// The values that were written, by number.
@@ -132,6 +146,10 @@ impl Context {
     /// Keeps a value for the problem; its number in brackets stands for it in the rendered text.
     pub(super) fn emit(&self, value: &Value, out: &mut Output<'_>) -> Result<(), Error> {
         let (text, number) = self.spell(value)?;
+        if let Some(direct) = &self.direct {
+            return direct.emit(&text, number, false, out);
+        }
+        let text = text.into_owned();
         let value = self.typed(value).or_else(|| lock(&self.named).get(&text).cloned()).map(Box::new);
         let is_placed = self.is_placed.load(Ordering::Relaxed);
         let (template, document) = (self.site(), self.looked.take());
@@ -185,6 +203,9 @@ impl Context {
 
     /// Keeps the goal for the problem, like a value.
     pub(super) fn emit_goal(&self, goal: &str, out: &mut Output<'_>) -> Result<(), Error> {
+        if let Some(direct) = &self.direct {
+            return direct.emit(goal, false, true, out);
+        }
         self.looked.take();
         let text = goal.to_owned();
         let template = self.site();
@@ -206,7 +227,8 @@ impl Context {
     /// The name of a value as text; what it was is remembered.
     pub(super) fn name(&self, value: &Value) -> Result<String, Error> {
         let (text, _) = self.spell(value)?;
-        if let Some(value) = self.typed(value) {
+        let text = text.into_owned();
+        if let Some(value) = self.typed(value).filter(|_| self.direct.is_none()) {
             lock(&self.named).entry(text.clone()).or_insert(value);
         }
         Ok(text)
@@ -230,10 +252,10 @@ impl Context {
     }
 
     /// A value's text, and whether it is a number.
-    fn spell(&self, value: &Value) -> Result<(String, bool), Error> {
+    fn spell<'v>(&self, value: &'v Value) -> Result<(Cow<'v, str>, bool), Error> {
         if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
             return match other {
-                Bson::ObjectId(id) => Ok((id.to_hex(), false)),
+                Bson::ObjectId(id) => Ok((id.to_hex().into(), false)),
                 Bson::Decimal128(_) => Err(invalid("a decimal is no name; use the filter `number`")),
                 Bson::DateTime(_) => Err(invalid("a date is no name; use the filter `number` for its milliseconds")),
                 _ => Err(invalid(format!("{value} has no name in PDDL"))),
@@ -244,12 +266,12 @@ impl Context {
                 Err(invalid("a filter took rendered text apart; apply it to the values before they are rendered"))
             }
             ValueKind::String => Ok((self.plain(value.as_str().unwrap_or_default()), false)),
-            ValueKind::Bool => Ok((if value.is_true() { "true" } else { "false" }.to_owned(), false)),
-            ValueKind::Number if value.is_integer() => Ok((value.to_string(), true)),
+            ValueKind::Bool => Ok((if value.is_true() { "true" } else { "false" }.into(), false)),
+            ValueKind::Number if value.is_integer() => Ok((value.to_string().into(), true)),
             ValueKind::Number => match f64::try_from(value.clone())? {
                 number if !number.is_finite() => Err(invalid("NaN and infinity are no numbers in PDDL")),
-                number if number.fract() == 0.0 => Ok((format!("{number:.1}"), true)),
-                number => Ok((number.to_string(), true)),
+                number if number.fract() == 0.0 => Ok((format!("{number:.1}").into(), true)),
+                number => Ok((number.to_string().into(), true)),
             },
             ValueKind::None => Err(invalid("null has no name in PDDL; test with `is none` first")),
             ValueKind::Undefined => Err(Error::new(ErrorKind::UndefinedError, "there is no such value")),
@@ -260,18 +282,21 @@ impl Context {
     }
 
     /// Rendered text with the texts of the values instead of their numbers.
-    pub(super) fn plain(&self, text: &str) -> String {
-        if !text.contains(OPEN) {
-            return text.to_owned();
+    pub(super) fn plain<'t>(&self, text: &'t str) -> Cow<'t, str> {
+        if !is_marked(text) {
+            return Cow::Borrowed(text);
         }
         let emitted = lock(&self.emitted);
-        pieces(text)
-            .map(|piece| match piece {
-                Piece::Text(text) => text.to_owned(),
-                Piece::Mark(_) | Piece::Begin(_) | Piece::End => String::new(),
-                Piece::Value(number) => emitted.get(number).map_or(String::new(), |value| value.text.clone()),
-            })
-            .collect()
+        let value = |number| match &self.direct {
+            Some(direct) => direct.text(number),
+            None => emitted.get(number).map(|value| value.text.clone()),
+        };
+        let piece = |piece| match piece {
+            Piece::Text(text) => text.to_owned(),
+            Piece::Mark(_) | Piece::Begin(_) | Piece::End => String::new(),
+            Piece::Value(number) => value(number).unwrap_or_default(),
+        };
+        Cow::Owned(pieces(text).map(piece).collect())
     }
 
     /// Asks the memory; a failure is kept with its type.
@@ -312,7 +337,7 @@ impl Context {
     /// A filter, update or the like: a map, or text in the shell spelling.
     pub(super) fn document(&self, value: Option<&Value>, what: &str) -> Result<Document, Error> {
         let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(Document::new()) };
-        match to_bson(value, &|text| self.plain(text))? {
+        match to_bson(value, &|text| self.plain(text).into_owned())? {
             Bson::Document(document) => Ok(document),
             Bson::String(text) => shell::parse_document(&Source::new(format!("<{what}>"), text))
                 .map_err(|error| invalid(format!("in the {what}: {}", first_line(&error.to_string())))),
@@ -322,7 +347,7 @@ impl Context {
 
     pub(super) fn pipeline(&self, value: &Value) -> Result<Vec<Document>, Error> {
         let wrong = || invalid("the pipeline must be a list of stages, or text like \"[{$match: …}]\"");
-        match to_bson(value, &|text| self.plain(text))? {
+        match to_bson(value, &|text| self.plain(text).into_owned())? {
             Bson::String(text) => shell::parse_pipeline(&Source::new("<pipeline>", text))
                 .map_err(|error| invalid(format!("in the pipeline: {}", first_line(&error.to_string())))),
             Bson::Document(stage) => Ok(vec![stage]),
@@ -348,43 +373,4 @@ fn hash(query: &Document) -> u64 {
 /// `<filter>:1:5: expected …` without the lines below.
 fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
-}
-
-/// A part of rendered text.
-pub(super) enum Piece<'a> {
-    Text(&'a str),
-    /// The number of a value.
-    Value(usize),
-    /// The number of the fixed text that begins here.
-    Mark(usize),
-    /// The number of the place that wrote what follows, up to its end.
-    Begin(usize),
-    End,
-}
-
-/// Text that the expression or filter of a numbered place wrote.
-pub(super) fn bracketed(site: usize, text: &str) -> String {
-    format!("{OPEN}+{site}{CLOSE}{text}{OPEN}/{CLOSE}")
-}
-
-/// Takes rendered text apart.
-pub(super) fn pieces(text: &str) -> impl Iterator<Item = Piece<'_>> {
-    let mut rest = text;
-    std::iter::from_fn(move || {
-        if let Some(after) = rest.strip_prefix(OPEN) {
-            let (number, after) = after.split_once(CLOSE).unwrap_or((after, ""));
-            rest = after;
-            let parse = |number: &str| number.parse().unwrap_or(usize::MAX);
-            return Some(match number.split_at_checked(1) {
-                Some(("-", number)) => Piece::Mark(parse(number)),
-                Some(("+", number)) => Piece::Begin(parse(number)),
-                Some(("/", "")) => Piece::End,
-                _ => Piece::Value(parse(number)),
-            });
-        }
-        let end = rest.find(OPEN).unwrap_or(rest.len());
-        let (piece, after) = rest.split_at(end);
-        rest = after;
-        (!piece.is_empty()).then_some(Piece::Text(piece))
-    })
 }

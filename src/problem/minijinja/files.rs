@@ -16,8 +16,8 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Checks and instruments the texts of a request.
-    pub(super) fn read(request: &Request) -> Result<(Self, Numbered), Diagnostic> {
+    /// Checks and instruments the texts of a request, so that what they write says where it comes from if that `is_noted`.
+    pub(super) fn read(request: &Request, is_noted: bool) -> Result<(Self, Numbered), Diagnostic> {
         let texts = Texts::new(&request.template, request.parts.iter().map(|part| part.source.clone()));
         let all: Vec<&str> = texts.iter().map(|(_, source)| source.text()).collect();
         let names = std::iter::once(request.template.name()).chain(request.parts.iter().map(|part| part.name.as_str()));
@@ -28,7 +28,7 @@ impl Files {
                 return Err(Diagnostic::new(source, Span::at(offset), "a template cannot hold this character"));
             }
             bound::check(source)?;
-            instrumented.push((name.to_owned(), instrument(source.text(), *base, &all, &mut numbered)));
+            instrumented.push((name.to_owned(), instrument(source.text(), *base, &all, is_noted, &mut numbered)));
         }
         Ok((Self { texts, instrumented }, numbered))
     }

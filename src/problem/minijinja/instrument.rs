@@ -69,10 +69,17 @@ impl Instrumented {
     }
 }
 
-/// Numbers the places of a template, whose first byte is at `base` among the texts; `all` are these texts.
-pub(super) fn instrument(template: &str, base: usize, all: &[&str], numbered: &mut Numbered) -> Instrumented {
+/// Numbers the places of a template, whose first byte is at `base` among the texts; `all` are these texts. Without `is_noted`,
+/// only calls get their place.
+pub(super) fn instrument(
+    template: &str,
+    base: usize,
+    all: &[&str],
+    is_noted: bool,
+    numbered: &mut Numbered,
+) -> Instrumented {
     let mut result = Instrumented { base, ..Instrumented::default() };
-    let Fixed { stretches, written } = Fixed::of(template, all);
+    let Fixed { stretches, written } = if is_noted { Fixed::of(template, all) } else { Fixed::default() };
     let mut stretches = stretches.into_iter().peekable();
     let mut offset = 0;
     let mut text = |span: Span, numbered: &mut Numbered, result: &mut Instrumented| {
@@ -93,6 +100,7 @@ pub(super) fn instrument(template: &str, base: usize, all: &[&str], numbered: &m
         match tag.kind {
             TagKind::Comment => result.text.push_str(tag.text),
             TagKind::Raw => text(tag.span, numbered, &mut result),
+            TagKind::Expression if !is_noted => calls(template, tag.span, numbered, &mut result),
             TagKind::Statement if tag.word() == "filter" => filter(template, tag.span, numbered, &mut result),
             TagKind::Statement => calls(template, tag.span, numbered, &mut result),
             TagKind::Expression => expression(template, tag.span, numbered, &mut result),
@@ -198,7 +206,7 @@ mod tests {
 
     fn instrumented(template: &str) -> (Instrumented, Numbered) {
         let mut numbered = Numbered::default();
-        (instrument(template, 0, &[template], &mut numbered), numbered)
+        (instrument(template, 0, &[template], true, &mut numbered), numbered)
     }
 
     #[test]

@@ -58,7 +58,7 @@ pub(super) fn join(
         }
         return Ok(Value::from_safe_string(text));
     }
-    let texts: Vec<String> = values.iter().map(|value| context.plain(&value.to_string())).collect();
+    let texts: Vec<String> = values.iter().map(|value| context.plain(&value.to_string()).into_owned()).collect();
     let text = texts.join(&between);
     Ok(if is_apart { context.join(values, between, text) } else { Value::from(text) })
 }

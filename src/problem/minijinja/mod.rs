@@ -6,6 +6,7 @@ mod bound;
 mod call;
 mod casing;
 mod context;
+mod direct;
 mod documents;
 mod files;
 mod fixed;
@@ -16,33 +17,38 @@ mod join;
 mod limits;
 mod method;
 mod mistake;
+mod pieces;
 mod signature;
 mod source_lines;
 mod tags;
 mod value;
 
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use minijinja::value::{Object, Value};
-use minijinja::{AutoEscape, Environment, Error, UndefinedBehavior};
+use minijinja::{AutoEscape, Environment, Error, ErrorKind, UndefinedBehavior};
 
-use super::answer;
-use super::assembly::{Assembled, Assembler, Emitted, Literal};
+use super::answer::{self, Answerer};
+use super::assembly::{Assembled, Assembler, Literal};
+use super::stream::{Stream, Streamed};
 use super::taken::Taken;
 use super::texts::Texts;
 use super::{Generated, ProblemError, Request, SectionReport};
+use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Span};
 use crate::memory::Memory;
+use crate::pddl::Domain;
 pub(super) use blocks::{Around, around};
-use context::{Context, Piece, bracketed, pieces};
+use context::{Asked, Context};
+use direct::Sink;
 use files::Files;
 use function::register;
 pub(super) use instrument::PLACED;
 use mistake::explain;
+use pieces::{Piece, bracketed, pieces};
 use source_lines::SourceLines;
 pub(super) use tags::references;
 use value::from_bson;
@@ -56,15 +62,61 @@ const STACK: usize = 32 << 20;
 
 /// Renders the template over the memory.
 pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> Result<Generated, ProblemError> {
-    let (files, numbered) = Files::read(request)?;
+    let (files, numbered) = Files::read(request, true)?;
     let (asker, answerer) = answer::pair();
     let context = Arc::new(Context::new(asker, numbered.sites, numbered.written));
-    let is_goal_used = Arc::new(AtomicBool::new(false));
-    let variables = Variables { values: variables(request, goal), is_goal_used: Arc::clone(&is_goal_used) };
+    let variables = Variables::of(request, goal);
+    let is_goal_used = Arc::clone(&variables.is_goal_used);
+    match run_beside(memory, answerer, &files, variables, &context)? {
+        Ok(text) => {
+            let generated = assemble(files.texts, &context, &numbered.texts, &text)?;
+            Ok(Generated { is_goal_unused: goal.is_some() && !is_goal_used.load(Ordering::Relaxed), ..generated })
+        }
+        Err(error) => Err(explain(&files, &context, &error)),
+    }
+}
+
+/// Renders the template into a file; nothing where that is doubtful.
+pub(super) fn stream(
+    request: &Request,
+    goal: Option<&str>,
+    memory: &Memory,
+    domain: Option<&Domain>,
+    dialect: Dialect,
+) -> Result<Option<Streamed>, ProblemError> {
+    let (files, numbered) = Files::read(request, false)?;
+    let (asker, answerer) = answer::pair();
+    let stream = Stream::new(&files.texts, domain);
+    let context = Arc::new(Context::streaming(asker, numbered.sites, stream));
+    let variables = Variables::of(request, goal);
+    let is_goal_used = Arc::clone(&variables.is_goal_used);
+    if let Err(error) = run_beside(memory, answerer, &files, variables, &context)? {
+        // The template's own mistakes are explained when it is rendered again.
+        let is_plain = context.has_failed() || error.kind() == ErrorKind::OutOfFuel;
+        return if is_plain { Err(explain(&files, &context, &error)) } else { Ok(None) };
+    }
+    let stream = context.direct.as_ref().and_then(|direct| direct.take().ok());
+    let Some(file) = stream.and_then(|stream| stream.finish(domain, dialect).ok()) else { return Ok(None) };
+    Ok(Some(Streamed {
+        sections: sections(&context, &files.texts),
+        namespaces: context.namespaces(),
+        respelled: context.looked.respelled.take(),
+        is_goal_unused: goal.is_some() && !is_goal_used.load(Ordering::Relaxed),
+        file,
+    }))
+}
+
+/// Renders in a thread of its own, and answers its questions meanwhile.
+fn run_beside(
+    memory: &Memory,
+    answerer: Answerer,
+    files: &Files,
+    variables: Variables,
+    context: &Arc<Context>,
+) -> Result<Result<String, Error>, ProblemError> {
     // The memory stays here; the thread has what asks it, and goes with it.
     let rendered = thread::scope(|scope| {
-        let shared = Arc::clone(&context);
-        let files = &files;
+        let shared = Arc::clone(context);
         let work = move || {
             // Sent on every way out.
             let _end = End(&shared);
@@ -78,14 +130,7 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     });
     let place = |message: &str| ProblemError::Template(files.texts.complain(Span::default(), message));
     let rendered = rendered.map_err(|error| place(&format!("no thread to render it: {error}")))?;
-    let rendered = rendered.map_err(|_| place("the template environment failed"))?;
-    match rendered {
-        Ok(text) => {
-            let generated = assemble(files.texts, &context, &numbered.texts, &text)?;
-            Ok(Generated { is_goal_unused: goal.is_some() && !is_goal_used.load(Ordering::Relaxed), ..generated })
-        }
-        Err(error) => Err(explain(&files, &context, &error)),
-    }
+    rendered.map_err(|_| place("the template environment failed"))
 }
 
 /// What the template, and those that it names, take from outside.
@@ -128,6 +173,18 @@ struct Variables {
     is_goal_used: Arc<AtomicBool>,
 }
 
+impl Variables {
+    /// The parameters and the goal.
+    fn of(request: &Request, goal: Option<&str>) -> Self {
+        let value = |(name, value): &(String, bson::Bson)| (name.clone(), from_bson(value, &Arc::default()));
+        let mut values: Vec<(String, Value)> = request.parameters.iter().map(value).collect();
+        if let Some(goal) = goal {
+            values.push(("goal".to_owned(), Value::from_safe_string(goal.to_owned())));
+        }
+        Self { values, is_goal_used: Arc::default() }
+    }
+}
+
 impl Object for Variables {
     fn get_value(self: &Arc<Self>, key: &Value) -> Option<Value> {
         let key = key.as_str()?;
@@ -145,16 +202,6 @@ impl Drop for End<'_> {
     fn drop(&mut self) {
         self.0.end();
     }
-}
-
-/// The parameters and the goal.
-fn variables(request: &Request, goal: Option<&str>) -> Vec<(String, Value)> {
-    let value = |(name, value): &(String, bson::Bson)| (name.clone(), from_bson(value, &Arc::default()));
-    let mut variables: Vec<(String, Value)> = request.parameters.iter().map(value).collect();
-    if let Some(goal) = goal {
-        variables.push(("goal".to_owned(), Value::from_safe_string(goal.to_owned())));
-    }
-    variables
 }
 
 fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<String, Error> {
@@ -201,7 +248,11 @@ fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<St
         environment.add_template(name, text)?;
     }
     let template = environment.template_from_named_str(name, text)?;
-    template.render(Value::from_object(variables))
+    let variables = Value::from_object(variables);
+    match &context.direct {
+        Some(direct) => template.render_captured_to(variables, Sink(Arc::clone(direct))).map(|_| String::new()),
+        None => template.render(variables),
+    }
 }
 
 fn assemble(
@@ -232,11 +283,11 @@ fn assemble(
             Piece::Mark(number) => fixed = fixed_texts.get(number).copied(),
             Piece::Value(number) => match emitted.get(number) {
                 Some(value) if value.goal => assembler.goal(&value.text, value.template)?,
-                Some(value) if value.is_placed => assembler.value(Cow::Borrowed(value)),
+                Some(value) if value.is_placed => assembler.value(value, value.template),
                 Some(value) => {
                     let writer = open.last().and_then(|site| context.sites.get(*site)).copied();
                     let template = writer.unwrap_or(value.template);
-                    assembler.value(Cow::Owned(Emitted { template, ..value.clone() }));
+                    assembler.value(value, template);
                 }
                 None => {
                     let message = "a filter took rendered text apart; apply it to the values before they are rendered";
@@ -246,7 +297,15 @@ fn assemble(
         }
     }
     let Assembled { text, placed, values } = assembler.finish()?;
-    let sections = context.asked().into_iter().map(|asked| {
+    let sections = sections(context, &template);
+    let (namespaces, respelled) = (context.namespaces(), context.looked.respelled.take());
+    drop(lines);
+    Ok(Generated { text, sections, namespaces, respelled, is_goal_unused: false, template, placed, values })
+}
+
+/// The queries that were asked, and what they matched.
+fn sections(context: &Context, template: &Texts) -> Vec<SectionReport> {
+    let section = |asked: Asked| {
         let span = asked.site.and_then(|site| context.sites.get(site)).copied().unwrap_or_default();
         SectionReport {
             name: template.slice(span).split_whitespace().collect::<Vec<_>>().join(" "),
@@ -256,20 +315,12 @@ fn assemble(
             part: template.part(span.start),
             line: template.position(span.start).0,
         }
-    });
-    let sections = sections.collect();
-    let (namespaces, respelled) = (context.namespaces(), context.looked.respelled.take());
-    drop(lines);
-    Ok(Generated { text, sections, namespaces, respelled, is_goal_unused: false, template, placed, values })
+    };
+    context.asked().into_iter().map(section).collect()
 }
 
 /// Adds text to the problem: that of a stretch of the template, and what follows it.
-fn written<'a>(
-    text: &'a str,
-    stretch: Option<Span>,
-    template: &Texts,
-    assembler: &mut Assembler<'a>,
-) -> Result<(), Diagnostic> {
+fn written(text: &str, stretch: Option<Span>, template: &Texts, assembler: &mut Assembler) -> Result<(), Diagnostic> {
     let length = stretch.map_or(0, |span| span.end - span.start);
     match (stretch, text.get(..length), text.get(length..)) {
         (Some(span), Some(head), Some(tail)) if head == template.slice(span) => {

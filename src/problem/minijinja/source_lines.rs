@@ -46,7 +46,7 @@ impl<'t> SourceLines<'t> {
     }
 
     /// Adds text that was written to the problem.
-    pub(super) fn write<'a>(&mut self, text: &'a str, assembler: &mut Assembler<'a>) -> Result<(), Diagnostic> {
+    pub(super) fn write(&mut self, text: &str, assembler: &mut Assembler) -> Result<(), Diagnostic> {
         for line in text.split_inclusive('\n') {
             let mut rest = line;
             while !rest.trim().is_empty() {

@@ -13,6 +13,7 @@ use minijinja::{Error, ErrorKind};
 use super::advice::Hint;
 use crate::formats::{Respelled, is_alike, shell};
 use crate::problem::origin::{DocumentId, document_id};
+use crate::query::field;
 use crate::store::{Namespace, metadata};
 
 /// Brackets around the number of a value in rendered text. Unicode reserves
@@ -21,18 +22,6 @@ pub(super) const OPEN: char = '\u{FDD0}';
 /// See [`OPEN`].
 pub(super) const CLOSE: char = '\u{FDD1}';
 
-/// Whether a filter cut a text that was rendered in the middle of a mark.
-pub(super) fn is_cut(text: &str) -> bool {
-    let mut is_open = false;
-    for mark in text.chars().filter(|c| [OPEN, CLOSE].contains(c)) {
-        if is_open == (mark == OPEN) {
-            return true;
-        }
-        is_open = !is_open;
-    }
-    is_open
-}
-
 /// How deep a value may nest that goes into a query.
 const MAX_DEPTH: usize = 100;
 
@@ -40,6 +29,8 @@ const MAX_DEPTH: usize = 100;
 /// does not distinguish from those of 32.
 #[derive(Debug, Default)]
 pub(super) struct Looked {
+    /// Whether neither is asked for.
+    is_forgetful: bool,
     last: Mutex<Option<Arc<Root>>>,
     longs: Mutex<HashSet<i64>>,
     missed: Mutex<Option<Missed>>,
@@ -66,6 +57,11 @@ pub(super) struct Missing {
 }
 
 impl Looked {
+    /// One that does not remember the last document and the numbers.
+    pub(super) fn forgetful() -> Self {
+        Self { is_forgetful: true, ..Self::default() }
+    }
+
     /// The last key that a document was asked for and does not have.
     pub(super) fn missing(&self) -> Option<Missing> {
         let Missed { root, inner, key } = self.missed.lock().unwrap_or_else(PoisonError::into_inner).take()?;
@@ -81,6 +77,9 @@ impl Looked {
     }
 
     fn at(&self, document: &Arc<Root>) {
+        if self.is_forgetful {
+            return;
+        }
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if !last.as_ref().is_some_and(|last| Arc::ptr_eq(last, document)) {
             *last = Some(Arc::clone(document));
@@ -88,6 +87,9 @@ impl Looked {
     }
 
     fn long(&self, number: i64) {
+        if self.is_forgetful {
+            return;
+        }
         self.longs.lock().unwrap_or_else(PoisonError::into_inner).insert(number);
     }
 
@@ -199,7 +201,7 @@ impl Object for Doc {
         if self.root.namespace.is_some() {
             self.looked.at(&self.root);
         }
-        let value = self.raw().get(key).ok().flatten().or_else(|| self.alike(key)).map(|value| self.convert(value));
+        let value = field(self.raw(), key).or_else(|| self.alike(key)).map(|value| self.convert(value));
         if value.is_none() {
             self.looked.miss(self, key);
         }

@@ -1,6 +1,6 @@
 //! `$bucket` and `$bucketAuto`.
 
-use bson::{Bson, Document, RawDocumentBuf};
+use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::documents::{Documents, encode};
 use super::granularity::Granularity;
@@ -9,7 +9,9 @@ use super::run::Run;
 use crate::query::compare::{canonical_type, compare_values};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, constant_of};
+use crate::query::key::collated;
 use crate::query::number::Number;
+use crate::query::spill::Sorter;
 
 /// A compiled `$bucket`.
 #[derive(Debug)]
@@ -146,74 +148,105 @@ impl AutoBucket {
         input: Documents<'_, E>,
         run: &Run<'_, E>,
     ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
-        let mut keyed = Vec::new();
+        let (mut sorter, mut count) = (Sorter::new(run.spill()), 0_usize);
         for document in input {
             let document = document?;
             let value = self.by.evaluate(&run.environment((&*document).into()))?.unwrap_or(Bson::Null);
             if self.granularity.is_some() {
                 Granularity::check(&value)?;
             }
-            keyed.push((value, document));
+            sorter.add(&collated(&value), &together(&value, &document)?)?;
+            count += 1;
         }
-        keyed.sort_by(|a, b| compare_values(&a.0, &b.0));
         // Equal parts, rounded.
-        let part = ((keyed.len() + self.buckets / 2) / self.buckets).max(1);
-        let (mut documents, mut rest, mut low) = (Vec::new(), keyed.as_slice(), None);
+        let part = ((count + self.buckets / 2) / self.buckets).max(1);
+        let mut sorted = Sorted { rest: Box::new(sorter.finish()?.map(|part| apart(&part?))), next: None };
+        sorted.advance()?;
+        let (mut documents, mut low) = (Vec::new(), None);
         for bucket in 1..=self.buckets {
-            if rest.is_empty() {
+            if sorted.next.is_none() {
                 break;
             }
-            let size = if bucket == self.buckets { rest.len() } else { part.min(rest.len()) };
-            let (size, least, high) = self.bounds(rest, size, low);
-            let (now, later) = rest.split_at(size);
-            documents.push(self.document(now, least, high.clone(), run)?);
-            (rest, low) = (later, Some(high));
+            let size = if bucket == self.buckets { usize::MAX } else { part };
+            let (document, high) = self.bucket(&mut sorted, size, low, run)?;
+            documents.push(document);
+            low = Some(high);
         }
         Ok(documents.iter().map(encode).collect::<Result<_>>()?)
     }
 
-    /// How many of the sorted values are in the next bucket, which has at least so many, and its bounds.
-    fn bounds(&self, rest: &[(Bson, RawDocumentBuf)], size: usize, low: Option<Bson>) -> (usize, Bson, Bson) {
-        let value = |index: usize| rest.get(index).map(|(value, _)| value.clone());
-        let least = value(0).unwrap_or(Bson::Null);
-        let Some(granularity) = &self.granularity else {
-            let size = with_equals(rest, size);
-            return (size, least, value(size).or_else(|| value(size.saturating_sub(1))).unwrap_or(Bson::Null));
-        };
-        let least = low.unwrap_or_else(|| granularity.below(&least));
-        let high = granularity.above(&value(size.saturating_sub(1)).unwrap_or(Bson::Null));
-        let below = rest.iter().skip(size).take_while(|(value, _)| compare_values(value, &high).is_lt()).count();
-        let size = size + below;
-        // Nothing is below a bound of 0: where it is all that is in the bucket, the bound is below the next value.
-        let high = match value(size) {
-            Some(next) if Number::of(&high).is_some_and(Number::is_zero) => granularity.below(&next),
-            _ => high,
-        };
-        (size, least, high)
-    }
-
-    fn document<E>(
+    /// Makes the next bucket, of so many of the sorted values and of those that belong to them. Returns it with its upper bound.
+    fn bucket<E>(
         &self,
-        now: &[(Bson, RawDocumentBuf)],
-        least: Bson,
-        greatest: Bson,
+        sorted: &mut Sorted<'_>,
+        size: usize,
+        low: Option<Bson>,
         run: &Run<'_, E>,
-    ) -> Result<Document> {
+    ) -> Result<(Document, Bson)> {
         let mut groups = Groups::new(&self.output);
-        for (_, document) in now {
-            groups.add(Bson::Null, (&**document).into(), run)?;
+        let (mut least, mut last) = (None, Bson::Null);
+        let mut taken = 0;
+        while taken < size
+            && let Some((value, document)) = sorted.advance()?
+        {
+            groups.add(Bson::Null, (&*document).into(), run)?;
+            least = least.or_else(|| Some(value.clone()));
+            (last, taken) = (value, taken + 1);
         }
+        let least = least.unwrap_or(Bson::Null);
+        let above = self.granularity.as_ref().map(|granularity| granularity.above(&last));
+        let belongs = |value: &Bson| match &above {
+            Some(high) => compare_values(value, high).is_lt(),
+            None => compare_values(value, &last).is_eq(),
+        };
+        while sorted.next.as_ref().is_some_and(|(value, _)| belongs(value)) {
+            let Some((_, document)) = sorted.advance()? else { break };
+            groups.add(Bson::Null, (&*document).into(), run)?;
+        }
+        let next = sorted.next.as_ref().map(|(value, _)| value.clone());
+        let (least, high) = match (&self.granularity, above) {
+            (Some(granularity), Some(high)) => {
+                let least = low.unwrap_or_else(|| granularity.below(&least));
+                // Nothing is below a bound of 0: where it is all that is in the bucket, the bound is below the next value.
+                let is_zero = Number::of(&high).is_some_and(Number::is_zero);
+                (least, next.filter(|_| is_zero).map_or(high, |next| granularity.below(&next)))
+            }
+            _ => (least, next.unwrap_or(last)),
+        };
         let mut id = Document::new();
         id.insert("min", least);
-        id.insert("max", greatest);
+        id.insert("max", high.clone());
         let mut document = groups.finish()?.pop().unwrap_or_default();
         document.insert("_id", id);
-        Ok(document)
+        Ok((document, high))
     }
 }
 
-/// Returns `size`, plus the number of following values equal to the last one.
-fn with_equals(rest: &[(Bson, RawDocumentBuf)], size: usize) -> usize {
-    let Some((last, _)) = size.checked_sub(1).and_then(|index| rest.get(index)) else { return size };
-    rest.iter().skip(size).take_while(|(value, _)| compare_values(value, last).is_eq()).count() + size
+/// Values in their order, each with its document.
+struct Sorted<'a> {
+    rest: Box<dyn Iterator<Item = Result<(Bson, RawDocumentBuf)>> + 'a>,
+    /// The one that comes next.
+    next: Option<(Bson, RawDocumentBuf)>,
+}
+
+impl Sorted<'_> {
+    /// Takes the next one.
+    fn advance(&mut self) -> Result<Option<(Bson, RawDocumentBuf)>> {
+        let next = self.rest.next().transpose()?;
+        Ok(std::mem::replace(&mut self.next, next))
+    }
+}
+
+/// A value and its document, as bytes.
+fn together(value: &Bson, document: &RawDocument) -> Result<Vec<u8>> {
+    let mut bytes = RawDocumentBuf::try_from(&doc! { "": value.clone() })?.into_bytes();
+    bytes.extend_from_slice(document.as_bytes());
+    Ok(bytes)
+}
+
+fn apart(bytes: &[u8]) -> Result<(Bson, RawDocumentBuf)> {
+    let length = bytes.first_chunk().map_or(0, |length| u32::from_le_bytes(*length) as usize);
+    let (value, document) = bytes.split_at_checked(length).unwrap_or_default();
+    let value = RawDocument::from_bytes(value)?.get("")?.map_or(Ok(Bson::Null), Bson::try_from)?;
+    Ok((value, RawDocumentBuf::from_bytes(document.to_vec())?))
 }

@@ -10,6 +10,7 @@ use super::stage::Stage;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::Scope;
 use crate::query::limit::Held;
+use crate::query::spill::Spool;
 
 /// A compiled `$facet`.
 #[derive(Debug)]
@@ -47,11 +48,15 @@ impl Facet {
         input: Documents<'a, E>,
         run: &Run<'a, E>,
     ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
-        let documents: Vec<RawDocumentBuf> = input.collect::<std::result::Result<_, E>>()?;
+        let mut documents = Spool::new(run.spill());
+        for document in input {
+            documents.push(&*document?)?;
+        }
+        let documents = documents.shared()?;
         let mut results = Document::new();
         for (name, pipeline) in &self.pipelines {
-            let copy: Vec<_> = documents.clone();
-            let output = pipeline.run_with(Box::new(copy.into_iter().map(Ok)), run.clone());
+            let copy = documents.documents().map(|document| Ok(document?));
+            let output = pipeline.run_with(Box::new(copy), run.clone());
             results.insert(name.clone(), array(output)?);
         }
         Ok(vec![encode(&results)?])

@@ -1,7 +1,9 @@
 //! Documents in the order in which they came.
 
-use std::io::{BufReader, BufWriter, Read, Seek as _, Write as _};
+use std::cell::RefCell;
+use std::io::{BufReader, BufWriter, Read, Seek as _, SeekFrom, Write as _};
 use std::path::PathBuf;
+use std::rc::Rc;
 
 use bson::RawDocumentBuf;
 use tempfile::{SpooledTempFile, spooled_tempfile_in};
@@ -9,6 +11,9 @@ use tempfile::{SpooledTempFile, spooled_tempfile_in};
 use super::Spill;
 use super::file::failed;
 use crate::query::error::Result;
+
+/// How many bytes are read at a time.
+const BLOCK: usize = 64 << 10;
 
 /// Collects documents: in memory while they are few, else in a temporary file.
 #[derive(Debug)]
@@ -33,6 +38,17 @@ impl Spool {
         self.file.write_all(document.as_bytes()).map_err(|error| failed(&error, &self.folder))
     }
 
+    /// Returns the documents, which can be read several times.
+    ///
+    /// # Errors
+    /// If the temporary file cannot be used.
+    pub(in crate::query) fn shared(self) -> Result<Shared> {
+        let folder = self.folder;
+        let file = self.file.into_inner().map_err(std::io::IntoInnerError::into_error);
+        let file = file.map_err(|error| failed(&error, &folder))?;
+        Ok(Shared { file: Rc::new(RefCell::new(file)), folder })
+    }
+
     /// Returns the documents.
     ///
     /// # Errors
@@ -43,6 +59,38 @@ impl Spool {
         let file = file.and_then(|mut file| file.rewind().map(|()| file));
         let mut file = BufReader::new(file.map_err(|error| failed(&error, &folder))?);
         Ok(std::iter::from_fn(move || next(&mut file).map_err(|error| failed(&error, &folder)).transpose()).fuse())
+    }
+}
+
+/// Documents that can be read several times.
+#[derive(Debug)]
+pub(in crate::query) struct Shared {
+    file: Rc<RefCell<SpooledTempFile>>,
+    folder: PathBuf,
+}
+
+impl Shared {
+    /// Returns the documents, from the first on.
+    pub(in crate::query) fn documents(&self) -> impl Iterator<Item = Result<RawDocumentBuf>> + use<> {
+        let mut file = BufReader::with_capacity(BLOCK, Reader { file: Rc::clone(&self.file), offset: 0 });
+        let folder = self.folder.clone();
+        std::iter::from_fn(move || next(&mut file).map_err(|error| failed(&error, &folder)).transpose()).fuse()
+    }
+}
+
+/// Reads a file from a place of its own.
+struct Reader {
+    file: Rc<RefCell<SpooledTempFile>>,
+    offset: u64,
+}
+
+impl Read for Reader {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        let mut file = self.file.borrow_mut();
+        file.seek(SeekFrom::Start(self.offset))?;
+        let length = file.read(bytes)?;
+        self.offset += length as u64;
+        Ok(length)
     }
 }
 
