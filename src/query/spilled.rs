@@ -91,7 +91,7 @@ proptest! {
         let facet = doc! { "first": [{ "$limit": 3 }], "all": [{ "$sort": { "v": 1 } }], "auto": [{ "$bucketAuto": auto.clone() }] };
         for stage in [doc! { "$bucketAuto": auto }, doc! { "$facet": facet }] {
             // The bounds may be NaN, which is not equal to itself.
-            let run = |limit| run(&[stage.clone()], &documents, limit).map(|documents| format!("{documents:?}"));
+            let run = |limit| run(std::slice::from_ref(&stage), &documents, limit).map(|documents| format!("{documents:?}"));
             prop_assert_eq!(run(limit)?, run(usize::MAX)?);
         }
     }

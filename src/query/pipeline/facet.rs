@@ -50,7 +50,7 @@ impl Facet {
     ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
         let mut documents = Spool::new(run.spill());
         for document in input {
-            documents.push(&*document?)?;
+            documents.push(&document?)?;
         }
         let documents = documents.shared()?;
         let mut results = Document::new();
