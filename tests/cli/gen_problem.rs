@@ -524,7 +524,7 @@ fn things(lab: &Lab, count: usize, last: &str) {
     let thing = |n: usize| {
         format!(
             "{{\"type\": \"thing\", \"name\": \"thing{n}\", \"location\": \"shelf\", \"tidied\": {}, \"weight\": {}.5}}\n",
-            n % 3 == 0,
+            n.is_multiple_of(3),
             n % 7
         )
     };
