@@ -51,6 +51,10 @@ impl Description {
     /// # Errors
     /// If MongoDB refuses its argument, or it asks for times, which the embedded store does not take.
     pub fn parse(stage: &Document) -> Result<Option<Self>> {
+        if stage.len() != 1 {
+            // That is a mistake of the pipeline, which says so.
+            return Ok(None);
+        }
         match stage.iter().next() {
             Some((name, argument)) if name == "$collStats" => collection(argument).map(Some),
             Some((name, argument)) if name == "$indexStats" => match argument {
@@ -145,6 +149,7 @@ mod tests {
         assert_eq!(read(doc! { "count": Bson::Null, "storageStats": { "scale": half } }), asked(Some(2), false));
         assert_eq!(Description::parse(&doc! { "$indexStats": {} }).unwrap(), Some(Description::Indexes));
         assert_eq!(Description::parse(&doc! { "$match": {} }).unwrap(), None);
+        assert_eq!(Description::parse(&doc! { "$indexStats": {}, "$match": {} }).unwrap(), None);
     }
 
     #[test]
