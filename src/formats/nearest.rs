@@ -5,8 +5,8 @@
 #[must_use]
 pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let candidates: Vec<&str> = candidates.into_iter().collect();
-    // Of collections of one database, only what follows can be misspelt.
-    if let Some((database, name)) = wanted.rsplit_once('.') {
+    // Of collections of one database, only what follows can be misspelt; of a letter or two, nothing can be said.
+    if let Some((database, name)) = wanted.rsplit_once('.').filter(|(_, name)| name.chars().count() > 2) {
         let same = |candidate: &&'a str| candidate.rsplit_once('.').is_some_and(|(other, _)| other == database);
         let of = |candidate: &'a str| candidate.get(database.len() + 1..).unwrap_or_default();
         let near = likest(name, candidates.iter().copied().filter(same).map(of));
@@ -47,5 +47,6 @@ mod tests {
         assert_eq!(nearest("robmem.objects", names), None);
         assert_eq!(nearest("", names), None);
         assert_eq!(nearest("robmem.few", ["robmem.bom", "robmen.few"]), Some("robmen.few"));
+        assert_eq!(nearest("pose.y", ["pose", "pose.x"]), Some("pose.x"));
     }
 }
