@@ -74,7 +74,7 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
             return Err(StoreError::Held { what }.into());
         }
         memory.undo_unless_changed(&selection, last, &plan)?;
-        if let Some(newest) = &plan.newest {
+        if let Some(newest) = plan.newest.as_ref().filter(|_| !plan.documents.is_empty()) {
             let others = if plan.changes > 1 { ", the newest of them" } else { "" };
             context.output.note(&format!(
                 "took back {}{others}: {}",
