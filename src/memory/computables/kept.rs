@@ -11,15 +11,13 @@ use std::time::{Duration, Instant};
 use bson::{Bson, Document, doc};
 
 use super::definition::{BodyKind, Definition, NO_PROGRAMS, Origin};
-use super::record;
+use super::record::{self, COLLECTION};
 use super::registry::{Computable, Registry, Wrong, taken, wrong_message};
 use super::state::{Kept, Wanted};
 use crate::memory::Memory;
 use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError, metadata};
 
-/// The collection of the computables of a database.
-pub(in crate::memory) const COLLECTION: &str = "rmem.computables";
 /// How long those of a server are believed to be as they were.
 const MOST_AGE: Duration = Duration::from_secs(1);
 

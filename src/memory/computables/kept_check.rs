@@ -2,7 +2,8 @@
 
 use bson::{Bson, Document};
 
-use super::kept::{COLLECTION, read};
+use super::kept::read;
+use super::record::COLLECTION;
 use super::registry::Registry;
 use crate::formats::shell;
 use crate::memory::Memory;

@@ -53,13 +53,13 @@ pub use builtin::BUILTINS;
 pub use check::{Check, Verdict};
 pub use definition::{BodyKind, Definition, NO_PROGRAMS, Origin, check_adds};
 pub use pipeline::check as check_pipeline;
+pub(super) use record::COLLECTION as KEPT;
 pub use record::read;
 pub use registry::{Computable, Registry};
 pub use report::Computed;
 pub use sources::Sources;
 
 pub(super) use cache::forget;
-pub(super) use kept::COLLECTION as KEPT;
 pub(super) use questions::{questions, target, visible_stages};
 pub(super) use state::Computables;
 pub use state::Warnings;

@@ -12,6 +12,9 @@ use crate::formats::{Source, nearest, quantity, shell};
 use crate::query::Filter;
 use crate::store::{Namespace, metadata};
 
+/// The collection of the computables of a database.
+pub(in crate::memory) const COLLECTION: &str = "rmem.computables";
+
 /// All keys, and those of programs.
 const KEYS: [&str; 11] =
     ["name", "collection", "spec", "priority", "cache", "adds", "pipeline", "from", "builtin", "frames", "position"];

@@ -199,9 +199,11 @@ impl AutoBucket {
             Some(high) => compare_values(value, high).is_lt(),
             None => compare_values(value, &last).is_eq(),
         };
+        let mut end = None;
         while sorted.next.as_ref().is_some_and(|(value, _)| belongs(value)) {
-            let Some((_, document)) = sorted.advance()? else { break };
+            let Some((value, document)) = sorted.advance()? else { break };
             groups.add(Bson::Null, (&*document).into(), run)?;
+            end = Some(value);
         }
         let next = sorted.next.as_ref().map(|(value, _)| value.clone());
         let (least, high) = match (&self.granularity, above) {
@@ -211,7 +213,8 @@ impl AutoBucket {
                 let is_zero = Number::of(&high).is_some_and(Number::is_zero);
                 (least, next.filter(|_| is_zero).map_or(high, |next| granularity.below(&next)))
             }
-            _ => (least, next.unwrap_or(last)),
+            // Of equal values, the last.
+            _ => (least, next.or(end).unwrap_or(last)),
         };
         let mut id = Document::new();
         id.insert("min", least);
