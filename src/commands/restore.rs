@@ -76,8 +76,8 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
     }
     let progress = context.output.progress(&format!("restoring {}", args.path.display()));
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
-    // What is staged has to be removed again; what is merged stays as far as it got.
-    let guard = (args.drop && !args.dry_run).then(crate::interrupt::InterruptGuard::new);
+    // What is staged has to be removed again; of what is merged, it is said how much stays.
+    let guard = (!args.dry_run).then(crate::interrupt::InterruptGuard::new);
     let stop = guard.as_ref().map(crate::interrupt::InterruptGuard::interrupted);
     let temporary = context.temporary();
     let options = RestoreOptions {
@@ -88,7 +88,7 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
         stop,
     };
     let report = match restore(&memory, &dump, options) {
-        Err(interrupted @ RestoreError::Interrupted) => {
+        Err(interrupted @ RestoreError::Interrupted(_)) => {
             context.output.error(&interrupted.to_string());
             return Ok(Exit::Interrupted);
         }

@@ -70,8 +70,7 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
     let memory = context.memory()?;
     let query = Query { filter: &request.filter, modifiers: &request.modifiers };
     let matching = if args.many { None } else { others(&args.namespace, query, &memory, context)? };
-    // A server goes on with what it was asked, so that there is nothing to wait for.
-    let guard = (args.many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
+    let guard = args.many.then(InterruptGuard::stopping);
     let updated = memory.update(&args.namespace, &request);
     drop(guard);
     let updated = updated.map_err(|error| blame(error, &[("<update>", &args.update), ("<query>", &args.query)]))?;

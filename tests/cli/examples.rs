@@ -78,6 +78,23 @@ fn an_executive_takes_plans_with_times_and_names_with_blanks() {
 }
 
 #[test]
+fn a_name_with_a_line_break_is_no_word_of_a_line_for_a_shell() {
+    let lab = Lab::new();
+    let domain = "(define (domain d) (:types box) (:predicates (on ?b - box) (off ?b - box))\n\
+                  (:action lift :parameters (?b - box) :precondition (on ?b) :effect (and (not (on ?b)) (off ?b))))\n";
+    lab.write("d.pddl", domain);
+    lab.write(
+        "t.j2",
+        "{% set b = find_one('a.boxes').name %}(define (problem p) (:domain d) (:objects {{ b }} - box)\n\
+         (:init (on {{ b }})) (:goal (off {{ b }})))\n",
+    );
+    lab.rmem(&["insert", "a.boxes", "{name: 'x\\n1; touch here #'}"]).success();
+    lab.rmem(&["plan", "-q", "-d", "d.pddl", "-t", "t.j2"]).success();
+    let shown = lab.rmem(&["plan", "show", "last", "--format", "shell"]).exits(3);
+    assert!(shown.stdout.is_empty() && shown.stderr.contains("has a line break in it"), "{shown}");
+}
+
+#[test]
 fn an_executive_notices_that_the_world_changed_and_plans_again() {
     for executive in executives() {
         let lab = Lab::new();

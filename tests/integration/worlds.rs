@@ -1,6 +1,7 @@
 //! Dumps and locks with a real mongod on one side or on both.
 
 use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, doc};
@@ -25,7 +26,46 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("worlds::one_robot_at_a_time_holds_a_lock_in_mongod", contended),
     ("worlds::a_lock_in_mongod_expires", expiring),
     ("worlds::a_counter_in_mongod_gives_each_number_once", counted),
+    ("worlds::interrupted_changes_of_mongod_say_how_much_is_done", interrupted),
 ];
+
+/// Interrupts rmem in the middle of an update and of a restore of many documents.
+fn interrupted(uri: &str) -> Result<(), Failed> {
+    const COUNT: usize = 20_000;
+    let folder = tempfile::tempdir()?;
+    let ns = Namespace::parse("worlds.interrupted")?;
+    let memory = memory(uri)?;
+    memory.drop_collection(&ns)?;
+    let count = |filter: Document| -> Result<u64, Failed> { Ok(memory.count(&ns, &filter)?) };
+    let run = |arguments: &[&str], is_begun: &dyn Fn() -> Result<bool, Failed>| -> Result<String, Failed> {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        command.args(["--memory", uri]).args(arguments).current_dir(folder.path()).env("HOME", folder.path());
+        let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+        while !is_begun()? && child.try_wait()?.is_none() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let process = rustix::process::Pid::from_raw(i32::try_from(child.id())?).ok_or("no process")?;
+        rustix::process::kill_process(process, rustix::process::Signal::INT)?;
+        let ended = child.wait_with_output()?;
+        assert_eq!(ended.status.code(), Some(130));
+        Ok(String::from_utf8(ended.stderr)?)
+    };
+    let world: Vec<String> = (0..COUNT).map(|n| format!("{{\"_id\": {n}}}")).collect();
+    std::fs::write(folder.path().join("world.json"), format!("{{\"{ns}\": [{}]}}", world.join(",\n")))?;
+    let said = run(&["restore", "world.json"], &|| Ok(count(doc! {})? > 0))?;
+    let stored = count(doc! {})?;
+    let wanted = format!("error: interrupted; {ns}: {stored} of its documents were stored, and the rest were not\n");
+    assert_eq!(said, wanted);
+    let documents = (0..i32::try_from(COUNT)?).map(|n| doc! { "_id": n });
+    memory.drop_collection(&ns)?;
+    memory.insert(&ns, documents.collect())?;
+    let update = ["update", "worlds.interrupted", "{}", "{$set: {n: 1}}", "--many"];
+    let said = run(&update, &|| Ok(count(doc! { "n": 1 })? > 0))?;
+    let changed = count(doc! { "n": 1 })?;
+    assert_eq!(said, format!("error: interrupted after {changed} documents; what was done stays\n"));
+    memory.drop_collection(&ns)?;
+    Ok(())
+}
 
 /// Several clients count at the same time, from before the counter is there.
 fn counted(uri: &str) -> Result<(), Failed> {

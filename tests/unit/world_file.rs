@@ -211,7 +211,7 @@ fn a_restore_that_is_told_to_stop_changes_nothing() {
     let stop = AtomicBool::new(true);
     let stopped =
         restore(&memory, &dump, RestoreOptions { drop: true, stop: Some(&stop), ..RestoreOptions::default() });
-    assert!(matches!(stopped, Err(RestoreError::Interrupted)), "{stopped:?}");
+    assert!(matches!(stopped, Err(RestoreError::Interrupted(_))), "{stopped:?}");
     assert_eq!(all(&memory, "a.b"), [doc! { "_id": 1 }]);
     stop.store(false, Ordering::Relaxed);
     restore(&memory, &dump, RestoreOptions { drop: true, stop: Some(&stop), ..RestoreOptions::default() }).unwrap();

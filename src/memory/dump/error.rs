@@ -10,9 +10,9 @@ pub enum RestoreError {
     /// The dump cannot be read.
     #[error(transparent)]
     Dump(#[from] ReadError),
-    /// It was interrupted; nothing was changed.
-    #[error("interrupted; nothing was changed")]
-    Interrupted,
+    /// It was interrupted; with what of the dump is in the memory now.
+    #[error("interrupted; {0}")]
+    Interrupted(String),
     /// The store fails.
     #[error("cannot restore {which}")]
     Store {
@@ -27,10 +27,15 @@ impl AtFault for RestoreError {
     fn fault(&self) -> Fault {
         match self {
             Self::Dump(error) => error.fault(),
-            Self::Interrupted => Fault::Interrupt,
+            Self::Interrupted(_) => Fault::Interrupt,
             Self::Store { source, .. } => source.fault(),
         }
     }
+}
+
+/// The error of a restore that was interrupted before it changed anything.
+pub(super) fn nothing_done() -> RestoreError {
+    RestoreError::Interrupted("nothing was changed".to_owned())
 }
 
 /// The error of a store in a restore that changed nothing.

@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::batch::{batches, undated};
-use super::error::{RestoreError, unchanged};
+use super::error::{RestoreError, nothing_done, unchanged};
 use super::read::{Dump, Part};
 use super::{dry_run, oplog, staging};
 use crate::memory::Memory;
@@ -91,7 +91,7 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
         dry_run::check_keys(memory, dump, options.drop, options.temporary.unwrap_or(Path::new("/tmp")))?;
         let mut foreseen = match options.drop {
             true => foresee(memory, dump, &counts)?,
-            false => put(memory, dump, true, true)?,
+            false => put(memory, dump, true, true, None)?,
         };
         for (restored, part) in foreseen.iter_mut().zip(&dump.parts) {
             restored.without = dry_run::refused(memory, part)?;
@@ -106,9 +106,9 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
         let apply = || log.map_or(Ok(Vec::new()), |log| oplog::apply(memory, log));
         let (collections, without) = match options.drop {
             true => replace(memory, dump, &namespaces, options.stop, apply)?,
-            false => {
-                memory.atomically(&namespaces, failed, |whole| Ok((put(memory, dump, false, whole)?, apply()?)))?
-            }
+            false => memory.atomically(&namespaces, failed, |whole| {
+                Ok((put(memory, dump, false, whole, options.stop)?, apply()?))
+            })?,
         };
         report.notes = without;
         collections
@@ -126,22 +126,29 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
 }
 
 /// Puts all documents into the memory; `whole` says that nothing is kept where one fails.
-fn put(memory: &Memory, dump: &Dump, dry_run: bool, whole: bool) -> Result<Vec<Restored>, RestoreError> {
+fn put(
+    memory: &Memory,
+    dump: &Dump,
+    dry_run: bool,
+    whole: bool,
+    stop: Option<&AtomicBool>,
+) -> Result<Vec<Restored>, RestoreError> {
     let mut done: Vec<Restored> = Vec::with_capacity(dump.parts.len());
     for part in &dump.parts {
         let mut restored = Restored::nothing(&part.namespace);
         for batch in batches(part.documents()?) {
             let batch = undated(batch?);
-            merge(memory, batch, dry_run, &mut restored).map_err(|source| {
-                if whole {
-                    return unchanged(&part.namespace, source);
+            if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                return Err(match whole {
+                    true => nothing_done(),
+                    false => RestoreError::Interrupted(format!("{}: {}", part.namespace, so_far(&restored, &done))),
+                });
+            }
+            merge(memory, batch, dry_run, &mut restored).map_err(|source| match whole {
+                true => unchanged(&part.namespace, source),
+                false => {
+                    RestoreError::Store { which: format!("{}; {}", part.namespace, so_far(&restored, &done)), source }
                 }
-                let complete: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
-                let before =
-                    if complete.is_empty() { String::new() } else { format!(" after {}", complete.join(", ")) };
-                let some = restored.inserted + restored.replaced;
-                let state = format!("{some} of its documents were stored{before}, and the rest were not");
-                RestoreError::Store { which: format!("{}; {state}", part.namespace), source }
             })?;
         }
         if !dry_run {
@@ -158,6 +165,13 @@ fn put(memory: &Memory, dump: &Dump, dry_run: bool, whole: bool) -> Result<Vec<R
         done.push(restored);
     }
     Ok(done)
+}
+
+/// How much of a collection was stored, and after which others.
+fn so_far(restored: &Restored, done: &[Restored]) -> String {
+    let complete: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
+    let before = if complete.is_empty() { String::new() } else { format!(" after {}", complete.join(", ")) };
+    format!("{} of its documents were stored{before}, and the rest were not", restored.inserted + restored.replaced)
 }
 
 /// Creates indexes; returns notes on those that the store does not support.
@@ -315,7 +329,7 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
     staged.restored.dropped = Some(size(memory, &part.namespace)?);
     for batch in batches(part.documents()?) {
         if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-            return Err(RestoreError::Interrupted);
+            return Err(nothing_done());
         }
         let inserted =
             memory.insert(&staged.name, undated(batch?)).map_err(|source| unchanged(&part.namespace, source))?;

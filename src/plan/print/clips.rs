@@ -12,6 +12,9 @@ pub enum PrintError {
     /// CLIPS ends every text at a NUL.
     #[error("{0:?} has a NUL in it, at which CLIPS would end it")]
     Nul(String),
+    /// A line of words ends at a line break, and a shell would take what follows for a step.
+    #[error("{0:?} has a line break in it, and the format shell has a line for each step; --format json has any name")]
+    LineBreak(String),
 }
 
 impl AtFault for PrintError {

@@ -59,7 +59,7 @@ impl PrintedPlan<'_> {
             Format::Document => Ok(serde_json::to_string(self.document).unwrap_or_default() + "\n"),
             Format::Clips => self.facts(FactLayout::Own),
             Format::Ff => Ok(ff::ff(self.plan)),
-            Format::Shell => Ok(shell::lines(self)),
+            Format::Shell => shell::lines(self),
             Format::Dot => Ok(dot::graph(self)),
             Format::Svg => Ok(svg::draw(self)),
         }

@@ -16,6 +16,7 @@ use std::collections::HashMap;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::MongoDb;
+use crate::interrupt::stops_work;
 use crate::query::{Filter, QueryError, Update};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
@@ -72,6 +73,9 @@ impl MongoDb {
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
         let mut done = Updated::default();
         for ids in matches.chunks(chunk) {
+            if stops_work() {
+                return Err(StoreError::Interrupted { done: done.modified });
+            }
             let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": ids } }] };
             let modifiers = request.modifiers.clone();
             let before = with_ids(self.find(ns, &Find { filter, modifiers, ..Find::default() })?)?;
