@@ -11,27 +11,10 @@ use super::table::Table;
 use super::types::{OBJECT, TypeSet};
 use super::vocabulary::{ObjectEntry, Vocabulary};
 use crate::formats::Source;
-use crate::formats::pddl::{Dialect, NameSet};
+use crate::formats::pddl::{Dialect, NameSet, RESERVED};
 
 /// How many bytes are kept for the check at the end.
 const MAX_KEPT: usize = 4 << 20;
-
-/// Words that a plain atom does not begin with, or that are no plain name.
-const RESERVED: [&str; 13] = [
-    "not",
-    "and",
-    "or",
-    "imply",
-    "forall",
-    "exists",
-    "when",
-    "either",
-    "assign",
-    "increase",
-    "decrease",
-    "scale-up",
-    "scale-down",
-];
 
 /// It cannot be said that nothing is wrong or odd.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -383,7 +366,7 @@ fn ends_word(byte: u8) -> bool {
 fn is_plain(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic())
         && word.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
-        && !RESERVED.iter().any(|reserved| reserved.eq_ignore_ascii_case(word))
+        && !RESERVED.iter().chain(&["either"]).any(|reserved| reserved.eq_ignore_ascii_case(word))
 }
 
 #[cfg(test)]

@@ -93,7 +93,7 @@ pub(super) struct Assembler {
     names: NameSet,
     /// Of each of them, whether a value of this text is a name as it is.
     is_legal: Vec<bool>,
-    /// Where everything comes from, unless nobody asks.
+    /// Where everything comes from, if it is asked for.
     notes: Option<Notes>,
 }
 

@@ -16,7 +16,7 @@ use crate::formats::{Diagnostic, Span};
 const STRETCH: usize = 32 * 1024;
 
 /// Words that no plain list begins with; the grammar knows what to do with them.
-const RESERVED: [&str; 12] = [
+pub(crate) const RESERVED: [&str; 12] = [
     "not",
     "and",
     "or",

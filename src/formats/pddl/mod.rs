@@ -22,6 +22,7 @@ mod walk;
 mod write;
 
 pub use foreign::{other_language, tight_dashes};
+pub(crate) use init::RESERVED;
 pub use name_set::NameSet;
 pub use section::{read_domain, read_problem};
 
