@@ -641,6 +641,79 @@ fn queries_of_markers_take_parameters() {
 }
 
 #[test]
+fn keys_and_patterns_of_marker_queries_take_parameters() {
+    let lab = parts();
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 2, name: 'B', n: 3, at: {x: 3}, xs: [1, 7]}"]).success();
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 3, name: 'C', n: 4, at: {x: 4}, k3: 1}"]).success();
+    let words = ["gen-problem", "-t", "q.tmpl", "--collection", "a.b"];
+    let rendered = |query: &str, parameters: &[&str]| {
+        lab.write("q.tmpl", &format!("<<#M{query}>>(idle <<name>>)<</M>>"));
+        lab.rmem(&[&words[..], parameters].concat())
+    };
+    assert_eq!(rendered("|{'%K%': 3}", &["-D", "K=n"]).success(), "(idle B)");
+    assert_eq!(rendered("|{'%K%': '%V%'}", &["-D", "K=at.x", "-D", "V:=4"]).success(), "(idle C)");
+    assert_eq!(rendered("|{$or: [{'at.%K%': {$gt: 3}}]}", &["-D", "K=x"]).success(), "(idle C)");
+    assert_eq!(rendered("|{'xs.%I%': 7, 'k%I%': null}", &["-D", "I:=1"]).success(), "(idle B)");
+    assert_eq!(rendered("||[{$match: {'%K%': 3}}]", &["-D", "K=n"]).success(), "(idle B)");
+    assert_eq!(rendered("|{name: /^%P%$/i}", &["-D", "P=[bx]"]).success(), "(idle B)");
+    assert_eq!(rendered("|{'%K%': 3}", &["--lenient"]).success(), "");
+    assert_run!(rendered("|{'%K%': '1'}", &["-D", "K=$where"]), @r"
+    ------- stderr -------
+    error: q.tmpl:1:6: the parameter `K` cannot be used in the key `%K%`: it would make it an operator
+      |
+    1 | <<#M|{'%K%': '1'}>>(idle <<name>>)<</M>>
+      |      ^^^^^^^^^^^^
+      = hint: a parameter in a key is the name of a key or a path, like `state` or `pose.x`
+    [exit code: 3]
+    ");
+    assert_run!(rendered("|{'at.%K%': 1}", &["-D", "K=x.$y"]), @r"
+    ------- stderr -------
+    error: q.tmpl:1:6: the parameter `K` cannot be used in the key `at.%K%`: it would make it an operator
+      |
+    1 | <<#M|{'at.%K%': 1}>>(idle <<name>>)<</M>>
+      |      ^^^^^^^^^^^^^
+      = hint: a parameter in a key is the name of a key or a path, like `state` or `pose.x`
+    [exit code: 3]
+    ");
+    assert_run!(rendered("|{'%K%': 1}", &["-D", "K:={\"$gt\": 1}"]), @r"
+    ------- stderr -------
+    error: q.tmpl:1:6: the parameter `K` cannot be used in the key `%K%`: it is neither text nor a whole number
+      |
+    1 | <<#M|{'%K%': 1}>>(idle <<name>>)<</M>>
+      |      ^^^^^^^^^^
+      = hint: a parameter in a key is the name of a key or a path, like `state` or `pose.x`
+    [exit code: 3]
+    ");
+    assert_run!(rendered("|{'%K%': 1}", &["-D", "K="]), @r"
+    ------- stderr -------
+    error: q.tmpl:1:6: the parameter `K` cannot be used in the key `%K%`: it is empty
+      |
+    1 | <<#M|{'%K%': 1}>>(idle <<name>>)<</M>>
+      |      ^^^^^^^^^^
+      = hint: a parameter in a key is the name of a key or a path, like `state` or `pose.x`
+    [exit code: 3]
+    ");
+    assert_run!(rendered("|{n: 3, '%K%': 4}", &["-D", "K=n"]), @r"
+    ------- stderr -------
+    error: q.tmpl:1:6: the parameters make two keys `n` of this query
+      |
+    1 | <<#M|{n: 3, '%K%': 4}>>(idle <<name>>)<</M>>
+      |      ^^^^^^^^^^^^^^^^
+      = hint: a document has each key once; join the conditions with $and
+    [exit code: 3]
+    ");
+    assert_run!(rendered("|{'%K%': 1}", &["-D", "L=n"]), @r"
+    ------- stderr -------
+    error: <parameter>:1:1: the template does not use a parameter `L`
+      |
+    1 | L
+      | ^
+      = hint: it uses K, name
+    [exit code: 3]
+    ");
+}
+
+#[test]
 fn a_goal_for_a_problem_that_has_its_own_is_refused() {
     let lab = lab();
     lab.write("p.pddl", "(define (problem p) (:domain d) (:objects A) (:init (idle A)) (:goal (up A)))");

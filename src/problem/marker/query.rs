@@ -23,14 +23,36 @@ pub(super) fn placeholders(text: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
-/// A query with the values of the parameters that its texts name. A text that is nothing but `%NAME%` becomes the value with its type.
+/// A query with the values of the parameters that its texts, patterns and keys name. A text that is nothing but `%NAME%` becomes the value
+/// with its type; a key stays a key: no value makes an operator of it.
 pub(super) fn filled(query: Document, request: &Request, place: Span) -> Result<Document, Diagnostic> {
-    query.into_iter().map(|(key, value)| Ok((key, fill(value, request, place)?))).collect()
+    let mut result = Document::new();
+    for (key, value) in query {
+        let key = fill_key(key, request, place)?;
+        if result.contains_key(&key) {
+            let message = format!("the parameters make two keys `{}` of this query", key.escape_debug());
+            return Err(Diagnostic::new(&request.template, place, message)
+                .hint("a document has each key once; join the conditions with $and"));
+        }
+        result.insert(key, fill(value, request, place)?);
+    }
+    Ok(result)
 }
 
 fn fill(value: Bson, request: &Request, place: Span) -> Result<Bson, Diagnostic> {
     match value {
-        Bson::String(text) => fill_text(text, request, place),
+        Bson::String(text) => match whole(&text) {
+            Some(name) => Ok(parameter(name, request, place)?.cloned().unwrap_or(Bson::String(text))),
+            None => fill_text(&text, request, place).map(Bson::String),
+        },
+        Bson::RegularExpression(mut regex) => {
+            let pattern = fill_text(regex.pattern.as_str(), request, place)?;
+            regex.pattern = pattern.try_into().map_err(|_| {
+                let message = "a parameter of this query has a null character, which a pattern cannot have";
+                Diagnostic::new(&request.template, place, message.to_owned())
+            })?;
+            Ok(Bson::RegularExpression(regex))
+        }
         Bson::Document(inner) => filled(inner, request, place).map(Bson::Document),
         Bson::Array(elements) => {
             let elements = elements.into_iter().map(|element| fill(element, request, place));
@@ -40,39 +62,58 @@ fn fill(value: Bson, request: &Request, place: Span) -> Result<Bson, Diagnostic>
     }
 }
 
-fn fill_text(text: String, request: &Request, place: Span) -> Result<Bson, Diagnostic> {
+/// The name in a text that is nothing but `%NAME%`.
+fn whole(text: &str) -> Option<&str> {
+    placeholders(text).next().map(|(_, name)| name).filter(|name| name.len() + 2 == text.len())
+}
+
+/// The value of a parameter; none for one that is not given, where that is no error.
+fn parameter<'a>(name: &str, request: &'a Request, place: Span) -> Result<Option<&'a Bson>, Diagnostic> {
+    let found = request.parameters.iter().find(|(known, _)| known == name).map(|(_, value)| value);
+    if found.is_some() || request.lenient {
+        return Ok(found);
+    }
+    let message = format!("there is no parameter `{name}` for `%{name}%`");
+    let diagnostic = Diagnostic::new(&request.template, place, message);
+    let diagnostic = match nearest(name, request.parameters.iter().map(|(known, _)| known.as_str())) {
+        Some(near) => diagnostic.hint(format!("did you mean `%{near}%`?")),
+        None => diagnostic,
+    };
+    Err(diagnostic.hint(format!("give it with -D {name}=…")))
+}
+
+fn fill_text(text: &str, request: &Request, place: Span) -> Result<String, Diagnostic> {
     let (mut result, mut copied) = (String::new(), 0);
-    for (start, name) in placeholders(&text) {
-        let found = request.parameters.iter().find(|(known, _)| known == name).map(|(_, value)| value);
-        let Some(value) = found else {
-            if request.lenient {
-                continue;
-            }
-            let message = format!("there is no parameter `{name}` for `%{name}%`");
-            let diagnostic = Diagnostic::new(&request.template, place, message);
-            let near = nearest(name, request.parameters.iter().map(|(known, _)| known.as_str()));
-            let diagnostic = match near {
-                Some(near) => diagnostic.hint(format!("did you mean `%{near}%`?")),
-                None => diagnostic,
-            };
-            return Err(diagnostic.hint(format!("give it with -D {name}=…")));
-        };
-        let length = name.len() + 2;
-        if length == text.len() {
-            return Ok(value.clone());
-        }
+    for (start, name) in placeholders(text) {
+        let Some(value) = parameter(name, request, place)? else { continue };
         result.push_str(text.get(copied..start).unwrap_or_default());
         match value {
             Bson::String(text) => result.push_str(text),
             other => crate::formats::shell::write_relaxed(other, &mut result),
         }
-        copied = start + length;
-    }
-    if copied == 0 {
-        return Ok(Bson::String(text));
+        copied = start + name.len() + 2;
     }
     result.push_str(text.get(copied..).unwrap_or_default());
-    Ok(Bson::String(result))
+    Ok(result)
+}
+
+/// A key with the values of the parameters that it names: texts and whole numbers, which name a key or a path of keys.
+fn fill_key(key: String, request: &Request, place: Span) -> Result<String, Diagnostic> {
+    for (_, name) in placeholders(&key) {
+        let Some(value) = parameter(name, request, place)? else { continue };
+        let message = match value {
+            Bson::String(text) if text.is_empty() => "is empty",
+            Bson::String(text) if text.contains('\0') => "has a null character",
+            Bson::String(text) if text.split('.').any(|part| part.starts_with('$')) => "would make it an operator",
+            Bson::String(_) | Bson::Int32(_) | Bson::Int64(_) => continue,
+            _ => "is neither text nor a whole number",
+        };
+        let message =
+            format!("the parameter `{name}` cannot be used in the key `{}`: it {message}", key.escape_debug());
+        return Err(Diagnostic::new(&request.template, place, message)
+            .hint("a parameter in a key is the name of a key or a path, like `state` or `pose.x`"));
+    }
+    fill_text(&key, request, place)
 }
 
 #[cfg(test)]
