@@ -1,7 +1,10 @@
 //! What is run, and how it ended.
 
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
+
+use bson::Document;
 
 use crate::formats::Source;
 use crate::planner::{Host, Registry};
@@ -11,6 +14,10 @@ use crate::store::Namespace;
 pub struct Job {
     /// Constructs, loaded in this order.
     pub programs: Vec<Source>,
+    /// Where programs find files: the first folder that has one.
+    pub folders: Vec<PathBuf>,
+    /// The robot's configuration, which programs take values of; a later document changes those before it.
+    pub configuration: Vec<Document>,
     /// Facts that are asserted after `(reset)`.
     pub facts: Vec<Source>,
     /// How many rules fire at most.

@@ -7,21 +7,19 @@ use std::time::Instant;
 
 use super::job::{Ended, Job};
 use super::message::Sender;
-use super::native::{Environment, Running, Stream};
-use super::program::{self, Part};
+use super::native::{Environment, Running};
+use super::program;
 use super::state::State;
 use super::stop::Stop;
-use super::{exchange, functions, subscription};
+use super::{exchange, functions, load, subscription};
 use crate::error::Result;
 use crate::formats::clips::{Item, Reader};
-use crate::formats::{Diagnostic, Diagnostics, Source, Span};
+use crate::formats::{Diagnostic, Diagnostics, Source};
 use crate::input::WrongInput;
 use crate::memory::Memory;
 
 /// How many rules fire before changes of the memory are looked for.
 const BURST: u64 = 100;
-/// How deep lists may be nested in a program: CLIPS reads them recursively.
-const MAX_DEPTH: usize = 10_000;
 
 /// Loads programs, asserts facts, and fires rules until the run is over.
 pub(super) fn run(job: &Job, deadline: Option<Instant>, memory: &Memory, sender: &Sender) -> Result<Ended> {
@@ -73,108 +71,11 @@ fn replace(own: &BTreeSet<(String, String)>, clips: &Environment, sender: &Sende
 fn load(programs: &[Source], clips: &Environment, state: &State<'_>) -> Result<bool> {
     let (mut complaints, mut is_reset) = (Vec::new(), false);
     for program in programs {
-        if let Some(place) = too_deep(program.text()) {
-            let message = format!("expected lists nested at most {MAX_DEPTH} deep");
-            complaints.push(Diagnostic::new(program, Span::at(place), message));
-            continue;
-        }
-        for part in program::parts(program.text()) {
-            match part {
-                Part::Constructs(span) => complaints.extend(constructs(program, span, clips, state)),
-                Part::Command(span) => {
-                    is_reset |= program.slice(span).trim_start_matches('(').trim_start().starts_with("reset");
-                    complaints.extend(command(program, span, clips, state));
-                }
-            }
-            if state.stop().is_due() {
-                break;
-            }
-        }
+        let loaded = load::program(program, clips, state);
+        complaints.extend(loaded.complaints);
+        is_reset |= loaded.is_reset;
     }
     if complaints.is_empty() { Ok(is_reset) } else { Err(Diagnostics(complaints).into()) }
-}
-
-/// Loads constructs; returns what is wrong with them.
-fn constructs(program: &Source, span: Span, clips: &Environment, state: &State<'_>) -> Vec<Diagnostic> {
-    let mut complaints = Vec::new();
-    // CLIPS counts the lines of what it is given.
-    let before = program.text().get(..span.start).unwrap_or_default().matches('\n').count();
-    let text = format!("{}{}", "\n".repeat(before), program.slice(span));
-    let good = state.while_loading(|| clips.load(&text));
-    for (line, doubtful, text) in state.take_mistakes() {
-        let complaint = Diagnostic::new(program, line_span(program.text(), line), sentence(&text));
-        if doubtful {
-            state.sender().note(complaint.to_string());
-        } else {
-            complaints.push(complaint);
-        }
-    }
-    if !good && complaints.is_empty() && !state.stop().is_due() {
-        complaints.push(Diagnostic::new(program, Span::at(span.start), "expected constructs that CLIPS can load"));
-    }
-    complaints
-}
-
-/// Runs a command; returns what is wrong with it.
-fn command(program: &Source, span: Span, clips: &Environment, state: &State<'_>) -> Option<Diagnostic> {
-    let (good, printed) = state.while_commanding(|| clips.command(program.slice(span)));
-    let failed = !good || clips.has_failed();
-    if state.stop().is_due() {
-        return None;
-    }
-    clips.recover();
-    if failed {
-        let first = printed.lines().find(|line| !line.trim().is_empty()).unwrap_or("CLIPS cannot run this command");
-        return Some(Diagnostic::new(program, span, first.trim()));
-    }
-    state.sender().write(Stream::Err, printed.as_bytes());
-    None
-}
-
-/// The message of CLIPS on a mistake, without the construct that it repeats.
-fn sentence(text: &str) -> String {
-    let text = text.split_once("\nERROR:").map_or(text, |(text, _)| text);
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// A line, from 1, without the blanks around it; the last one where there are fewer.
-fn line_span(text: &str, line: usize) -> Span {
-    let mut start = 0;
-    let mut found = Span::at(0);
-    for (nth, content) in text.split_inclusive('\n').enumerate() {
-        let indent = content.len() - content.trim_start().len();
-        if !content.trim().is_empty() {
-            found = Span::new(start + indent, start + content.trim_end().len());
-        }
-        if nth + 1 >= line {
-            break;
-        }
-        start += content.len();
-    }
-    found
-}
-
-/// Where lists are nested too deeply.
-fn too_deep(text: &str) -> Option<usize> {
-    let (mut depth, mut quoted, mut escaped, mut remark) = (0_usize, false, false, false);
-    for (place, byte) in text.bytes().enumerate() {
-        match byte {
-            _ if escaped => escaped = false,
-            b'\n' if remark => remark = false,
-            _ if remark => {}
-            b'\\' if quoted => escaped = true,
-            b'"' => quoted = !quoted,
-            _ if quoted => {}
-            b';' => remark = true,
-            b'(' => depth += 1,
-            b')' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        if depth > MAX_DEPTH {
-            return Some(place);
-        }
-    }
-    None
 }
 
 /// Asserts the facts of texts, all of one text or none.

@@ -7,6 +7,7 @@ use super::job::Job;
 use super::message::Sender;
 use super::model::WorldModel;
 use super::native::{Host, Stream};
+use super::search_path::SearchPath;
 use super::stop::Stop;
 use super::subscriptions::Subscriptions;
 use super::table::Table;
@@ -30,6 +31,7 @@ pub(super) struct State<'m> {
     pub(super) world: WorldModel,
     pub(super) wm_facts: WmFacts,
     pub(super) planning: Planning,
+    pub(super) search: SearchPath,
     sender: &'m Sender,
     stop: Stop,
     exited: Cell<Option<i32>>,
@@ -52,6 +54,7 @@ impl<'m> State<'m> {
             world: WorldModel::new(job.world.clone()),
             wm_facts: WmFacts::default(),
             planning: Planning::default(),
+            search: SearchPath::new(&job.folders),
             sender,
             stop,
             exited: Cell::new(None),
@@ -90,17 +93,23 @@ impl<'m> State<'m> {
 
     /// Loads something; messages of CLIPS are kept and not printed.
     pub(super) fn while_loading<T>(&self, work: impl FnOnce() -> T) -> T {
-        self.loading.set(true);
+        let before = self.loading.replace(true);
         let done = work();
-        self.loading.set(false);
+        self.loading.set(before);
         done
+    }
+
+    /// Whether constructs are being loaded.
+    pub(super) fn is_loading(&self) -> bool {
+        self.loading.get()
     }
 
     /// Runs a command; returns also what CLIPS printed on stderr meanwhile, which is not printed.
     pub(super) fn while_commanding<T>(&self, work: impl FnOnce() -> T) -> (T, String) {
-        *self.complaints.borrow_mut() = Some(Vec::new());
+        // A command may load a file, which has commands of its own.
+        let before = self.complaints.replace(Some(Vec::new()));
         let done = work();
-        let complaints = self.complaints.borrow_mut().take().unwrap_or_default();
+        let complaints = self.complaints.replace(before).unwrap_or_default();
         (done, String::from_utf8_lossy(&complaints).into_owned())
     }
 

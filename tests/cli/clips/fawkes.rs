@@ -174,14 +174,14 @@ fn commands_among_constructs_run_where_they_stand() {
     lines.sort_unstable();
     assert_eq!(lines, ["built 2", "built deffacts", "loaded 2", "loaded deffacts"]);
     let program =
-        "(defrule a => )\n(path-load rules.clp)\n(defrule b (x ?) => (nofunction))\n(printout t \"on\" crlf)\n";
+        "(defrule a => )\n(skill-call rules.clp)\n(defrule b (x ?) => (nofunction))\n(printout t \"on\" crlf)\n";
     assert_run!(run(&lab, &[("p.clp", program)], &[]), @r"
     on
     ------- stderr -------
-    error: p.clp:2:1: [EXPRNPSR3] Missing function declaration for 'path-load'.
+    error: p.clp:2:1: [EXPRNPSR3] Missing function declaration for 'skill-call'.
       |
-    2 | (path-load rules.clp)
-      | ^^^^^^^^^^^^^^^^^^^^^
+    2 | (skill-call rules.clp)
+      | ^^^^^^^^^^^^^^^^^^^^^^
     error: p.clp:3:1: [EXPRNPSR3] Missing function declaration for 'nofunction'.
       |
     3 | (defrule b (x ?) => (nofunction))
@@ -189,6 +189,119 @@ fn commands_among_constructs_run_where_they_stand() {
     [exit code: 3]
     ");
     assert_eq!(run(&lab, &[("p.clp", "(exit 7)\n(printout t not)")], &[]).exits(7).stdout, "");
+}
+
+#[test]
+fn files_of_a_program_are_found_on_its_search_path() {
+    let lab = lab();
+    lab.write("agent/rules.clp", "(defrule own (init) => (printout t \"agent/rules.clp\" crlf))\n");
+    lab.write("other/rules.clp", "(defrule other (init) => (printout t \"other/rules.clp\" crlf))\n");
+    lab.write(
+        "other/deep/more.clp",
+        "(deffacts more (init))\n(printout t \"a command\" crlf)\n(path-load rules.clp)\n",
+    );
+    lab.write("agent/late.clp", "(defrule late (init) => (printout t \"loaded by a rule\" crlf))\n");
+    let program = "(path-add-subst \"@BASE@\" \"other\")
+(path-add \"@BASE@/deep\" @BASE@)
+(printout t (path-get) \" \" (resolve-file more.clp) \" \" (path-resolve \"none.clp\") crlf)
+(path-load \"more.clp\")
+(defrule load (declare (salience 10)) (init) => (printout t (path-load late.clp) crlf))\n";
+    lab.write("agent/main.clp", program);
+    assert_run!(lab.rmem(&["clips", "run", "agent/main.clp"]), @r#"
+    ("agent/" "./" "other/deep/" "other/") other/deep/more.clp FALSE
+    a command
+    TRUE
+    loaded by a rule
+    agent/rules.clp
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(lab.rmem(&["clips", "run", "agent/main.clp", "--path", "other"]), @r#"
+    ("other/" "agent/" "./" "other/deep/" "other/") other/deep/more.clp FALSE
+    a command
+    TRUE
+    loaded by a rule
+    other/rules.clp
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn mistakes_in_files_that_a_program_loads_are_at_their_places() {
+    let lab = lab();
+    lab.write(
+        "bad.clp",
+        "(defrule good (go) => (printout t \"good\" crlf))\n(defrule bad (go) => (nofunction))\n(nocommand)\n",
+    );
+    let program = "(deffacts f (go))\n(defrule load (declare (salience 10)) (go) => (printout t (path-load bad.clp) \" \" (path-load none.clp) crlf))\n";
+    assert_run!(run(&lab, &[("p.clp", program)], &[]), @r"
+    FALSE FALSE
+    good
+    ------- stderr -------
+    bad.clp:2:1: [EXPRNPSR3] Missing function declaration for 'nofunction'.
+      |
+    2 | (defrule bad (go) => (nofunction))
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    bad.clp:3:1: [EXPRNPSR3] Missing function declaration for 'nocommand'.
+      |
+    3 | (nocommand)
+      | ^^^^^^^^^^^
+    [RMEM5] Function 'path-load': no file none.clp in ./; --path names other folders
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn values_of_the_configuration_are_facts() {
+    let lab = lab();
+    lab.write("robot.yaml", "%YAML 1.2\n---\nclips-agent:\n  agent: rcll\n  speed: 1.5\n  retries: 3\n  offset: -2\n  debug: true\n  teams: [CYAN, 'MAGENTA \\\"X\\\"']\n  sizes: [1, 2.5]\n  flags: [true, false]\n  none: []\n  nothing: null\n  arms: [{joint: 1}]\nclips-agents: {x: 1}\n");
+    lab.write("host.yaml", "clips-agent: {retries: 5, debug: false}\n");
+    let program = "(deffacts f (init))
+(defrule load (init) => (printout t (config-load \"/clips-agent\") \" values\" crlf))
+(defrule show (confval (path ?p) (type ?t) (value ?v) (is-list ?l) (list-value $?vs)) => (printout t ?p \" \" ?t \" \" ?v \" \" ?l \" \" ?vs crlf))\n";
+    let template = "(deftemplate confval (slot path (type STRING)) (slot type (type SYMBOL)) (slot value) (slot is-list (default FALSE)) (multislot list-value))\n";
+    let files = ["--values", "robot.yaml", "--values", "host.yaml"];
+    assert_run!(run(&lab, &[("t.clp", template), ("p.clp", program)], &files), @r#"
+    10 values
+    /clips-agent/arms/0/joint UINT 1 FALSE ()
+    /clips-agent/none STRING nil TRUE ()
+    /clips-agent/flags BOOL nil TRUE (TRUE FALSE)
+    /clips-agent/sizes FLOAT nil TRUE (1.0 2.5)
+    /clips-agent/teams STRING nil TRUE ("CYAN" "MAGENTA \"X\"")
+    /clips-agent/debug BOOL FALSE FALSE ()
+    /clips-agent/offset INT -2 FALSE ()
+    /clips-agent/retries UINT 5 FALSE ()
+    /clips-agent/speed FLOAT 1.5 FALSE ()
+    /clips-agent/agent STRING rcll FALSE ()
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_run!(run(&lab, &[("t.clp", template), ("p.clp", program)], &[]), @r"
+    FALSE values
+    ------- stderr -------
+    [RMEM5] Function 'config-load': there is no configuration; --values names its YAML files
+    [exit code: 0]
+    ");
+    let program =
+        "(deffacts f (init))\n(defrule load (init) => (printout t (config-load \"robot.yaml\" \"clips-agents/\") crlf)
+  (do-for-all-facts ((?c confval)) TRUE (printout t ?c:path \" \" ?c:value crlf)) (config-load none.yaml /))\n";
+    assert_run!(run(&lab, &[("own.clp", template), ("q.clp", program)], &[]), @r"
+    1
+    /clips-agents/x 1
+    ------- stderr -------
+    [RMEM5] Function 'config-load': cannot read none.yaml: there is no such file or folder
+    [exit code: 0]
+    ");
+    lab.write("wrong.yaml", "a: [1\n");
+    assert_run!(run(&lab, &[("q.clp", program)], &["--values", "wrong.yaml"]), @r"
+    ------- stderr -------
+    error: wrong.yaml:2:1: this is not YAML: while parsing a flow sequence, expected ',' or ']'
+      |
+    2 | 
+      | ^
+    [exit code: 3]
+    ");
 }
 
 #[test]

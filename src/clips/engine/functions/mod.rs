@@ -7,12 +7,14 @@
 mod arguments;
 mod asynchronous;
 mod clips;
+mod configuration;
 mod cursor;
 mod document;
 mod dump;
 mod executive;
 mod fact;
 mod failure;
+mod file;
 mod function;
 mod lock;
 mod operation;
@@ -44,6 +46,8 @@ fn all() -> impl Iterator<Item = &'static Function> {
         refbox::FUNCTIONS,
         executive::FUNCTIONS,
         clips::FUNCTIONS,
+        file::FUNCTIONS,
+        configuration::FUNCTIONS,
         dump::FUNCTIONS,
         problem::FUNCTIONS,
         synced::FUNCTIONS,

@@ -68,6 +68,12 @@ As in the RCLL referee box, a collection without a database is one of the databa
 mongodb-insert mongodb-query mongodb-query-sort mongodb-update mongodb-replace mongodb-upsert
 mongodb-cursor-next mongodb-cursor-more mongodb-cursor-destroy bson-builder-destroy
 
+As in Fawkes, for the files of a program: (path-load FILE), also as path-load* path-batch path-batch*, loads the first FILE in the folders of
+--path, of the programs, and the current one; (path-resolve FILE), also as resolve-file, gives its path or FALSE;
+(path-add DIR …) (path-add-subst WHAT BY) (path-get), also as get-clips-dirs. (config-load PREFIX), also as load-config, asserts
+(confval (path \"/a/b\") (type T) (value V)) for the values of --values below PREFIX, and (config-load FILE PREFIX), as in
+the CLIPS executive, those of another YAML file
+
 As in CLIPS 6.30: length, and length$ of texts. A function that a program defines itself takes the place of one of this list, and of one
 that is new in CLIPS 6.40, such as str-replace.";
 
@@ -81,6 +87,12 @@ pub struct RunArgs {
     /// File with facts to assert after the reset, as (save-facts) writes them (can be repeated)
     #[arg(long, value_name = "FILE")]
     pub facts: Vec<PathBuf>,
+    /// Folder where (path-load) finds files, before those of the programs (can be repeated)
+    #[arg(long, value_name = "DIR")]
+    pub path: Vec<PathBuf>,
+    /// YAML file with the robot's configuration for (config-load) (can be repeated)
+    #[arg(long, value_name = "FILE")]
+    pub values: Vec<PathBuf>,
     /// Fire at most N rules
     #[arg(long, value_name = "N")]
     pub cycles: Option<u64>,

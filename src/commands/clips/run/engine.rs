@@ -1,11 +1,15 @@
 //! `rmem clips run PROGRAM…`: CLIPS with the memory's functions inside it.
 
+use std::path::{Path, PathBuf};
+
+use bson::Document;
+
 use super::args::{RunArgs, WORLD};
 use crate::clips::engine::{self, Ended, Job, Message, Sender};
 use crate::commands::{Context, lock};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
-use crate::formats::Source;
+use crate::formats::{Source, yaml};
 use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::planner::Host;
 use crate::store::Namespace;
@@ -16,6 +20,8 @@ pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>)
     let guard = crate::interrupt::InterruptGuard::new();
     let job = Job {
         programs,
+        folders: folders(args),
+        configuration: configuration(args, context)?,
         facts,
         cycles: args.cycles,
         timeout: args.timeout,
@@ -50,6 +56,30 @@ pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>)
         }
         Ended::Interrupted => Exit::Interrupted,
     })
+}
+
+/// Where programs find files.
+fn folders(args: &RunArgs) -> Vec<PathBuf> {
+    let mut folders = args.path.clone();
+    for program in args.programs.iter().filter_map(|program| program.parent()) {
+        if program != Path::new("") && !folders.iter().any(|folder| folder == program) {
+            folders.push(program.to_owned());
+        }
+    }
+    folders.push(PathBuf::from("."));
+    folders
+}
+
+/// The documents of the files of `--values`.
+fn configuration(args: &RunArgs, context: &mut Context<'_>) -> Result<Vec<Document>> {
+    let mut all = Vec::new();
+    for path in &args.values {
+        let source = context.read(path)?;
+        for document in yaml::documents(&source) {
+            all.push(document?);
+        }
+    }
+    Ok(all)
 }
 
 /// The world files of `--load`.
