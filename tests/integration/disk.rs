@@ -11,6 +11,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let cannot_mount = SmallDisk::mount().is_none();
     [
         Trial::test("disk::deleting_helps_where_documents_filled_the_disk", || deleting_helps(&filled)),
+        Trial::test("disk::deleting_helps_where_one_write_filled_the_disk", || deleting_helps(&filled_at_once)),
         Trial::test("disk::deleting_helps_where_changes_of_one_document_filled_the_disk", || deleting_helps(&changed)),
         Trial::test("disk::a_sort_without_room_for_its_temporary_files_says_so", sort_without_room),
     ]
@@ -80,6 +81,22 @@ fn filled(disk: &SmallDisk) -> Result<Output, Failed> {
     let lines = (0..4_000).map(|n| format!("{{\"n\": {n}, \"text\": \"{}\"}}\n", "x".repeat(2_000)));
     std::fs::write(documents.path(), lines.collect::<String>())?;
     disk.rmem(&["insert", "a.b", "--file", &documents.path().display().to_string()])
+}
+
+/// Each write of some hundred kilobytes is one transaction, whose pages are in the log before they are in the file.
+fn filled_at_once(disk: &SmallDisk) -> Result<Output, Failed> {
+    for size in [1_000_000, 700_000, 400_000, 200_000] {
+        let documents = tempfile::NamedTempFile::new()?;
+        std::fs::write(documents.path(), format!("{{\"text\": \"{}\"}}\n", "x".repeat(size)))?;
+        let path = documents.path().display().to_string();
+        for _ in 0..5 {
+            let inserted = disk.rmem(&["insert", "a.b", "--file", &path])?;
+            if size == 200_000 && !inserted.status.success() {
+                return Ok(inserted);
+            }
+        }
+    }
+    Err("the disk is never full".into())
 }
 
 /// A watch keeps the changes.

@@ -59,16 +59,21 @@ impl Embedded {
         self.is_crowded.set(little.is_some());
         let Some((room, size)) = little else { return Ok(()) };
         let length = |path: Option<PathBuf>| path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
-        // The log goes, and its pages come into the file.
         let grown = self.bytes("PRAGMA page_count").saturating_sub(length(self.place.file()));
-        self.spare_reserve(room.saturating_add(length(self.place.log())).saturating_sub(grown), size)
+        let without_log = room.saturating_add(length(self.place.log()));
+        // While the log is folded into the file, new pages are in both. Were there no room for that, the log would
+        // stay, and with it no room to delete anything.
+        if grown > 0 && !self.is_deleting.get() && without_log.saturating_sub(grown * 2) < reserve_of(size) {
+            return Err(failure::disk_full(&self.place));
+        }
+        self.spare_reserve(without_log.saturating_sub(grown), size)
     }
 
     /// Refuses to take from the reserve, unless it is for deleting. `room` bytes of a file system of `size` are free, and so
     /// are the pages of the file that hold nothing.
     fn spare_reserve(&self, room: u64, size: u64) -> Result<(), StoreError> {
         let free = || room.saturating_add(self.bytes("PRAGMA freelist_count"));
-        match self.is_deleting.get() || free() >= RESERVE.min(size / 8) {
+        match self.is_deleting.get() || free() >= reserve_of(size) {
             true => Ok(()),
             false => Err(failure::disk_full(&self.place)),
         }
@@ -80,6 +85,11 @@ impl Embedded {
         let bytes = number(count).and_then(|count| number("PRAGMA page_size").map(|size| count.saturating_mul(size)));
         bytes.ok().and_then(|bytes| u64::try_from(bytes).ok()).unwrap_or_default()
     }
+}
+
+/// What is left for deleting on a file system of so many bytes.
+fn reserve_of(size: u64) -> u64 {
+    RESERVE.min(size / 8)
 }
 
 /// The free bytes of the file system, and all of them; nothing where there is no file system with a size.
