@@ -1,6 +1,6 @@
 //! The fields of a command, by the types MongoDB takes them in.
 
-use bson::{Bson, Document};
+use bson::{Bson, Document, Timestamp};
 
 use super::failure::{Failure, codes};
 use crate::query::Collation;
@@ -181,6 +181,28 @@ impl<'a> Fields<'a> {
 
     pub(super) fn flag(self, name: &str) -> Result<bool, Failure> {
         Ok(self.optional_flag(name)?.unwrap_or(false))
+    }
+
+    /// A flag that may be nothing but true or false, where it is given: not null, and no number.
+    pub(super) fn strict_flag(self, name: &str) -> Result<bool, Failure> {
+        match self.document.get(name) {
+            None => Ok(false),
+            Some(Bson::Boolean(value)) => Ok(*value),
+            Some(other) => {
+                let message =
+                    format!("Field '{}.{name}' should be a boolean value, but found: {}", self.of, kind(other));
+                Err(Failure::new(codes::TYPE_MISMATCH, message))
+            }
+        }
+    }
+
+    /// A moment of the cluster's clock, where it is given: not null.
+    pub(super) fn timestamp(self, name: &str) -> Result<Option<Timestamp>, Failure> {
+        match self.document.get(name) {
+            None => Ok(None),
+            Some(Bson::Timestamp(moment)) => Ok(Some(*moment)),
+            Some(other) => Err(self.wrong(name, other, "timestamp")),
+        }
     }
 
     pub(super) fn optional_flag(self, name: &str) -> Result<Option<bool>, Failure> {

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use bson::{Bson, Document};
+use bson::{Bson, Document, Timestamp};
 
 use super::failure::{Failure, codes};
 use super::fields::Fields;
@@ -23,9 +23,23 @@ pub(super) struct Request {
     pub(super) since: Instant,
     /// `maxTimeMS`.
     pub(super) limit: Option<Duration>,
-    /// Whether the write is to be confirmed by members that there are not.
-    pub(super) wants_others: bool,
+    /// Who is to confirm a write.
+    pub(super) confirmation: Confirmation,
 }
+
+/// Who is to confirm a write.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Confirmation {
+    /// Nobody (`w: 0`): the answer says nothing of what was written.
+    None,
+    /// This server.
+    Own,
+    /// Members that there are not.
+    Others,
+}
+
+/// Commands that only read, and have no write concern.
+const READING: [&str; 3] = ["find", "count", "distinct"];
 
 /// What a command says of the transaction, or retryable write, that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,15 +64,20 @@ impl Request {
             Some(database) => database.to_owned(),
             None => return Err(Failure::new(40_571, "OP_MSG requests require a $db argument")),
         };
-        let wants_others = check_concerns(fields)?;
+        let confirmation = check_concerns(fields)?;
         let session = fields.document("lsid")?.map(SessionId::read).transpose()?;
         let transaction = transaction(fields)?;
         if transaction.is_some() && session.is_none() {
             let message = "Transaction number requires a session ID to be specified";
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
-        let limit = fields.size("maxTimeMS")?.filter(|limit| *limit > 0).map(Duration::from_millis);
-        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, wants_others, body })
+        fields.optional_flag("bypassDocumentValidation")?;
+        let limit = fields.size("maxTimeMS")?;
+        if let Some(limit) = limit.filter(|limit| i32::try_from(*limit).is_err()) {
+            return Err(Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range")));
+        }
+        let limit = limit.filter(|limit| *limit > 0).map(Duration::from_millis);
+        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, confirmation, body })
     }
 
     pub(super) fn fields(&self) -> Fields<'_> {
@@ -132,12 +151,20 @@ fn transaction(fields: Fields<'_>) -> Result<Option<TransactionPart>, Failure> {
 }
 
 /// Whether what is asked of durability and of what reads see is kept here: all but snapshots
-/// of the past is. Says whether a write is to be confirmed by members that there are not.
-fn check_concerns(fields: Fields<'_>) -> Result<bool, Failure> {
+/// of the past is. Says who is to confirm a write.
+fn check_concerns(fields: Fields<'_>) -> Result<Confirmation, Failure> {
     if let Some(concern) = fields.document("readConcern")? {
         let concern = Fields::new("readConcern", concern);
         concern.known_inside(&["level", "afterClusterTime", "atClusterTime", "provenance"])?;
         let level = concern.text("level")?;
+        check_provenance(concern)?;
+        if concern.timestamp("afterClusterTime")?.is_some_and(|moment| moment == Timestamp { time: 0, increment: 0 }) {
+            return Err(Failure::new(codes::INVALID_OPTIONS, "afterClusterTime cannot be a null timestamp"));
+        }
+        if concern.timestamp("atClusterTime")?.is_some() && level != Some("snapshot") {
+            let message = "atClusterTime field can be set only if level is equal to snapshot";
+            return Err(Failure::new(codes::INVALID_OPTIONS, message));
+        }
         let in_transaction = fields.document.contains_key("autocommit");
         match level {
             None | Some("local" | "majority" | "available" | "linearizable") => {}
@@ -154,24 +181,67 @@ fn check_concerns(fields: Fields<'_>) -> Result<bool, Failure> {
         }
     }
     if let Some(concern) = fields.document("writeConcern")? {
+        if READING.contains(&fields.of) {
+            return Err(Failure::new(codes::INVALID_OPTIONS, format!("{} does not support writeConcern", fields.of)));
+        }
         let concern = Fields::new("writeConcern", concern);
         concern.known_inside(&["w", "j", "fsync", "wtimeout", "wtimeoutMS", "getLastError", "provenance"])?;
-        return check_members(concern.document.get("w"));
+        let is_journaled = concern.optional_flag("j")? == Some(true);
+        concern.optional_flag("fsync")?;
+        check_provenance(concern)?;
+        if concern.document.get("wtimeout").is_some_and(is_too_long) {
+            return Err(Failure::new(codes::FAILED_TO_PARSE, "wtimeout must be a 32-bit integer"));
+        }
+        let members = check_members(concern.document.get("w"))?;
+        let is_own = members == Confirmation::None && is_journaled;
+        return Ok(if is_own { Confirmation::Own } else { members });
     }
-    Ok(false)
+    Ok(Confirmation::Own)
 }
 
-/// There is one member, which is a majority. Says whether more are asked for.
-fn check_members(members: Option<&Bson>) -> Result<bool, Failure> {
+/// Where a read or write concern says that it comes from.
+fn check_provenance(concern: Fields<'_>) -> Result<(), Failure> {
+    let known = ["clientSupplied", "implicitDefault", "customDefault", "getLastErrorDefaults", "internalWriteDefault"];
+    match concern.text("provenance")? {
+        Some(other) if !known.contains(&other) => {
+            let message =
+                format!("Enumeration value '{other}' for field '{}.provenance' is not a valid value.", concern.of);
+            Err(Failure::new(codes::BAD_VALUE, message))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a time in milliseconds does not fit into 32 bits.
+fn is_too_long(millis: &Bson) -> bool {
+    match millis {
+        Bson::Int64(millis) => *millis > i32::MAX.into(),
+        Bson::Double(millis) => *millis > f64::from(i32::MAX),
+        Bson::Decimal128(millis) => millis.to_string().parse::<f64>().is_ok_and(|millis| millis > f64::from(i32::MAX)),
+        _ => false,
+    }
+}
+
+/// There is one member, which is a majority.
+fn check_members(members: Option<&Bson>) -> Result<Confirmation, Failure> {
     match members {
-        None | Some(Bson::Null) => Ok(false),
-        Some(Bson::String(mode)) if mode == "majority" => Ok(false),
+        None | Some(Bson::Null) => Ok(Confirmation::Own),
+        Some(Bson::String(mode)) if mode == "majority" => Ok(Confirmation::Own),
         Some(Bson::String(mode)) => {
             Err(Failure::new(79, format!("No write concern mode named '{mode}' found in replica set configuration")))
         }
+        // Tags of members, and how many have to have each.
+        Some(Bson::Document(tags)) => {
+            if tags.is_empty() || tags.values().any(|count| super::fields::whole(count).is_none()) {
+                let message = "the tags of a write concern must be a single level document with only number values";
+                return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+            }
+            Ok(Confirmation::Others)
+        }
         Some(number) => match super::fields::whole(number) {
-            Some(0 | 1) => Ok(false),
-            Some(2..=50) => Ok(true),
+            Some(0) => Ok(Confirmation::None),
+            Some(1) => Ok(Confirmation::Own),
+            Some(2..=50) => Ok(Confirmation::Others),
             _ => Err(Failure::new(codes::FAILED_TO_PARSE, "w has to be a number from 0 to 50, or 'majority'")),
         },
     }
@@ -194,8 +264,23 @@ mod tests {
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "txnNumber": 1_i64 }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "snapshot" } }), codes::NO_SNAPSHOT);
         let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
-        assert!(others.wants_others);
+        assert_eq!(others.confirmation, Confirmation::Others);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }), 79);
+        assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": { "w": 1 } }), codes::INVALID_OPTIONS);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "j": "x" } }), codes::TYPE_MISMATCH);
+        let long = doc! { "wtimeout": 1_i64 << 31 };
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": long }), codes::FAILED_TO_PARSE);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "maxTimeMS": 1_i64 << 31 }), codes::BAD_VALUE);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "bypassDocumentValidation": "x" }), codes::TYPE_MISMATCH);
+        let concern = |concern: Document| code(doc! { "ping": 1, "$db": "a", "readConcern": concern });
+        assert_eq!(concern(doc! { "afterClusterTime": Timestamp { time: 1, increment: 1 } }), 0);
+        assert_eq!(concern(doc! { "afterClusterTime": Timestamp { time: 0, increment: 0 } }), codes::INVALID_OPTIONS);
+        assert_eq!(concern(doc! { "afterClusterTime": Bson::Null }), codes::TYPE_MISMATCH);
+        assert_eq!(concern(doc! { "atClusterTime": Timestamp { time: 1, increment: 1 } }), codes::INVALID_OPTIONS);
+        assert_eq!(concern(doc! { "provenance": "clientSupplied" }), 0);
+        assert_eq!(concern(doc! { "provenance": "far" }), codes::BAD_VALUE);
+        let none = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0.5 } }).unwrap();
+        assert_eq!(none.confirmation, Confirmation::None);
     }
 
     #[test]

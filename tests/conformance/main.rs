@@ -13,6 +13,7 @@ mod modify;
 mod mongod;
 mod recorded;
 mod report;
+mod served;
 mod server;
 
 use std::process::ExitCode;

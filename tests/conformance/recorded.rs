@@ -7,14 +7,16 @@
 //! replays every second case: the first, third and so on, or the others.
 
 use std::fs::File;
+use std::panic::AssertUnwindSafe;
 use std::path::{Path, PathBuf};
 
 use bson::{Bson, Document};
 use libtest_mimic::{Failed, Trial};
 
-use crate::command::Failure;
+use crate::command::{Answer, Failure};
 use crate::compare;
 use crate::report::{Outcome, Report};
+use crate::served::Served;
 use crate::server::Server;
 
 /// The least part of the cases that are not refused which must agree.
@@ -34,6 +36,7 @@ fn replay(path: &Path) -> Result<(), Failed> {
     let mut reader = zstd::stream::read::Decoder::new(File::open(path)?)?;
     let mut report = Report::from_environment();
     let half = std::env::var("RMEM_CONFORMANCE_HALF").ok();
+    let mut served = Served::start()?;
     let mut number = 0_usize;
     while let Ok(case) = Document::from_reader(&mut reader) {
         number += 1;
@@ -45,7 +48,7 @@ fn replay(path: &Path) -> Result<(), Failed> {
         if !report.wants(&name) {
             continue;
         }
-        let outcome = match std::panic::catch_unwind(|| answer(&case)) {
+        let outcome = match std::panic::catch_unwind(AssertUnwindSafe(|| answer(&case, &mut served))) {
             Ok(outcome) => outcome,
             Err(_) => Outcome::Differs("PANIC".to_owned()),
         };
@@ -59,13 +62,27 @@ fn replay(path: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-/// Runs the commands of a case until an answer differs.
-fn answer(case: &Document) -> Outcome {
+/// Runs a case on the embedded store; one that has no word for what a command says there, on a server.
+fn answer(case: &Document, served: &mut Served) -> Outcome {
     let Ok(mut server) = Server::open() else { return Outcome::Differs("no store".to_owned()) };
+    let outcome = compared(case, &mut |command, reply| server.run(command, reply));
+    let Outcome::Refused(name) = outcome else { return outcome };
+    if let Err(error) = served.clear() {
+        return Outcome::Differs(format!("the server is gone: {error}"));
+    }
+    match compared(case, &mut |command, reply| served.run(command, reply)) {
+        Outcome::Refused(_) => Outcome::Refused(name),
+        Outcome::Differs(difference) => Outcome::Differs(format!("served, for {name}: {difference}")),
+        Outcome::Agrees => Outcome::Agrees,
+    }
+}
+
+/// Runs the commands of a case until an answer differs.
+fn compared(case: &Document, run: &mut dyn FnMut(&Document, &Document) -> Answer) -> Outcome {
     let Ok(commands) = case.get_array("cmds") else { return Outcome::Refused("unreadable".to_owned()) };
     for entry in commands.iter().filter_map(Bson::as_document) {
         let (Ok(command), Ok(reply)) = (entry.get_document("cmd"), entry.get_document("reply")) else { continue };
-        let ours = server.run(command, reply);
+        let ours = run(command, reply);
         match ours {
             Err(Failure::Refused(name)) => return Outcome::Refused(name),
             ours => {

@@ -224,12 +224,16 @@ impl Server {
 
 /// Gives documents that name their host that of the recording.
 fn take_host(found: &mut [Document], recorded: &Document) {
-    let batch = recorded.get_document("cursor").and_then(|cursor| cursor.get_array("firstBatch"));
-    let host = batch.ok().and_then(|batch| batch.first()?.as_document()?.get_str("host").ok());
-    let Some(host) = host else { return };
+    let Some(host) = recorded_host(recorded) else { return };
     for document in found.iter_mut().filter(|document| document.get_str("host").is_ok_and(|host| host == "rmem")) {
         document.insert("host", host);
     }
+}
+
+/// The host that the first document of a recorded answer names.
+pub(crate) fn recorded_host(recorded: &Document) -> Option<&str> {
+    let batch = recorded.get_document("cursor").and_then(|cursor| cursor.get_array("firstBatch"));
+    batch.ok().and_then(|batch| batch.first()?.as_document()?.get_str("host").ok())
 }
 
 fn is_simple(collation: &Document) -> bool {

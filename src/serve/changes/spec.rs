@@ -79,6 +79,7 @@ impl Spec {
             "startAfter",
             "startAtOperationTime",
         ])?;
+        options.strict_flag("showExpandedEvents")?;
         check_stages(rest)?;
         Ok(Some(Self {
             scope: scope(request, options)?,
@@ -106,7 +107,7 @@ fn check_stages(stages: &[Document]) -> Result<(), Failure> {
 }
 
 fn scope(request: &Request, options: Fields<'_>) -> Result<Scope, Failure> {
-    let is_all = options.flag("allChangesForCluster")?;
+    let is_all = options.strict_flag("allChangesForCluster")?;
     match request.target() {
         Some(Bson::String(collection)) if is_all => {
             let message = format!(
@@ -115,13 +116,13 @@ fn scope(request: &Request, options: Fields<'_>) -> Result<Scope, Failure> {
             );
             Err(Failure::new(codes::INVALID_OPTIONS, message))
         }
-        Some(Bson::String(collection)) => Ok(Scope::Collection(namespace(&request.database, collection)?)),
-        _ if is_all && request.database == "admin" => Ok(Scope::All),
-        _ if is_all => Err(Failure::new(codes::INVALID_OPTIONS, "allChangesForCluster is for the database admin")),
-        _ if ["admin", "config", "local"].contains(&request.database.as_str()) => {
+        _ if !is_all && ["admin", "config", "local"].contains(&request.database.as_str()) => {
             let message = format!("$changeStream may not be opened on the internal {} database", request.database);
             Err(Failure::new(codes::INVALID_NAMESPACE, message))
         }
+        Some(Bson::String(collection)) => Ok(Scope::Collection(namespace(&request.database, collection)?)),
+        _ if is_all && request.database == "admin" => Ok(Scope::All),
+        _ if is_all => Err(Failure::new(codes::INVALID_OPTIONS, "allChangesForCluster is for the database admin")),
         _ => Ok(Scope::Database(namespace(&request.database, "x")?.database)),
     }
 }

@@ -39,6 +39,9 @@ const TAKEN: [&str; 12] = [
 
 /// Whether the pipeline ends in a collection.
 fn writes(request: &Request) -> bool {
+    if matches!(request.body.get("explain"), Some(Bson::Boolean(true))) {
+        return false;
+    }
     let last = request.body.get_array("pipeline").ok().and_then(|stages| stages.last()).and_then(Bson::as_document);
     last.and_then(|stage| stage.keys().next()).is_some_and(|name| name == "$out" || name == "$merge")
 }
@@ -46,6 +49,7 @@ fn writes(request: &Request) -> bool {
 /// The collection, where there is one, and the stages.
 pub(super) fn pipeline(call: &Call, fields: Fields<'_>) -> Result<(Namespace, Vec<Document>), Failure> {
     fields.check(&TAKEN, &["encryptionInformation", "exchange"])?;
+    fields.strict_flag("allowDiskUse")?;
     let stages = fields.documents("pipeline")?.ok_or_else(|| fields.missing("pipeline"))?;
     let stages: Vec<Document> = stages.into_iter().cloned().collect();
     let ns = match call.request.target() {
@@ -81,7 +85,15 @@ fn batch(fields: Fields<'_>) -> Result<FirstBatch, Failure> {
 fn read(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     let (ns, stages) = pipeline(call, fields)?;
-    if fields.flag("explain")? {
+    if fields.strict_flag("explain")? {
+        if fields.document.contains_key("writeConcern") {
+            let message = "Aggregation explain does not support the 'writeConcern' option";
+            return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+        }
+        if fields.document("cursor")?.is_some() {
+            batch(fields)?;
+        }
+        fields.modifiers()?;
         return super::explanation::of_pipeline(host, call, &ns, &stages);
     }
     let batch = batch(fields)?;
@@ -147,12 +159,41 @@ fn own_source(
     Ok(Some(match name.as_str() {
         "$collStats" => vec![statistics::stage(memory, call, ns, argument)?],
         "$indexStats" => statistics::indexes(memory, ns)?,
-        "$currentOp" => super::server::operations(&host.server),
+        "$currentOp" => {
+            check_current_op(call, ns, argument)?;
+            super::server::operations(&host.server)
+        }
         "$listSessions" | "$listLocalSessions" | "$planCacheStats" => {
             return Err(Failure::unsupported(&format!("the stage {name}")));
         }
         _ => return Ok(None),
     }))
+}
+
+/// What is said of the operations to be listed; nothing of it makes a difference here.
+fn check_current_op(call: &Call, ns: &Namespace, argument: &Bson) -> Result<(), Failure> {
+    const OPTIONS: [&str; 7] =
+        ["allUsers", "backtrace", "idleConnections", "idleCursors", "idleSessions", "localOps", "truncateOps"];
+    if ns.database != "admin" || ns.collection != NO_COLLECTION {
+        let message = "$currentOp must be run against the 'admin' database with {aggregate: 1}";
+        return Err(Failure::new(codes::INVALID_NAMESPACE, message));
+    }
+    let Bson::Document(options) = argument else {
+        return Err(Failure::new(codes::TYPE_MISMATCH, "$currentOp options must be specified in an object"));
+    };
+    if let Some(other) = options.keys().find(|name| !OPTIONS.contains(&name.as_str())) {
+        return Err(Failure::new(
+            codes::FAILED_TO_PARSE,
+            format!("Unrecognized option '{other}' in $currentOp stage."),
+        ));
+    }
+    let level = call.request.fields().document("readConcern")?.and_then(|concern| concern.get_str("level").ok());
+    if let Some(level) = level.filter(|level| *level != "local") {
+        let message = format!("$currentOp cannot run with a readConcern other than 'local', found '{level}'");
+        return Err(Failure::new(codes::INVALID_OPTIONS, message));
+    }
+    let options = Fields::new("$currentOp", options);
+    OPTIONS.iter().try_for_each(|name| options.strict_flag(name).map(drop))
 }
 
 /// Documents that are there already, through the stages behind the one that gave them.

@@ -37,7 +37,7 @@ use super::failure::{Answer, Failure, codes};
 use super::host::{self, Host};
 use super::job::{Action, Job, Step};
 use super::mailbox::Mailbox;
-use super::request::Request;
+use super::request::{Confirmation, Request};
 use super::server::Server;
 use super::session::Once;
 use super::wire::Form;
@@ -74,9 +74,17 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
-    let wants_others = request.wants_others;
+    let confirmation = request.confirmation;
+    let unconfirmed = match request.name.as_str() {
+        "insert" | "delete" => Some(rawdoc! { "n": 0 }),
+        "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
+        _ => None,
+    };
     let mut reply = dispatch(host, client, request, form)?;
-    if wants_others {
+    if let (Confirmation::None, Some(unconfirmed)) = (confirmation, unconfirmed) {
+        return Ok(unconfirmed);
+    }
+    if confirmation == Confirmation::Others {
         let message = "Not enough data-bearing nodes: rmem is one member";
         let error = rawdoc! { "code": 100, "codeName": "UnsatisfiableWriteConcern", "errmsg": message };
         reply.append(cstr!("writeConcernError"), error);

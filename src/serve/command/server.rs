@@ -67,7 +67,7 @@ fn host_info(_: &mut Client, _: &Server, _: &Request) -> Answer {
     })
 }
 
-fn host_name() -> String {
+pub(super) fn host_name() -> String {
     rustix::system::uname().nodename().to_string_lossy().into_owned()
 }
 

@@ -112,16 +112,19 @@ pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bso
     };
     let fields = Fields::new("$collStats", asked);
     fields.known_inside(&["latencyStats", "storageStats", "count", "queryExecStats"])?;
-    let mut document = doc! { "ns": ns.to_string(), "localTime": DateTime::now() };
+    let host = super::server::host_name();
+    let mut document = doc! { "ns": ns.to_string(), "host": host, "localTime": DateTime::now() };
     let size = size(memory, ns)?;
     if let Some(storage) = fields.document("storageStats")? {
         let scale = scale(Fields::new("storageStats", storage))?;
         document.insert("storageStats", described(memory.bare(ns)?, ns, size, scale)?);
     }
     if fields.document("count")?.is_some() {
-        document.insert("count", call.access(memory).count(ns, (&Document::new()).into())?.cast_signed());
+        let count = call.access(memory).count(ns, (&Document::new()).into())?;
+        document.insert("count", i32::try_from(count).map_or(Bson::Int64(count.cast_signed()), Bson::Int32));
     }
-    if fields.document("latencyStats")?.is_some() {
+    if let Some(latency) = fields.document("latencyStats")? {
+        Fields::new("$collStats.latencyStats", latency).known_inside(&["histograms"])?;
         let none = doc! { "latency": 0_i64, "ops": 0_i64 };
         document.insert(
             "latencyStats",

@@ -14,6 +14,9 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("damaged_messages_cost_their_connection_and_nothing_else", damaged),
     ("clients_that_stop_half_way_cost_nothing_else", halves),
     ("commands_of_any_shape_are_answered", shapes),
+    ("an_explanation_of_a_pipeline_that_writes_writes_nothing", explained),
+    ("an_unconfirmed_write_is_done_and_not_counted", unconfirmed),
+    ("what_a_command_says_beside_its_query_is_checked", checked),
 ];
 
 /// How many messages are damaged.
@@ -47,6 +50,74 @@ fn commands() -> Vec<Document> {
     ]
     .map(db)
     .to_vec()
+}
+
+/// How many documents there are.
+fn count(wire: &mut Wire, collection: &str) -> Result<i32, Failed> {
+    Ok(wire.run(&doc! { "count": collection, "$db": "a" })?.get_i32("n")?)
+}
+
+fn explained() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    wire.run(&doc! { "insert": "c", "documents": [{ "_id": 1 }], "$db": "a" })?;
+    for stage in [doc! { "$out": "d" }, doc! { "$merge": { "into": "d" } }] {
+        let explain = doc! { "aggregate": "c", "pipeline": [stage], "cursor": {}, "explain": true, "$db": "a" };
+        let reply = wire.run(&explain)?;
+        assert!(reply.contains_key("stages") && !reply.contains_key("cursor"), "{reply}");
+        assert_eq!(count(&mut wire, "d")?, 0);
+    }
+    Ok(())
+}
+
+fn unconfirmed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    for (concern, counted) in [(doc! { "w": 0 }, 0), (doc! { "w": 0, "j": true }, 1), (doc! { "w": 1 }, 1)] {
+        let insert = doc! { "insert": "c", "documents": [{}], "writeConcern": concern, "$db": "a" };
+        assert_eq!(wire.run(&insert)?.get_i32("n")?, counted);
+    }
+    assert_eq!(count(&mut wire, "c")?, 3);
+    Ok(())
+}
+
+fn checked() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let aggregate = |more: Document| {
+        let mut command = doc! { "aggregate": 1, "pipeline": [{ "$currentOp": {} }], "cursor": {}, "$db": "admin" };
+        command.extend(more);
+        command
+    };
+    let options = |options: bson::Bson| aggregate(doc! { "pipeline": [{ "$currentOp": options }] });
+    let cases = [
+        (aggregate(doc! {}), 0),
+        (aggregate(doc! { "allowDiskUse": 1 }), 14),
+        (aggregate(doc! { "explain": bson::Bson::Null }), 14),
+        (aggregate(doc! { "explain": true, "writeConcern": { "w": 1 } }), 9),
+        (aggregate(doc! { "explain": true, "cursor": { "size": 1 } }), 40_415),
+        (aggregate(doc! { "readConcern": { "level": "majority" } }), 72),
+        (aggregate(doc! { "aggregate": "c" }), 73),
+        (options(bson::bson!({ "allUsers": true, "localOps": false })), 0),
+        (options(bson::bson!({ "allUsers": 1 })), 14),
+        (options(bson::bson!({ "everything": true })), 9),
+        (options(bson::bson!(1)), 14),
+        (aggregate(doc! { "pipeline": [{ "$changeStream": { "showExpandedEvents": 1 } }], "$db": "a" }), 14),
+        (doc! { "aggregate": "c", "pipeline": [{ "$changeStream": {} }], "cursor": {}, "$db": "local" }, 73),
+        (
+            doc! { "aggregate": "c", "pipeline": [{ "$collStats": { "latencyStats": { "x": 1 } } }], "cursor": {}, "$db": "a" },
+            40_415,
+        ),
+        (doc! { "insert": "c", "documents": [{}], "writeConcern": { "w": { "rack": "x" } }, "$db": "a" }, 9),
+    ];
+    for (command, code) in cases {
+        let reply = wire.run(&command)?;
+        assert_eq!(reply.get_i32("code").unwrap_or(0), code, "{command}: {reply}");
+    }
+    Ok(())
 }
 
 #[derive(Debug, Clone)]
