@@ -9,13 +9,16 @@ use super::ff_output::NoPlan;
 use super::options::Options;
 use super::search::lifted::Lifted;
 use super::search::task::{OperatorId, Task};
-use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, solve};
+use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, prove, solve};
 
 /// The bytes for states where this process has no limit.
 const MEMORY: usize = 4 << 30;
 
 /// The work after which the engine gets its turn with a task with numbers.
 pub(super) const NUMERIC_WORK: u64 = 10_000_000;
+
+/// The work for a proof that a task has no plan, where no search has found one: a few seconds.
+pub(super) const PROOF_WORK: u64 = 200_000_000;
 
 /// What a search reports while it runs.
 pub(super) enum Message<'p> {
@@ -68,8 +71,7 @@ fn search(
     let grounded = &mut |action: &str, instances| send(Message::Progress(grounding(action, instances)));
     let task = match ground(lifted, memory, grounded) {
         Ok(Ground::Task(task)) => task,
-        // Where numbers matter, what cannot be reached is for the engine to say.
-        Ok(Ground::GoalFalse) | Err(Refusal::Explosion { .. }) if lifted.has_numbers => return Ok(Answer::Declined),
+        Err(Refusal::Explosion { .. }) if lifted.has_numbers => return Ok(Answer::Declined),
         Ok(Ground::GoalFalse) => return Ok(Answer::None(NoPlan::GoalFalse)),
         Err(Refusal::Wide) => return Ok(Answer::Declined),
         Err(Refusal::Circular) => {
@@ -81,45 +83,91 @@ fn search(
     };
     if lifted.has_numbers || task.numbers.count > 0 {
         return Ok(match numeric(&task, memory, NUMERIC_WORK, options, send) {
-            true => Answer::Solved,
-            false => Answer::Open(task),
+            Numeric::Solved => Answer::Solved,
+            Numeric::None(reason) => Answer::None(reason),
+            Numeric::Open => Answer::Open(task),
         });
     }
-    let (end, states) = improve(&task, memory, u64::MAX, options, send);
-    Ok(match end {
+    let mut search = Search { task: &task, states: 0, obstacle: None, send };
+    Ok(match search.solve(memory, u64::MAX, options) {
         End::Solved => Answer::Solved,
         End::Unsolvable => Answer::None(NoPlan::Exhausted),
-        End::Full | End::Spent => Answer::None(NoPlan::Full(format!("it had found more than {states} states"))),
+        End::Full | End::Spent => {
+            Answer::None(NoPlan::Full(format!("it had found more than {} states", search.states)))
+        }
     })
 }
 
-/// Looks for a plan of a task with numbers for a while; says whether there was one.
+/// What becomes of a task with numbers after some work.
+#[derive(Debug, PartialEq)]
+pub(super) enum Numeric {
+    /// Its plans were reported.
+    Solved,
+    /// It has none.
+    None(NoPlan),
+    /// Neither a plan nor a proof was found.
+    Open,
+}
+
+/// Looks for a plan of a task with numbers for a while, and for a proof that there is none.
 pub(super) fn numeric(
     task: &Task,
     memory: usize,
     work: u64,
     options: Options,
     send: &mut dyn FnMut(Message<'_>),
-) -> bool {
-    matches!(improve(task, memory, work, options, send), (End::Solved, _))
+) -> Numeric {
+    let mut search = Search { task, states: 0, obstacle: None, send };
+    let end = search.solve(memory, work, options);
+    search.ended(end)
 }
 
-/// Finds plans, and says how the search ended, after how many states.
-fn improve(task: &Task, memory: usize, work: u64, options: Options, send: &mut dyn FnMut(Message<'_>)) -> (End, usize) {
-    let mut states = 0;
-    let improvement = match options {
-        Options { anytime: true, .. } => Improvement::Unbounded,
-        Options { optimize: true, .. } if task.has_costs => Improvement::Bounded,
-        _ => Improvement::Brief,
-    };
-    let end = solve(task, Settings { improvement, memory, work }, &mut |event| match event {
-        Event::Plan(plan) => send(Message::Plan(&report(task, plan))),
-        Event::States(count) => {
-            states = count;
-            send(Message::Progress(format!("{states} states")));
+/// Looks only for a proof that a task has no plan, for a while.
+pub(super) fn refuted(task: &Task, memory: usize, work: u64, send: &mut dyn FnMut(Message<'_>)) -> Numeric {
+    let mut search = Search { task, states: 0, obstacle: None, send };
+    let settings = Settings { improvement: Improvement::Brief, memory, work };
+    let end = prove(task, settings, &mut |event| search.event(event));
+    search.ended(end)
+}
+
+struct Search<'s> {
+    task: &'s Task,
+    states: usize,
+    /// What stands in the way of every plan.
+    obstacle: Option<String>,
+    send: &'s mut dyn FnMut(Message<'_>),
+}
+
+impl Search<'_> {
+    fn event(&mut self, event: Event<'_>) {
+        match event {
+            Event::Plan(plan) => (self.send)(Message::Plan(&report(self.task, plan))),
+            Event::States(count) => {
+                self.states = count;
+                (self.send)(Message::Progress(format!("{count} states")));
+            }
+            Event::Obstacle(text) => self.obstacle = Some(text.to_owned()),
         }
-    });
-    (end, states)
+    }
+
+    fn ended(&mut self, end: End) -> Numeric {
+        match (end, self.obstacle.take()) {
+            (End::Solved, _) => Numeric::Solved,
+            (End::Unsolvable, Some(why)) => Numeric::None(NoPlan::Bounded(why)),
+            (End::Unsolvable, None) => Numeric::None(NoPlan::Exhausted),
+            (End::Full | End::Spent, _) => Numeric::Open,
+        }
+    }
+
+    /// Finds plans, and says how the search ended.
+    fn solve(&mut self, memory: usize, work: u64, options: Options) -> End {
+        let improvement = match options {
+            Options { anytime: true, .. } => Improvement::Unbounded,
+            Options { optimize: true, .. } if self.task.has_costs => Improvement::Bounded,
+            _ => Improvement::Brief,
+        };
+        solve(self.task, Settings { improvement, memory, work }, &mut |event| self.event(event))
+    }
 }
 
 /// The bytes that states may take: about half of what this process may have, as lists that grow are copied.
@@ -254,15 +302,35 @@ mod tests {
     }
 
     #[test]
-    fn what_numbers_rule_out_is_left_to_the_engine() {
+    fn what_numbers_rule_out_is_proven() {
+        // There are two roads and no way back.
         let task = lifted(CAN, &FAR.replace("(>= (trips) 2)", "(>= (trips) 3)")).unwrap();
-        assert!(matches!(search(&task, 1 << 26, Options::default(), &mut |_| {}), Ok(Answer::Open(_))));
+        let answer = search(&task, 1 << 26, Options::default(), &mut |_| {});
+        assert!(matches!(answer, Ok(Answer::None(NoPlan::Exhausted))));
+        // The tank is too small for the first one.
+        let problem = FAR.replace("(= (tank) 3)", "(= (tank) 1)").replace("(= (fuel) 2)", "(= (fuel) 1)");
+        let task = lifted(CAN, &problem.replace("(and (at c) (>= (trips) 2))", "(at c)"));
+        let Ok(Answer::None(reason)) = search(&task.unwrap(), 1 << 26, Options::default(), &mut |_| {}) else {
+            panic!()
+        };
+        let why = "(>= (fuel) 2) can never hold: (fuel) is always 1; (< (fuel) 1) can never hold: (fuel) is always 1";
+        assert_eq!(reason, NoPlan::Bounded(why.to_owned()));
+    }
+
+    #[test]
+    fn what_is_not_proven_stays_open() {
+        // There and back, again and again, with a number that grows without end and is never a half.
+        let back = FAR.replace("(road a b)", "(road a b) (road b a) (= (length b a) 2)");
+        let task = lifted(CAN, &back.replace("(>= (trips) 2)", "(= (trips) 2.5)"));
+        let Ok(Answer::Open(task)) = search(&task.unwrap(), 1 << 26, Options::default(), &mut |_| {}) else { panic!() };
+        assert_eq!(refuted(&task, 1 << 26, NUMERIC_WORK, &mut |_| {}), Numeric::Open);
     }
 
     #[test]
     fn a_number_without_a_value_cannot_grow() {
         let task = lifted(CAN, &FAR.replace("(= (trips) 0)", "")).unwrap();
-        assert!(matches!(search(&task, 1 << 26, Options::default(), &mut |_| {}), Ok(Answer::Open(_))));
+        let Ok(Answer::None(reason)) = search(&task, 1 << 26, Options::default(), &mut |_| {}) else { panic!() };
+        assert_eq!(reason, NoPlan::Bounded("(>= (trips) 2) can never hold: (trips) never has a value".to_owned()));
     }
 
     /// The plan for a task with the numbers `f` and `g`, of which only `f` is 0 at first: `u` by this condition and this

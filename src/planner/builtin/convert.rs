@@ -26,6 +26,8 @@ pub fn convert(domain: &Domain, problem: &Problem) -> Result<Lifted, String> {
     task.has_numbers = !names.compared.is_empty();
     task.objects = names.all.clone();
     task.predicates = names.predicates.clone();
+    task.functions = vec![String::new(); names.functions.len()];
+    names.functions.iter().for_each(|(name, number)| task.functions[*number].clone_from(name));
     for action in &domain.actions {
         task.schemas.push(names.schema(action)?);
     }

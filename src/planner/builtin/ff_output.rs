@@ -90,12 +90,15 @@ fn words(step: &Step, sent: Option<&Sent>) -> String {
 pub(super) fn no_plan(reason: &NoPlan) -> (String, i32) {
     match reason {
         NoPlan::GoalFalse => ("\nff: goal can be simplified to FALSE. No plan will solve it\n\n".to_owned(), 11),
+        NoPlan::Bounded(why) => {
+            (format!("\nff: goal can be simplified to FALSE. No plan will solve it: {why}\n\n"), 11)
+        }
         NoPlan::Exhausted => ("\nbest first search space empty! problem proven unsolvable.\n\n".to_owned(), 11),
         NoPlan::GaveUp(why) => (format!("\nsearch cap reached! no plan found{}.\n\n", bracketed(why)), 12),
         NoPlan::Full(why) => (format!("\nnot enough memory: {why}\n\n"), 22),
-        NoPlan::Doubted { doubt, why } => {
-            let why = bracketed(why);
-            (format!("\nsearch cap reached! no plan found{why}; no proof for a task with {doubt}.\n\n"), 12)
+        NoPlan::Doubted { doubt } => {
+            let text = format!("no plan found; for a task with {doubt}, that does not prove that there is none");
+            (format!("\nsearch cap reached! {text}.\n\n"), 12)
         }
     }
 }
@@ -109,6 +112,8 @@ fn bracketed(why: &str) -> String {
 pub(super) enum NoPlan {
     /// The goal cannot be reached, whatever the order of actions.
     GoalFalse,
+    /// As before, because of the bounds of numbers.
+    Bounded(String),
     /// There is no state left to look at.
     Exhausted,
     /// The engine stopped without having seen everything.
@@ -119,8 +124,6 @@ pub(super) enum NoPlan {
     Doubted {
         /// What in the task makes it none.
         doubt: &'static str,
-        /// The engine's own words.
-        why: String,
     },
 }
 

@@ -45,12 +45,17 @@ impl<'t> Judge<'t> {
         true
     }
 
+    /// Whether a plan was simulated, and holds.
+    #[cfg(test)]
+    pub(super) fn is_valid(&self, plan: &Plan) -> bool {
+        let Some((domain, problem)) = self.read.get_or_init(|| self.read()) else { return false };
+        matches!(validate(domain, problem, &steps(plan)), Validation::Valid { .. })
+    }
+
     /// What is wrong with a plan.
     fn wrong(&self, plan: &Plan) -> Option<String> {
         let (domain, problem) = self.read.get_or_init(|| self.read()).as_ref()?;
-        let printed = ff::read(&ff_output::plan(plan, None), "");
-        let mut steps: Vec<Step> = printed.actions.into_iter().map(Step::from).collect();
-        steps.sort_by(|one, other| one.start.unwrap_or_default().total_cmp(&other.start.unwrap_or_default()));
+        let steps = steps(plan);
         match validate(domain, problem, &steps) {
             Validation::Invalid(fault) => {
                 let plan = pddl::Plan { steps, cost: None };
@@ -65,4 +70,12 @@ impl<'t> Judge<'t> {
         let problem = Problem::read(&Source::new("problem", self.problem), &domain, Dialect::default()).ok()?;
         Some((domain, problem))
     }
+}
+
+/// The steps of a plan as it is printed, in order of time.
+fn steps(plan: &Plan) -> Vec<Step> {
+    let printed = ff::read(&ff_output::plan(plan, None), "");
+    let mut steps: Vec<Step> = printed.actions.into_iter().map(Step::from).collect();
+    steps.sort_by(|one, other| one.start.unwrap_or_default().total_cmp(&other.start.unwrap_or_default()));
+    steps
 }

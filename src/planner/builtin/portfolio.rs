@@ -70,10 +70,7 @@ pub(super) fn plan(
     found: &mut dyn FnMut(&Plan),
 ) -> Result<Option<NoPlan>, SolveError> {
     let doubt = proof::doubt(domain, problem);
-    let proven = |reason: NoPlan, why: String| match doubt {
-        None => Ok(Some(reason)),
-        Some(doubt) => Ok(Some(NoPlan::Doubted { doubt, why })),
-    };
+    let proven = |reason: NoPlan| Ok(Some(doubt.map_or(reason, |doubt| NoPlan::Doubted { doubt })));
     let (domain, problem) = derived::compile(domain, problem).map_err(SolveError::Derived)?;
     let threads = par::num_threads();
     let task = match ground(&domain, &problem, threads) {
@@ -82,10 +79,7 @@ pub(super) fn plan(
             found(&Plan { steps: Vec::new(), length: 0, metric: None, makespan: None });
             return Ok(None);
         }
-        Outcome::GoalFalse(why) => return proven(NoPlan::GoalFalse, why),
-        Outcome::GoalUndefinedFluent(fluent) => {
-            return proven(NoPlan::GoalFalse, format!("the goal looks at {fluent}, which never has a value"));
-        }
+        Outcome::GoalFalse(_) | Outcome::GoalUndefinedFluent(_) => return proven(NoPlan::GoalFalse),
         Outcome::WallExhausted(why) => return Ok(Some(NoPlan::GaveUp(why))),
         Outcome::EmptyType { kind, pred, ty } => {
             return Err(SolveError::EmptyType { kind: kind.to_owned(), pred, ty });
@@ -95,7 +89,7 @@ pub(super) fn plan(
     let (ops, spent, detours) = match portfolio.first(beside) {
         First::Plan { ops, spent, detours } => (ops, spent, detours),
         First::Beside => return Ok(None),
-        First::Exhausted => return proven(NoPlan::Exhausted, String::new()),
+        First::Exhausted => return proven(NoPlan::Exhausted),
         First::Full => return Ok(Some(NoPlan::GaveUp("its memory is full of states".to_owned()))),
     };
     let cost = costs::metric_fluent(&problem).and_then(|fluent| task.fluent_id(&fluent));

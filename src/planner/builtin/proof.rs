@@ -9,7 +9,7 @@ use ferroplan::types::{Domain, Effect, Formula, Problem};
 /// Takes the task as it was read, before the engine compiles anything away.
 pub(super) fn doubt(domain: &Domain, problem: &Problem) -> Option<&'static str> {
     if !domain.durative_actions.is_empty() || !problem.til.is_empty() {
-        return Some("time");
+        return Some("times");
     }
     if !domain.constraints.is_empty() || !problem.constraints.is_empty() || ferroplan::pddl3::has_preferences(problem) {
         return Some("preferences or constraints");

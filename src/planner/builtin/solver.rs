@@ -7,7 +7,7 @@ use std::thread;
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Options as Settings, Plan, SolveError, parser, pddl3};
 
-use super::classical::{self, Answer, Message};
+use super::classical::{self, Answer, Message, Numeric};
 use super::ff_output::{self, NoPlan};
 use super::judge::Judge;
 use super::options::Options;
@@ -148,18 +148,30 @@ fn timeless(
         Answer::Open(open) => Some(open),
     };
     let teller = RefCell::new(teller);
-    let mut work = classical::NUMERIC_WORK;
+    let (mut work, mut proof) = (classical::NUMERIC_WORK, None);
     // The search starts anew with more work each time, so that all it did in vain is a part of what it needs.
     let beside = &mut || {
         work = work.saturating_mul(2);
         let send = &mut |message: Message<'_>| teller.borrow_mut().tell(message);
-        let is_done =
-            open.as_ref().is_some_and(|open| classical::numeric(open, classical::memory(), work, options, send));
-        // A search whose plan does not hold would find it again.
-        open = open.take().filter(|_| !is_done);
-        is_done && teller.borrow().has_plan
+        let Some(searched) = open.take() else { return false };
+        match classical::numeric(&searched, classical::memory(), work, options, send) {
+            // A search whose plan does not hold would find it again.
+            Numeric::Solved => return teller.borrow().has_plan,
+            Numeric::None(reason) => proof = Some(reason),
+            Numeric::Open => open = Some(searched),
+        }
+        proof.is_some()
     };
-    portfolio::plan(task, instance, options, beside, &mut |plan| teller.borrow_mut().tell(Message::Plan(plan)))
+    let found = &mut |plan: &Plan| teller.borrow_mut().tell(Message::Plan(plan));
+    let reason = portfolio::plan(task, instance, options, beside, found)?;
+    if proof.is_none() && reason.is_some() && !teller.borrow().has_plan {
+        let send = &mut |message: Message<'_>| teller.borrow_mut().tell(message);
+        let refuted = |open: Box<_>| classical::refuted(&open, classical::memory(), classical::PROOF_WORK, send);
+        if let Some(Numeric::None(reason)) = open.map(refuted) {
+            proof = Some(reason);
+        }
+    }
+    Ok(proof.or(reason))
 }
 
 fn timed(
@@ -175,6 +187,9 @@ fn timed(
             return Ok(None);
         }
     }
+    if let Some(reason) = temporal::refuted(task, instance, classical::memory(), classical::NUMERIC_WORK) {
+        return Ok(Some(reason));
+    }
     let mut reason = None;
     // A plan for what must be is there sooner than one that pleases as well.
     let quick = (options.anytime && pddl3::has_preferences(instance)).then_some(false);
@@ -186,13 +201,16 @@ fn timed(
             _ => {
                 let why = solution.notes.join("; ");
                 reason = Some(match proof::doubt(task, instance) {
-                    Some(doubt) => NoPlan::Doubted { doubt, why },
+                    Some(doubt) => NoPlan::Doubted { doubt },
                     None => NoPlan::GaveUp(why),
                 });
             }
         }
     }
-    Ok(reason)
+    if reason.is_none() || teller.has_plan {
+        return Ok(reason);
+    }
+    Ok(temporal::refuted(task, instance, classical::memory(), classical::PROOF_WORK).or(reason))
 }
 
 /// Whether states and actions are all there is to a task: no time, no preferences, no constraints.
@@ -234,7 +252,7 @@ mod tests {
             ("dom", "p_syntax", Verdict::Rejected, 3, Some(0)),
             ("acdom", "acp", Verdict::Plan, 0, Some(2)),
             ("ndom", "np", Verdict::Plan, 0, None),
-            ("ndom", "np_unreach", Verdict::GaveUp, 12, Some(0)),
+            ("ndom", "np_unreach", Verdict::Unsolvable, 11, Some(0)),
             ("durdom", "durp", Verdict::Plan, 0, Some(2)),
             ("adldom", "adlp", Verdict::Plan, 0, None),
             ("ffbug_dom", "ffbug_p1", Verdict::Plan, 0, None),

@@ -24,9 +24,10 @@ fn what_the_start_takes_away_is_not_there_later() {
     let both = problem.replace("(:goal (lit a))", "(:goal (and (lit a) (lit b)))");
     assert_run!(planned(&Lab::new(), domain, &both), @r"
     ------- stderr -------
-    error: builtin: the planner gave up without proof: search cap reached! no plan found (temporal ladder exhausted its budgets (no wall armed)); no proof for a task with time.
+    error: builtin: proven: no plan exists: best first search space empty! problem proven unsolvable.
     why: each condition of the goal could be reached if nothing were ever undone; what actions delete, numbers or times stand in the way
-    [exit code: 12]
+    change the goal, the initial state, or the actions of the domain
+    [exit code: 11]
     ");
 }
 
@@ -38,9 +39,10 @@ fn a_plan_that_does_not_hold_is_none() {
     let problem = "(define (problem p) (:domain d) (:init (z)) (:goal (not (z))))";
     assert_run!(planned(&Lab::new(), domain, problem), @r"
     ------- stderr -------
-    error: builtin: the planner gave up without proof: search cap reached! no plan found (its plan does not hold: the goal is not reached: (not (z)) is false).
+    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
     why: each condition of the goal could be reached if nothing were ever undone; what actions delete, numbers or times stand in the way
-    [exit code: 12]
+    change the goal, the initial state, or the actions of the domain
+    [exit code: 11]
     ");
 }
 

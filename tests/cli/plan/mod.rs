@@ -11,6 +11,7 @@ mod portfolio;
 mod rerun;
 mod show;
 mod step;
+mod unsolvable;
 mod watch;
 mod why;
 

@@ -139,6 +139,8 @@ pub struct Lifted {
     pub axioms: Vec<Axiom>,
     /// What is true at first.
     pub init: Vec<(usize, Vec<Object>)>,
+    /// The names of the functions.
+    pub functions: Vec<String>,
     /// The values of functions at first.
     pub values: Vec<((usize, Vec<Object>), f64)>,
     /// What is to become true.

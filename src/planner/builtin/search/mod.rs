@@ -10,6 +10,7 @@ mod example;
 pub mod ground;
 mod hash;
 mod improve;
+mod interval;
 mod landmark;
 mod lazy;
 pub mod lifted;
@@ -33,4 +34,4 @@ mod width;
 pub(super) use prove::refutes;
 
 pub use ground::{Ground, Refusal, ground};
-pub use solve::{End, Event, Improvement, Settings, solve};
+pub use solve::{End, Event, Improvement, Settings, prove, solve};

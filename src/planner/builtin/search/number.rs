@@ -8,7 +8,7 @@
 pub type Fact = u32;
 
 /// How far two numbers may be apart and still be equal, as the validator has it.
-const TOLERANCE: f64 = 1e-6;
+pub(super) const TOLERANCE: f64 = 1e-6;
 
 /// How a comparison compares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -322,6 +322,8 @@ pub struct Numbers {
     pub uses: Vec<Vec<u32>>,
     /// The facts that say that a comparison cannot be computed, in order.
     pub undefined: Vec<Fact>,
+    /// What the variables are called, as PDDL.
+    pub names: Vec<String>,
 }
 
 /// Returns the value of a numeric variable in a state of so many facts.

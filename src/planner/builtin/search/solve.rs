@@ -9,7 +9,7 @@ use super::axiom::Axioms;
 use super::improve::Improver;
 use super::landmark::{back, count::Counter, reasonable};
 use super::lazy::{Aim, Lazy, Step};
-use super::prove::Prover;
+use super::prove::{Prover, obstacle};
 use super::relaxed::{Costs, Relaxed};
 use super::shorten::eliminate;
 use super::successor::{Generator, holds};
@@ -51,6 +51,8 @@ pub enum Event<'p> {
     Plan(&'p [OperatorId]),
     /// How many states were reached so far.
     States(usize),
+    /// What no state can have, as PDDL: the task has no plan.
+    Obstacle(&'p str),
 }
 
 /// How a search ends.
@@ -74,10 +76,14 @@ pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>))
         report(Event::Plan(&[]));
         return End::Solved;
     }
+    if is_refuted(task, &init, report) {
+        return End::Unsolvable;
+    }
     let generator = Generator::new(task);
     let mut relaxed = Relaxed::new(task, Costs::Unit);
     if !relaxed.explore(&init, &task.goal) {
-        return End::Unsolvable;
+        // What the estimates make of numbers is no proof.
+        return if task.numbers.count == 0 { End::Unsolvable } else { prove(task, settings, report) };
     }
     let mut graph = back::landmarks(task, &mut relaxed);
     reasonable::order(task, &relaxed, &mut graph);
@@ -105,6 +111,43 @@ pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>))
     End::Solved
 }
 
+/// Looks for a proof that there is no plan, and for nothing else; where there is a plan, it may be found on the way.
+pub fn prove(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>)) -> End {
+    let mut init = task.init.clone();
+    Axioms::new(task).derive(task, &mut init);
+    if holds(task, &init, &task.goal) {
+        report(Event::Plan(&[]));
+        return End::Solved;
+    }
+    if is_refuted(task, &init, report) {
+        return End::Unsolvable;
+    }
+    let mut prover = Prover::new(task);
+    let mut left = settings.work;
+    loop {
+        let work = left.min(SLICE);
+        match prover.run(work, settings.memory) {
+            Step::Plan(plan) => {
+                report(Event::Plan(&plan));
+                return End::Solved;
+            }
+            Step::Exhausted => return End::Unsolvable,
+            Step::Full => return End::Full,
+            Step::Spent if left == work => return End::Spent,
+            Step::Spent => {}
+        }
+        report(Event::States(prover.states()));
+        left -= work;
+    }
+}
+
+/// Whether the bounds of numbers show that there is no plan.
+fn is_refuted(task: &Task, init: &[Fact], report: &mut dyn FnMut(Event<'_>)) -> bool {
+    let found = if task.numbers.count > 0 { obstacle(task, init, SLICE) } else { None };
+    found.iter().for_each(|text| report(Event::Obstacle(text)));
+    found.is_some()
+}
+
 #[allow(clippy::too_many_arguments)]
 fn first(
     task: &Task,
@@ -122,22 +165,24 @@ fn first(
     let mut prover = Prover::new(task);
     let memory = settings.memory / 4;
     let (mut work, mut is_full) = (SLICE, [false; 3]);
+    // These searches leave out what the estimates make of numbers.
+    let is_proof = task.numbers.count == 0;
     while is_full.contains(&false) {
         if !is_full[0] {
             match lazy.run(work, memory * 2) {
                 Step::Plan(plan) => return Ok((plan, lazy.work())),
-                Step::Exhausted => return Err(End::Unsolvable),
+                Step::Exhausted if is_proof => return Err(End::Unsolvable),
                 Step::Spent => {}
-                Step::Full => is_full[0] = true,
+                Step::Exhausted | Step::Full => is_full[0] = true,
             }
         }
         let search = width.get_or_insert_with(|| Width::new(task, generator, counter, relaxed.clone()));
         if !is_full[1] {
             match search.run(work / 2, memory) {
                 Step::Plan(plan) => return Ok((plan, search.work())),
-                Step::Exhausted => return Err(End::Unsolvable),
+                Step::Exhausted if is_proof => return Err(End::Unsolvable),
                 Step::Spent => {}
-                Step::Full => is_full[1] = true,
+                Step::Exhausted | Step::Full => is_full[1] = true,
             }
         }
         if !is_full[2] {

@@ -6,6 +6,7 @@
 
 mod clock;
 mod compress;
+mod snap;
 mod windows;
 
 use ferroplan::types::{Domain, Problem};
@@ -13,9 +14,12 @@ use ferroplan::{Plan, Step};
 
 use clock::Clock;
 use compress::compressed;
+use snap::snapped;
 use windows::{UNITS, Windows};
 
+use super::classical::{self, Numeric};
 use super::convert::convert;
+use super::ff_output::NoPlan;
 use super::options::Options;
 use super::search::makespan::{Effort, Timing, hasten};
 use super::search::task::{OperatorId, Task};
@@ -77,6 +81,19 @@ pub(super) fn plan(
     let end = timing.schedule(&first).map(|(_, end)| end);
     hasten(&task, &timing, end, effort, memory, &mut |steps| tell(report(&task, &timing, steps)));
     has_plan
+}
+
+/// Why there is no plan, where that is proven in so much work: no order of starts and ends leads to the goal.
+pub(super) fn refuted(domain: &Domain, problem: &Problem, memory: usize, work: u64) -> Option<NoPlan> {
+    let (flat, instance) = snapped(domain, problem)?;
+    let lifted = convert(&flat, &instance).ok()?;
+    match ground(&lifted, memory, &mut |_, _| {}).ok()? {
+        Ground::GoalFalse => Some(NoPlan::GoalFalse),
+        Ground::Task(task) => match classical::refuted(&task, memory, work, &mut |_| {}) {
+            Numeric::None(reason) => Some(reason),
+            Numeric::Solved | Numeric::Open => None,
+        },
+    }
 }
 
 /// Makes durations the costs of operators, in units of which the longest has [`FINENESS`].

@@ -48,7 +48,7 @@ pub(super) fn encode(
     for atom in (0..count as u32).filter(|atom| is_open[*atom as usize]) {
         encoder.binary(atom, &predicate);
     }
-    encoder.numbers(is_relevant);
+    encoder.numbers(is_relevant, reached.lifted);
     encoder.negations(is_relevant);
     encoder.derived(&predicate, is_relevant);
     encoder.finish(reached, &groups)
@@ -139,18 +139,27 @@ impl Encoder<'_> {
     }
 
     /// A variable for each comparison, and the numeric variables, which are numbered anew.
-    fn numbers(&mut self, is_relevant: &[bool]) {
+    fn numbers(&mut self, is_relevant: &[bool], lifted: &Lifted) {
         let instances = self.instances;
         let ledger = &instances.ledger;
         let kept = (0..ledger.init.len() as u32).filter(|variable| instances.is_read[*variable as usize]);
         let mut renamed = vec![u32::MAX; ledger.init.len()];
+        let (keys, mut names) = (ledger.keys(), Vec::new());
         for variable in kept {
             renamed[variable as usize] = self.values.len() as u32;
             self.values.push(ledger.init[variable as usize]);
+            let (function, objects) = &keys[variable as usize];
+            let objects = objects.iter().map(|object| lifted.objects[*object as usize].as_str());
+            let words: Vec<&str> = std::iter::once(lifted.functions[*function].as_str()).chain(objects).collect();
+            names.push(format!("({})", words.join(" ")));
         }
         self.renamed = renamed;
-        let mut numbers =
-            Numbers { count: self.values.len(), uses: vec![Vec::new(); self.values.len()], ..Numbers::default() };
+        let mut numbers = Numbers {
+            count: self.values.len(),
+            uses: vec![Vec::new(); self.values.len()],
+            names,
+            ..Numbers::default()
+        };
         for compared in ledger.comparisons.iter().filter(|compared| is_relevant[compared.atom as usize]) {
             let lacks = |variable: u32| ledger.lacks(variable);
             let is_partial = compared.left.may_lack(&lacks) || compared.right.may_lack(&lacks);

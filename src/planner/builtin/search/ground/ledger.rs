@@ -83,6 +83,13 @@ impl Ledger {
         }
     }
 
+    /// The function and the objects of each variable.
+    pub(super) fn keys(&self) -> Vec<(usize, Vec<Object>)> {
+        let mut keys = vec![(0, Vec::new()); self.init.len()];
+        self.variables.iter().for_each(|(key, variable)| keys[*variable as usize].clone_from(key));
+        keys
+    }
+
     /// Whether a variable has no value at first.
     pub(super) fn lacks(&self, variable: u32) -> bool {
         self.init[variable as usize].is_nan()

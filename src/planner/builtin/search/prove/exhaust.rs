@@ -91,7 +91,8 @@ impl<'t> Exhaust<'t> {
             self.state.copy_from_slice(&self.before);
             apply(task, &mut self.axioms, &task.operators[*operator as usize], &mut self.state);
             self.work += (task.len() / 4 + task.axioms.len() + 48) as u64;
-            if is_dead(&self.dead, &self.is_deadly, &self.before, &self.state) {
+            let facts = task.len();
+            if is_dead(&self.dead, &self.is_deadly, &self.before[..facts], &self.state[..facts]) {
                 continue;
             }
             let (child, is_new) = self.space.insert(&self.state, id, *operator);
@@ -103,7 +104,7 @@ impl<'t> Exhaust<'t> {
     }
 }
 
-/// Whether a state has a dead pair that the one before did not have.
+/// Whether the facts of a state have a dead pair that those before did not have.
 fn is_dead(dead: &Pairs, is_deadly: &[bool], before: &[Fact], state: &[Fact]) -> bool {
     let new = state.iter().zip(before).filter(|(fact, old)| fact != old && is_deadly[**fact as usize]);
     new.map(|(fact, _)| dead.row(*fact)).any(|row| state.iter().any(|other| contains(row, *other)))

@@ -1,16 +1,19 @@
-//! Proofs that there is no plan, beside the searches for one: by the pairs of facts that states can have, and by a search
-//! through all states.
+//! Proofs that there is no plan, beside the searches for one: by the bounds of numbers, by the pairs of facts that states
+//! can have, and by a search through all states.
 
 mod alive;
+mod bounds;
 mod exhaust;
 mod fixpoint;
+mod obstacle;
 mod pairs;
 #[cfg(test)]
 mod tests;
 
 use super::lazy::Step;
-use super::task::Task;
+use super::task::{Fact, Task};
 use alive::Known;
+use bounds::{Bounds, bounds};
 use exhaust::Exhaust;
 
 /// How much more a search may do where fewer and fewer states are left to be looked at.
@@ -34,14 +37,15 @@ impl<'t> Prover<'t> {
 
     /// Looks for a proof until so much work is done, in so many bytes.
     pub(super) fn run(&mut self, work: u64, memory: usize) -> Step {
-        // Pairs of facts know nothing of numbers.
-        if self.task.numbers.count > 0 {
-            return Step::Full;
-        }
         let search = match &mut self.search {
             Some(search) => search,
             None => {
-                let alive = match alive::alive(self.task, work) {
+                // Pairs of facts know nothing of numbers.
+                let known = match self.task.numbers.count {
+                    0 => alive::alive(self.task, work),
+                    _ => Known::TooLarge,
+                };
+                let alive = match known {
                     Known::Unsolvable => return Step::Exhausted,
                     Known::Alive(alive) => Some(alive),
                     Known::TooLarge => None,
@@ -59,6 +63,14 @@ impl<'t> Prover<'t> {
             }
         }
         Step::Spent
+    }
+}
+
+/// Says what stands in the way where the bounds of numbers show, with so much work, that no state behind this one is a goal.
+pub(super) fn obstacle(task: &Task, state: &[Fact], work: u64) -> Option<String> {
+    match bounds(task, state, work) {
+        Bounds::Refuted(missing, intervals) => Some(obstacle::text(task, &missing, &intervals)),
+        Bounds::Open | Bounds::Spent => None,
     }
 }
 

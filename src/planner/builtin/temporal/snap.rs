@@ -1,0 +1,129 @@
+//! A temporal task without its times: starts and ends as actions of their own (snap actions: Long and Fox 2003,
+//! "Exploiting a graphplan framework in temporal planning"; Coles, Fox, Halsey, Long and Smith 2009).
+//!
+//! What happens in a plan with times, one thing after the other, is a plan of the classical task: what happens at one
+//! moment does not interfere, and so may have any order. So where the classical task has no plan, neither has the temporal one:
+//!
+//! - A start asks for what must hold at the start, and an end for what must hold at the end. Between them the action is
+//!   entered, which asks for what must hold over all: at some moment between two happenings all of it holds.
+//! - Timed initial literals happen in their order, at any time.
+//! - An action that starts while it runs already, with the same objects, may from then on end without having ended.
+//! - Preferences and constraints are left out: they only forbid.
+
+use ferroplan::types::{Action, Domain, Duration, DurativeAction, Effect, Expr, Formula, Problem, Term, TimeSpec};
+
+/// Returns the classical task; `None` where its plans would not stand for those of the temporal one.
+pub(super) fn snapped(domain: &Domain, problem: &Problem) -> Option<(Domain, Problem)> {
+    // What is derived may be read while something else changes it.
+    if !domain.derived.is_empty() {
+        return None;
+    }
+    let (mut flat, mut instance) = (domain.clone(), problem.clone());
+    for action in flat.durative_actions.drain(..).collect::<Vec<_>>() {
+        // Names of tasks have no blanks.
+        let names = ["RUNNING", "ENTERED", "REPEATED"].map(|what| format!("{what} {}", action.name));
+        let kinds: Vec<String> = action.params.iter().map(|(_, kind)| kind.clone()).collect();
+        flat.predicates.extend(names.clone().map(|name| (name, kinds.clone())));
+        flat.actions.extend(parts(&action, &names, (domain, problem)));
+    }
+    happen(&mut flat, &mut instance);
+    (flat.constraints, instance.constraints, instance.metric) = (Vec::new(), Vec::new(), None);
+    Some((flat, instance))
+}
+
+fn plain(name: &str, params: Vec<(String, String)>, conditions: Vec<Formula>, effects: Vec<Effect>) -> Action {
+    let (precond, effect) = (Formula::And(conditions), Effect::And(effects));
+    Action { name: name.to_owned(), params, precond, effect, monitored: false }
+}
+
+/// The start of an action, its way to its end, its end, its start while it runs, and its end where it goes on.
+fn parts(
+    action: &DurativeAction,
+    [running, entered, repeated]: &[String; 3],
+    (domain, problem): (&Domain, &Problem),
+) -> Vec<Action> {
+    let terms: Vec<Term> = action.params.iter().map(|(name, _)| Term::Var(name.clone())).collect();
+    let holds = |name: &String| Formula::Atom(name.clone(), terms.clone());
+    let add = |name: &String| Effect::Add(name.clone(), terms.clone());
+    let delete = |name: &String| Effect::Del(name.clone(), terms.clone());
+    let conditions = |time: TimeSpec, first: &[&String]| -> Vec<Formula> {
+        let own = action.conditions.iter().filter(|(at, _)| *at == time).map(|(_, condition)| condition.clone());
+        first.iter().map(|name| holds(name)).chain(own).collect()
+    };
+    let effects = |time: TimeSpec, last: Vec<Effect>| -> Vec<Effect> {
+        let own = action.effects.iter().filter(|(at, _)| *at == time).map(|(_, effect)| effect.clone());
+        own.chain(last).collect()
+    };
+    let part = |what: &str, conditions, effects| {
+        plain(&format!("{what} {}", action.name), action.params.clone(), conditions, effects)
+    };
+    // Between a start and an end at one moment nothing has to hold.
+    let over_all = match is_long(&action.duration, domain, problem) {
+        true => conditions(TimeSpec::All, &[running]),
+        false => vec![holds(running)],
+    };
+    vec![
+        part("START", conditions(TimeSpec::Start, &[]), effects(TimeSpec::Start, vec![add(running)])),
+        part("ENTER", over_all, vec![add(entered)]),
+        part(
+            "END",
+            conditions(TimeSpec::End, &[running, entered]),
+            effects(TimeSpec::End, vec![delete(running), delete(entered)]),
+        ),
+        part("REPEAT", conditions(TimeSpec::Start, &[running]), effects(TimeSpec::Start, vec![add(repeated)])),
+        part("GO ON", conditions(TimeSpec::End, &[running, entered, repeated]), effects(TimeSpec::End, Vec::new())),
+    ]
+}
+
+/// Whether a duration is more than a moment, whatever the objects: plans may have durations that are a hundredth shorter.
+fn is_long(duration: &Duration, domain: &Domain, problem: &Problem) -> bool {
+    const MOMENT: f64 = 0.02;
+    match &duration.min {
+        Some(Expr::Num(number)) => *number > MOMENT,
+        Some(Expr::Fluent(name, _)) => {
+            let timed =
+                domain.durative_actions.iter().flat_map(|action| action.effects.iter().map(|(_, effect)| effect));
+            let mut effects = timed.chain(domain.actions.iter().map(|action| &action.effect));
+            let mut values = problem.init_fluents.iter().filter(|((function, _), _)| function == name);
+            values.all(|(_, value)| *value > MOMENT) && !effects.any(|effect| sets(effect, name))
+        }
+        _ => false,
+    }
+}
+
+/// Whether an effect changes the values of a function.
+fn sets(effect: &Effect, function: &str) -> bool {
+    match effect {
+        Effect::Num(_, name, ..) => name == function,
+        Effect::And(inner) => inner.iter().any(|part| sets(part, function)),
+        Effect::When(_, inner) | Effect::Forall(_, inner) => sets(inner, function),
+        Effect::Add(..) | Effect::Del(..) => false,
+    }
+}
+
+/// Makes actions of timed initial literals, those of one moment together.
+fn happen(flat: &mut Domain, instance: &mut Problem) {
+    let mut literals = std::mem::take(&mut instance.til);
+    // Of what is taken away and brought at once, it holds that it was brought.
+    literals.sort_by(|one, other| one.time.total_cmp(&other.time).then(one.add.cmp(&other.add)));
+    let clock = |count: usize| format!("CLOCK {count}");
+    for (count, moment) in literals.chunk_by(|one, other| one.time == other.time).enumerate() {
+        let mut effects: Vec<Effect> = moment
+            .iter()
+            .map(|literal| {
+                let terms = literal.args.iter().map(|name| Term::Const(name.clone())).collect();
+                match literal.add {
+                    true => Effect::Add(literal.pred.clone(), terms),
+                    false => Effect::Del(literal.pred.clone(), terms),
+                }
+            })
+            .collect();
+        effects.push(Effect::Del(clock(count), Vec::new()));
+        effects.push(Effect::Add(clock(count + 1), Vec::new()));
+        let now = Formula::Atom(clock(count), Vec::new());
+        flat.actions.push(plain(&format!("HAPPEN {count}"), Vec::new(), vec![now], effects));
+        flat.predicates.push((clock(count), Vec::new()));
+        flat.predicates.push((clock(count + 1), Vec::new()));
+    }
+    instance.init_atoms.push((clock(0), Vec::new()));
+}
