@@ -3,7 +3,8 @@
 //! `cargo bench --bench clients -- URI [URI] [--connections N] [--seconds S]`
 //!
 //! Each kind of work is done on each server in turn, for S seconds (default: 3), by N threads (default: 1, then 64) with
-//! a connection each. Writes are journaled. The last kind is how long a change takes until a change stream
+//! a connection each. Writes are journaled. The column `client µs` is the processor time that the driver and this program
+//! take for an operation: where both cores are busy with it, no server can be quicker. The last kind is how long a change takes until a change stream
 //! of another connection has it. Where two servers are given, the last column is the rate of the first one divided by that
 //! of the second; of changes, the median time of the second divided by that of the first.
 
@@ -17,6 +18,8 @@ use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use bson::{Document, doc};
 use mongodb::options::WriteConcern;
 use mongodb::sync::{Client, Collection};
+use nix::sys::resource::{UsageWho, getrusage};
+use nix::sys::time::TimeValLike as _;
 
 /// How many documents there are at first.
 const DOCUMENTS: i64 = 10_000;
@@ -61,16 +64,29 @@ fn prepare(uri: &str) -> Result<()> {
     Ok(())
 }
 
-/// The times that operations took, in order, and how many there were in a second.
+/// The processor time of this process until now.
+fn processor_time() -> Result<Duration> {
+    let usage = getrusage(UsageWho::RUSAGE_SELF)?;
+    let time = usage.user_time() + usage.system_time();
+    Ok(Duration::from_micros(u64::try_from(time.num_microseconds())?))
+}
+
+/// The times that operations took, in order, how many there were in a second, and the client's processor time for all.
 struct Figures {
     times: Vec<Duration>,
     rate: f64,
+    client: Duration,
 }
 
 impl Figures {
-    fn new(mut times: Vec<Duration>, rate: f64) -> Self {
+    fn new(mut times: Vec<Duration>, rate: f64, client: Duration) -> Self {
         times.sort_unstable();
-        Self { times, rate }
+        Self { times, rate, client }
+    }
+
+    /// The client's processor time for an operation, in microseconds.
+    fn client_micros(&self) -> f64 {
+        self.client.as_secs_f64() * 1e6 / self.times.len() as f64
     }
 
     /// The time below which a part of all are, in milliseconds.
@@ -97,6 +113,7 @@ fn measure(uri: &str, work: Work, connections: usize, during: Duration) -> Resul
         }
         Ok(times)
     };
+    let before = processor_time()?;
     let times: Vec<Vec<Duration>> = std::thread::scope(|scope| {
         let worker = &worker;
         let workers: Vec<_> = (0..connections).map(|seed| scope.spawn(move || worker(seed))).collect();
@@ -105,7 +122,7 @@ fn measure(uri: &str, work: Work, connections: usize, during: Duration) -> Resul
     })?;
     let times = times.concat();
     let rate = times.len() as f64 / during.as_secs_f64();
-    Ok(Figures::new(times, rate))
+    Ok(Figures::new(times, rate, processor_time()?.saturating_sub(before)))
 }
 
 /// How long changes take until another connection's change stream has them.
@@ -120,7 +137,7 @@ fn changes(uri: &str, during: Duration) -> Result<Figures> {
             }
         }
     });
-    let (mut times, since) = (Vec::new(), Instant::now());
+    let (mut times, since, before) = (Vec::new(), Instant::now(), processor_time()?);
     while since.elapsed() < during {
         let begun = Instant::now();
         things.insert_one(thing(0)).run()?;
@@ -129,7 +146,7 @@ fn changes(uri: &str, during: Duration) -> Result<Figures> {
         std::thread::sleep(Duration::from_millis(10));
     }
     let rate = times.len() as f64 / since.elapsed().as_secs_f64();
-    Ok(Figures::new(times, rate))
+    Ok(Figures::new(times, rate, processor_time()?.saturating_sub(before)))
 }
 
 fn main() -> Result<()> {
@@ -148,14 +165,14 @@ fn main() -> Result<()> {
     let during = Duration::from_secs_f64(seconds);
     uris.iter().try_for_each(|uri| prepare(uri))?;
     println!(
-        "{:>11}  {:13}  {:>9}  {:>8}  {:>8}  {:>6}  server",
-        "connections", "work", "1/s", "p50 ms", "p99 ms", "ratio"
+        "{:>11}  {:13}  {:>9}  {:>8}  {:>8}  {:>9}  {:>6}  server",
+        "connections", "work", "1/s", "p50 ms", "p99 ms", "client µs", "ratio"
     );
     let row = |connections: usize, name: &str, all: &[Figures], ratio: f64| {
         for (place, (uri, figures)) in uris.iter().zip(all).enumerate() {
             let ratio = if place == 0 && all.len() > 1 { format!("{ratio:.2}") } else { String::new() };
-            let (rate, median, tail) = (figures.rate, figures.at(0.5), figures.at(0.99));
-            println!("{connections:11}  {name:13}  {rate:9.0}  {median:8.3}  {tail:8.3}  {ratio:>6}  {uri}");
+            let (rate, median, tail, own) = (figures.rate, figures.at(0.5), figures.at(0.99), figures.client_micros());
+            println!("{connections:11}  {name:13}  {rate:9.0}  {median:8.3}  {tail:8.3}  {own:9.0}  {ratio:>6}  {uri}");
         }
     };
     for connections in connections {
