@@ -41,7 +41,10 @@ impl Server {
             "create" if document(command, "collation")?.is_some_and(|collation| !is_simple(collation)) => {
                 Err(Failure::Refused("collation of a collection".to_owned()))
             }
-            "create" => refuse_options(command).map(|()| doc! {}),
+            "create" => {
+                refuse_options(command)?;
+                self.store.create(&ns).map(|_| doc! {}).map_err(Into::into)
+            }
             "createIndexes" => self.create_indexes(&ns, command),
             "insert" => self.insert(&ns, command),
             "find" => self.find(&ns, command, recorded),

@@ -1,7 +1,7 @@
 //! Answers that a comparison with a real mongod found to be different once.
 
 use bson::{Bson, Document, doc};
-use rmem::store::{Embedded, Find, Namespace, Store as _, UpdateRequest, UpdateSpec, Updated};
+use rmem::store::{Embedded, Find, Index, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
 
 fn store(documents: Vec<Document>) -> (Embedded, Namespace) {
     let (store, ns) = (Embedded::in_memory().unwrap(), Namespace::parse("a.c").unwrap());
@@ -145,6 +145,114 @@ fn some_combinations_of_merge_are_refused() {
     let (store, ns) = store(vec![doc! { "_id": 1 }]);
     let merge = doc! { "into": "w", "whenMatched": "keepExisting", "whenNotMatched": "discard" };
     assert!(store.aggregate(&ns, (&[doc! { "$merge": merge }]).into()).is_err());
+}
+
+/// What is in `a.w`, where two documents were, after some results were merged into it.
+fn merged(index: Document, merge: Document, results: Vec<Document>) -> Result<Vec<Document>, i32> {
+    let (store, ns) = store(results);
+    let target = Namespace::parse("a.w").unwrap();
+    store.insert(&target, vec![doc! { "_id": 1, "k": 5, "p": { "q": "a" } }, doc! { "_id": 2, "k": 6 }]).unwrap();
+    store.create_index(&target, &Index::parse(&index).unwrap()).unwrap();
+    let mut spec = doc! { "into": "w" };
+    spec.extend(merge);
+    let code = |error: StoreError| match error {
+        StoreError::Query(error) => error.code,
+        StoreError::Duplicate { .. } => 11_000,
+        error => panic!("{error}"),
+    };
+    store.aggregate(&ns, (&[doc! { "$merge": spec }]).into()).map_err(code)?.for_each(drop);
+    let found = store.find(&target, &Find { sort: doc! { "_id": 1 }, ..Find::default() }).unwrap();
+    Ok(found.map(|document| Document::try_from(&*document.unwrap()).unwrap()).collect())
+}
+
+#[test]
+fn results_are_merged_by_fields_with_a_unique_index() {
+    let unique = |key: Document| doc! { "key": key, "unique": true };
+    let on = |on: Bson| doc! { "on": on };
+    let first = doc! { "_id": 1, "k": 5, "p": { "q": "a" } };
+    let second = doc! { "_id": 2, "k": 6 };
+    // By values that are equal, also of another type; the `_id` stays.
+    let same = merged(unique(doc! { "k": 1 }), on("k".into()), vec![doc! { "_id": 2, "k": 6.0, "x": 1 }]);
+    assert_eq!(same, Ok(vec![first.clone(), doc! { "_id": 2, "k": 6.0, "x": 1 }]));
+    // By several, in any order, and by a path.
+    let pair = merged(
+        unique(doc! { "p.q": -1, "k": 1 }),
+        doc! { "on": ["k", "p.q"], "whenMatched": "keepExisting" },
+        vec![doc! { "_id": 9, "k": 5, "p": { "q": "a" } }, doc! { "_id": 3, "k": 5, "p": { "q": "b" } }],
+    );
+    let third = doc! { "_id": 3, "k": 5, "p": { "q": "b" } };
+    assert_eq!(pair, Ok(vec![first.clone(), second.clone(), third]));
+    // Results without an `_id` leave that of the document; new ones get one.
+    let (source, ns) = store(vec![doc! { "_id": 1, "k": 6, "n": 1 }]);
+    let target = Namespace::parse("a.w").unwrap();
+    source.insert(&target, vec![second.clone()]).unwrap();
+    source.create_index(&target, &Index { unique: true, ..Index::on(doc! { "k": 1 }) }).unwrap();
+    let merge = doc! { "$merge": { "into": "w", "on": "k", "whenMatched": "replace" } };
+    source.aggregate(&ns, (&[doc! { "$unset": "_id" }, merge]).into()).unwrap().for_each(drop);
+    let found = source.find(&target, &Find::default()).unwrap().next().unwrap().unwrap();
+    assert_eq!(Document::try_from(&*found).unwrap(), doc! { "_id": 2, "k": 6, "n": 1 });
+    let plain = |results| merged(unique(doc! { "k": 1 }), on("k".into()), results);
+    assert_eq!(plain(vec![doc! { "_id": 7, "k": 6 }]), Err(66));
+    assert_eq!(plain(vec![doc! { "_id": 7 }]), Err(51_132));
+    assert_eq!(plain(vec![doc! { "_id": 7, "k": Bson::Null }]), Err(51_132));
+    assert_eq!(plain(vec![doc! { "_id": 7, "k": [6] }]), Err(51_185));
+    assert_eq!(plain(vec![doc! { "_id": 1, "k": 7 }]), Err(11_000));
+    let fail = doc! { "on": "k", "whenMatched": "fail" };
+    assert_eq!(merged(unique(doc! { "k": 1 }), fail, vec![doc! { "_id": 2, "k": 6 }]), Err(11_000));
+    // Another index will not do.
+    for index in [
+        doc! { "key": { "k": 1 } },
+        doc! { "key": { "k": 1, "x": 1 }, "unique": true },
+        doc! { "key": { "k": 1 }, "unique": true, "partialFilterExpression": { "k": { "$gt": 0 } } },
+    ] {
+        assert_eq!(merged(index, on("k".into()), vec![doc! { "_id": 2, "k": 6 }]), Err(51_183));
+    }
+}
+
+#[test]
+fn a_pipeline_of_merge_cannot_change_an_id() {
+    let change = doc! { "whenMatched": [{ "$set": { "_id": 8 } }] };
+    assert_eq!(merged(doc! { "key": { "k": 1 } }, change, vec![doc! { "_id": 1 }]), Err(66));
+}
+
+#[test]
+fn facets_within_facets_are_refused_also_where_a_lookup_has_them() {
+    let (store, ns) = store(vec![doc! { "_id": 1 }]);
+    let lookup = doc! { "$lookup": { "from": "c", "pipeline": [{ "$facet": { "b": [] } }], "as": "j" } };
+    let outer = doc! { "$lookup": { "from": "c", "pipeline": [lookup.clone()], "as": "j" } };
+    for stage in [lookup.clone(), outer] {
+        assert!(store.aggregate(&ns, (&[doc! { "$facet": { "a": [stage] } }]).into()).is_err());
+    }
+    assert!(store.aggregate(&ns, (&[lookup]).into()).is_ok());
+}
+
+#[test]
+fn what_no_value_is_of_is_an_error() {
+    let fails = |expression: Document| {
+        let (store, ns) = store(vec![doc! { "_id": 1 }]);
+        let found = store.aggregate(&ns, (&[doc! { "$project": { "r": expression } }]).into());
+        found.is_err() || found.unwrap().any(|document| document.is_err())
+    };
+    let date = bson::DateTime::from_millis(0);
+    let truncate = |bin: i64| doc! { "$dateTrunc": { "date": date, "unit": "year", "binSize": bin } };
+    assert!(fails(truncate(100_000_000_001)) && !fails(truncate(1)));
+    assert!(fails(doc! { "$unsetField": { "field": "a\0", "input": {} } }));
+    assert!(fails(doc! { "$setField": { "field": "a\0", "input": {}, "value": 1 } }));
+    let number = |text: &str, to: &str| fails(doc! { "$convert": { "input": text, "to": to } });
+    assert!(number("1e-400", "double") && !number("0e-400", "double") && !number("-0.0", "double"));
+    assert!(number("1E+6145", "decimal") && !number("Infinity", "decimal") && !number("-inf", "decimal"));
+    let (store, ns) = store(vec![doc! { "_id": 1 }]);
+    assert!(store.aggregate(&ns, (&[doc! { "$sort": { "$natural": 1 } }]).into()).is_err());
+}
+
+#[test]
+fn the_logarithm_of_no_number_is_a_double() {
+    for expression in
+        [doc! { "$ln": "$n" }, doc! { "$log10": "$n" }, doc! { "$log": ["$n", 2] }, doc! { "$log": [2, "$n"] }]
+    {
+        let result = computed(doc! { "_id": 1, "n": decimal("NaN") }, expression);
+        assert!(matches!(result, Bson::Double(number) if number.is_nan()), "{result}");
+    }
 }
 
 fn computed(document: Document, expression: Document) -> Bson {

@@ -388,6 +388,8 @@ fn logarithm(operator: &str, code: i32, values: &[Value], double: fn(f64) -> f64
         return Err(QueryError::invalid(code, format!("{operator}'s argument must be a positive number")));
     }
     Ok(Some(match number {
+        // MongoDB has a double for what is no number, also of a decimal.
+        number if number.is_nan() => Bson::Double(f64::NAN),
         Number::Decimal(value) if operator == "$ln" => Bson::Decimal128(value.logarithm().into()),
         Number::Decimal(value) => Bson::Decimal128(value.logarithm_10().into()),
         number => Bson::Double(double(number.to_double())),
@@ -410,6 +412,7 @@ fn log(values: &[Value]) -> Result<Value> {
         return Err(QueryError::invalid(28_759, "$log's base must be a positive number not equal to 1"));
     }
     Ok(Some(match (value, base) {
+        (value, base) if value.is_nan() || base.is_nan() => Bson::Double(f64::NAN),
         (Number::Decimal(_), _) | (_, Number::Decimal(_)) => {
             let quotient = value.to_decimal().logarithm().over(base.to_decimal().logarithm());
             Bson::Decimal128(quotient.into())

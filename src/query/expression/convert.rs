@@ -198,7 +198,10 @@ fn to_double(value: &Bson) -> Result<f64> {
                 .filter(|_| !text.starts_with("0x"))
                 .ok_or_else(|| failure(value, "not a number"))?;
             let named_infinite = text.trim_start_matches(['-', '+']).starts_with(['i', 'I']);
-            if double.is_infinite() && !named_infinite { Err(failure(value, "out of range")) } else { Ok(double) }
+            let is_nothing =
+                text.split(['e', 'E']).next().is_some_and(|digits| !digits.contains(|c| ('1'..='9').contains(&c)));
+            let is_lost = double.is_infinite() && !named_infinite || double == 0.0 && !is_nothing;
+            if is_lost { Err(failure(value, "out of range")) } else { Ok(double) }
         }
         Bson::Decimal128(decimal) => {
             let decimal = Decimal::from(*decimal);
@@ -214,7 +217,11 @@ fn to_decimal(value: &Bson) -> Result<Decimal> {
     match value {
         Bson::Boolean(value) => Ok(Decimal::from_integer(i128::from(*value))),
         Bson::DateTime(moment) => Ok(Decimal::from_integer(moment.timestamp_millis().into())),
-        Bson::String(text) => parsed(text, Decimal::parse).ok_or_else(|| failure(value, "not a number")),
+        Bson::String(text) => {
+            let decimal = parsed(text, Decimal::parse).ok_or_else(|| failure(value, "not a number"))?;
+            let is_lost = decimal.is_infinite() && !text.trim_start_matches(['-', '+']).starts_with(['i', 'I']);
+            if is_lost { Err(failure(value, "out of range")) } else { Ok(decimal) }
+        }
         value => Number::of(value).map(Number::to_decimal).ok_or_else(|| failure(value, "no such conversion")),
     }
 }

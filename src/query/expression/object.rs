@@ -89,8 +89,18 @@ fn input(arguments: &Arguments) -> Result<Option<Document>> {
     }
 }
 
-fn set_field(arguments: &Arguments) -> Result<Value> {
+/// The name of a field to be written, which can hold no null character.
+fn written_name(arguments: &Arguments) -> Result<&str> {
     let name = name(arguments)?;
+    if name.contains('\0') {
+        let message = format!("{}: 'field' cannot contain an embedded null byte", arguments.operator);
+        return Err(QueryError::invalid(9_534_700, message));
+    }
+    Ok(name)
+}
+
+fn set_field(arguments: &Arguments) -> Result<Value> {
+    let name = written_name(arguments)?;
     let Some(mut document) = input(arguments)? else { return Ok(Some(Bson::Null)) };
     if is_missing(arguments, 2) {
         document.remove(name);
@@ -101,7 +111,7 @@ fn set_field(arguments: &Arguments) -> Result<Value> {
 }
 
 fn unset_field(arguments: &Arguments) -> Result<Value> {
-    let name = name(arguments)?;
+    let name = written_name(arguments)?;
     let Some(mut document) = input(arguments)? else { return Ok(Some(Bson::Null)) };
     document.remove(name);
     Ok(Some(Bson::Document(document)))

@@ -123,7 +123,8 @@ impl Pattern {
     }
 
     /// Returns whether its keys are in the order, and equal, as in the operation that runs.
-    pub(super) fn is_in_effect(&self) -> bool {
+    #[must_use]
+    pub fn is_in_effect(&self) -> bool {
         collation::is(self.collation())
     }
 

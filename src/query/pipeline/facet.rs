@@ -34,6 +34,7 @@ impl Facet {
                 .stages
                 .iter()
                 .any(|stage| matches!(stage, Stage::Facet(_) | Stage::Documents(_) | Stage::GeoNear(_)))
+                || pipeline.stages.iter().any(looks_up_facets)
                 || pipeline.first_match().is_some_and(|filter| filter.search().is_some())
             {
                 return Err(QueryError::invalid(40_600, "a stage is not allowed to be used within a $facet stage"));
@@ -61,6 +62,14 @@ impl Facet {
         }
         Ok(vec![encode(&results)?])
     }
+}
+
+/// Whether a stage joins by a pipeline with `$facet` in it.
+fn looks_up_facets(stage: &Stage) -> bool {
+    let Stage::Lookup(lookup) = stage else { return false };
+    lookup
+        .stages()
+        .is_some_and(|stages| stages.iter().any(|stage| matches!(stage, Stage::Facet(_)) || looks_up_facets(stage)))
 }
 
 /// Collects documents into an array.

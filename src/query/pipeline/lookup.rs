@@ -137,6 +137,11 @@ impl Lookup {
         Ok(Self { from, fields, bindings, pipeline, to: target("$lookup", spec)?, last: false })
     }
 
+    /// Returns the stages of its pipeline.
+    pub(super) fn stages(&self) -> Option<&[Stage]> {
+        self.pipeline.as_ref().map(|pipeline| &*pipeline.stages)
+    }
+
     /// Returns its pipeline, and the collection that is its input.
     pub(super) fn inner(&self) -> Option<(Option<&Origin>, &Pipeline)> {
         Some((self.from.as_ref(), self.pipeline.as_ref()?))

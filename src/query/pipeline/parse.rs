@@ -117,6 +117,9 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, place: Place, stages: &mut 
             if pattern.is_empty() {
                 return Err(QueryError::invalid(15_976, "$sort stage must have at least one sort key"));
             }
+            if let Some(name) = pattern.keys().find(|name| name.starts_with('$')) {
+                return Err(QueryError::invalid(16_410, format!("$sort takes paths of fields, not `{name}`")));
+            }
             Stage::Sort(Sort::parse(pattern)?)
         }
         "$limit" => Stage::Limit(positive(name, argument, 1)?),

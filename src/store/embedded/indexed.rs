@@ -85,6 +85,11 @@ impl Indexed {
         self.is_kept() && self.partial.is_none() && !self.is_hidden()
     }
 
+    /// Whether it is of all documents.
+    pub(super) fn is_whole(&self) -> bool {
+        self.partial.is_none()
+    }
+
     /// Whether it is hidden from queries.
     pub(super) fn is_hidden(&self) -> bool {
         self.definition.other.get(HIDDEN) == Some(&bson::Bson::Boolean(true))

@@ -337,6 +337,9 @@ fn difference(arguments: &Arguments) -> Result<Value> {
         .ok_or_else(|| QueryError::invalid(5_166_308, "$dateDiff overflowed"))
 }
 
+/// The most units that `$dateTrunc` takes together.
+const MOST_UNITS: i64 = 100_000_000_000;
+
 fn truncated(arguments: &Arguments) -> Result<Value> {
     let unit = unit(arguments, 1)?;
     let bin = match arguments.get(2) {
@@ -349,6 +352,9 @@ fn truncated(arguments: &Arguments) -> Result<Value> {
                 .ok_or_else(|| QueryError::invalid(5_439_017, "$dateTrunc requires a positive integral 'binSize'"))?,
         ),
     };
+    if bin.is_some_and(|bin| bin > MOST_UNITS) {
+        return Err(QueryError::invalid(5_439_006, format!("$dateTrunc takes a 'binSize' of at most {MOST_UNITS}")));
+    }
     let zone = zone(arguments, 3)?;
     let week = if unit == Some(Unit::Week) { start_of_week(arguments, 4)? } else { Some(0) };
     let (Some(date), Some(unit), Some(bin), Some(zone), Some(week)) = (arguments.present(0), unit, bin, zone, week)
