@@ -70,6 +70,24 @@ impl<'a> Known<'a> {
     }
 }
 
+impl Structure {
+    /// Whether a step has to wait for an earlier one, directly or through others; both count from 0.
+    #[must_use]
+    pub fn depends(&self, step: usize, earlier: usize) -> bool {
+        let mut reached = vec![earlier];
+        let mut next = 0;
+        while let Some(from) = reached.get(next).copied() {
+            next += 1;
+            for (_, to) in self.order.iter().filter(|(before, _)| *before == from) {
+                if !reached.contains(to) {
+                    reached.push(*to);
+                }
+            }
+        }
+        step != earlier && reached.contains(&step)
+    }
+}
+
 impl Domain {
     /// The structure of a plan, as far as this domain knows its actions.
     #[must_use]

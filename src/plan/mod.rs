@@ -17,5 +17,5 @@ pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};
 pub use print::{FactLayout, Format, PrintError, PrintedPlan};
 pub use progress::{Progress, Status};
 pub use report::{reported, rounded};
-pub use repository::{LAST, Record, Repository, RepositoryError, spelled};
+pub use repository::{LAST, Last, Record, Repository, RepositoryError, spelled};
 pub use source::{Input, SourceError, TaskSource};

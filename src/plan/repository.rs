@@ -15,6 +15,28 @@ use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metad
 /// The word for the plan that was stored last.
 pub const LAST: &str = "last";
 
+/// Which of the stored runs `last` is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Last {
+    /// The last run of a planner, also one that found no plan.
+    Run,
+    /// The last plan, also an empty one; the last run where there is no plan.
+    Plan,
+    /// The last plan that has steps.
+    WithSteps,
+}
+
+impl Last {
+    /// What its document matches.
+    fn filter(self) -> Document {
+        match self {
+            Self::Run => doc! {},
+            Self::Plan => doc! { "plan": { "$in": ["success", 1] } },
+            Self::WithSteps => doc! { "$or": [{ "1": { "$exists": true } }, { "actions.0": { "$exists": true } }] },
+        }
+    }
+}
+
 /// How many ids a complaint about one that is not unique names.
 const NAMED: usize = 5;
 
@@ -39,6 +61,14 @@ pub enum RepositoryError {
     /// There is none at all.
     #[error("there is no plan in {0}")]
     Empty(Namespace),
+    /// There are runs, and none of them gave a plan with steps.
+    #[error("no plan in {namespace} has steps; the last run is {newest}")]
+    NoSteps {
+        /// Where.
+        namespace: Namespace,
+        /// The id of the last run, and what came of it.
+        newest: String,
+    },
     /// Several plans have ids that begin so.
     #[error("several plans in {namespace} have ids that begin with `{id}`: {}", .known.join(", "))]
     Ambiguous {
@@ -65,7 +95,11 @@ pub enum RepositoryError {
 impl AtFault for RepositoryError {
     fn fault(&self) -> Fault {
         match self {
-            Self::Unknown { .. } | Self::Empty(_) | Self::Ambiguous { .. } | Self::NoStep { .. } => Fault::Usage,
+            Self::Unknown { .. }
+            | Self::Empty(_)
+            | Self::NoSteps { .. }
+            | Self::Ambiguous { .. }
+            | Self::NoStep { .. } => Fault::Usage,
             Self::Store(error) => error.fault(),
         }
     }
@@ -99,8 +133,7 @@ impl<'a> Repository<'a> {
     /// # Errors
     /// Where the store fails.
     pub fn newest(&self, limit: u64) -> Result<impl Iterator<Item = Result<Record, StoreError>> + 'a, StoreError> {
-        let sort = doc! { format!("{}.{}", metadata::INFO, metadata::INSERTED): -1, "_id": -1 };
-        self.find(doc! {}, sort, limit)
+        self.find(doc! {}, newest_first(), limit)
     }
 
     /// The plan with an id: `last`, a whole id, or what only one id begins with.
@@ -109,8 +142,7 @@ impl<'a> Repository<'a> {
     /// Where there is none or are several, or the store fails.
     pub fn get(&self, id: &str) -> Result<Record, RepositoryError> {
         if id == LAST {
-            let found = self.newest(1)?.next().transpose()?;
-            return found.ok_or_else(|| RepositoryError::Empty(self.namespace.clone()));
+            return self.last(Last::Run);
         }
         let mut filters = vec![doc! { "_id": id }];
         if let Some([first, last]) = range(id) {
@@ -128,6 +160,23 @@ impl<'a> Repository<'a> {
                 known: found.iter().take(NAMED).map(Record::id).collect(),
             }),
         }
+    }
+
+    /// The last plan, or the last run of a planner.
+    ///
+    /// # Errors
+    /// Where there is none, or the store fails.
+    pub fn last(&self, last: Last) -> Result<Record, RepositoryError> {
+        let namespace = || self.namespace.clone();
+        if let Some(found) = self.find(last.filter(), newest_first(), 1)?.next().transpose()? {
+            return Ok(found);
+        }
+        let newest = self.newest(1)?.next().transpose()?.ok_or_else(|| RepositoryError::Empty(namespace()))?;
+        if last != Last::WithSteps {
+            return Ok(newest);
+        }
+        let newest = format!("{} ({})", newest.id(), newest.outcome());
+        Err(RepositoryError::NoSteps { namespace: namespace(), newest })
     }
 
     /// Notes how far a step is; steps count from 1.
@@ -162,6 +211,11 @@ impl<'a> Repository<'a> {
             Ok(Record { document })
         }))
     }
+}
+
+/// The order of runs, the last one first.
+fn newest_first() -> Document {
+    doc! { format!("{}.{}", metadata::INFO, metadata::INSERTED): -1, "_id": -1 }
 }
 
 /// An id as people write it.

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
+use crate::plan::Last;
 use crate::planning::{self, Check};
 
 /// Check whether the rest of a stored plan still reaches its goal, from the memory as it is now
@@ -35,7 +36,7 @@ pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json])?;
     let now = args.problem.as_deref().map(|path| context.read(path)).transpose()?;
     let memory = context.memory()?;
-    let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
+    let record = stored::get(&args.plan, Last::Plan, &memory, context)?;
     let check = planning::check(&record, now, &memory)?;
     if check.is_from_file {
         context.output.warn(

@@ -12,7 +12,7 @@ use crate::commands::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
-use crate::plan::{Input, Record};
+use crate::plan::{Input, Last, Record};
 use crate::planning::{PlanRequest, PlanningError, SearchOptions};
 use crate::problem;
 
@@ -43,7 +43,7 @@ pub struct RerunArgs {
 
 pub(super) fn run(args: &RerunArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
-    let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
+    let record = stored::get(&args.plan, Last::Run, &memory, context)?;
     let source = record.source().map_err(|error| PlanningError::NoSource { id: record.id(), error })?;
     let options = options(args, &record);
     let names = if args.planner.is_empty() { SearchOptions::recorded_planners(&record) } else { args.planner.clone() };

@@ -13,7 +13,7 @@ use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
 use crate::pddl::Plan;
-use crate::plan::{self, FactLayout, PrintedPlan, Progress, Record, Status, Stored};
+use crate::plan::{self, FactLayout, Last, PrintedPlan, Progress, Record, Status, Stored};
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
 use crate::views::chart::{COLORS, timeline_height};
@@ -63,7 +63,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
         return Err(UsageError::new("--layout is for facts; add --format clips").into());
     }
     let memory = context.memory()?;
-    let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
+    let record = stored::get(&args.plan, Last::Plan, &memory, context)?;
     let id = record.id();
     let mut document = record.document.clone();
     document.remove(metadata::INFO);

@@ -3,20 +3,26 @@
 use bson::{Bson, DateTime, Document, doc};
 use clap::Args;
 
+use super::stored::{self, StoredArgs};
 use crate::commands::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::plan::{self, Record, Repository, Status};
+use crate::pddl::Step;
+use crate::plan::{self, Last, Record, Repository, Status, Stored};
 use crate::problem::names;
 use crate::store::Namespace;
+
+/// How far planners round times, in the plan's unit.
+const ROUNDING: f64 = 1e-6;
 
 /// Record how the execution of a step went
 #[derive(Debug, Args)]
 #[command(arg = formats::argument(&formats::TEXT))]
 #[command(
     after_help = "Examples:\n  rmem plan step last 1 --started\n  rmem plan step last '(pick \"box #18\")' --done\n\n\
+`last` is the last plan that has steps; it moves when another process plans, so that executives use the id.\n\
 Steps count from 1; `next` is the first that is not done. An action like '(pick A)' is the first step that\n\
 takes it and is not done. In the plan's document, the step gets\n\
 the keys _status (running, done, failed), _started and _ended (dates)."
@@ -31,7 +37,7 @@ pub struct StepArgs {
     /// What became of it.
     #[command(flatten)]
     pub state: StateArgs,
-    /// Allow --done although an earlier step is open or has failed
+    /// Allow --done although a step that has to come before is not done
     #[arg(long, requires = "done")]
     pub out_of_order: bool,
     /// Collection of the plans
@@ -60,7 +66,8 @@ pub struct StateArgs {
 pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let repository = Repository::new(&memory, &args.namespace);
-    let plan = repository.get(&args.id)?;
+    let stored = StoredArgs { id: args.id.clone(), namespace: args.namespace.clone() };
+    let plan = stored::get(&stored, Last::WithSteps, &memory, context)?;
     let number = number(&args.step, &plan)?;
     check_order(number, args, &plan)?;
     let status = status(args.state);
@@ -97,10 +104,14 @@ fn spelled(step: &Document) -> String {
 /// Refuses a step that would be done before an earlier one.
 fn check_order(number: usize, args: &StepArgs, plan: &Record) -> Result<(), UsageError> {
     let progress = plan.progress();
-    let is_waiting = |status: Status| matches!(status, Status::Open | Status::Failed);
+    let timed = timed(plan);
+    let is_waiting = |(index, status): (usize, Status)| match &timed {
+        Some(steps) => status != Status::Done && follows(number, index + 1, steps, plan),
+        None => matches!(status, Status::Open | Status::Failed),
+    };
     // A step that there is not is refused by its number.
     let before = if number <= progress.len() { number.saturating_sub(1) } else { 0 };
-    let earlier = progress.iter().take(before).position(|step| is_waiting(step.status));
+    let earlier = progress.iter().map(|step| step.status).enumerate().take(before).position(is_waiting);
     match earlier {
         Some(index) if args.state.done && !args.out_of_order => {
             let (step, status) = (index + 1, progress.get(index).map(|step| step.status).unwrap_or_default());
@@ -109,6 +120,27 @@ fn check_order(number: usize, args: &StepArgs, plan: &Record) -> Result<(), Usag
             )))
         }
         _ => Ok(()),
+    }
+}
+
+/// The steps of a plan with times.
+fn timed(plan: &Record) -> Option<Vec<Step>> {
+    match plan.plan(&plan::spelled) {
+        Ok(Stored::Plan(plan)) if plan.steps.iter().any(|step| step.start.is_some()) => Some(plan.steps),
+        _ => None,
+    }
+}
+
+/// Whether a step of a plan with times starts after the end of an earlier one that it depends on. Where the domain is not
+/// known, it depends on all of them.
+fn follows(number: usize, earlier: usize, steps: &[Step], plan: &Record) -> bool {
+    let step = |number: usize| number.checked_sub(1).and_then(|index| steps.get(index));
+    let start = step(number).and_then(|step| step.start);
+    let end = step(earlier).and_then(|step| Some(step.start? + step.duration.unwrap_or_default()));
+    let is_after = start.zip(end).is_some_and(|(start, end)| end <= start + ROUNDING);
+    is_after && {
+        let domain = plan.source().ok().and_then(|source| source.read_domain().ok());
+        domain.is_none_or(|domain| domain.structure(steps).depends(number - 1, earlier - 1))
     }
 }
 

@@ -2,10 +2,10 @@
 
 use clap::Args;
 
-use crate::commands::WrongInput;
+use crate::commands::{Context, WrongInput};
 use crate::error::Result;
 use crate::memory::Memory;
-use crate::plan::{PlanDocumentError, Record, Repository};
+use crate::plan::{LAST, Last, PlanDocumentError, Record, Repository};
 use crate::store::Namespace;
 
 /// Which stored plan.
@@ -19,9 +19,20 @@ pub struct StoredArgs {
     pub namespace: Namespace,
 }
 
-/// The plan with an id.
-pub(super) fn get(id: &str, namespace: &Namespace, memory: &Memory) -> Result<Record> {
-    Ok(Repository::new(memory, namespace).get(id)?)
+/// The plan with an id; `last` is the kind of run that is wanted.
+pub(super) fn get(plan: &StoredArgs, last: Last, memory: &Memory, context: &mut Context<'_>) -> Result<Record> {
+    let repository = Repository::new(memory, &plan.namespace);
+    if plan.id != LAST {
+        return Ok(repository.get(&plan.id)?);
+    }
+    let found = repository.last(last)?;
+    let newest = repository.last(Last::Run)?;
+    if newest.id() != found.id() {
+        let (newest, outcome) = (newest.id(), newest.outcome());
+        let what = if outcome == "success" { "has no steps".to_owned() } else { format!("found no plan ({outcome})") };
+        context.output.note(&format!("last is {}; the run {newest} after it {what}", found.id()));
+    }
+    Ok(found)
 }
 
 /// A document that has a `plan` but is none.

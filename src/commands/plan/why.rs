@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::plan::{Record, Status, hash};
+use crate::plan::{Last, Record, Status, hash};
 use crate::problem::names;
 use crate::store::Namespace;
 
@@ -30,7 +30,7 @@ pub struct WhyArgs {
 
 pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
-    let record = stored::get(&args.plan.id, &args.plan.namespace, &memory)?;
+    let record = stored::get(&args.plan, Last::Run, &memory, context)?;
     let lineage = record
         .lineage()
         .ok_or_else(|| WrongInput::new(format!("{} has no lineage: rmem did not store it", record.id())))?;

@@ -92,3 +92,99 @@ fn a_step_before_an_earlier_one_needs_an_option() {
     ");
     lab.rmem(&["plan", "step", "last", "3", "--done", "--out-of-order"]).success();
 }
+
+const TIMED: &str = "(define (domain d) (:requirements :strips :typing :durative-actions) (:types r p) (:predicates (free ?r - r) (cut ?p - p) (sold ?p - p))
+  (:durative-action cut :parameters (?r - r ?p - p) :duration (= ?duration 5) :condition (at start (free ?r))
+    :effect (and (at start (not (free ?r))) (at end (free ?r)) (at end (cut ?p))))
+  (:durative-action sell :parameters (?p - p) :duration (= ?duration 2) :condition (at start (cut ?p)) :effect (at end (sold ?p))))";
+
+#[test]
+fn in_a_plan_with_times_a_step_waits_for_those_that_it_depends_on() {
+    let lab = Lab::new();
+    lab.write("d.pddl", TIMED);
+    lab.write(
+        "p.pddl",
+        "(define (problem p) (:domain d) (:objects r1 r2 - r a b - p) (:init (free r1) (free r2)) (:goal (and (sold a) (sold b))))",
+    );
+    lab.write("t.plan", "0.0: (cut r1 a) [5]\n0.5: (cut r2 b) [5]\n5.1: (sell a) [2]\n7.2: (sell b) [2]\n");
+    lab.rmem(&["plan", "import", "t.plan", "-d", "d.pddl", "-p", "p.pddl"]).success();
+    let step = |number: &'static str, state: &'static str| ["-q", "plan", "step", "last", number, state];
+    let commands = [
+        step("1", "--started"),
+        step("3", "--done"),
+        // It overlaps the first, and the fourth depends on the second alone.
+        step("2", "--done"),
+        step("4", "--done"),
+        step("1", "--done"),
+        step("3", "--done"),
+    ];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r"
+    $ rmem -q plan step last 1 --started
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem -q plan step last 3 --done
+    ------- stderr -------
+    error: step 3 cannot be done while step 1 is running; mark step 1 first, or use --out-of-order
+    [exit code: 2]
+    $ rmem -q plan step last 2 --done
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem -q plan step last 4 --done
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem -q plan step last 1 --done
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem -q plan step last 3 --done
+    ------- stderr -------
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn the_last_plan_is_no_run_without_a_plan() {
+    let lab = Lab::new();
+    lab.write("d.pddl", "(define (domain d) (:predicates (a) (b) (c)) (:action go :precondition (a) :effect (b)))");
+    let problem = |goal: &str| format!("(define (problem p) (:domain d) (:init (a)) (:goal {goal}))");
+    lab.write("go.pddl", &problem("(b)"));
+    lab.write("no.pddl", &problem("(c)"));
+    lab.write("nothing.pddl", &problem("(a)"));
+    let plan = |file: &'static str| ["-q", "plan", "-d", "d.pddl", "-p", file];
+    lab.rmem(&plan("no.pddl")).exits(11);
+    assert_run!(lab.rmem(&["plan", "step", "last", "1", "--started"]), @r"
+    ------- stderr -------
+    error: no plan in robmem.plans has steps; the last run is [ID] (unsolvable)
+    [exit code: 2]
+    ");
+    assert_run!(lab.rmem(&["plan", "show", "last"]), @r"
+    ------- stderr -------
+    error: [ID] has no plan: unsolvable
+    [exit code: 3]
+    ");
+    lab.rmem(&plan("go.pddl")).success();
+    lab.rmem(&plan("no.pddl")).exits(11);
+    let last = |command: &'static str| ["plan", command, "last"];
+    let commands = [last("show"), last("check")];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r"
+    $ rmem plan show last
+    (go)
+    ; cost = 1 (unit cost)
+    ------- stderr -------
+    last is [ID]; the run [ID] after it found no plan (unsolvable)
+    [exit code: 0]
+    $ rmem plan check last
+    [ID] holds: 1 of 1 steps are left
+    ------- stderr -------
+    last is [ID]; the run [ID] after it found no plan (unsolvable)
+    warning: the plan's problem was a file, which does not change with the memory: every step is simulated, from the file's initial state; give the present state with --problem
+    [exit code: 0]
+    ");
+    assert!(lab.rmem(&["plan", "why", "last"]).success().contains("unsolvable"));
+    lab.rmem(&plan("nothing.pddl")).success();
+    assert_run!(lab.rmem(&["plan", "step", "last", "1", "--done"]), @r"
+    ------- stderr -------
+    last is [ID]; the run [ID] after it has no steps
+    step 1 of [ID] is done: (go)
+    [exit code: 0]
+    ");
+}
