@@ -165,20 +165,21 @@ pub(super) struct Asked<'g> {
     pub(super) sections: &'g [SectionReport],
     namespaces: &'g [Namespace],
     respelled: &'g [String],
+    remarks: &'g [Diagnostic],
     is_goal_unused: bool,
 }
 
 impl<'g> From<&'g Generated> for Asked<'g> {
     fn from(generated: &'g Generated) -> Self {
-        let Generated { sections, namespaces, respelled, is_goal_unused, .. } = generated;
-        Self { sections, namespaces, respelled, is_goal_unused: *is_goal_unused }
+        let Generated { sections, namespaces, respelled, remarks, is_goal_unused, .. } = generated;
+        Self { sections, namespaces, respelled, remarks, is_goal_unused: *is_goal_unused }
     }
 }
 
 impl<'g> From<&'g Streamed> for Asked<'g> {
     fn from(streamed: &'g Streamed) -> Self {
         let Streamed { sections, namespaces, respelled, is_goal_unused, .. } = streamed;
-        Self { sections, namespaces, respelled, is_goal_unused: *is_goal_unused }
+        Self { sections, namespaces, respelled, remarks: &[], is_goal_unused: *is_goal_unused }
     }
 }
 
@@ -208,6 +209,7 @@ pub(super) fn report(asked: &Asked<'_>, memory: &Memory, context: &mut Context<'
         context.output.warn(message);
     }
     asked.respelled.iter().for_each(|name| context.output.note(name));
+    warn(asked.remarks, context);
     for namespace in asked.namespaces {
         if !warned.contains(&namespace) && !asked.sections.iter().any(|section| section.namespace == *namespace) {
             missing::warn(namespace, memory, context);

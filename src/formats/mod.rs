@@ -23,6 +23,7 @@ pub mod scene;
 pub mod shell;
 mod source;
 mod spelling;
+mod texts;
 pub mod visible;
 pub mod yaml;
 
@@ -30,3 +31,4 @@ pub use diagnostic::{Diagnostic, Diagnostics};
 pub use nearest::nearest;
 pub use source::{Source, Span};
 pub use spelling::{Respelled, alike, is_alike};
+pub use texts::Texts;

@@ -6,7 +6,7 @@ use bson::Bson;
 
 use super::names;
 use super::origin::{DocumentId, Placed, StretchKind, from_document};
-use super::texts::Texts;
+use crate::formats::Texts;
 use crate::formats::pddl::NameSet;
 use crate::formats::{Diagnostic, Span};
 

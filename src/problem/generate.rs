@@ -1,7 +1,7 @@
 //! The way from a request to a problem: which syntax the template has, and the module that renders it.
 
 use super::request::{ProblemError, Request, Syntax};
-use super::{Generated, Streamed, goal, marker, minijinja};
+use super::{Generated, Streamed, empty_goal, goal, marker, minijinja};
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
@@ -16,10 +16,13 @@ use crate::pddl::Domain;
 /// two values that PDDL takes for the same name; a store that fails.
 pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, ProblemError> {
     let (goal, syntax) = read(request)?;
-    match syntax {
-        Syntax::Marker => marker::expand(request, goal.as_deref(), memory),
-        _ => minijinja::render(request, goal.as_deref(), memory),
-    }
+    let mut generated = match syntax {
+        Syntax::Marker => marker::expand(request, goal.as_deref(), memory)?,
+        _ => minijinja::render(request, goal.as_deref(), memory)?,
+    };
+    let empty = empty_goal::remark(request, &generated);
+    generated.remarks.extend(empty);
+    Ok(generated)
 }
 
 /// Makes the problem without holding it, and checks it against a domain if one is given. Nothing comes back where the problem
@@ -35,7 +38,11 @@ pub fn stream(
 ) -> Result<Option<Streamed>, ProblemError> {
     match read(request)? {
         (_, Syntax::Marker) => Ok(None),
-        (goal, _) => minijinja::stream(request, goal.as_deref(), memory, domain, dialect),
+        (goal, _) => {
+            let streamed = minijinja::stream(request, goal.as_deref(), memory, domain, dialect)?;
+            // Where its goal is empty, a remark says where and why.
+            Ok(streamed.and_then(|mut streamed| (!streamed.has_empty_goal()).then_some(streamed)))
+        }
     }
 }
 

@@ -9,6 +9,7 @@
 
 mod answer;
 mod assembly;
+mod empty_goal;
 mod explain;
 mod generate;
 mod goal;
@@ -21,7 +22,6 @@ mod parts;
 mod request;
 mod stream;
 mod taken;
-mod texts;
 mod usage;
 
 pub use explain::{Explanation, Part, Writer};

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use bson::{Bson, RawDocument};
 
-use super::texts::Texts;
 use super::{SectionReport, names};
+use crate::formats::Texts;
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::pddl::{Domain, Problem};
@@ -71,6 +71,8 @@ pub struct Generated {
     pub namespaces: Vec<Namespace>,
     /// Keys that documents have in another spelling than the template: sentences for the user.
     pub respelled: Vec<String>,
+    /// Oddities of the template that the problem depends on, each at its place.
+    pub remarks: Vec<Diagnostic>,
     /// Whether a goal was given that nothing of what was rendered used.
     pub is_goal_unused: bool,
     pub(super) template: Texts,

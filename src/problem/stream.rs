@@ -4,14 +4,14 @@
 //! cannot be told without knowing where its parts come from, the stream is doubtful: it ends, and the problem is made again as
 //! a [`Generated`](super::Generated), whose complaints are exact.
 
-use std::io::{self, Seek as _, Write};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write};
 
 use tempfile::{SpooledTempFile, spooled_tempfile_in};
 
-use super::SectionReport;
 use super::assembly::Assembler;
-use super::texts::Texts;
+use super::{SectionReport, empty_goal};
 use crate::formats::Span;
+use crate::formats::Texts;
 use crate::formats::pddl::Dialect;
 use crate::pddl::{Domain, Doubtful, Screen};
 use crate::store::Namespace;
@@ -43,6 +43,18 @@ impl Streamed {
     pub fn copy_to(&mut self, out: &mut dyn Write) -> io::Result<()> {
         self.file.rewind()?;
         io::copy(&mut self.file, out).map(|_| ())
+    }
+
+    /// Whether a section matched nothing and the goal, if it is near the end, is empty.
+    pub(super) fn has_empty_goal(&mut self) -> bool {
+        let mut tail = Vec::new();
+        let mut read = || -> io::Result<usize> {
+            let length = self.file.seek(SeekFrom::End(0))?;
+            self.file.seek(SeekFrom::Start(length.saturating_sub(empty_goal::TAIL as u64)))?;
+            self.file.read_to_end(&mut tail)
+        };
+        let is_read = self.sections.iter().any(|section| section.matched == 0) && read().is_ok();
+        is_read && empty_goal::find(&String::from_utf8_lossy(&tail)).is_some()
     }
 }
 

@@ -58,6 +58,12 @@ fn an_empty_memory_is_the_reason_that_is_said_where_the_problem_is_wrong() {
     warning: line 15: query("robmem.things", "{room: {$exists: true}}") in robmem.things: 0 documents
     warning: line 21: query("robmem.orders", "{done: false}") in robmem.orders: 0 documents
       no collection robmem.orders; the memory is empty
+    warning: problem.pddl.j2:20:49: the goal is empty, so nothing has to be done
+       |
+    20 |     {% if goal is defined %}{{ goal }}{% else %}(and
+       |                                                 ^
+       = hint: it became line 9 of the problem: (and
+       = hint: line 21: query("robmem.orders", "{done: false}") matched no document
     error: problem.pddl.j2:5:78: in `:objects`: expected a name before `-` and a type
       |
     5 | …room in query("robmem.rooms", "{}") %}{{ room.name }} {% endfor %}- room

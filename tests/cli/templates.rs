@@ -913,3 +913,165 @@ fn a_goal_that_a_part_would_use_that_was_left_out_is_not_recorded() {
     lab.rmem(&["insert", "robmem.orders", "{}"]).success();
     assert!(lab.rmem(&["plan", "rerun", "last"]).success().contains("(go a)"));
 }
+
+/// A lab with documents whose keys have numbers and texts.
+fn typed() -> Lab {
+    let lab = lab();
+    lab.write(
+        "w.json",
+        "{'a.n': [{_id: 1, n: 3, t: '3', d: NumberDecimal('3'), x: null, o: ObjectId('65a000000000000000000001')}]}",
+    );
+    lab
+}
+
+/// Renders an expression of the document as the condition of an atom.
+#[track_caller]
+fn conditional(condition: &str) -> crate::lab::Finished {
+    let lab = typed();
+    lab.write(
+        "t.j2",
+        &format!("(define (problem p) (:domain d) (:objects A)\n(:init {{% for r in query('a.n', {{}}) %}}{{% if {condition} %}} (idle A){{% endif %}}{{% endfor %}})\n(:goal (and)))"),
+    );
+    lab.rmem(&["--memory", "mem:", "--load", "w.json", "gen-problem", "-t", "t.j2", "-d", "d.pddl", "-D", "p=3"])
+}
+
+#[test]
+fn a_number_compared_with_a_text_that_reads_as_it_is_a_warning() {
+    assert_run!(conditional("r.n == '3' or p == ''"), @r#"
+    (define (problem p) (:domain d) (:objects A)
+    (:init )
+    (:goal (and)))------- stderr -------
+    warning: t.j2:2:45: 3 (a number) and "3" (a text) are never equal
+      |
+    2 | (:init {% for r in query('a.n', {}) %}{% if r.n == '3' or p == '' %} (idle A){% endif %}{% endfor %}
+      |                                             ^^^^^^^^^^
+      = hint: write 3 without quotes
+    [exit code: 0]
+    "#);
+    assert_run!(conditional("r.n == p"), @r#"
+    (define (problem p) (:domain d) (:objects A)
+    (:init )
+    (:goal (and)))------- stderr -------
+    warning: t.j2:2:45: 3 (a number) and "3" (a text) are never equal
+      |
+    2 | (:init {% for r in query('a.n', {}) %}{% if r.n == p %} (idle A){% endif %}{% endfor %})
+      |                                             ^^^^^^^^
+      = hint: write p|int
+    [exit code: 0]
+    "#);
+    for (condition, wanted) in [
+        ("r.t != 3 and p", "\"3\" (a text) and 3 (a number) are never equal\n  = hint: write r.t|int"),
+        ("p == r['n']", "= hint: write p|int"),
+        ("r.n not in ['1', '3'] and p", "= hint: write r.n|string"),
+        ("p in [1, r.n]", "= hint: write p|int"),
+        ("r.d == 3 and p", "3 (a decimal) and 3 (a number) are never equal\n  = hint: write r.d|number"),
+        ("r.o == '65a000000000000000000001' and p", "= hint: write r.o|string"),
+        (
+            "r.n + 0.5 == '3.5' and p",
+            "3.5 (a number) and \"3.5\" (a text) are never equal\n  = hint: write 3.5 without quotes",
+        ),
+    ] {
+        let said = conditional(condition).to_string();
+        let lines: Vec<&str> = said.lines().filter(|line| !line.contains(" |")).collect();
+        assert!(lines.join("\n").contains(wanted), "{condition}: {said}");
+        assert_eq!(said.matches("warning:").count(), 1, "{said}");
+    }
+    for alike in [
+        "r.n == 3 and p",
+        "r.t == '3' and p",
+        "r.n != '4' and p",
+        "r.n in [3, '3'] and p",
+        "r.n == 3.0 and p",
+        "r.x == 3 and p",
+    ] {
+        let said = conditional(alike).to_string();
+        assert!(!said.contains("warning"), "{alike}: {said}");
+    }
+}
+
+#[test]
+fn values_without_an_order_are_not_ordered() {
+    assert_run!(conditional("r.n > '3' and p"), @r#"
+    ------- stderr -------
+    error: t.j2:2:45: 3 (a number) and "3" (a text) have no order
+      |
+    2 | (:init {% for r in query('a.n', {}) %}{% if r.n > '3' and p %} (idle A){% endif %}{% endfor %})
+      |                                             ^^^^^^^^^
+      = hint: write 3 without quotes
+    [exit code: 3]
+    "#);
+    assert_run!(conditional("p and 2 < r.x <= 5"), @r"
+    ------- stderr -------
+    error: t.j2:2:51: 2 (a number) and null have no order
+      |
+    2 | (:init {% for r in query('a.n', {}) %}{% if p and 2 < r.x <= 5 %} (idle A){% endif %}{% endfor %})
+      |                                                   ^^^^^^^
+      = hint: test for null first: {% if r.x is not none and … %}
+    [exit code: 3]
+    ");
+    assert_run!(conditional("p and [r]|selectattr('t', 'gt', 2)|list"), @r#"
+    ------- stderr -------
+    error: t.j2:2:55: "3" (a text) and 2 (a number) have no order
+      |
+    2 | (:init {% for r in query('a.n', {}) %}{% if p and [r]|selectattr('t', 'gt', 2)|list %} (idle A){% en
+      |                                                       ^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: convert one of them, for example with `|int`
+    [exit code: 3]
+    "#);
+    assert_run!(conditional("p and r.d >= 2"), @r"
+    ------- stderr -------
+    error: t.j2:2:51: 3 (a decimal) and 2 (a number) have no order
+      |
+    2 | (:init {% for r in query('a.n', {}) %}{% if p and r.d >= 2 %} (idle A){% endif %}{% endfor %})
+      |                                                   ^^^^^^^^
+      = hint: write r.d|number
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_goal_that_no_document_fills_is_a_warning() {
+    let lab = lab();
+    lab.write("w.json", "{'a.b': [{_id: 1, name: 'A'}]}");
+    let goal = "(:goal (and {% for r in query('a.b', {'lost': true}) %}\n  (up {{ r.name }}){% endfor %})))";
+    lab.write("t.j2", &format!("(define (problem p) (:domain d) (:objects A)\n(:init (idle A))\n{goal}"));
+    let run = |command: &[&str]| {
+        lab.rmem(&[&["--memory", "mem:", "--load", "w.json"], command, &["-t", "t.j2", "-d", "d.pddl"]].concat())
+    };
+    assert_run!(run(&["gen-problem"]), @r#"
+    (define (problem p) (:domain d) (:objects A)
+    (:init (idle A))
+    (:goal (and )))------- stderr -------
+    warning: line 3: query('a.b', {'lost': true}) in a.b: 0 documents
+      a.b: 1 document, 0 match
+        alone  together  condition
+            0         0  {"lost":true}
+                         no document has the key `lost`; there are _id, name
+    warning: t.j2:3:8: the goal is empty, so nothing has to be done
+      |
+    3 | (:goal (and {% for r in query('a.b', {'lost': true}) %}
+      |        ^
+      = hint: it became line 3 of the problem: (:goal (and )))
+      = hint: line 3: query('a.b', {'lost': true}) matched no document
+    [exit code: 0]
+    "#);
+    assert_run!(run(&["plan", "--no-store"]), @r#"
+    ; cost = 0 (unit cost)
+    ------- stderr -------
+    warning: line 3: query('a.b', {'lost': true}) in a.b: 0 documents
+      a.b: 1 document, 0 match
+        alone  together  condition
+            0         0  {"lost":true}
+                         no document has the key `lost`; there are _id, name
+    warning: t.j2:3:8: the goal is empty, so nothing has to be done
+      |
+    3 | (:goal (and {% for r in query('a.b', {'lost': true}) %}
+      |        ^
+      = hint: it became line 3 of the problem: (:goal (and )))
+      = hint: line 3: query('a.b', {'lost': true}) matched no document
+    [exit code: 0]
+    "#);
+    // One that is written so is meant.
+    lab.write("t.j2", "(define (problem p) (:domain d) (:init {% for r in query('a.b', {'lost': true}) %}(up A){% endfor %}) (:goal (and)))");
+    assert!(!run(&["gen-problem"]).to_string().contains("goal is empty"));
+}

@@ -15,7 +15,8 @@ impl Planning {
     /// Generates a problem; returns its text, and what is worth a note.
     pub(super) fn generate(&self, request: Request, memory: &Memory) -> Result<(String, Vec<String>), ProblemError> {
         let generated = problem::generate(&request, memory)?;
-        let (text, notes) = (generated.text.clone(), generated.respelled.clone());
+        let remarks = generated.remarks.iter().map(ToString::to_string);
+        let (text, notes) = (generated.text.clone(), generated.respelled.iter().cloned().chain(remarks).collect());
         *self.last.borrow_mut() = Some((request, generated));
         Ok((text, notes))
     }

@@ -7,7 +7,7 @@ use bson::{Bson, Document, doc};
 use super::key::RELATION;
 use super::schema::INITIAL;
 use crate::fault::{AtFault, Fault};
-use crate::formats::{Diagnostic, Respelled, Source, Span, alike, shell};
+use crate::formats::{Diagnostic, Respelled, Span, Texts, alike, shell};
 use crate::memory::Memory;
 use crate::query::{QueryError, key as canonical};
 use crate::store::{Find, Namespace, StoreError};
@@ -15,7 +15,7 @@ use crate::store::{Find, Namespace, StoreError};
 /// How many keys are looked up at once.
 const BATCH: usize = 1_000;
 
-/// Documents, each with the place of its fact.
+/// Documents, each with the place of its fact among the texts.
 pub type Found = Vec<(Span, Document)>;
 
 /// Why documents cannot be matched to the stored ones by a key.
@@ -61,7 +61,7 @@ pub fn spelled(keys: &[String], documents: &Found, respelled: &Respelled) -> Vec
 /// Where a value is missing or not unique, or the store fails; see [`KeyError`].
 pub fn give_ids(
     keys: &[String],
-    source: &Source,
+    texts: &Texts,
     documents: &mut Found,
     memory: &Memory,
     namespace: &Namespace,
@@ -69,9 +69,9 @@ pub fn give_ids(
 ) -> Result<(), KeyError> {
     let is_initial = |document: &Document| document.get_str(RELATION).is_ok_and(|name| name == INITIAL);
     documents.retain(|(_, document)| !is_initial(document));
-    check_unique(keys, source, documents)?;
+    check_unique(keys, texts, documents)?;
     for batch in documents.chunks_mut(BATCH) {
-        let stored = stored(keys, source, batch, memory, namespace, respelled)?;
+        let stored = stored(keys, texts, batch, memory, namespace, respelled)?;
         for (_, document) in batch {
             if let Some(id) =
                 identity(keys, document).and_then(|identity| stored.get(&canonical::encode_value(&identity)))
@@ -99,7 +99,7 @@ fn named(keys: &[String], document: &Document) -> String {
 }
 
 /// Checks that each document has one value under each key, and that no other document has all of them.
-fn check_unique(keys: &[String], source: &Source, documents: &Found) -> Result<(), Diagnostic> {
+fn check_unique(keys: &[String], texts: &Texts, documents: &Found) -> Result<(), Diagnostic> {
     let mut seen = HashMap::new();
     for (span, document) in documents {
         for key in keys {
@@ -108,15 +108,15 @@ fn check_unique(keys: &[String], source: &Source, documents: &Found) -> Result<(
                 Some(Bson::Array(_)) => "one value in the slot",
                 Some(_) => continue,
             };
-            let error = Diagnostic::new(source, *span, format!("expected {number} `{key}`, the key"));
+            let error = texts.complain(*span, format!("expected {number} `{key}`, the key"));
             let hint = "import facts that have no such slot from a file of their own, without --key";
             return Err(if document.contains_key(key) { error } else { error.hint(hint) });
         }
         let Some(identity) = identity(keys, document) else { continue };
         if let Some(first) = seen.insert(canonical::encode_value(&identity), *span) {
-            let (line, column) = source.position(first.start);
+            let place = texts.place(first.start);
             let message = format!("another fact has the key {}", named(keys, document));
-            return Err(Diagnostic::new(source, *span, message).hint(format!("the other fact is at {line}:{column}")));
+            return Err(texts.complain(*span, message).hint(format!("the other fact is at {place}")));
         }
     }
     Ok(())
@@ -126,7 +126,7 @@ fn check_unique(keys: &[String], source: &Source, documents: &Found) -> Result<(
 /// differ in hyphens and underscores; a document with the exact keys goes first.
 fn stored(
     keys: &[String],
-    source: &Source,
+    texts: &Texts,
     documents: &[(Span, Document)],
     memory: &Memory,
     namespace: &Namespace,
@@ -161,7 +161,7 @@ fn stored(
                 let key = named(&spelled, &document);
                 let message = format!("{namespace} has two documents with the {key}; nothing was imported");
                 let hint = "name one more slot that tells them apart, like --key SLOT,SLOT, or delete one of them";
-                return Err(Diagnostic::new(source, *span, message).hint(hint).into());
+                return Err(texts.complain(*span, message).hint(hint).into());
             }
             Some((_, true)) => continue,
             _ => drop(ids.insert(name, (id, is_exact))),

@@ -9,7 +9,7 @@ use super::schema;
 use crate::clips::facts::{Exporter, FactError, Nested};
 use crate::commands::query::{argument, owned};
 use crate::commands::{Context, UsageError, WrongInput, formats, missing};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::clips::{Fact, is_symbol, write_fact, write_operand, write_remark, write_value};
 use crate::formats::{Diagnostic, Source, Span, shell};
@@ -48,10 +48,16 @@ pub struct ExportArgs {
     /// Fail if a document has no deftemplate
     #[arg(long)]
     pub strict: bool,
+    /// Leave out documents that no fact can hold, with a warning for each
+    #[arg(long)]
+    pub skip_invalid: bool,
     /// File to write; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
 }
+
+/// How many documents that are left out have a warning of their own.
+const WARNED: usize = 20;
 
 /// What becomes of values that no slot of a fact can hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -75,15 +81,30 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
     };
     let exporter = Exporter { schema: &schema, nested, strict: args.strict };
     let mut text = form.opening();
-    let mut count = 0_usize;
+    let (mut count, mut invalid) = (0_usize, 0_usize);
+    let mut skip = |error: Error, context: &mut Context<'_>| {
+        if !args.skip_invalid {
+            return Err(error);
+        }
+        invalid += 1;
+        if invalid <= WARNED {
+            context.output.warn(&error.to_string());
+        }
+        Ok(())
+    };
     if let Some(path) = &args.from {
         if !arguments.is_empty() {
             return Err(UsageError::new("documents come from --from or from a namespace, not from both").into());
         }
         let source = context.read(path)?;
         for (span, document) in shell::parse_documents(&source)? {
-            let fact = exporter.fact(&document).map_err(|error| complain(&source, span, &error))?;
-            form.write(&fact, &mut text);
+            match exporter.fact(&document) {
+                Ok(fact) => form.write(&fact, &mut text),
+                Err(error) => {
+                    skip(complain(&source, span, &error).into(), context)?;
+                    continue;
+                }
+            }
             count += 1;
         }
     } else {
@@ -94,20 +115,31 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
         };
         let filter = arguments.next().map(|query| argument("<query>", query)).transpose()?.unwrap_or_default();
         let memory = context.memory()?;
+        let mut is_empty = true;
         for document in memory.find_with_metadata(&namespace, &Find { filter, ..Find::default() })? {
             let document = document.and_then(owned)?;
-            let fact = exporter.fact(&document).map_err(|error| refuse(&namespace, &document, &error))?;
-            form.write(&fact, &mut text);
+            match exporter.fact(&document) {
+                Ok(fact) => form.write(&fact, &mut text),
+                Err(error) => {
+                    skip(refuse(&namespace, &document, &error).into(), context)?;
+                    is_empty = false;
+                    continue;
+                }
+            }
             count += 1;
         }
-        if count == 0 {
+        if count == 0 && is_empty {
             missing::warn(&namespace, &memory, context);
         }
     }
     text.push_str(form.closing());
     context.output.write_file(&args.output, text.as_bytes())?;
     schema.respelled.take().iter().for_each(|name| context.output.note(name));
-    context.output.note(&format!("{count} {}", plural(count, "fact", "facts")));
+    let left_out = match invalid {
+        0 => String::new(),
+        _ => format!("; {invalid} {} left out", plural(invalid, "document was", "documents were")),
+    };
+    context.output.note(&format!("{count} {}{left_out}", plural(count, "fact", "facts")));
     Ok(Exit::Done)
 }
 

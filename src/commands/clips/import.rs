@@ -8,18 +8,18 @@ use clap::Args;
 
 use super::schema;
 use crate::clips::facts::{Found, Importer, Schema, give_ids, remove_repeated, remove_stored, spelled};
-use crate::commands::{Context, WrongInput, formats};
+use crate::commands::{Context, UsageError, WrongInput, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::clips::{self, Body, Fact, Item, Reader, Slot};
-use crate::formats::{Diagnostic, Source, nearest};
+use crate::formats::{Diagnostic, Source, Span, Texts, nearest};
 use crate::store::Namespace;
 
 /// What stands below the help of `clips import`.
 const HELP: &str = "\
 Examples:
   rmem clips import facts.txt --into robmem.worldmodel --deftemplates templates.clp --key sync-id
-  rmem clips import machines.clp --key name,team
+  rmem clips import machines.clp orders.clp --key name,team
 
 Reads facts as (save-facts) writes them, what (facts) lists, deffacts, and the facts in programs. Equal facts are one \
 fact, as in CLIPS, also if one of them is in the collection already.";
@@ -28,9 +28,9 @@ fact, as in CLIPS, also if one of them is in the collection already.";
 #[derive(Debug, Args)]
 #[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
 pub struct ImportArgs {
-    /// File with facts, deffacts or a program (default: -, which is stdin)
+    /// Files with facts, deffacts or programs (default: -, which is stdin)
     #[arg(value_name = "FILE", default_value = "-", hide_default_value = true)]
-    pub file: PathBuf,
+    pub files: Vec<PathBuf>,
     /// Collection to store into (default: --collection)
     #[arg(long, value_name = "NS")]
     pub into: Option<Namespace>,
@@ -55,17 +55,24 @@ const NO_INSTANCES: &str = "instances of classes cannot be imported, only facts"
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut schema = schema::read(&args.deftemplates, context)?;
     let progress = context.output.progress("importing facts");
-    let source = context.read(&args.file)?;
+    let sources = args.files.iter().map(|file| context.read(file)).collect::<Result<Vec<Source>>>()?;
+    let (first, others) = sources.split_first().ok_or_else(|| UsageError::new("expected a file"))?;
+    let texts = Texts::new(first, others.iter().cloned());
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());
-    let (mut found, remarks) = documents(&source, &mut schema, args)?;
-    remarks.check_imported(&source, &found)?;
+    let (mut found, mut remarks) = (Vec::new(), Remarks::default());
+    for (base, source) in texts.iter() {
+        let own = documents(source, &mut schema, args, &mut remarks)?;
+        remarks.check_imported(source, &own)?;
+        let placed = own.into_iter().map(|(span, document)| (Span::new(base + span.start, base + span.end), document));
+        found.extend(placed);
+    }
     let repeated = remove_repeated(&mut found);
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
     let stored = match args.key.as_slice() {
         [] => remove_stored(&mut found, &memory, &namespace)?,
         keys => {
             let keys = &spelled(keys, &found, &schema.respelled);
-            give_ids(keys, &source, &mut found, &memory, &namespace, &schema.respelled)?;
+            give_ids(keys, &texts, &mut found, &memory, &namespace, &schema.respelled)?;
             0
         }
     };
@@ -92,7 +99,7 @@ fn facts(count: usize) -> String {
     if count == 1 { "1 fact was".to_owned() } else { format!("{count} facts were") }
 }
 
-/// What is said about a text besides its facts.
+/// What is said about the texts besides their facts.
 #[derive(Debug, Default)]
 struct Remarks {
     /// The names of what was passed over, by kind.
@@ -105,10 +112,15 @@ struct Remarks {
     left_out: BTreeSet<(String, String)>,
 }
 
-/// The documents of a text.
-fn documents(source: &Source, schema: &mut Schema, args: &ImportArgs) -> Result<(Found, Remarks), Diagnostic> {
+/// The documents of a text, each with its place in it. Its deftemplates and defglobals are added to the schema.
+fn documents(
+    source: &Source,
+    schema: &mut Schema,
+    args: &ImportArgs,
+    remarks: &mut Remarks,
+) -> Result<Found, Diagnostic> {
     let names: Vec<String> = schema.names().map(str::to_owned).collect();
-    let (mut documents, mut remarks) = (Vec::new(), Remarks::default());
+    let mut documents = Vec::new();
     let mut reader = Reader::new(source, names).with_globals(std::mem::take(&mut schema.globals));
     for item in reader.by_ref() {
         match item? {
@@ -123,8 +135,9 @@ fn documents(source: &Source, schema: &mut Schema, args: &ImportArgs) -> Result<
             }
         }
     }
-    remarks.doubtful.clone_from(reader.doubtful());
-    Ok((documents, remarks))
+    remarks.doubtful.extend(reader.doubtful().iter().cloned());
+    schema.globals = reader.into_globals();
+    Ok(documents)
 }
 
 impl Remarks {

@@ -13,8 +13,8 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 use super::assembly::{Assembled, Assembler, Emitted, Literal};
 use super::origin::{DocumentId, StretchKind, document_id};
 use super::taken::Taken;
-use super::texts::Texts;
 use super::{Generated, ProblemError, Request, SectionReport};
+use crate::formats::Texts;
 use crate::formats::marker::{self, Node, QueryKind, Section};
 use crate::formats::{Diagnostic, Respelled, Source, Span, shell};
 use crate::memory::Memory;
@@ -53,7 +53,8 @@ pub(super) fn expand(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let namespaces = expander.reports.first().map(|report| report.namespace.clone()).into_iter().collect();
     let (sections, respelled) = (expander.reports, expander.respelled.take());
     let is_goal_unused = goal.is_some() && !placed.iter().any(|placed| placed.kind == StretchKind::Goal);
-    Ok(Generated { text, sections, namespaces, respelled, is_goal_unused, template: texts.clone(), placed, values })
+    let (remarks, template) = (Vec::new(), texts.clone());
+    Ok(Generated { text, sections, namespaces, respelled, remarks, is_goal_unused, template, placed, values })
 }
 
 /// What the template takes from outside: keys of its markers may be those of documents, too.

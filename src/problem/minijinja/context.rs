@@ -10,7 +10,9 @@ use bson::{Bson, Document, RawDocumentBuf};
 use minijinja::value::{Value, ValueKind};
 use minijinja::{Error, ErrorKind, Output};
 
+use super::compare::Compared;
 use super::direct::{Direct, lock};
+use super::instrument::Numbered;
 use super::pieces::{Piece, is_cut, is_marked, pieces};
 use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
 use crate::formats::{Source, Span, shell};
@@ -34,6 +36,7 @@ pub(super) struct Context {
     /// The numbered places whose text is written as it is.
     written: HashSet<usize>,
     pub(super) looked: Arc<Looked>,
+    pub(super) compared: Compared,
     failure: Mutex<Option<StoreError>>,
     emitted: Mutex<Vec<Emitted>>,
     /// Where the problem goes while it is rendered, if that is not noted.
@@ -83,7 +86,8 @@ pub(super) fn invalid(message: impl Into<String>) -> Error {
 }
 
 impl Context {
-    pub(super) fn new(asker: Asker, sites: Vec<Span>, written: HashSet<usize>) -> Self {
+    pub(super) fn new(asker: Asker, numbered: Numbered) -> Self {
+        let Numbered { sites, written, compared, .. } = numbered;
         Self {
             asker,
             sites,
@@ -92,6 +96,7 @@ impl Context {
             is_placed: AtomicBool::new(false),
             written,
             looked: Arc::default(),
+            compared: Compared::new(compared),
             failure: Mutex::default(),
             emitted: Mutex::default(),
             direct: None,
@@ -103,9 +108,9 @@ impl Context {
     }
 
     /// The same for a problem that is made while it is rendered.
-    pub(super) fn streaming(asker: Asker, sites: Vec<Span>, stream: Stream) -> Self {
+    pub(super) fn streaming(asker: Asker, numbered: Numbered, stream: Stream) -> Self {
         let looked = Arc::new(Looked::forgetful());
-        Self { looked, direct: Some(Arc::new(Direct::new(stream))), ..Self::new(asker, sites, HashSet::new()) }
+        Self { looked, direct: Some(Arc::new(Direct::new(stream))), ..Self::new(asker, numbered) }
     }
 
     /// Says that nothing more will be asked.

@@ -3,9 +3,9 @@
 use super::bound;
 use super::instrument::{Instrumented, Numbered, instrument};
 use super::value::{CLOSE, OPEN};
+use crate::formats::Texts;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::problem::Request;
-use crate::problem::texts::Texts;
 
 /// The texts that are rendered together.
 pub(super) struct Files {

@@ -8,6 +8,7 @@ use minijinja::{Environment, Error, ErrorKind, State};
 
 use super::call::Call;
 use super::casing;
+use super::compare;
 use super::context::{Context, Tally, invalid};
 use super::documents::{Documents, Selection};
 use super::join::join;
@@ -112,6 +113,7 @@ pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>
         value
     });
     casing::register(environment, context);
+    compare::register(environment, context);
     let shared = Arc::clone(context);
     environment.add_filter(super::instrument::BLOCK, move |value: Value, site: usize| {
         shared.set_site(site);

@@ -5,10 +5,12 @@
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
 //! Fixed text gets a mark, `OPEN-nCLOSE`, in front of its first character that is no white space. A `{% filter x %}` becomes
-//! `{% filter x|_block(n) %}`.
+//! `{% filter x|_block(n) %}`. Comparisons get filters, see [`comparisons`].
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
+use super::compare::Side;
+use super::comparisons::comparisons;
 use super::fixed::Fixed;
 use super::tags::{TagKind, tags};
 use super::value::{CLOSE, OPEN};
@@ -32,6 +34,8 @@ pub(super) struct Numbered {
     pub(super) written: HashSet<usize>,
     /// Stretches of fixed text.
     pub(super) texts: Vec<Span>,
+    /// The two sides of each comparison, by its site.
+    pub(super) compared: BTreeMap<usize, (Side, Side)>,
 }
 
 /// A template with its places numbered.
@@ -148,11 +152,18 @@ fn filter(template: &str, tag: Span, numbered: &mut Numbered, result: &mut Instr
 /// Copies a stretch of code, giving each call of such a function its number.
 fn calls(template: &str, code: Span, numbered: &mut Numbered, result: &mut Instrumented) {
     let text = &template[code.start..code.end];
+    let mut additions = additions(text, result.base + code.start, numbered).into_iter().peekable();
+    let mut add = |at: usize, result: &mut Instrumented| {
+        while let Some((_, addition)) = additions.next_if(|(offset, _)| *offset <= at) {
+            result.insert(&addition);
+        }
+    };
     let mut open: Vec<Option<usize>> = Vec::new();
     let mut chars = text.char_indices().peekable();
     let (mut quote, mut escaped, mut called) = (None, false, None);
     let mut previous = String::new();
     while let Some((at, c)) = chars.next() {
+        add(at, result);
         if let Some(mark) = quote {
             result.text.push(c);
             (escaped, quote) = if escaped { (false, quote) } else { (c == '\\', quote.filter(|_| c != mark)) };
@@ -198,6 +209,25 @@ fn calls(template: &str, code: Span, numbered: &mut Numbered, result: &mut Instr
         previous.clear();
         previous.push(c);
     }
+    add(text.len(), result);
+}
+
+/// What is added to the comparisons of the code, which is at `base` among the texts, in the order of its offsets.
+fn additions(code: &str, base: usize, numbered: &mut Numbered) -> Vec<(usize, String)> {
+    let mut additions = Vec::new();
+    for comparison in comparisons(code) {
+        let site = numbered.sites.len();
+        let side = |(start, end): (usize, usize)| Side {
+            span: Span::new(base + start, base + end),
+            text: code[start..end].split_whitespace().collect::<Vec<_>>().join(" "),
+        };
+        let (left, right) = (side(comparison.left), side(comparison.right));
+        numbered.sites.push(Span::new(left.span.start, right.span.end));
+        numbered.compared.insert(site, (left, right));
+        additions.extend(comparison.additions(site));
+    }
+    additions.sort_by_key(|(at, _)| *at);
+    additions
 }
 
 #[cfg(test)]

@@ -63,7 +63,8 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         let around = context.sites.iter().filter(|site| site.start <= start && start <= site.end);
         span = around.min_by_key(|site| site.end - site.start).copied().unwrap_or(span);
     }
-    let span = Span::new(span.start - base, span.end.saturating_sub(base));
+    let span = context.compared.refused().unwrap_or(span);
+    let span = Span::new(span.start.saturating_sub(base), span.end.saturating_sub(base));
     let span = if is_bare_undefined(innermost) { joined(template.text(), span) } else { span };
     if let Some(failure) = context.failure() {
         return ProblemError::store(template, span, failure);

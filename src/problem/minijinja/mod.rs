@@ -5,6 +5,8 @@ mod blocks;
 mod bound;
 mod call;
 mod casing;
+mod compare;
+mod comparisons;
 mod context;
 mod direct;
 mod documents;
@@ -35,8 +37,8 @@ use super::answer::{self, Answerer};
 use super::assembly::{Assembled, Assembler, Literal};
 use super::stream::{Stream, Streamed};
 use super::taken::Taken;
-use super::texts::Texts;
 use super::{Generated, ProblemError, Request, SectionReport};
+use crate::formats::Texts;
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Span};
 use crate::memory::Memory;
@@ -62,14 +64,15 @@ const STACK: usize = 32 << 20;
 
 /// Renders the template over the memory.
 pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> Result<Generated, ProblemError> {
-    let (files, numbered) = Files::read(request, true)?;
+    let (files, mut numbered) = Files::read(request, true)?;
     let (asker, answerer) = answer::pair();
-    let context = Arc::new(Context::new(asker, numbered.sites, numbered.written));
+    let fixed_texts = std::mem::take(&mut numbered.texts);
+    let context = Arc::new(Context::new(asker, numbered));
     let variables = Variables::of(request, goal);
     let is_goal_used = Arc::clone(&variables.is_goal_used);
     match run_beside(memory, answerer, &files, variables, &context)? {
         Ok(text) => {
-            let generated = assemble(files.texts, &context, &numbered.texts, &text)?;
+            let generated = assemble(files.texts, &context, &fixed_texts, &text)?;
             Ok(Generated { is_goal_unused: goal.is_some() && !is_goal_used.load(Ordering::Relaxed), ..generated })
         }
         Err(error) => Err(explain(&files, &context, &error)),
@@ -87,13 +90,16 @@ pub(super) fn stream(
     let (files, numbered) = Files::read(request, false)?;
     let (asker, answerer) = answer::pair();
     let stream = Stream::new(&files.texts, domain);
-    let context = Arc::new(Context::streaming(asker, numbered.sites, stream));
+    let context = Arc::new(Context::streaming(asker, numbered, stream));
     let variables = Variables::of(request, goal);
     let is_goal_used = Arc::clone(&variables.is_goal_used);
     if let Err(error) = run_beside(memory, answerer, &files, variables, &context)? {
         // The template's own mistakes are explained when it is rendered again.
         let is_plain = context.has_failed() || error.kind() == ErrorKind::OutOfFuel;
         return if is_plain { Err(explain(&files, &context, &error)) } else { Ok(None) };
+    }
+    if context.compared.is_mixed() {
+        return Ok(None);
     }
     let stream = context.direct.as_ref().and_then(|direct| direct.take().ok());
     let Some(file) = stream.and_then(|stream| stream.finish(domain, dialect).ok()) else { return Ok(None) };
@@ -299,8 +305,9 @@ fn assemble(
     let Assembled { text, placed, values } = assembler.finish()?;
     let sections = sections(context, &template);
     let (namespaces, respelled) = (context.namespaces(), context.looked.respelled.take());
+    let remarks = context.compared.remarks(&template);
     drop(lines);
-    Ok(Generated { text, sections, namespaces, respelled, is_goal_unused: false, template, placed, values })
+    Ok(Generated { text, sections, namespaces, respelled, remarks, is_goal_unused: false, template, placed, values })
 }
 
 /// The queries that were asked, and what they matched.

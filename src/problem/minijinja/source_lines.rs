@@ -6,9 +6,9 @@
 
 use super::blocks::{closes, opens};
 use super::tags::{Tag, TagKind, tags};
+use crate::formats::Texts;
 use crate::formats::{Diagnostic, Span};
 use crate::problem::assembly::{Assembler, Literal};
-use crate::problem::texts::Texts;
 
 /// The lines of fixed text that an expression or a filter may write.
 #[derive(Debug)]

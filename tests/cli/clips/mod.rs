@@ -190,3 +190,96 @@ fn what_has_no_place_in_a_fact_is_refused_or_nested() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn documents_that_no_fact_can_hold_are_left_out_where_that_is_asked_for() {
+    let lab = lab();
+    let documents =
+        "{_id: 1, relation: 't', x: {y: 1}}\n{_id: 2, relation: 't', x: 2}\n{_id: 3, relation: 't', x: NaN}";
+    lab.rmem_with(&["insert", "a.b", "-"], documents).success();
+    lab.write("d.jsonl", documents);
+    let export = |more: &'static [&'static str]| [&["clips", "export"], more].concat();
+    let commands =
+        [export(&["a.b"]), export(&["a.b", "--skip-invalid"]), export(&["--from", "d.jsonl", "--skip-invalid"])];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r"
+    $ rmem clips export a.b
+    ------- stderr -------
+    error: a.b, document 1: the key `x` is a nested document, which no slot can hold
+      = hint: --nested flatten makes slots of nested keys, --nested json writes a string
+    [exit code: 3]
+    $ rmem clips export a.b --skip-invalid
+    (t (x 2))
+    ------- stderr -------
+    warning: a.b, document 1: the key `x` is a nested document, which no slot can hold
+      = hint: --nested flatten makes slots of nested keys, --nested json writes a string
+    warning: a.b, document 3: the key `x` is NaN, which no slot can hold
+      = hint: --nested json writes a string
+    1 fact; 2 documents were left out
+    [exit code: 0]
+    $ rmem clips export --from d.jsonl --skip-invalid
+    (t (x 2))
+    ------- stderr -------
+    warning: d.jsonl:1:1: the key `x` is a nested document, which no slot can hold
+      |
+    1 | {_id: 1, relation: 't', x: {y: 1}}
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: --nested flatten makes slots of nested keys, --nested json writes a string
+    warning: d.jsonl:3:1: the key `x` is NaN, which no slot can hold
+      |
+    3 | {_id: 3, relation: 't', x: NaN}
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: --nested json writes a string
+    1 fact; 2 documents were left out
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn several_files_of_facts_are_imported_together() {
+    let lab = lab();
+    lab.write("types.clp", "(deftemplate machine (slot name) (slot n (type INTEGER)))\n(defglobal ?*N* = 7)\n");
+    lab.write("one.clp", "(deffacts one (machine (name A) (n ?*N*)) (at A 1))\n");
+    lab.write("two.clp", "\n(machine (name B) (n 2))\n(at A 1)\n");
+    lab.write("wrong.clp", "(machine (name C) (n x))\n");
+    lab.write("again.clp", "\n  (machine (name A) (n 3))\n");
+    let import = |more: &'static [&'static str]| [&["clips", "import", "--into", "a.b"], more].concat();
+    let commands = [
+        import(&["types.clp", "one.clp", "wrong.clp"]),
+        import(&["types.clp", "one.clp", "two.clp"]),
+        import(&["types.clp", "two.clp", "again.clp", "--key", "name"]),
+    ];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r#"
+    $ rmem clips import --into a.b types.clp one.clp wrong.clp
+    ------- stderr -------
+    error: wrong.clp:1:19: the slot `n` expected INTEGER, found SYMBOL `x`
+      |
+    1 | (machine (name C) (n x))
+      |                   ^^^^^
+    [exit code: 3]
+    $ rmem clips import --into a.b types.clp one.clp two.clp
+    {"inserted":3,"replaced":0,"unchanged":0}
+    ------- stderr -------
+    1 fact was in the text more than once; each was imported once
+    passed over 1 defglobal: ?*N*
+    [exit code: 0]
+    $ rmem clips import --into a.b types.clp two.clp again.clp --key name
+    ------- stderr -------
+    error: two.clp:3:1: expected the slot `name`, the key
+      |
+    3 | (at A 1)
+      | ^^^^^^^^
+      = hint: import facts that have no such slot from a file of their own, without --key
+    [exit code: 3]
+    "#);
+    assert_eq!(lab.rmem(&["count", "a.b"]).success(), "3\n");
+    lab.write("other.clp", "\n  (machine (name A) (n 9))\n");
+    assert_run!(lab.rmem(&import(&["types.clp", "again.clp", "other.clp", "--key", "name"])), @r#"
+    ------- stderr -------
+    error: other.clp:2:3: another fact has the key `name` "A"
+      |
+    2 |   (machine (name A) (n 9))
+      |   ^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: the other fact is at again.clp:2:3
+    [exit code: 3]
+    "#);
+}

@@ -1,21 +1,22 @@
-//! The texts that a problem is rendered from: the template, and those that it includes.
+//! Texts that are read together: a template and those that it includes, or several files of facts.
 
 use std::fmt;
 
-use crate::formats::{Diagnostic, Source, Span};
+use super::{Diagnostic, Source, Span};
 
-/// A template and those that it includes, one after the other in one range of offsets, so that a span says in which text it is.
+/// A text and others, one after the other in one range of offsets, so that a span says in which text it is.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Texts {
+pub struct Texts {
     /// Each with the offset of its first byte; never empty.
     sources: Vec<(usize, Source)>,
 }
 
 impl Texts {
-    /// The texts in this order.
-    pub(super) fn new(template: &Source, parts: impl IntoIterator<Item = Source>) -> Self {
-        let mut sources = vec![(0, template.clone())];
-        let mut base = template.text().len() + 1;
+    /// The texts in this order, the first of them by itself.
+    #[must_use]
+    pub fn new(first: &Source, parts: impl IntoIterator<Item = Source>) -> Self {
+        let mut sources = vec![(0, first.clone())];
+        let mut base = first.text().len() + 1;
         for part in parts {
             let length = part.text().len() + 1;
             sources.push((base, part));
@@ -25,43 +26,48 @@ impl Texts {
     }
 
     /// The texts, each with the offset of its first byte.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &(usize, Source)> {
+    pub fn iter(&self) -> impl Iterator<Item = &(usize, Source)> {
         self.sources.iter()
     }
 
     /// The text that the offset is in, and the offset of its first byte.
-    pub(super) fn at(&self, offset: usize) -> (&Source, usize) {
+    #[must_use]
+    pub fn at(&self, offset: usize) -> (&Source, usize) {
         let next = self.sources.partition_point(|(base, _)| *base <= offset);
         let (base, source) = &self.sources[next.saturating_sub(1)];
         (source, *base)
     }
 
     /// The text of a span, and the span in it.
-    pub(super) fn locate(&self, span: Span) -> (&Source, Span) {
+    #[must_use]
+    pub fn locate(&self, span: Span) -> (&Source, Span) {
         let (source, base) = self.at(span.start);
         (source, Span::new(span.start - base, span.end.saturating_sub(base).max(span.start - base)))
     }
 
     /// A complaint about a span.
-    pub(super) fn complain(&self, span: Span, message: impl Into<String>) -> Diagnostic {
+    #[must_use]
+    pub fn complain(&self, span: Span, message: impl Into<String>) -> Diagnostic {
         let (source, span) = self.locate(span);
         Diagnostic::new(source, span, message)
     }
 
     /// Line and column of an offset in its text.
-    pub(super) fn position(&self, offset: usize) -> (usize, usize) {
+    #[must_use]
+    pub fn position(&self, offset: usize) -> (usize, usize) {
         let (source, base) = self.at(offset);
         source.position(offset - base)
     }
 
     /// The text of a span.
-    pub(super) fn slice(&self, span: Span) -> &str {
+    #[must_use]
+    pub fn slice(&self, span: Span) -> &str {
         let (source, span) = self.locate(span);
         source.slice(span)
     }
 
-    /// Where an offset is: `3:5`, with the name of its text where that is not the template's own.
-    pub(super) fn place(&self, offset: usize) -> impl fmt::Display {
+    /// Where an offset is: `3:5`, with the name of its text where that is not the first.
+    pub fn place(&self, offset: usize) -> impl fmt::Display {
         let (source, base) = self.at(offset);
         let (line, column) = source.position(offset - base);
         match base {
@@ -70,8 +76,9 @@ impl Texts {
         }
     }
 
-    /// The name of the text that an offset is in, where that is not the template's own.
-    pub(super) fn part(&self, offset: usize) -> Option<String> {
+    /// The name of the text that an offset is in, where that is not the first.
+    #[must_use]
+    pub fn part(&self, offset: usize) -> Option<String> {
         let (source, base) = self.at(offset);
         (base > 0).then(|| source.name().to_owned())
     }
