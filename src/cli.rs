@@ -44,13 +44,16 @@ pub fn command() -> clap::Command {
     help::grouped(help::flowing(with_formats(Cli::command())))
 }
 
-/// Parses a command line.
+/// Parses a command line. `database` gives the one of the default collection, for tips about a line of mongosh.
 ///
 /// # Errors
 /// Where it is wrong; also for `--help` and `--version`, with their text.
-pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
+pub fn parse(args: impl IntoIterator<Item = OsString>, database: impl FnOnce() -> String) -> Result<Cli, Error> {
     let command = command();
-    let matches = command.clone().try_get_matches_from(args).map_err(tips::with_tip)?;
+    let matches = command.clone().try_get_matches_from(args).map_err(|error| match error.use_stderr() {
+        true => tips::with_tip(error, &database()),
+        false => error,
+    })?;
     let (name, formats) = called(&command, &matches);
     check_format(&name, &formats, &matches)?;
     Ok(Cli { name, formats, ..Cli::from_arg_matches(&matches)? })

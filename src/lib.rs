@@ -139,13 +139,15 @@ pub mod interrupt;
 
 use std::ffi::OsString;
 use std::io::{BufRead, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use clap::error::{ContextKind, ContextValue};
 use commands::{Context, report};
 use exit::Exit;
+use formats::mongosh::DATABASE;
 use output::Output;
 use process::supervisor;
-use settings::{Environment, Origin, Settings};
+use settings::{Environment, Flags, Origin, Settings};
 
 /// What a process gives to [`run`]: its streams and surroundings, as values.
 pub struct Process<'a> {
@@ -181,7 +183,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         }
     }
     let mut output = Output::new(process.stdout, process.stderr);
-    let cli = match cli::parse(args) {
+    let given: Vec<String> = args.iter().filter_map(|arg| arg.to_str().map(str::to_owned)).collect();
+    let database = || default_database(&given, &process.environment, &process.directory);
+    let cli = match cli::parse(args, database) {
         Ok(cli) => cli,
         Err(error) => return explain(&error, &mut output),
     };
@@ -242,11 +246,35 @@ fn warn_of_format(command: &str, formats: &[String], context: &mut Context<'_>) 
     }
 }
 
+/// The database of the default collection, as far as a command line that cannot be parsed says it.
+fn default_database(given: &[String], environment: &Environment, directory: &Path) -> String {
+    let value = |flag: &str| {
+        let at = given
+            .iter()
+            .position(|arg| arg.strip_prefix(flag).is_some_and(|rest| rest.is_empty() || rest.starts_with('=')))?;
+        match given.get(at)?.split_once('=') {
+            Some((_, value)) => Some(value.to_owned()),
+            None => given.get(at + 1).cloned(),
+        }
+    };
+    let flags =
+        Flags { collection: value("--collection"), config: value("--config").map(PathBuf::from), ..Flags::default() };
+    let settings = Settings::resolve(&flags, environment, directory, false);
+    settings.map_or_else(|_| DATABASE.to_owned(), |settings| settings.collection.value.database)
+}
+
 /// Help and version go to stdout; mistakes, to stderr.
 fn explain(error: &clap::Error, output: &mut Output<'_>) -> Exit {
     let text = error.render();
     if error.use_stderr() {
-        output.error(text.to_string().trim_start_matches("error: ").trim_end());
+        let mut text = text.to_string();
+        if let (Some(ContextValue::String(line)), Some(_)) =
+            (error.get(ContextKind::InvalidValue), error.get(ContextKind::Suggested))
+        {
+            // The line is long enough to be said once.
+            text = text.replace(&format!("': `{line}` is"), "': it is");
+        }
+        output.error(text.trim_start_matches("error: ").trim_end());
         return Exit::Usage;
     }
     let written = output.stdout().write_all(text.to_string().as_bytes()).and_then(|()| output.flush());

@@ -8,7 +8,7 @@ use crate::formats::mongosh;
 use crate::store::Namespace;
 
 /// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
-const TIPS: [(&[&str], &str); 23] = [
+const TIPS: [(&[&str], &str); 27] = [
     (&["find", "get", "select", "search", "findone"], "'rmem query NS [QUERY]' prints documents"),
     (&["save", "write"], "'rmem dump' writes collections, 'rmem clips export' writes CLIPS facts"),
     (
@@ -17,10 +17,13 @@ const TIPS: [(&[&str], &str); 23] = [
     ),
     (&["remove", "rm", "del", "deleteone", "deletemany"], "'rmem delete NS QUERY' removes documents"),
     (
-        &["replace", "upsert", "set", "updateone", "updatemany"],
+        &["replace", "upsert", "set", "updateone", "updatemany", "replaceone"],
         "'rmem update NS QUERY UPDATE [--replace] [--upsert]' changes documents",
     ),
-    (&["add", "put", "store", "create", "insertone", "insertmany"], "'rmem insert NS DOC' stores documents"),
+    (
+        &["add", "put", "store", "create", "insertone", "insertmany", "createcollection"],
+        "'rmem insert NS DOC' stores documents",
+    ),
     (&["ls", "list", "show", "tables", "databases"], "'rmem collections' lists collections, 'rmem plan list' plans"),
     (&["solve", "search-plan", "planner"], "'rmem plan' finds a plan"),
     (&["generate", "render", "problem", "template"], "'rmem gen-problem' generates a PDDL problem"),
@@ -44,6 +47,10 @@ const TIPS: [(&[&str], &str); 23] = [
         &["findoneandupdate", "findandmodify", "findoneandreplace"],
         "'rmem update NS QUERY UPDATE' changes the first match",
     ),
+    (&["bulkwrite"], "'rmem insert', 'rmem update' and 'rmem delete' write one kind of change each"),
+    (&["dropdatabase"], "'rmem collections' lists collections, and 'rmem drop NS' removes one"),
+    (&["dropindex", "dropindexes"], "'rmem index NS KEYS --drop' removes an index"),
+    (&["runcommand", "admincommand"], "'rmem serve' takes commands from MongoDB's drivers; 'rmem --help' lists rmem's"),
     (&["describe", "stats", "fields"], "'rmem schema NS' prints the fields of documents"),
     (&["why", "explain"], "'rmem plan why' says where a plan is from, 'rmem gen-problem --explain ATOM' an atom"),
     (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),
@@ -55,8 +62,8 @@ const FEATURES: [(&str, &str); 3] = [("serve", "serve"), ("view", "views"), ("ex
 /// The tip for `use DATABASE` in one word.
 const TIP_OF_USE: &str = "a collection is named with its database, as in 'rmem query robmem.worldmodel'";
 
-/// Adds a tip to the error for an unknown command, or for a line of mongosh.
-pub(super) fn with_tip(mut error: Error) -> Error {
+/// Adds a tip to the error for an unknown command, or for a line of mongosh, where `db` is `database`.
+pub(super) fn with_tip(mut error: Error, database: &str) -> Error {
     let (kind, value) = match error.kind() {
         ErrorKind::InvalidSubcommand => (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
         ErrorKind::ValueValidation => (ContextKind::InvalidValue, ContextKind::SuggestedValue),
@@ -71,7 +78,8 @@ pub(super) fn with_tip(mut error: Error) -> Error {
     let feature = feature.map(|(command, feature)| {
         format!("this rmem was built without '{command}'; build it with the feature {feature}, as `cargo install --path .` does")
     });
-    let tip = mongosh::command(word).map(|command| format!("write: {command}"));
+    let tip = mongosh::command(word, database).map(|command| format!("write: {command}"));
+    let tip = tip.or_else(|| mongosh::advice(word, database));
     let tip = tip.or_else(|| lower.starts_with("use ").then(|| TIP_OF_USE.to_owned()));
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
     if let Some(tip) = feature.or(tip).or_else(|| known().map(|(_, tip)| (*tip).to_owned())).or_else(documents) {

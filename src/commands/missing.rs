@@ -39,7 +39,7 @@ pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> 
     if names.contains(&name) {
         return None;
     }
-    if let Some(command) = mongosh::command(&name) {
+    if let Some(command) = mongosh::command(&name, mongosh::DATABASE) {
         return Some(format!("no collection {name}; write: {command}"));
     }
     let known = || names.iter().map(String::as_str);

@@ -23,7 +23,7 @@ fn a_line_of_mongosh_is_refused_with_the_command_for_it() {
     let lab = lab();
     assert_run!(lab.rmem(&["query", "db.orders.find({team:'CYAN'})"]), @r#"
     ------- stderr -------
-    error: invalid value 'db.orders.find({team:'CYAN'})' for '<NS>': `db.orders.find({team:'CYAN'})` is not a namespace: it has a `(`; expected DATABASE.COLLECTION, like robmem.worldmodel
+    error: invalid value 'db.orders.find({team:'CYAN'})' for '<NS>': it is not a namespace: it has a `(`; expected DATABASE.COLLECTION, like robmem.worldmodel
 
       tip: write: rmem query robmem.orders "{team:'CYAN'}"
 
@@ -362,4 +362,45 @@ fn an_argument_of_mongosh_has_a_tip() {
         let run = lab.rmem(args).exits(2);
         assert!(run.stderr.contains(tip), "{run}");
     }
+}
+
+#[test]
+fn a_method_of_mongosh_without_a_command_of_its_own_has_a_tip() {
+    let lab = three_documents();
+    let commands = [
+        ["query", "db.orders.bulkWrite([{insertOne: {document: {a: 1}}}])"],
+        ["--collection=shop.orders", "db.orders.find({a: 1})"],
+        ["query", "db.dropDatabase()"],
+    ];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r#"
+    $ rmem query 'db.orders.bulkWrite([{insertOne: {document: {a: 1}}}])'
+    ------- stderr -------
+    error: invalid value 'db.orders.bulkWrite([{insertOne: {document: {a: 1}}}])' for '<NS>': it is not a namespace: it has a `(`; expected DATABASE.COLLECTION, like robmem.worldmodel
+
+      tip: 'rmem insert robmem.orders DOC…', 'rmem update robmem.orders QUERY UPDATE' and 'rmem delete robmem.orders QUERY' write one kind of change each
+
+    For more information, try '--help'.
+    [exit code: 2]
+    $ rmem --collection=shop.orders 'db.orders.find({a: 1})'
+    ------- stderr -------
+    error: unrecognized subcommand 'db.orders.find({a: 1})'
+
+      tip: write: rmem query shop.orders "{a: 1}"
+
+    Usage: rmem [OPTIONS] <COMMAND>
+
+    For more information, try '--help'.
+    [exit code: 2]
+    $ rmem query 'db.dropDatabase()'
+    ------- stderr -------
+    error: invalid value 'db.dropDatabase()' for '<NS>': it is not a namespace: it has a `(`; expected DATABASE.COLLECTION, like robmem.worldmodel
+
+      tip: 'rmem collections' lists the collections of robmem, and 'rmem drop NS' removes one of them
+
+    For more information, try '--help'.
+    [exit code: 2]
+    "#);
+    lab.write("rmem.toml", "collection = \"lab.world\"\n");
+    assert!(lab.rmem(&["query", "db.world.stats()"]).exits(2).stderr.contains("rmem schema lab.world"));
+    assert!(lab.rmem(&["bulkWrite"]).exits(2).stderr.contains("rmem insert"));
 }

@@ -1,12 +1,13 @@
 //! A line of mongosh as a call of a template's function.
 
+use super::DATABASE;
 use super::line::{Line, Segment, is_empty, is_text, unquoted};
 
 /// Returns the call for a line, like `query("robmem.orders", "{team: 'CYAN'}")`; none where it is no such line, or templates
 /// have no such function.
 #[must_use]
 pub fn call(line: &str) -> Option<String> {
-    let Line { namespace, method, arguments, modifiers } = Line::parse(line)?;
+    let Line { namespace, method, arguments, modifiers } = Line::parse(line, DATABASE)?;
     let is_counted = modifiers.iter().any(|segment| ["count", "size", "length", "itcount"].contains(&segment.name));
     let (function, most) = match method {
         "find" | "findOne" if is_counted => ("count", 1),

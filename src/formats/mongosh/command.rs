@@ -1,17 +1,20 @@
 //! A line of mongosh as a command of rmem.
 
-use super::line::{Line, Segment, is_empty, is_text, unquoted};
+use super::line::{Line, Segment, is_empty, is_text, of_database, unquoted};
 use crate::formats::command_line::word;
 
-/// Returns the command for a line; none where it is no such line, or rmem has no such command.
+/// Returns the command for a line, where `db` is `database`; none where it is no such line, or rmem has no such command.
 #[must_use]
-pub fn command(line: &str) -> Option<String> {
+pub fn command(line: &str, database: &str) -> Option<String> {
     let line = line.trim().trim_end_matches(';');
     let shown: Vec<&str> = line.split_whitespace().collect();
     if let ["show", "collections" | "tables" | "dbs" | "databases"] = shown.as_slice() {
         return Some("rmem collections".to_owned());
     }
-    let Line { namespace, method, arguments, modifiers } = Line::parse(line)?;
+    if let Some("getCollectionNames" | "getCollectionInfos") = of_database(line) {
+        return Some("rmem collections".to_owned());
+    }
+    let Line { namespace, method, arguments, modifiers } = Line::parse(line, database)?;
     Some(words(method, &namespace, &arguments, &modifiers)?.join(" "))
 }
 
@@ -189,10 +192,23 @@ mod tests {
             ("db.orders.find", "rmem query robmem.orders"),
             ("db.orders.countDocuments", "rmem count robmem.orders"),
             ("show collections", "rmem collections"),
+            ("db.getCollectionNames()", "rmem collections"),
             ("show dbs;", "rmem collections"),
             ("db.getSiblingDB('lab').getCollection('orders').find()", "rmem query lab.orders"),
         ] {
-            assert_eq!(command(line).as_deref(), Some(wanted), "{line}");
+            assert_eq!(command(line, "robmem").as_deref(), Some(wanted), "{line}");
+        }
+    }
+
+    #[test]
+    fn the_database_is_that_of_the_default_collection() {
+        for (line, wanted) in [
+            ("db.orders.find()", "rmem query shop.orders"),
+            ("orders.find()", "rmem query shop.orders"),
+            ("robmem.orders.find()", "rmem query robmem.orders"),
+            ("db.getSiblingDB('lab').orders.find()", "rmem query lab.orders"),
+        ] {
+            assert_eq!(command(line, "shop").as_deref(), Some(wanted), "{line}");
         }
     }
 
@@ -225,7 +241,7 @@ mod tests {
             "show",
             "db.x.findOneAndUpdate({a: 1}, {$set: {b: 1}}, {returnDocument: 'after'})",
         ] {
-            assert_eq!(command(text), None, "{text}");
+            assert_eq!(command(text, "robmem"), None, "{text}");
         }
     }
 }

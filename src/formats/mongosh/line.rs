@@ -1,8 +1,5 @@
 //! A line of mongosh, taken apart.
 
-/// The database of collections that are written as `db.NAME`.
-const DATABASE: &str = "robmem";
-
 /// A line: a method of a collection with its arguments, and the methods that are called on what it gives.
 pub(super) struct Line<'a> {
     pub(super) namespace: String,
@@ -18,12 +15,13 @@ pub(super) struct Segment<'a> {
 }
 
 impl<'a> Line<'a> {
-    pub(super) fn parse(line: &'a str) -> Option<Self> {
+    /// Takes a line apart; collections that are written as `db.NAME` are in `database`.
+    pub(super) fn parse(line: &'a str, database: &str) -> Option<Self> {
         let line = line.trim().trim_end_matches(';');
         let segments = segments(line.strip_prefix("await ").unwrap_or(line).trim())?;
         let mut segments = segments.into_iter().peekable();
         let is_db = segments.next_if(|segment| segment.name == "db" && segment.arguments.is_none()).is_some();
-        let mut database = is_db.then(|| DATABASE.to_owned());
+        let (home, mut database) = (database, is_db.then(|| database.to_owned()));
         let mut path: Vec<String> = Vec::new();
         // `db.orders.find` without brackets asks for all documents.
         let mut segments = segments.collect::<Vec<_>>();
@@ -37,7 +35,7 @@ impl<'a> Line<'a> {
                 ("getCollection", Some(arguments)) => path.push(unquoted(arguments.first()?)),
                 (name, None) => path.push(name.to_owned()),
                 (method, Some(arguments)) => {
-                    let namespace = namespace(database, &path)?;
+                    let namespace = namespace(database, &path, home)?;
                     return Some(Self { namespace, method, arguments, modifiers: segments.collect() });
                 }
             }
@@ -46,17 +44,26 @@ impl<'a> Line<'a> {
     }
 }
 
+/// The method that a line calls on a database, like `dropDatabase`.
+pub(super) fn of_database(line: &str) -> Option<&str> {
+    let line = line.trim().trim_end_matches(';');
+    let mut segments = segments(line.strip_prefix("await ").unwrap_or(line).trim())?.into_iter();
+    segments.next().filter(|first| first.name == "db" && first.arguments.is_none())?;
+    let mut methods = segments.skip_while(|segment| matches!(segment.name, "getSiblingDB" | "getDB"));
+    methods.next().filter(|method| method.arguments.is_some()).map(|method| method.name)
+}
+
 /// Whether a method is one that is called without arguments, and hardly the name of a collection.
 fn is_bare(name: &str) -> bool {
     ["find", "findOne", "countDocuments", "estimatedDocumentCount", "getIndexes", "drop", "watch"].contains(&name)
 }
 
-fn namespace(database: Option<String>, path: &[String]) -> Option<String> {
+fn namespace(database: Option<String>, path: &[String], home: &str) -> Option<String> {
     let path = path.join(".");
     let name = match database {
         Some(database) => format!("{database}.{path}"),
         None if path.contains('.') => path,
-        None => format!("{DATABASE}.{path}"),
+        None => format!("{home}.{path}"),
     };
     let is_allowed = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-');
     let is_part = |part: &str| !part.is_empty() && part.chars().all(is_allowed);

@@ -1,8 +1,13 @@
 //! Lines of mongosh, like `db.orders.find({team: 'CYAN'})`, in rmem's own words: a command, or a call in a template.
 
+mod advice;
 mod call;
 mod command;
 mod line;
 
+pub use advice::advice;
 pub use call::call;
 pub use command::command;
+
+/// The database of collections that are written as `db.NAME`, where no other is the default.
+pub const DATABASE: &str = "robmem";
