@@ -50,7 +50,7 @@ const TIPS: [(&[&str], &str); 27] = [
     (&["bulkwrite"], "'rmem insert', 'rmem update' and 'rmem delete' write one kind of change each"),
     (&["dropdatabase"], "'rmem collections' lists collections, and 'rmem drop NS' removes one"),
     (&["dropindex", "dropindexes"], "'rmem index NS KEYS --drop' removes an index"),
-    (&["runcommand", "admincommand"], "'rmem serve' takes commands from MongoDB's drivers; 'rmem --help' lists rmem's"),
+    (&["runcommand", "admincommand"], "'rmem serve' takes commands from MongoDB's drivers"),
     (&["describe", "stats", "fields"], "'rmem schema NS' prints the fields of documents"),
     (&["why", "explain"], "'rmem plan why' says where a plan is from, 'rmem gen-problem --explain ATOM' an atom"),
     (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),

@@ -3,7 +3,7 @@
 use bson::RawDocumentBuf;
 use clap::Args;
 
-use super::query::{argument, blame, owned};
+use super::query::{argument, blame, fields, owned};
 use super::update::{check, specification};
 use super::{Context, formats, missing};
 use crate::error::Result;
@@ -60,7 +60,7 @@ pub struct FindAndModifyArgs {
 
 pub(super) fn run(args: &FindAndModifyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let filter = argument("<query>", &args.query)?;
-    let sort = args.sort.as_deref().map(|text| argument("<sort>", text)).transpose()?.unwrap_or_default();
+    let sort = args.sort.as_deref().map(|text| fields("<sort>", "--sort ", text)).transpose()?.unwrap_or_default();
     let modification = modification(args)?;
     let memory = context.memory()?;
     let texts = [

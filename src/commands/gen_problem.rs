@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::at::AtArgs;
 use super::template::{Asked, TemplateArgs, is_template, read_domain, render_domain, report, request, require, warn};
-use super::{Context, explanation, formats};
+use super::{Context, UsageError, explanation, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect, shell};
@@ -62,6 +62,8 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
         domain = Some(Domain::read(text, dialect).map_err(Diagnostics)?);
     }
     let request = request(template, &args.options, rendered.as_ref().map(|(_, request)| request), context)?;
+    let parts = request.parts.iter().map(|part| PathBuf::from(part.source.name()));
+    keep(&args.output, std::iter::once(args.template.clone()).chain(args.domain.clone()).chain(parts))?;
     let is_file = args.output != Path::new("-");
     // Where only the text is asked for, it is written as it is made.
     if args.explain.is_none()
@@ -98,6 +100,18 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
         context.output.line(&shell::pretty(&Bson::Document(summary(&generated.sections, text))))?;
     }
     Ok(Exit::Done)
+}
+
+/// Refuses to write the problem over a file that it is made from.
+fn keep(output: &Path, mut sources: impl Iterator<Item = PathBuf>) -> Result<(), UsageError> {
+    let Ok(whole) = output.canonicalize() else { return Ok(()) };
+    match sources.find(|source| source.canonicalize().is_ok_and(|source| source == whole)) {
+        Some(source) => {
+            let message = "the problem is made from it; expected another file for --output";
+            Err(UsageError::new(format!("cannot write the problem to {}: {message}", source.display())))
+        }
+        None => Ok(()),
+    }
 }
 
 /// The text of a problem, and what the sections of its template matched.

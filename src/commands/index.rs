@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::modifiers::CollationArgs;
-use super::query::{argument, blame};
+use super::query::{argument, blame, fields};
 use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -116,7 +116,7 @@ fn weigh(error: Diagnostic) -> Diagnostic {
 
 /// The index that the arguments describe.
 fn index(args: &IndexArgs, keys: &str) -> Result<Index> {
-    let mut index = Index::on(argument("<keys>", keys)?);
+    let mut index = Index::on(fields("<keys>", "", keys)?);
     if let Some(collation) = args.collation.read()?.filter(|collation| !collation.is_simple()) {
         index.other.insert("collation", collation.definition().clone());
     }

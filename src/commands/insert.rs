@@ -6,6 +6,7 @@
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -13,7 +14,7 @@ use bson::{Bson, Document};
 use clap::{Args, ValueEnum};
 
 use super::query::blame;
-use super::{Context, WrongInput, formats};
+use super::{Context, WrongInput, conflict, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::shell::{self, Reader};
@@ -124,24 +125,28 @@ fn read_all(
         if documents.is_empty() {
             return Err(WrongInput::new(format!("{}: expected a document, found nothing", source.name())).into());
         }
-        for (_, document) in documents {
-            batch.add(document, memory, context)?;
+        batch.name = source.name().into();
+        for (span, document) in documents {
+            batch.add(document, Some(source.position(span.start).0), memory, context)?;
         }
     }
     if let Some(read) = reader(args) {
         let source = context.read(args.file.as_deref().unwrap_or(Path::new("-")))?;
         let mut documents = read(&source).take_while(|_| !is_interrupted());
-        return documents.try_for_each(|document| batch.add(document?, memory, context));
+        batch.name = source.name().into();
+        return documents.try_for_each(|document| batch.add(document?, None, memory, context));
     }
     match &args.file {
         Some(path) if path != Path::new("-") => {
             let name = path.display().to_string();
             let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
+            batch.name = name.as_str().into();
             for document in Reader::new(name, BufReader::new(file)) {
                 if is_interrupted() {
                     break;
                 }
-                batch.add(document?.1, memory, context)?;
+                let (line, document) = document?;
+                batch.add(document, Some(line), memory, context)?;
             }
             Ok(())
         }
@@ -177,15 +182,21 @@ fn after(error: Error, stored: usize) -> Error {
         1 => "1 document was stored before it".to_owned(),
         stored => format!("{stored} documents were stored before it"),
     };
-    let reasons: Vec<String> = error.chain().map(ToString::to_string).collect();
-    error.context(format!("{}\n  {before}", reasons.join(": ")))
+    let reasons = error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
+        "" => cause,
+        text if text.contains(&cause) => text.to_owned(),
+        text => format!("{text}: {cause}"),
+    });
+    error.context(format!("{reasons}\n  {before}"))
 }
 
 fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
     // The ids are printed while stdin is read: the two are apart from here on.
     let mut stdin = context.take_stdin()?;
+    batch.name = "<stdin>".into();
     for document in Reader::new("<stdin>", &mut stdin) {
-        batch.add(document?.1, memory, context)?;
+        let (line, document) = document?;
+        batch.add(document, Some(line), memory, context)?;
     }
     Ok(())
 }
@@ -194,6 +205,10 @@ fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>)
 struct Batch<'a> {
     args: &'a InsertArgs,
     documents: Vec<Document>,
+    /// The text that is read.
+    name: Rc<str>,
+    /// Where each of the documents is: the text, and the line in it if that is known.
+    places: Vec<(Rc<str>, Option<usize>)>,
     began: Instant,
     size: usize,
     stored: usize,
@@ -204,14 +219,32 @@ struct Batch<'a> {
 
 impl<'a> Batch<'a> {
     fn new(args: &'a InsertArgs, format: Format) -> Self {
-        Self { args, documents: Vec::new(), began: Instant::now(), size: 1, stored: 0, format, ids: Vec::new() }
+        let name = "<argument>".into();
+        Self {
+            args,
+            documents: Vec::new(),
+            name,
+            places: Vec::new(),
+            began: Instant::now(),
+            size: 1,
+            stored: 0,
+            format,
+            ids: Vec::new(),
+        }
     }
 
-    fn add(&mut self, document: Document, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
+    fn add(
+        &mut self,
+        document: Document,
+        line: Option<usize>,
+        memory: &Memory,
+        context: &mut Context<'_>,
+    ) -> Result<()> {
         if self.documents.is_empty() {
             self.began = Instant::now();
         }
         self.documents.push(shell::with_regexes(document));
+        self.places.push((Rc::clone(&self.name), line));
         if self.documents.len() >= self.size || self.began.elapsed() > FLUSH_INTERVAL {
             self.size = (self.size * 2).min(LARGEST_BATCH);
             self.store(memory, context)?;
@@ -224,6 +257,7 @@ impl<'a> Batch<'a> {
         if self.documents.is_empty() {
             return Ok(());
         }
+        let places = std::mem::take(&mut self.places);
         let result = memory.insert(&self.args.namespace, std::mem::take(&mut self.documents));
         let ids = match &result {
             Ok(inserted) => inserted.ids.as_slice(),
@@ -236,8 +270,33 @@ impl<'a> Batch<'a> {
             _ => context.output.progress_lines(ids.iter().map(shell::relaxed_value))?,
         }
         let before = self.stored - ids.len();
-        result.map(drop).map_err(|error| blame(counted(error, before), &[]))
+        result.map(drop).map_err(|error| match &error {
+            StoreError::Duplicate { stored, .. } => {
+                let place = places.get(stored.len()).map(|(name, line)| place(name, *line, before + stored.len() + 1));
+                taken(error, place.unwrap_or_default(), memory)
+            }
+            _ => blame(counted(error, before), &[]),
+        })
     }
+}
+
+/// Where a document is: `orders.jsonl:3: `, or `orders.csv, document 3: `; nothing for the only argument.
+fn place(name: &str, line: Option<usize>, number: usize) -> String {
+    match line {
+        _ if name == "<argument>" => String::new(),
+        Some(line) => format!("{name}:{line}: "),
+        None => format!("{name}, document {number}: "),
+    }
+}
+
+/// The error for a unique key that is taken, with the place of the document that was to have it, and the one that has it.
+fn taken(error: StoreError, place: String, memory: &Memory) -> Error {
+    let holder = conflict::holder(&error, memory).map(|id| format!(": that with _id {id}")).unwrap_or_default();
+    if place.is_empty() && holder.is_empty() {
+        return error.into();
+    }
+    let message = format!("{place}{error}{holder}");
+    Error::from(error).context(message)
 }
 
 /// The error with its document counted from the first of all batches.

@@ -11,6 +11,7 @@ mod compare;
 mod completions;
 mod computables;
 mod config;
+mod conflict;
 mod count;
 mod delete;
 mod diff;

@@ -67,8 +67,13 @@ pub struct QueryArgs {
 pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     let find = Find {
         filter: argument("<query>", &args.query)?,
-        sort: args.sort.as_deref().map(|text| argument("<sort>", text)).transpose()?.unwrap_or_default(),
-        projection: args.fields.as_deref().map(projection).transpose()?.unwrap_or_default(),
+        sort: args.sort.as_deref().map(|text| fields("<sort>", "--sort ", text)).transpose()?.unwrap_or_default(),
+        projection: args
+            .fields
+            .as_deref()
+            .map(|text| fields("<fields>", "--fields ", text))
+            .transpose()?
+            .unwrap_or_default(),
         skip: args.skip,
         limit: args.limit,
         modifiers: args.modifiers.read()?,
@@ -126,9 +131,10 @@ fn why(diagnosis: &Diagnosis, memory: &Memory, context: &mut Context<'_>) -> Res
     Ok(Exit::Done)
 }
 
-/// The fields to print. A list of names, as other tools take it, gets a hint.
-fn projection(text: &str) -> Result<bson::Document, Diagnostic> {
-    argument("<fields>", text).map_err(|error| {
+/// A document whose keys are fields, with numbers for values. A list of names, as other tools take it, gets a hint with `option`
+/// in front.
+pub(super) fn fields(name: &'static str, option: &str, text: &str) -> Result<bson::Document, Diagnostic> {
+    argument(name, text).map_err(|error| {
         let names: Vec<&str> = text.split([',', ' ']).filter(|name| !name.is_empty()).collect();
         let is_name = |name: &&str| name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'));
         if names.is_empty() || !names.iter().all(is_name) {
@@ -138,7 +144,7 @@ fn projection(text: &str) -> Result<bson::Document, Diagnostic> {
             true => format!("\"{name}\": 1"),
             false => format!("{name}: 1"),
         });
-        error.hint(format!("write --fields '{{{}}}'", fields.collect::<Vec<_>>().join(", ")))
+        error.without_hints().hint(format!("write {option}'{{{}}}'", fields.collect::<Vec<_>>().join(", ")))
     })
 }
 
@@ -163,13 +169,12 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
     }
     // The default of a query was not typed.
     let texts: Vec<(&'static str, &str)> = texts.iter().copied().filter(|(_, text)| *text != "{}").collect();
-    let place = query
-        .operators()
-        .find_map(|word| texts.iter().find_map(|(name, text)| Some((*name, *text, text.find(word)?, word.len()))));
+    let all: Vec<&str> = texts.iter().map(|(_, text)| *text).collect();
+    let place = query.place_among(&all).and_then(|(number, place)| Some((texts.get(number)?, place)));
     match (place, texts.as_slice()) {
-        (Some((name, text, start, length)), _) => {
-            let source = Source::new(name, text);
-            Diagnostic::new(&source, Span::new(start, start + length), query.message.clone()).into()
+        (Some(((name, text), place)), _) => {
+            let source = Source::new(*name, *text);
+            Diagnostic::new(&source, Span::new(place.start, place.end), query.message.clone()).into()
         }
         (None, [(name, text)]) => {
             let source = Source::new(*name, *text);

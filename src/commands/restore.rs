@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use bson::{Document, doc};
 use clap::Args;
 
-use super::{Context, UsageError, formats};
-use crate::error::Result;
+use super::{Context, UsageError, conflict, formats};
+use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::Dump;
@@ -91,6 +91,14 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
         Err(interrupted @ RestoreError::Interrupted(_)) => {
             context.output.error(&interrupted.to_string());
             return Ok(Exit::Interrupted);
+        }
+        Err(RestoreError::Store { which, source }) => {
+            // Of two in a dump that replaces the collection, none is there.
+            let holder =
+                conflict::holder(&source, &memory).filter(|_| !args.drop).map(|id| format!(": that with _id {id}"));
+            let message = holder.map(|holder| format!("cannot restore {which}: {source}{holder}"));
+            let error = Error::from(RestoreError::Store { which, source });
+            return Err(message.into_iter().fold(error, Error::context));
         }
         restored => restored?,
     };

@@ -91,6 +91,13 @@ impl Diagnostic {
         self
     }
 
+    /// Removes what to do, where more is known of it than the reader of the text knew.
+    #[must_use]
+    pub fn without_hints(mut self) -> Self {
+        self.inner.hints.clear();
+        self
+    }
+
     /// Says that the text is right, but uses what rmem cannot handle.
     #[must_use]
     pub fn unsupported(mut self) -> Self {

@@ -226,6 +226,21 @@ impl Generated {
         self.text.get(placed.output.start..placed.output.end).filter(|_| goal)
     }
 
+    /// A name of several words of the problem that stands in the goal without quotes.
+    fn unquoted(&self, goal: &str) -> Option<String> {
+        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        let known = self.text.split(|c| !is_name(c)).filter(|name| names::looks_mangled(name)).map(names::restore);
+        let is_end = |c: Option<char>| c.is_none_or(|c| c.is_whitespace() || matches!(c, '(' | ')'));
+        let is_unquoted = |name: &String| {
+            goal.match_indices(name.as_str()).any(|(start, _)| {
+                let (before, after) = (goal.get(..start), goal.get(start + name.len()..));
+                is_end(before.and_then(|text| text.chars().next_back()))
+                    && is_end(after.and_then(|text| text.chars().next()))
+            })
+        };
+        known.filter(|name| name.contains(' ')).find(is_unquoted)
+    }
+
     fn at_template(&self, complaint: &Diagnostic, whole: &str) -> Diagnostic {
         let offset = complaint.span().start.min(self.text.len());
         let (span, document) = self.origin(Span::new(offset, complaint.span().end.max(offset)));
@@ -241,7 +256,15 @@ impl Generated {
             .fold(diagnostic, |diagnostic, hint| diagnostic.hint(names::readable(&self.at_places(hint))));
         let goal = self.goal_around(offset);
         let diagnostic = match goal {
-            Some(goal) => diagnostic.hint(format!("the goal is {}", excerpt(&names::readable(goal)))),
+            Some(goal) => {
+                let goal = names::readable(goal);
+                let diagnostic = diagnostic.hint(format!("the goal is {}", excerpt(&goal)));
+                match self.unquoted(&goal) {
+                    Some(name) => diagnostic
+                        .hint(format!("a name of several words is written in quotes: {}", names::written(&name))),
+                    None => diagnostic,
+                }
+            }
             None => diagnostic,
         };
         let diagnostic = diagnostic.hint(format!("it became line {number} of the {whole}: {short}"));

@@ -45,14 +45,22 @@ impl QueryError {
     /// Where a text has the operator that is complained about, or the first one that the message names.
     #[must_use]
     pub fn place(&self, text: &str) -> Option<Range<usize>> {
-        self.operators().find_map(|word| text.find(word).map(|start| start..start + word.len()))
+        self.operators().find_map(|word| find(word, text))
     }
 
-    /// Returns the operator that is complained about, and those that the message names.
-    pub fn operators(&self) -> impl Iterator<Item = &str> {
+    /// Where the texts have the operator, field or regular expression that is complained about, or the first operator that the
+    /// message names: the number of the text, and the place in it.
+    #[must_use]
+    pub fn place_among(&self, texts: &[&str]) -> Option<(usize, Range<usize>)> {
+        let among = |word| texts.iter().enumerate().find_map(|(number, text)| Some((number, find(word, text)?)));
+        self.operators().find_map(among)
+    }
+
+    /// What is complained about, and the operators that the message names.
+    fn operators(&self) -> impl Iterator<Item = &str> {
         let named = self.message.split(|c: char| c != '$' && !c.is_alphanumeric());
-        let words = self.operator.as_deref().into_iter().chain(named);
-        words.filter(|word| word.starts_with('$') && word.len() > 1)
+        let named = named.filter(|word| word.starts_with('$') && word.len() > 1);
+        self.operator.as_deref().into_iter().chain(named)
     }
 
     /// Returns a mistake in the query.
@@ -105,6 +113,26 @@ impl QueryError {
             message: format!("{operator} is not supported by the embedded store"),
         }
     }
+}
+
+/// Where a text has an operator, a field as a whole word, or a regular expression like `/a|b/`, which may stand in quotes.
+fn find(word: &str, text: &str) -> Option<Range<usize>> {
+    let at = |word: &str| text.find(word).map(|start| start..start + word.len());
+    if word.starts_with('$') {
+        return at(word);
+    }
+    if let Some(pattern) = word.strip_prefix('/').and_then(|word| word.strip_suffix('/')) {
+        let quoted = || ['"', '\''].into_iter().find_map(|quote| at(&format!("{quote}{pattern}{quote}")));
+        return at(word).or_else(quoted).or_else(|| at("$regex"));
+    }
+    let is_part = |c: char| c.is_alphanumeric() || matches!(c, '_' | '$' | '-');
+    let is_whole = |start: &usize| {
+        let (before, after) =
+            (text.get(..*start).unwrap_or_default(), text.get(start + word.len()..).unwrap_or_default());
+        !before.ends_with(is_part) && !after.starts_with(is_part)
+    };
+    let mut starts = text.match_indices(word).map(|(start, _)| start);
+    starts.find(is_whole).filter(|_| !word.is_empty()).map(|start| start..start + word.len())
 }
 
 impl From<bson::error::Error> for QueryError {

@@ -43,9 +43,10 @@ impl Pattern {
             .multi_line(options.contains('m'))
             .dotall(options.contains('s'))
             .extended(options.contains('x'));
-        let compiled = builder
-            .build(pattern)
-            .map_err(|error| QueryError::invalid(51_091, format!("regular expression is invalid: {error}")))?;
+        let compiled = builder.build(pattern).map_err(|error| {
+            let message = format!("regular expression is invalid: {error}");
+            QueryError::invalid(51_091, message).about(&format!("/{pattern}/"))
+        })?;
         Ok(Self { pattern: pattern.to_owned(), options: options.to_owned(), compiled })
     }
 

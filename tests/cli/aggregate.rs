@@ -291,10 +291,10 @@ fn a_collection_describes_itself() {
     [exit code: 0]
     $ rmem aggregate robmem.cups '[{$collStats: {latencyStats: {}}}]'
     ------- stderr -------
-    error: <pipeline>:1:3: latencyStats of $collStats is not measured by the embedded store; take storageStats or count
+    error: <pipeline>:1:16: latencyStats of $collStats is not measured by the embedded store; take storageStats or count
       |
     1 | [{$collStats: {latencyStats: {}}}]
-      |   ^^^^^^^^^^
+      |                ^^^^^^^^^^^^
     [exit code: 3]
     $ rmem aggregate robmem.cups '[{$limit: 1}, {$indexStats: {}}]'
     ------- stderr -------

@@ -160,7 +160,7 @@ fn what_cannot_be_compared_is_named() {
     refused(&["tasks", "--planner", "lama"], 2, "there is no planner `lama`");
     refused(&["tasks", "--planner", "builtin", "--planner", "builtin"], 2, "named twice");
     refused(&["tasks/lights/domain.pddl"], 2, "is a file without problems");
-    refused(&["examples"], 3, "there is no task here");
+    refused(&["examples"], 3, "there is no task in examples; expected a domain.pddl");
     refused(&["tasks", "--only", "three"], 3, "with `three` in its name");
     refused(&["--stored", "robmem.none"], 3, "robmem.none has no plan");
     lab.write("tasks/lights/wrong.pddl", "(define (problem");
@@ -276,4 +276,22 @@ fn a_folder_that_is_not_there_is_named() {
     error: there is no file or folder nowhere/
     [exit code: 3]
     ");
+}
+
+#[test]
+fn a_folder_of_problems_is_for_the_domain_before_it() {
+    let lab = lab();
+    std::fs::rename(lab.path().join("tasks/lights/domain.pddl"), lab.path().join("d.pddl")).unwrap();
+    lab.write("empty/README", "");
+    let compare = |places: &[&'static str]| {
+        lab.rmem(&[&["compare"], places, &["--planner", "builtin", "--format", "csv"]].concat())
+    };
+    let names = |run: crate::lab::Finished| -> Vec<String> {
+        run.success().lines().skip(1).filter_map(|line| line.split(',').next().map(str::to_owned)).collect()
+    };
+    assert_eq!(names(compare(&["d.pddl", "tasks/lights"])), ["one", "two"]);
+    for places in [&["tasks/lights"][..], &["d.pddl", "empty", "tasks/lights/one.pddl"]] {
+        let run = compare(places).exits(3);
+        assert!(run.stderr.contains("there is no task in "), "{run}");
+    }
 }

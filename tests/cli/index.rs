@@ -24,7 +24,7 @@ fn a_taken_unique_key_is_a_conflict_that_names_key_and_index() {
     lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]).success();
     assert_run!(lab.rmem(&["insert", "robmem.objects", "{name: 'cup'}"]), @r#"
     ------- stderr -------
-    error: robmem.objects already has a document with name: "cup" (unique index names)
+    error: robmem.objects already has a document with name: "cup" (unique index names): that with _id {"$oid":"[ID]"}
     [exit code: 5]
     "#);
     lab.rmem(&["index", "robmem.objects", "{name: 1}", "--name", "names"]).exits(3);
@@ -135,7 +135,7 @@ fn an_index_may_hold_some_documents_and_be_hidden() {
     [exit code: 0]
     $ rmem insert robmem.objects "{_id: 3, name: 'cup', seen: true}"
     ------- stderr -------
-    error: robmem.objects already has a document with name: "cup" (unique index name_1)
+    error: robmem.objects already has a document with name: "cup" (unique index name_1): that with _id 1
     [exit code: 5]
     $ rmem index robmem.objects '{seen: 1}' --hidden
     seen_1
@@ -193,10 +193,10 @@ fn what_is_no_index_is_refused() {
     [exit code: 3]
     $ rmem index robmem.objects "{a: 'hashed'}"
     ------- stderr -------
-    error: <keys>:1:1: an index of type `hashed` is not supported by the embedded store
+    error: <keys>:1:6: an index of type `hashed` is not supported by the embedded store
       |
     1 | {a: 'hashed'}
-      | ^^^^^^^^^^^^^
+      |      ^^^^^^
     [exit code: 3]
     $ rmem index robmem.objects "{a: 'text'}" --language german
     ------- stderr -------

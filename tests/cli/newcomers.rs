@@ -191,7 +191,7 @@ fn a_batch_with_a_mistake_says_the_reason_first_and_then_what_was_stored() {
     1
     2
     ------- stderr -------
-    error: robmem.batch already has a document with _id: 1
+    error: <argument 3>:1: robmem.batch already has a document with _id: 1
       2 documents were stored before it
     [exit code: 5]
     ");
@@ -321,7 +321,6 @@ fn messages_say_what_to_do_in_plain_words() {
       |
     1 | object,n
       | ^^^^^^
-      = hint: strings are written in quotes
       = hint: write --fields '{object: 1, n: 1}'
     [exit code: 3]
     ");
@@ -403,4 +402,192 @@ fn a_method_of_mongosh_without_a_command_of_its_own_has_a_tip() {
     lab.write("rmem.toml", "collection = \"lab.world\"\n");
     assert!(lab.rmem(&["query", "db.world.stats()"]).exits(2).stderr.contains("rmem schema lab.world"));
     assert!(lab.rmem(&["bulkWrite"]).exits(2).stderr.contains("rmem insert"));
+}
+
+#[test]
+fn mistakes_in_arguments_are_shown_at_their_places() {
+    let lab = three_documents();
+    let commands: [&[&str]; 9] = [
+        &["query", "robmem.worldmodel", "--sort", "name"],
+        &["find-and-modify", "robmem.worldmodel", "{}", "{$set: {n: 2}}", "--sort", "n,at.x"],
+        &["index", "robmem.worldmodel", "name"],
+        &["query", "robmem.worldmodel", "{}", "--sort", "{n: 1, name: 5}"],
+        &["update", "robmem.worldmodel", "{}", "{$set: {_id: 'x'}}"],
+        &["query", "robmem.worldmodel", "{n: 1, name: /x(/}"],
+        &["count", "robmem.worldmodel", "{n: 1, name: {$regex: '['}}"],
+        &["update", "robmem.worldmodel", "{name: /(/}", "{$set: {n: 1}}"],
+        &["aggregate", "robmem.worldmodel", "[{$match: {n: 1, name: /(/}}]"],
+    ];
+    assert_run!(lab.transcript(&commands), @r#"
+    $ rmem query robmem.worldmodel --sort name
+    ------- stderr -------
+    error: <sort>:1:1: expected a value, found `name`
+      |
+    1 | name
+      | ^^^^
+      = hint: write --sort '{name: 1}'
+    [exit code: 3]
+    $ rmem find-and-modify robmem.worldmodel '{}' '{$set: {n: 2}}' --sort n,at.x
+    ------- stderr -------
+    error: <sort>:1:1: expected a value, found `n`
+      |
+    1 | n,at.x
+      | ^
+      = hint: write --sort '{n: 1, "at.x": 1}'
+    [exit code: 3]
+    $ rmem index robmem.worldmodel name
+    ------- stderr -------
+    error: <keys>:1:1: expected a value, found `name`
+      |
+    1 | name
+      | ^^^^
+      = hint: write '{name: 1}'
+    [exit code: 3]
+    $ rmem query robmem.worldmodel '{}' --sort '{n: 1, name: 5}'
+    ------- stderr -------
+    error: <sort>:1:8: a sort direction must be 1 or -1
+      |
+    1 | {n: 1, name: 5}
+      |        ^^^^
+    [exit code: 3]
+    $ rmem update robmem.worldmodel '{}' "{\$set: {_id: 'x'}}"
+    ------- stderr -------
+    error: <update>:1:9: the (immutable) field '_id' was found to have been altered
+      |
+    1 | {$set: {_id: 'x'}}
+      |         ^^^
+    [exit code: 3]
+    $ rmem query robmem.worldmodel '{n: 1, name: /x(/}'
+    ------- stderr -------
+    error: <query>:1:14: regular expression is invalid: PCRE2: error compiling pattern at offset 2: missing closing parenthesis
+      |
+    1 | {n: 1, name: /x(/}
+      |              ^^^^
+    [exit code: 3]
+    $ rmem count robmem.worldmodel "{n: 1, name: {\$regex: '['}}"
+    ------- stderr -------
+    error: <query>:1:23: regular expression is invalid: PCRE2: error compiling pattern at offset 1: missing terminating ] for character class
+      |
+    1 | {n: 1, name: {$regex: '['}}
+      |                       ^^^
+    [exit code: 3]
+    $ rmem update robmem.worldmodel '{name: /(/}' '{$set: {n: 1}}'
+    ------- stderr -------
+    error: <query>:1:8: regular expression is invalid: PCRE2: error compiling pattern at offset 1: missing closing parenthesis
+      |
+    1 | {name: /(/}
+      |        ^^^
+    [exit code: 3]
+    $ rmem aggregate robmem.worldmodel '[{$match: {n: 1, name: /(/}}]'
+    ------- stderr -------
+    error: <pipeline>:1:24: regular expression is invalid: PCRE2: error compiling pattern at offset 1: missing closing parenthesis
+      |
+    1 | [{$match: {n: 1, name: /(/}}]
+      |                        ^^^
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn a_name_of_several_words_in_a_goal_is_written_in_quotes() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:predicates (on ?a ?b)) (:action put :parameters (?a ?b) :effect (on ?a ?b)))",
+    );
+    lab.write(
+        "t.j2",
+        "(define (problem p) (:domain d)\n  (:objects {{ 'box #18' }} table)\n  (:init)\n  (:goal {{ goal }}))",
+    );
+    let run = |goal: &str| lab.rmem(&["gen-problem", "-t", "t.j2", "-d", "d.pddl", "--goal", goal]);
+    run("(on \"box #18\" table)").success();
+    assert_run!(run("(on box #18 table)"), @r#"
+    ------- stderr -------
+    error: t.j2:4:10: predicate `on` takes 2 arguments, found 3
+      |
+    4 |   (:goal {{ goal }}))
+      |          ^^^^^^^^^^
+      = hint: it is declared as (on ?a - object ?b - object)
+      = hint: the goal is (on box #18 table)
+      = hint: a name of several words is written in quotes: "box #18"
+      = hint: it became line 4 of the problem: (:goal (on box #18 table)))
+    error: t.j2:4:10: object `box` is not declared
+      |
+    4 |   (:goal {{ goal }}))
+      |          ^^^^^^^^^^
+      = hint: the goal is (on box #18 table)
+      = hint: a name of several words is written in quotes: "box #18"
+      = hint: it became line 4 of the problem: (:goal (on box #18 table)))
+    error: t.j2:4:10: object `#18` is not declared
+      |
+    4 |   (:goal {{ goal }}))
+      |          ^^^^^^^^^^
+      = hint: the goal is (on box #18 table)
+      = hint: a name of several words is written in quotes: "box #18"
+      = hint: it became line 4 of the problem: (:goal (on box #18 table)))
+    [exit code: 3]
+    "#);
+}
+
+#[test]
+fn a_taken_key_says_which_document_of_the_file_and_which_of_the_memory() {
+    let lab = Lab::new();
+    lab.rmem(&["index", "a.b", "{name: 1}", "--unique"]).success();
+    lab.rmem(&["insert", "a.b", "{_id: 7, name: 'A'}"]).success();
+    lab.write("f.jsonl", "{_id: 1, name: 'B'}\n\n{_id: 2, name: 'A'}\n");
+    lab.write("f.csv", "_id,name\n3,C\n4,A\n");
+    lab.write("f.clp", "(machine (name D))\n(machine (name A))\n");
+    lab.write("w.json", "{'a.b': [{_id: 9, name: 'A'}]}");
+    let commands: [&[&str]; 5] = [
+        &["insert", "a.b", "--file", "f.jsonl"],
+        &["insert", "a.b", "--file", "f.csv"],
+        &["insert", "a.b", "{_id: 5, name: 'A'}"],
+        &["clips", "import", "f.clp", "--into", "a.b"],
+        &["restore", "w.json"],
+    ];
+    assert_run!(lab.transcript(&commands), @r#"
+    $ rmem insert a.b --file f.jsonl
+    1
+    ------- stderr -------
+    error: f.jsonl:3: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+      1 document was stored before it
+    [exit code: 5]
+    $ rmem insert a.b --file f.csv
+    3
+    ------- stderr -------
+    error: f.csv, document 2: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+      1 document was stored before it
+    [exit code: 5]
+    $ rmem insert a.b "{_id: 5, name: 'A'}"
+    ------- stderr -------
+    error: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+    [exit code: 5]
+    $ rmem clips import f.clp --into a.b
+    ------- stderr -------
+    error: f.clp:2:1: a.b already has a document with name: "A" (unique index name_1): that with _id 7; nothing was imported
+    [exit code: 5]
+    $ rmem restore w.json
+    ------- stderr -------
+    error: cannot restore a.b; nothing was changed: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+    [exit code: 5]
+    "#);
+    assert_eq!(lab.rmem(&["count", "a.b"]).success(), "3\n");
+}
+
+#[test]
+fn what_restore_does_not_read_has_the_command_that_does() {
+    let lab = Lab::new();
+    lab.write("f.jsonl", "{name: 'B'}\n{name: 'C'}\n");
+    lab.write("f.clp", "(machine (name A))\n");
+    lab.write("w.json", "{'a.b': [{x: }]}");
+    for (file, hint) in [
+        ("f.jsonl", Some("`rmem insert NS --file f.jsonl`")),
+        ("f.clp", Some("`rmem clips import f.clp`")),
+        ("w.json", None),
+    ] {
+        let run = lab.rmem(&["restore", file]).exits(3);
+        assert!(hint.is_none_or(|hint| run.stderr.contains(hint)), "{run}");
+        assert_eq!(run.stderr.contains("`rmem "), hint.is_some(), "{run}");
+    }
+    assert!(lab.rmem_with(&["restore", "-"], "{a: 1}").exits(3).stderr.contains("rmem insert NS --file -"));
 }

@@ -316,14 +316,12 @@ fn a_dry_run_reports_a_unique_key_that_is_taken() {
     lab.write("free.json", r#"{"robmem.objects": [{"_id": 1, "name": "lid"}, {"_id": 3, "name": "cup"}]}"#);
     assert_run!(lab.rmem(&["restore", "taken.json", "--dry-run"]), @r#"
     ------- stderr -------
-    error: cannot restore robmem.objects; nothing was changed
-      caused by: robmem.objects already has a document with name: "cup" (unique index name_1)
+    error: cannot restore robmem.objects; nothing was changed: robmem.objects already has a document with name: "cup" (unique index name_1): that with _id 1
     [exit code: 5]
     "#);
     assert_run!(lab.rmem(&["restore", "taken.json"]), @r#"
     ------- stderr -------
-    error: cannot restore robmem.objects; nothing was changed
-      caused by: robmem.objects already has a document with name: "cup" (unique index name_1)
+    error: cannot restore robmem.objects; nothing was changed: robmem.objects already has a document with name: "cup" (unique index name_1): that with _id 1
     [exit code: 5]
     "#);
     for args in [["restore", "taken.json", "--dry-run", "--drop"].as_slice(), &["restore", "free.json", "--dry-run"]] {
@@ -335,14 +333,12 @@ fn a_dry_run_reports_a_unique_key_that_is_taken() {
     lab.rmem(&["insert", "robmem.objects", "{_id: 7, name: 'cup'}"]).success();
     assert_run!(lab.rmem(&["restore", "backup", "--dry-run"]), @r#"
     ------- stderr -------
-    error: cannot restore robmem.objects; nothing was changed
-      caused by: robmem.objects already has a document with name: "cup" (unique index name_1)
+    error: cannot restore robmem.objects; nothing was changed: robmem.objects already has a document with name: "cup" (unique index name_1): that with _id 7
     [exit code: 5]
     "#);
     assert_run!(lab.rmem(&["restore", "backup"]), @r#"
     ------- stderr -------
-    error: cannot restore robmem.objects; nothing was changed
-      caused by: robmem.objects already has a document with name: "cup" (unique index name_1)
+    error: cannot restore robmem.objects; nothing was changed: robmem.objects already has a document with name: "cup" (unique index name_1): that with _id 7
     [exit code: 5]
     "#);
     assert_eq!(lab.rmem(&["count", "robmem.objects"]).success(), "1\n");

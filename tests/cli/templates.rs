@@ -1075,3 +1075,26 @@ fn a_goal_that_no_document_fills_is_a_warning() {
     lab.write("t.j2", "(define (problem p) (:domain d) (:init {% for r in query('a.b', {'lost': true}) %}(up A){% endfor %}) (:goal (and)))");
     assert!(!run(&["gen-problem"]).to_string().contains("goal is empty"));
 }
+
+#[test]
+fn a_problem_does_not_replace_what_it_is_made_from() {
+    let lab = lab();
+    lab.write("t.j2", "(define (problem p) (:domain d) (:init {% include 'part.j2' %}) (:goal (and)))");
+    lab.write("part.j2", "(idle A)");
+    let write = |output: &'static str| ["gen-problem", "-t", "t.j2", "-d", "d.pddl", "-o", output];
+    assert_run!(lab.transcript(&["./t.j2", "d.pddl", "part.j2"].map(write).each_ref().map(|args| &args[..])), @r"
+    $ rmem gen-problem -t t.j2 -d d.pddl -o ./t.j2
+    ------- stderr -------
+    error: cannot write the problem to t.j2: the problem is made from it; expected another file for --output
+    [exit code: 2]
+    $ rmem gen-problem -t t.j2 -d d.pddl -o d.pddl
+    ------- stderr -------
+    error: cannot write the problem to d.pddl: the problem is made from it; expected another file for --output
+    [exit code: 2]
+    $ rmem gen-problem -t t.j2 -d d.pddl -o part.j2
+    ------- stderr -------
+    error: cannot write the problem to part.j2: the problem is made from it; expected another file for --output
+    [exit code: 2]
+    ");
+    assert_eq!((lab.read("part.j2"), lab.read("d.pddl")), ("(idle A)".to_owned(), DOMAIN.to_owned()));
+}

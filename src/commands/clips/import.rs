@@ -3,17 +3,18 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use bson::doc;
+use bson::{Document, doc};
 use clap::Args;
 
 use super::schema;
 use crate::clips::facts::{Found, Importer, Schema, give_ids, remove_repeated, remove_stored, spelled};
-use crate::commands::{Context, UsageError, WrongInput, formats};
-use crate::error::Result;
+use crate::commands::{Context, UsageError, WrongInput, conflict, formats};
+use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::clips::{self, Body, Fact, Item, Reader, Slot};
-use crate::formats::{Diagnostic, Source, Span, Texts, nearest};
-use crate::store::Namespace;
+use crate::formats::{Diagnostic, Source, Span, Texts, nearest, shell};
+use crate::memory::Memory;
+use crate::store::{Namespace, StoreError};
 
 /// What stands below the help of `clips import`.
 const HELP: &str = "\
@@ -76,7 +77,8 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
             0
         }
     };
-    let put = memory.put(&namespace, found.into_iter().map(|(_, document)| document).collect())?;
+    let documents = found.iter().map(|(_, document)| document.clone()).collect();
+    let put = memory.put(&namespace, documents).map_err(|error| taken(error, &found, &texts, &memory))?;
     drop(progress);
     let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
     let unchanged = put.same + u64::try_from(stored).unwrap_or(u64::MAX);
@@ -92,6 +94,25 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     remarks.report(&schema, args, context);
     Ok(Exit::Done)
+}
+
+/// The error for a unique key that is taken, at the fact that was to have it, with the document that has it.
+fn taken(error: StoreError, found: &Found, texts: &Texts, memory: &Memory) -> Error {
+    let StoreError::Duplicate { key, .. } = &error else { return error.into() };
+    let values = key.rsplit_once(" (unique index ").map_or(key.as_str(), |(values, _)| values);
+    let wanted = shell::parse_document(&Source::new("<key>", format!("{{{values}}}"))).unwrap_or_default();
+    let is_wanted = |document: &Document| wanted.iter().all(|(key, value)| document.get(key) == Some(value));
+    let fact = found.iter().find(|(_, document)| !wanted.is_empty() && is_wanted(document));
+    let holder = conflict::holder(&error, memory).map(|id| format!(": that with _id {id}")).unwrap_or_default();
+    let message = match fact {
+        Some((span, _)) => {
+            let (source, place) = texts.locate(*span);
+            let (line, column) = source.position(place.start);
+            format!("{}:{line}:{column}: {error}{holder}; nothing was imported", source.name())
+        }
+        None => format!("{error}{holder}; nothing was imported"),
+    };
+    Error::from(error).context(message)
 }
 
 /// `1 fact was`, `2 facts were`.

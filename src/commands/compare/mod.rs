@@ -40,7 +40,7 @@ Examples:
   rmem compare --stored robmem.plans --planner ff --plot solved.svg
 
 Runs each planner on each task, one after the other, and validates each plan by simulation. A folder has domain.pddl \
-and problems (or a folder `instances` of them), or folders of such; --stored takes the tasks of stored plans, instantiated \
+and problems (or a folder `instances` of them), or folders of such; behind a domain, it may have problems alone. --stored takes the tasks of stored plans, instantiated \
 from the memory as it is now.
 
 Prints a document for each run (seconds are wall time, memory is the most that was seen resident, in bytes; cost is the \

@@ -1,6 +1,8 @@
 //! The tasks that planners are compared on: files, folders, and those of stored plans.
 
 use std::collections::HashSet;
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::commands::{Context, UsageError, WrongInput};
@@ -71,6 +73,13 @@ fn of_paths(paths: &[PathBuf]) -> Result<Found> {
         }
         if path.is_dir() {
             let of_folder = tasks(path).with_context(|| format!("cannot read {}", path.display()))?;
+            if of_folder.is_empty() {
+                let problems = problems(path).with_context(|| format!("cannot read {}", path.display()))?;
+                let Some(domain) = domain.filter(|_| !problems.is_empty()) else { return Err(no_task(path).into()) };
+                is_alone = false;
+                found.extend(problems.into_iter().map(|problem| Named::of_files(domain, &problem)));
+                continue;
+            }
             let named = |task: TaskFiles| Named { name: task.name, from: From::Files(task.domain, task.problem) };
             found.extend(of_folder.into_iter().map(named));
             continue;
@@ -79,8 +88,7 @@ fn of_paths(paths: &[PathBuf]) -> Result<Found> {
             None => domain = Some(path),
             Some(domain) => {
                 is_alone = false;
-                let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                found.push(Named { name, from: From::Files(domain.to_owned(), path.clone()) });
+                found.push(Named::of_files(domain, path));
             }
         }
     }
@@ -91,6 +99,28 @@ fn of_paths(paths: &[PathBuf]) -> Result<Found> {
     let count = found.len();
     let tasks = distinct(once(found));
     Ok(Found { repeated: count - tasks.len(), tasks })
+}
+
+/// The problems of a folder that has no domain of its own: files of PDDL that define one.
+fn problems(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in folder.read_dir()? {
+        let path = entry?.path();
+        let is_problem = |text: String| text.to_ascii_lowercase().contains("(problem");
+        let is_pddl = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pddl"));
+        if is_pddl && fs::read_to_string(&path).is_ok_and(is_problem) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn no_task(folder: &Path) -> WrongInput {
+    WrongInput::new(format!(
+        "there is no task in {}; expected a domain.pddl with problems, or problems, with their domain in front of the folder",
+        folder.display()
+    ))
 }
 
 /// The tasks of stored plans, the same task once.
@@ -164,6 +194,12 @@ fn parts(path: &Path) -> Vec<String> {
 }
 
 impl Named {
+    /// The task of a domain and a problem, which gives it its name.
+    fn of_files(domain: &Path, problem: &Path) -> Self {
+        let name = problem.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Self { name, from: From::Files(domain.to_owned(), problem.to_owned()) }
+    }
+
     /// Reads the task; the inner error is that of a task that cannot be read, which keeps no other from being measured.
     pub(super) fn read(
         &self,

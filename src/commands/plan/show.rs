@@ -21,6 +21,9 @@ use crate::views::{Axis, Chart, Interval, Kind, Series};
 
 pub(super) use formats::PLAN as FORMATS;
 
+/// The symbol of CLIPS for nothing.
+const NIL: &str = "nil";
+
 /// Print a stored plan
 #[derive(Debug, Args)]
 #[command(
@@ -39,10 +42,10 @@ pub struct ShowArgs {
     #[arg(long, value_name = "LAYOUT", hide_possible_values = true)]
     pub layout: Option<FactLayouts>,
     /// Goal of the plan in facts for fawkes
-    #[arg(long, value_name = "SYMBOL", default_value = "nil", hide_default_value = true)]
+    #[arg(long, value_name = "SYMBOL", default_value = NIL, hide_default_value = true)]
     pub goal_id: String,
     /// PDDL instance of the plan in facts for cx
-    #[arg(long, value_name = "SYMBOL", default_value = "nil", hide_default_value = true)]
+    #[arg(long, value_name = "SYMBOL", default_value = NIL, hide_default_value = true)]
     pub instance: String,
 }
 
@@ -61,6 +64,14 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&formats::STORED_PLAN)?;
     if args.layout.is_some() && format != Format::Clips {
         return Err(UsageError::new("--layout is for facts; add --format clips").into());
+    }
+    let is_fawkes = args.layout == Some(FactLayouts::Fawkes);
+    if args.goal_id != NIL && !is_fawkes {
+        let cx = if args.layout == Some(FactLayouts::Cx) { "; facts for cx have an --instance" } else { "" };
+        return Err(UsageError::new(format!("--goal-id is for --format clips --layout fawkes{cx}")).into());
+    }
+    if args.instance != NIL && args.layout != Some(FactLayouts::Cx) {
+        return Err(UsageError::new("--instance is for --format clips --layout cx").into());
     }
     let memory = context.memory()?;
     let record = stored::get(&args.plan, Last::Plan, &memory, context)?;

@@ -1,7 +1,6 @@
 //! A line of mongosh as a call of a template's function.
 
-use super::DATABASE;
-use super::line::{Line, Segment, is_empty, is_text, unquoted};
+use super::line::{DATABASE, Line, Segment, is_empty, is_text, unquoted};
 
 /// Returns the call for a line, like `query("robmem.orders", "{team: 'CYAN'}")`; none where it is no such line, or templates
 /// have no such function.

@@ -1,5 +1,8 @@
 //! A line of mongosh, taken apart.
 
+/// The database of collections that are written as `db.NAME`, where no other is the default.
+pub const DATABASE: &str = "robmem";
+
 /// A line: a method of a collection with its arguments, and the methods that are called on what it gives.
 pub(super) struct Line<'a> {
     pub(super) namespace: String,

@@ -8,6 +8,4 @@ mod line;
 pub use advice::advice;
 pub use call::call;
 pub use command::command;
-
-/// The database of collections that are written as `db.NAME`, where no other is the default.
-pub const DATABASE: &str = "robmem";
+pub use line::DATABASE;

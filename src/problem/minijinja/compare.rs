@@ -1,109 +1,23 @@
 //! Comparisons of values whose types differ: the engine takes them for unequal, and orders them by their types.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use bson::Bson;
 use minijinja::value::{Value, ValueKind};
 use minijinja::{Environment, Error};
 
 use super::advice::Hint;
+use super::compared::{Mixed, Remedy, Side, whole};
 use super::comparisons::{AFTER, BEFORE, LEFT, RIGHT};
 use super::context::{Context, invalid};
 use super::direct::lock;
 use super::value::Other;
-use crate::formats::Texts;
-use crate::formats::{Diagnostic, Span, shell};
+use crate::formats::shell;
 
 /// How many elements of a list are looked at.
 const ELEMENTS: usize = 1_000;
 /// The longest value that a message shows, in characters.
 const SHOWN: usize = 40;
-
-/// One side of a comparison, as it is written.
-#[derive(Debug)]
-pub(super) struct Side {
-    pub(super) span: Span,
-    pub(super) text: String,
-}
-
-/// What was compared.
-#[derive(Debug, Default)]
-pub(super) struct Compared {
-    /// The two sides, by the number of the comparison.
-    sides: BTreeMap<usize, (Side, Side)>,
-    /// Left sides whose right sides are not known yet, with the numbers of their comparisons.
-    open: Mutex<Vec<(usize, Value)>>,
-    /// The first pair of each comparison whose types keep it from being equal.
-    mixed: Mutex<BTreeMap<usize, Mixed>>,
-    /// The comparison that ended the rendering.
-    refused: Mutex<Option<Span>>,
-}
-
-/// A pair that would be equal if the types were.
-#[derive(Debug)]
-struct Mixed {
-    message: String,
-    remedy: Remedy,
-}
-
-/// The filter that makes two values comparable, and for which of them it is.
-#[derive(Debug, Clone, Copy)]
-struct Remedy {
-    is_left: bool,
-    filter: &'static str,
-}
-
-impl Compared {
-    pub(super) fn new(sides: BTreeMap<usize, (Side, Side)>) -> Self {
-        Self { sides, ..Self::default() }
-    }
-
-    /// Whether any values were unequal only by their types.
-    pub(super) fn is_mixed(&self) -> bool {
-        !lock(&self.mixed).is_empty()
-    }
-
-    /// The comparison that ended the rendering.
-    pub(super) fn refused(&self) -> Option<Span> {
-        *lock(&self.refused)
-    }
-
-    /// What to tell of the comparisons of values that were unequal only by their types.
-    pub(super) fn remarks(&self, template: &Texts) -> Vec<Diagnostic> {
-        let mixed = lock(&self.mixed);
-        let remark = |(site, mixed): (&usize, &Mixed)| {
-            let sides = self.sides.get(site)?;
-            Some(template.complain(whole(sides), mixed.message.as_str()).hint(mixed.remedy.hint(Some(sides))))
-        };
-        mixed.iter().filter_map(remark).collect()
-    }
-}
-
-/// The place of a comparison.
-fn whole((left, right): &(Side, Side)) -> Span {
-    Span::new(left.span.start, right.span.end)
-}
-
-impl Remedy {
-    /// What to write instead.
-    fn hint(self, sides: Option<&(Side, Side)>) -> String {
-        let Self { is_left, filter } = self;
-        let Some((left, right)) = sides else { return format!("convert one of them, for example with `|{filter}`") };
-        let written = if is_left { &left.text } else { &right.text };
-        let number = written.trim_matches(['"', '\'']);
-        match filter {
-            "int" | "float" if number.len() < written.len() && !number.contains(['"', '\'']) => {
-                format!("write {} without quotes", number.trim())
-            }
-            "string" if written.parse::<f64>().is_ok() => format!("write \"{written}\""),
-            _ if written.contains(|c: char| c.is_whitespace() || "+-*/~%".contains(c)) => {
-                format!("write ({written})|{filter}")
-            }
-            _ => format!("write {written}|{filter}"),
-        }
-    }
-}
 
 /// Gives an environment the filters that look at comparisons, and tests that refuse to order what has no order.
 pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>) {

@@ -10,7 +10,7 @@ use bson::{Bson, Document, RawDocumentBuf};
 use minijinja::value::{Value, ValueKind};
 use minijinja::{Error, ErrorKind, Output};
 
-use super::compare::Compared;
+use super::compared::Compared;
 use super::direct::{Direct, lock};
 use super::instrument::Numbered;
 use super::pieces::{Piece, is_cut, is_marked, pieces};

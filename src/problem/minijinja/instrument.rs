@@ -9,7 +9,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use super::compare::Side;
+use super::compared::Side;
 use super::comparisons::comparisons;
 use super::fixed::Fixed;
 use super::tags::{TagKind, tags};

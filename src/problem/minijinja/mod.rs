@@ -6,6 +6,7 @@ mod bound;
 mod call;
 mod casing;
 mod compare;
+mod compared;
 mod comparisons;
 mod context;
 mod direct;

@@ -187,9 +187,14 @@ fn selection(message: &str) -> String {
         .map(|(_, behind)| behind.split_once(", labels").map_or(behind, |(cause, _)| cause));
     match cause {
         _ if message.contains("ReplicaSetNoPrimary") && message.contains("None of the available servers") => {
-            "the replica set has no primary, so nothing can be written: a majority of its members has to be up and \
-             in reach of each other; `rmem backend status` shows them, `rmem backend up` starts those of this robot"
-                .to_owned()
+            let what = match message.contains("criteria Write") {
+                true => "nothing can be written",
+                false => "what is read from the primary cannot be read",
+            };
+            format!(
+                "the replica set has no primary, so {what}: a majority of its members has to be up and in reach of each \
+                 other; `rmem backend status` shows them, `rmem backend up` starts those of this robot"
+            )
         }
         Some(cause) => format!("no server answers ({cause}); is it running?"),
         None if message.contains("None of the available servers") => {
@@ -219,6 +224,9 @@ mod tests {
             { Type: ReplicaSetNoPrimary, Set Name: shared, Servers: [ { Address: 127.0.0.1:1, Type: Unknown, Error: Kind: \
             I/O error: Connection refused (os error 111), labels: {} }, { Address: 127.0.0.1:2, Type: RsSecondary } ] }";
         assert!(selection(message).contains("`rmem backend up` starts those of this robot"), "{}", selection(message));
+        assert!(selection(message).contains("so nothing can be written"), "{}", selection(message));
+        let reading = selection(&message.replace("criteria Write", "criteria ReadPreference(Primary)"));
+        assert!(reading.contains("cannot be read") && !reading.contains("writ"), "{reading}");
     }
 
     #[test]

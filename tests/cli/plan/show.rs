@@ -157,3 +157,29 @@ fn facts_fit_the_deftemplates_of_executives() {
 fn id(facts: &str) -> String {
     facts.split_once("(id ").and_then(|(_, rest)| rest.split(')').next()).unwrap().to_owned()
 }
+
+#[test]
+fn options_of_another_layout_are_refused() {
+    let lab = Lab::new();
+    plan(&lab, &["-q"]).success();
+    let show = |more: &[&'static str]| [&["plan", "show", "last"], more].concat();
+    let commands = [
+        show(&["--format", "clips", "--layout", "cx", "--goal-id", "G"]),
+        show(&["--goal-id", "G"]),
+        show(&["--format", "clips", "--layout", "fawkes", "--instance", "I"]),
+    ];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r"
+    $ rmem plan show last --format clips --layout cx --goal-id G
+    ------- stderr -------
+    error: --goal-id is for --format clips --layout fawkes; facts for cx have an --instance
+    [exit code: 2]
+    $ rmem plan show last --goal-id G
+    ------- stderr -------
+    error: --goal-id is for --format clips --layout fawkes
+    [exit code: 2]
+    $ rmem plan show last --format clips --layout fawkes --instance I
+    ------- stderr -------
+    error: --instance is for --format clips --layout cx
+    [exit code: 2]
+    ");
+}

@@ -92,7 +92,9 @@ impl Dump {
             let reason = "expected a world file or a dump, found neither".to_owned();
             return Err(ReadError::Name { path: path.to_owned(), reason });
         }
-        Ok(Self::of(path, WorldFile::open(path).map_err(WorldError::from)?))
+        let hint = other_reader(&String::from_utf8_lossy(head), &path.display().to_string());
+        let world = WorldFile::open(path).map_err(WorldError::from);
+        Ok(Self::of(path, world.map_err(|error| error.hinted(hint))?))
     }
 
     /// Reads a world file that is in memory.
@@ -100,7 +102,8 @@ impl Dump {
     /// # Errors
     /// Where the text is not one.
     pub fn world(source: &Source) -> Result<Self, ReadError> {
-        let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error };
+        let hint = || other_reader(source.text(), "-");
+        let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error }.hinted(hint());
         Ok(Self::of(Path::new(source.name()), WorldFile::parse(source).map_err(wrong)?))
     }
 
@@ -351,4 +354,17 @@ impl Part {
             _ => self.namespace.to_string(),
         }
     }
+}
+
+/// The command for a text that is no world file, by how it begins: facts, or documents.
+fn other_reader(head: &str, file: &str) -> Option<String> {
+    let head = head.trim_start_matches('\u{FEFF}').trim_start();
+    let first = head.strip_prefix('{').and_then(|rest| rest.split_once(':'));
+    if head.starts_with(['(', ';']) {
+        return Some(format!("`rmem clips import {file}` reads facts of CLIPS"));
+    }
+    // The keys of a world file are namespaces, and its values arrays.
+    let is_field = |(key, value): (&str, &str)| !key.contains('.') && !value.trim_start().starts_with('[');
+    let is_document = head.starts_with('[') || first.is_some_and(is_field);
+    is_document.then(|| format!("`rmem insert NS --file {file}` reads documents, such as JSON lines"))
 }

@@ -34,6 +34,16 @@ pub enum WorldError {
     },
 }
 
+impl WorldError {
+    /// The error with what to do about a text that is something else.
+    pub(in crate::memory::dump) fn hinted(self, hint: Option<String>) -> Self {
+        match self {
+            Self::Text { name, source } => Self::Text { name, source: hint.into_iter().fold(source, Diagnostic::hint) },
+            other => other,
+        }
+    }
+}
+
 impl AtFault for WorldError {
     fn fault(&self) -> Fault {
         match self {
