@@ -22,6 +22,8 @@ mod random;
 pub mod search;
 mod solver;
 mod temporal;
+#[cfg(test)]
+mod unsolvable;
 
 use std::ffi::OsString;
 

@@ -4,7 +4,7 @@
 
 use super::axiom::Axioms;
 use super::landmark::count::Counter;
-use super::lazy::{Aim, Lazy, Step};
+use super::lazy::{Aim, Lazy, Step, Ties};
 use super::relaxed::{Costs, Relaxed};
 use super::shorten::eliminate;
 use super::successor::{Generator, apply};
@@ -96,6 +96,7 @@ impl Improver<'_> {
             goal: self.task.goal.clone(),
             weight: Some(WEIGHTS[weight]),
             bound: self.cost(&self.plan),
+            ties: Ties::First,
         };
         Lazy::new(self.task, self.generator, self.counter, self.costs, relaxed, aim)
     }
@@ -140,7 +141,7 @@ impl Improver<'_> {
             apply(task, &mut axioms, &task.operators[*operator as usize], &mut state);
         }
         let goal = self.needed(&state, end);
-        Aim { init, goal, weight: Some(1), bound: self.cost(&self.plan[start..end]) }
+        Aim { init, goal, weight: Some(1), bound: self.cost(&self.plan[start..end]), ties: Ties::First }
     }
 
     /// What must hold before the rest of a plan, of what holds.

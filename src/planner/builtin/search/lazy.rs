@@ -42,6 +42,17 @@ pub(super) struct Aim {
     pub(super) weight: Option<u32>,
     /// Plans must be cheaper than this.
     pub(super) bound: u64,
+    /// Which of the operators that are estimated alike come first.
+    pub(super) ties: Ties,
+}
+
+/// Which of equals come first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ties {
+    /// Those that the task names first.
+    First,
+    /// Those that it names last.
+    Last,
 }
 
 /// The search, which can be continued.
@@ -256,6 +267,9 @@ impl<'t> Lazy<'t> {
         let Scratch { applicable, is_preferred, accepted, .. } = &mut self.scratch;
         applicable.clear();
         self.generator.applicable(self.task, state, applicable);
+        if self.aim.ties == Ties::Last {
+            applicable.reverse();
+        }
         self.work += applicable.len() as u64 * 2 + 16;
         preferred.iter().for_each(|operator| is_preferred[*operator as usize] = true);
         let achieves = |operator: &OperatorId| {
@@ -275,5 +289,25 @@ impl<'t> Lazy<'t> {
             }
         }
         preferred.iter().for_each(|operator| is_preferred[*operator as usize] = false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::example::task;
+    use super::super::relaxed::Costs;
+    use super::*;
+
+    #[test]
+    fn of_equals_the_first_or_the_last_comes_first() {
+        let task = task(&[2, 2], &[0, 0], &[(0, 1), (1, 1)], &[("one", &[], &[(0, 1)]), ("two", &[], &[(1, 1)])]);
+        let (generator, counter) = (Generator::new(&task), Counter::default());
+        let plan = |ties| {
+            let (init, goal) = (task.init.clone(), task.goal.clone());
+            let aim = Aim { init, goal, weight: None, bound: u64::MAX, ties };
+            Lazy::new(&task, &generator, &counter, &[1, 1], Relaxed::new(&task, Costs::Unit), aim).run(1000, 1 << 20)
+        };
+        assert_eq!(plan(Ties::First), Step::Plan(vec![0, 1]));
+        assert_eq!(plan(Ties::Last), Step::Plan(vec![1, 0]));
     }
 }

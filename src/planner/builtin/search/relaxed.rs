@@ -5,6 +5,8 @@
 //! a relaxed plan that are applicable at once are the preferred ones (FF's helpful actions, Hoffmann and Nebel 2001;
 //! Helmert 2006).
 
+use std::rc::Rc;
+
 use super::achieve::{self, Repetitions};
 use super::task::{Fact, OperatorId, Task};
 
@@ -94,14 +96,15 @@ pub(super) struct Estimate {
 /// The relaxed task, with room for one exploration.
 #[derive(Debug, Clone)]
 pub(super) struct Relaxed {
-    rules: Vec<Rule>,
-    conditions: Lists,
-    effects: Lists,
-    uses: Lists,
+    // What does not change is shared by the searches.
+    rules: Rc<[Rule]>,
+    conditions: Rc<Lists>,
+    effects: Rc<Lists>,
+    uses: Rc<Lists>,
     /// The rules without conditions.
-    free: Vec<u32>,
+    free: Rc<[u32]>,
     /// What is open of each rule at first.
-    start: Vec<Progress>,
+    start: Rc<[Progress]>,
     is_goal: Vec<bool>,
     goals: Vec<Fact>,
     /// For each fact, its cost, and the rule that achieves it at that cost.
@@ -162,18 +165,18 @@ impl Relaxed {
         let repetitions = (!numeric.is_empty()).then(|| Repetitions::new(task, numeric, first));
         let facts = task.relaxed_facts.max(task.facts());
         let needs = |rule: usize| conditions.get(rule).len() as u32;
-        let start: Vec<Progress> =
+        let start: Rc<[Progress]> =
             rules.iter().enumerate().map(|(number, rule)| Progress { open: needs(number), sum: rule.cost }).collect();
         let free = (0..rules.len() as u32).filter(|rule| needs(*rule as usize) == 0).collect();
         let uses = conditions.inverted(facts);
         Self {
-            uses,
+            uses: uses.into(),
             free,
             is_goal: vec![false; facts],
             goals: Vec::new(),
             costs: vec![u32::MAX; facts],
             supporters: vec![NONE; facts],
-            progress: start.clone(),
+            progress: start.to_vec(),
             buckets: Vec::new(),
             marks: vec![false; facts],
             marked: Vec::new(),
@@ -182,9 +185,9 @@ impl Relaxed {
             counts: vec![1; if repetitions.is_some() { facts } else { 0 }],
             repetitions,
             work: 0,
-            rules,
-            conditions,
-            effects,
+            rules: rules.into(),
+            conditions: conditions.into(),
+            effects: effects.into(),
             start,
         }
     }

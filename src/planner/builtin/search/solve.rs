@@ -8,7 +8,7 @@
 use super::axiom::Axioms;
 use super::improve::Improver;
 use super::landmark::{back, count::Counter, reasonable};
-use super::lazy::{Aim, Lazy, Step};
+use super::lazy::{Aim, Lazy, Step, Ties};
 use super::prove::{Prover, obstacle};
 use super::relaxed::{Costs, Relaxed};
 use super::shorten::eliminate;
@@ -90,10 +90,24 @@ pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>))
     let counter = Counter::new(task, &graph);
     drop(graph);
     let costs = scaled(task);
-    let (plan, spent) = match first(task, &generator, &counter, &costs, relaxed, &init, settings, report) {
-        Ok(plan) => plan,
+    let mut searches = Searches {
+        task,
+        generator: &generator,
+        counter: &counter,
+        costs: &costs,
+        relaxed,
+        init: &init,
+        first: None,
+        last: None,
+        width: None,
+        prover: Prover::new(task),
+        is_over: Vec::new(),
+    };
+    let (plan, spent) = match searches.plan(settings, report) {
+        Ok(found) => found,
         Err(end) => return end,
     };
+    drop(searches);
     let plan = eliminate(task, &init, &plan);
     report(Event::Plan(&plan));
     let work = match settings.improvement {
@@ -148,58 +162,105 @@ fn is_refuted(task: &Task, init: &[Fact], report: &mut dyn FnMut(Event<'_>)) -> 
     found.is_some()
 }
 
-#[allow(clippy::too_many_arguments)]
-fn first(
-    task: &Task,
-    generator: &Generator,
-    counter: &Counter,
-    costs: &[u32],
+/// The searches for a first plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Search {
+    /// Lazy greedy search, where of equals those count that the task names first, or last: which of them lead astray
+    /// depends on how a domain was written, and diversity helps (Imai and Kishimoto 2011, "A novel technique for
+    /// avoiding plateaus of greedy best-first search in satisficing planning").
+    Lazy(Ties),
+    Width,
+    Proof,
+}
+
+/// In which order searches work at first, and their part of a slice, in eighths.
+const SOON: [(Search, u64); 5] = [
+    (Search::Lazy(Ties::First), 2),
+    (Search::Lazy(Ties::Last), 2),
+    (Search::Lazy(Ties::First), 6),
+    (Search::Width, 4),
+    (Search::Proof, 1),
+];
+
+/// As [`SOON`], for the slices after the first.
+const LATER: [(Search, u64); 4] =
+    [(Search::Lazy(Ties::First), 8), (Search::Lazy(Ties::Last), 2), (Search::Width, 4), (Search::Proof, 1)];
+
+/// What the searches for a first plan share, and how far they are.
+struct Searches<'t> {
+    task: &'t Task,
+    generator: &'t Generator,
+    counter: &'t Counter,
+    costs: &'t [u32],
     relaxed: Relaxed,
-    init: &[Fact],
-    settings: Settings,
-    report: &mut dyn FnMut(Event<'_>),
-) -> Result<(Vec<OperatorId>, u64), End> {
-    let aim = Aim { init: init.to_vec(), goal: task.goal.clone(), weight: None, bound: u64::MAX };
-    let mut lazy = Lazy::new(task, generator, counter, costs, relaxed.clone(), aim);
-    let mut width: Option<Width<'_>> = None;
-    let mut prover = Prover::new(task);
-    let memory = settings.memory / 4;
-    let (mut work, mut is_full) = (SLICE, [false; 3]);
-    // These searches leave out what the estimates make of numbers.
-    let is_proof = task.numbers.count == 0;
-    while is_full.contains(&false) {
-        if !is_full[0] {
-            match lazy.run(work, memory * 2) {
-                Step::Plan(plan) => return Ok((plan, lazy.work())),
-                Step::Exhausted if is_proof => return Err(End::Unsolvable),
-                Step::Spent => {}
-                Step::Exhausted | Step::Full => is_full[0] = true,
+    init: &'t [Fact],
+    first: Option<Lazy<'t>>,
+    last: Option<Lazy<'t>>,
+    width: Option<Width<'t>>,
+    prover: Prover<'t>,
+    /// The searches that have no more room, or have come to an end that proves nothing.
+    is_over: Vec<Search>,
+}
+
+impl<'t> Searches<'t> {
+    /// Lets a search go on; returns what it came to, and the work of a search that found a plan.
+    fn run(&mut self, search: Search, work: u64, memory: usize) -> (Step, u64) {
+        let (task, generator, counter) = (self.task, self.generator, self.counter);
+        match search {
+            Search::Lazy(ties) => {
+                let (place, share) = match ties {
+                    Ties::First => (&mut self.first, memory / 5 * 2),
+                    Ties::Last => (&mut self.last, memory / 5),
+                };
+                let lazy = place.get_or_insert_with(|| {
+                    let (init, goal) = (self.init.to_vec(), task.goal.clone());
+                    let aim = Aim { init, goal, weight: None, bound: u64::MAX, ties };
+                    Lazy::new(task, generator, counter, self.costs, self.relaxed.clone(), aim)
+                });
+                (lazy.run(work, share), lazy.work())
             }
-        }
-        let search = width.get_or_insert_with(|| Width::new(task, generator, counter, relaxed.clone()));
-        if !is_full[1] {
-            match search.run(work / 2, memory) {
-                Step::Plan(plan) => return Ok((plan, search.work())),
-                Step::Exhausted if is_proof => return Err(End::Unsolvable),
-                Step::Spent => {}
-                Step::Exhausted | Step::Full => is_full[1] = true,
+            Search::Width => {
+                let width =
+                    self.width.get_or_insert_with(|| Width::new(task, generator, counter, self.relaxed.clone()));
+                (width.run(work, memory / 5), width.work())
             }
+            Search::Proof => (self.prover.run(work, memory / 5), 0),
         }
-        if !is_full[2] {
-            match prover.run(work / 8, memory) {
-                Step::Plan(plan) => return Ok((plan, lazy.work())),
-                Step::Exhausted => return Err(End::Unsolvable),
-                Step::Spent => {}
-                Step::Full => is_full[2] = true,
-            }
-        }
-        report(Event::States(lazy.states() + search.states() + prover.states()));
-        if work > settings.work {
-            return Err(End::Spent);
-        }
-        work = work.saturating_mul(2);
     }
-    Err(End::Full)
+
+    /// Returns how many states were reached.
+    fn states(&self) -> usize {
+        let lazy = self.first.iter().chain(&self.last).map(Lazy::states);
+        lazy.chain(self.width.iter().map(Width::states)).sum::<usize>() + self.prover.states()
+    }
+
+    /// Looks for a plan; returns it with the work of its search.
+    fn plan(&mut self, settings: Settings, report: &mut dyn FnMut(Event<'_>)) -> Result<(Vec<OperatorId>, u64), End> {
+        // What the estimates leave out of a task with numbers may lead to a goal.
+        let has_numbers = self.task.numbers.count > 0;
+        let proves = |search: Search| search == Search::Proof || !has_numbers;
+        let mut work = SLICE;
+        let mut turns = SOON.as_slice();
+        while self.is_over.len() < LATER.len() {
+            for (search, part) in turns {
+                if self.is_over.contains(search) {
+                    continue;
+                }
+                match self.run(*search, work / 8 * part, settings.memory) {
+                    (Step::Plan(plan), spent) => return Ok((plan, spent)),
+                    (Step::Exhausted, _) if proves(*search) => return Err(End::Unsolvable),
+                    (Step::Exhausted | Step::Full, _) => self.is_over.push(*search),
+                    (Step::Spent, _) => {}
+                }
+            }
+            report(Event::States(self.states()));
+            if work > settings.work {
+                return Err(End::Spent);
+            }
+            (work, turns) = (work.saturating_mul(2), &LATER);
+        }
+        Err(End::Full)
+    }
 }
 
 /// The costs of operators as whole numbers, in thousandths where they have fractions.
