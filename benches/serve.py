@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Clients of servers, side by side: how many operations a second, and how long each takes.
 
-    serve.py [--connections N] [--seconds S] [--load] URI...
+    serve.py [--connections N] [--seconds S] [--load | --computable] URI...
 
 Each kind of work is done on each server in turn, for S seconds (default: 3), by N processes with a
 connection each (default: 1 and 64). With --load, all kinds at once, for S seconds on the first server, which is
-checked: nothing that was acknowledged may be missing. Writes are journaled. Needs pymongo.
+checked: nothing that was acknowledged may be missing. With --computable, what a computable adds to the time of its
+own pipeline: a query that needs it, and its pipeline as an aggregation, in turn, on the first server, a `rmem serve`.
+Writes are journaled. Needs pymongo.
 """
 
 import argparse
@@ -107,15 +109,47 @@ def load(uri, connections, seconds):
     print("\n".join(errors[:3]))
 
 
+def computable(uri, seconds):
+    database = collection(uri).database
+    rooms, kept = database.rooms, database["rmem.computables"]
+    rooms.drop()
+    rooms.insert_many([{"_id": n, "left": n, "right": 2 * n} for n in range(100)])
+    width = {"$project": {"width": {"$subtract": ["$right", "$left"]}}}
+    total = [width, {"$group": {"_id": "total", "width": {"$sum": "$width"}}}]
+    named = {"spec": {"width": {"$exists": True}}, "collection": "bench.rooms", "adds": ["width"], "pipeline": [width]}
+    given = {"spec": {"_id": "total"}, "collection": "bench.totals", "from": "bench.rooms", "cache": "1ms", "pipeline": total}
+    kept.delete_many({"_id": {"$in": ["width", "total"]}})
+    kept.insert_many([{"_id": "width", **named}, {"_id": "total", **given}])
+    wide = {"width": {"$gt": 50}}
+    ways = {
+        "adds a key": (lambda: list(rooms.aggregate([width, {"$match": wide}])), lambda: list(rooms.find(wide)), 49),
+        "gives a document": (lambda: list(rooms.aggregate(total)), lambda: list(database.totals.find({"_id": "total"})), 1),
+    }
+    for name, (*asks, count) in ways.items():
+        times, end = [[], []], time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            for ask, taken in zip(asks, times):
+                start = time.perf_counter()
+                found = ask()
+                taken.append(time.perf_counter() - start)
+                assert len(found) == count, f"{name}: {len(found)} documents"
+        body, whole = (sorted(taken)[len(taken) // 2] * 1e3 for taken in times)
+        print(f"{name:16}  its pipeline p50 {body:.3f} ms, the computable p50 {whole:.3f} ms, {whole - body:+.3f} ms")
+    kept.delete_many({"_id": {"$in": ["width", "total"]}})
+
+
 def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("--connections", type=int, action="append")
     arguments.add_argument("--seconds", type=float, default=3)
     arguments.add_argument("--load", action="store_true")
+    arguments.add_argument("--computable", action="store_true")
     arguments.add_argument("uri", nargs="+")
     given = arguments.parse_args()
     for uri in given.uri:
         prepare(uri)
+    if given.computable:
+        return computable(given.uri[0], given.seconds)
     if given.load:
         return load(given.uri[0], (given.connections or [64])[0], given.seconds)
     for connections in given.connections or [1, 64]:

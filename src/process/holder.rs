@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::str::FromStr;
+use std::sync::OnceLock;
 
 /// A process of this machine or of another.
 ///
@@ -32,8 +33,12 @@ pub(crate) enum Life {
 impl Holder {
     /// This process.
     pub(crate) fn myself() -> Self {
-        let (boot, space, process) = (boot(), space(), std::process::id());
-        Self { boot, space, process, started: started(process).unwrap_or_else(unknown) }
+        static MYSELF: OnceLock<Holder> = OnceLock::new();
+        let read = || {
+            let (boot, space, process) = (boot(), space(), std::process::id());
+            Self { boot, space, process, started: started(process).unwrap_or_else(unknown) }
+        };
+        MYSELF.get_or_init(read).clone()
     }
 
     pub(crate) fn life(&self) -> Life {

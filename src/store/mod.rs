@@ -218,6 +218,12 @@ pub trait Store: Send {
         work()
     }
 
+    /// Runs operations that do not wait for the disk, where the store can: what they did may be lost with the power, the last
+    /// of it first. Everything else holds as for others.
+    fn unflushed(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        work()
+    }
+
     /// Keeps at most about so many bytes of what was read, where the store keeps it in this process.
     fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
         let _ = bytes;

@@ -185,31 +185,39 @@ impl Memory {
                 State::Stale(former) => {
                     let token = object_id::new();
                     let until = after(now, timeout);
-                    if !entry
-                        .claim(former.as_ref(), definition, wanted.query, token, until)
-                        .map_err(|error| unstorable(wanted, error))?
-                    {
+                    let mut is_claimed = false;
+                    cache::write(store, || {
+                        is_claimed = entry.claim(former.as_ref(), definition, wanted.query, token, until)?;
+                        Ok(())
+                    })
+                    .map_err(|error| unstorable(wanted, error))?;
+                    if !is_claimed {
                         continue;
                     }
+                    let mut kept = None;
                     let made = self.compute(wanted, others, None).and_then(|documents| {
-                        former.iter().try_for_each(|former| entry.clear(former))?;
                         let until = after(self.clock.now(), good_for);
-                        let ids = self.publish(store, wanted, documents, token, until)?;
-                        Ok((ids, until))
+                        let mut documents = Some(documents);
+                        cache::write(store, || {
+                            former.iter().try_for_each(|former| entry.clear(former))?;
+                            let ids =
+                                self.publish(store, wanted, documents.take().unwrap_or_default(), token, until)?;
+                            if !entry.finish(token, &ids, until)? {
+                                // Another process has claimed the entry, because this one took too long.
+                                return remove(store, ns, &ids, token);
+                            }
+                            kept = Some((held(token, until), false, ids.len() as u64));
+                            entry.sweep(now)
+                        })
                     });
-                    let (ids, until) = match made {
-                        Ok(made) => made,
-                        Err(error) => {
+                    match (made, kept) {
+                        (Ok(()), Some(kept)) => return Ok(kept),
+                        (Ok(()), None) => {}
+                        (Err(error), _) => {
                             entry.release(token, self.clock.now())?;
                             return Err(error);
                         }
-                    };
-                    if entry.finish(token, &ids, until)? {
-                        entry.sweep(now)?;
-                        return Ok((held(token, until), false, ids.len() as u64));
                     }
-                    // Another process has claimed the entry, because this one took too long.
-                    remove(store, ns, &ids, token)?;
                 }
             }
         }
@@ -221,7 +229,12 @@ impl Memory {
         let documents = self.compute(wanted, others, None)?;
         let token = object_id::new();
         let until = after(self.clock.now(), COMPUTE_TIMEOUT);
-        let ids = self.publish(self.routes.reading(ns)?, wanted, documents, token, until)?;
+        let store = self.routes.reading(ns)?;
+        let (mut documents, mut ids) = (Some(documents), Vec::new());
+        cache::write(store, || {
+            ids = self.publish(store, wanted, documents.take().unwrap_or_default(), token, until)?;
+            Ok(())
+        })?;
         let count = ids.len() as u64;
         Ok((Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: Some(ids) }, false, count))
     }
@@ -322,7 +335,10 @@ impl Memory {
     /// Removes what was computed for one query.
     fn tidy(&self, held: &Held) -> Result<(), StoreError> {
         match &held.own {
-            Some(ids) => remove(self.routes.reading(&held.namespace)?, &held.namespace, ids, held.token),
+            Some(ids) => {
+                let store = self.routes.reading(&held.namespace)?;
+                cache::write(store, || remove(store, &held.namespace, ids, held.token))
+            }
             None => Ok(()),
         }
     }

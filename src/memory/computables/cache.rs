@@ -39,6 +39,12 @@ pub(in crate::memory) fn forget(store: &dyn Store, ns: &Namespace) -> Result<(),
     store.delete(&records(ns), (&doc! { "collection": &ns.collection }).into(), false).map(|_| ())
 }
 
+/// Writes to the cache, as one step where the store can. What a loss of power takes is computed again, so nothing waits
+/// for the disk.
+pub(super) fn write(store: &dyn Store, mut work: impl FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+    store.unflushed(&mut || store.atomically(&mut work))
+}
+
 /// The entry for a computable and a query.
 pub(super) struct Entry<'a> {
     store: &'a dyn Store,

@@ -182,6 +182,17 @@ impl Store for Embedded {
         self.write(work)
     }
 
+    fn unflushed(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        // A transaction is as durable as where it was begun.
+        if !self.connection.is_autocommit() {
+            return work();
+        }
+        file::be_durable(&self.connection, false).map_err(|e| self.explain(&e))?;
+        let result = work();
+        let durable = file::be_durable(&self.connection, true).map_err(|e| self.explain(&e));
+        result.and(durable)
+    }
+
     fn is_atomic(&self) -> bool {
         true
     }
@@ -294,5 +305,37 @@ impl Embedded {
 
     pub(super) fn fail(&self, reason: &str) -> StoreError {
         StoreError::Failed { address: self.place.to_string(), reason: reason.to_owned() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::doc;
+
+    #[test]
+    fn only_what_is_unflushed_does_not_wait_for_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Embedded::open(folder.path().join("robot.rmem")).unwrap();
+        let ns = Namespace::parse("a.b").unwrap();
+        let waits = |store: &Embedded| store.connection.query_row("PRAGMA synchronous", [], |row| row.get::<_, i64>(0));
+        let (normal, full) = (Ok(1), Ok(2));
+        assert_eq!(waits(&store), full);
+        let failing = store.unflushed(&mut || {
+            assert_eq!(waits(&store), normal);
+            store.atomically(&mut || store.insert(&ns, vec![doc! { "_id": 1 }]).map(drop))?;
+            store.insert(&ns, vec![doc! { "_id": 1 }]).map(drop)
+        });
+        assert!(matches!(failing, Err(StoreError::Duplicate { .. })));
+        assert_eq!(waits(&store), full);
+        // A transaction that waits for the disk goes on doing so.
+        let within = store.atomically(&mut || {
+            store.unflushed(&mut || {
+                assert_eq!(waits(&store), full);
+                store.insert(&ns, vec![doc! { "_id": 2 }]).map(drop)
+            })
+        });
+        assert!(within.is_ok());
+        assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 2);
     }
 }
