@@ -295,3 +295,17 @@ fn a_folder_of_problems_is_for_the_domain_before_it() {
         assert!(run.stderr.contains("there is no task in "), "{run}");
     }
 }
+
+#[test]
+fn runs_are_repeated_where_that_is_asked_for() {
+    let lab = lab();
+    let compare = ["compare", "tasks", "--planner", "quitter", "--format", "csv"];
+    let text = lab.rmem(&[&compare[..], &["--repeat", "3"]].concat()).success();
+    assert_eq!((text.lines().count(), runs(&lab)), (3, 6));
+    // Other numbers are other runs, and the same ones are kept.
+    lab.rmem(&compare).success();
+    assert_eq!(runs(&lab), 8);
+    lab.rmem(&[&compare[..], &["--repeat", "3"]].concat()).success();
+    assert_eq!(runs(&lab), 8);
+    lab.rmem(&[&compare[..], &["--repeat", "0"]].concat()).exits(2);
+}

@@ -77,6 +77,9 @@ pub struct CompareArgs {
     /// Let planners use all of the time to find better plans
     #[arg(long)]
     pub anytime: bool,
+    /// Run each planner N times on a task, and take the run of median time
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
+    pub repeat: u16,
     /// Collection in which the runs are kept
     #[arg(long, value_name = "NS", default_value = "robmem.comparisons")]
     pub into: Namespace,
@@ -270,7 +273,8 @@ impl Comparison<'_> {
         let limits = Limits { time: Some(self.args.timeout), memory, output: MAX_OUTPUT };
         let task = Task { domain: task.domain, problem: task.problem };
         let anytime = self.args.anytime;
-        let setup = Setup { name, planner: planner.as_ref(), task, limits, anytime, program };
+        let repeats = usize::from(self.args.repeat);
+        let setup = Setup { name, planner: planner.as_ref(), task, limits, anytime, repeats, program };
         if let Some(kept) = self.kept(&setup.key(&self.host))? {
             self.known += 1;
             return Ok(Some(Measurement { task: name.to_owned(), ..kept }));

@@ -20,6 +20,8 @@ pub struct Setup<'a> {
     pub limits: Limits,
     /// Whether the planner may use all of the time.
     pub anytime: bool,
+    /// How often the planner runs on the task; the run of median time is taken.
+    pub repeats: usize,
     /// The files that the planner's command names: its program and scripts among its arguments, with what tells
     /// whether they have changed.
     pub program: &'a [String],
@@ -69,7 +71,7 @@ impl Setup<'_> {
         let planner = self.planner;
         let arguments: Vec<String> =
             planner.command(host).iter().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
-        let parts = [
+        let mut parts = vec![
             self.task.domain.source().text().to_owned(),
             self.task.problem.source().text().to_owned(),
             planner.name().to_owned(),
@@ -78,6 +80,10 @@ impl Setup<'_> {
             self.program.join("\n"),
             format!("{:?} {:?} {}", self.limits.time, self.limits.memory, self.anytime),
         ];
+        // Runs that are kept from before stay valid.
+        if self.repeats > 1 {
+            parts.push(self.repeats.to_string());
+        }
         hash(&parts.join("\0"))
     }
 
@@ -90,15 +96,32 @@ impl Setup<'_> {
             "program": self.program.to_vec(),
             "memory_limit": limit,
             "anytime": self.anytime,
+            "repeats": i64::try_from(self.repeats).unwrap_or(i64::MAX),
             "domain": hash(self.task.domain.source().text()),
             "problem": hash(self.task.problem.source().text()),
         }
     }
 }
 
-/// Runs a planner on a task under limits, simulates its plan, and measures.
+/// Runs a planner on a task under limits, simulates its plan, and measures. Of several runs, it is that of median time, where
+/// those that did not solve the task come behind those that did; of an even number, the faster of the two in the middle.
 #[must_use]
 pub fn measure(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
+    let first = measure_once(setup, host);
+    let more = (1..setup.repeats).take_while(|_| !host.is_interrupted()).map(|_| measure_once(setup, host));
+    median(std::iter::once(first.clone()).chain(more).collect()).unwrap_or(first)
+}
+
+/// The run of median time.
+fn median(mut runs: Vec<Measurement>) -> Option<Measurement> {
+    runs.sort_by(|one, other| {
+        one.is_solved().cmp(&other.is_solved()).reverse().then(one.seconds.total_cmp(&other.seconds))
+    });
+    let middle = runs.len().saturating_sub(1) / 2;
+    (middle < runs.len()).then(|| runs.swap_remove(middle))
+}
+
+fn measure_once(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
     let mut run = run(setup.planner, &setup.task, &setup.limits, host);
     run.simulate(&setup.task);
     let plan = run.outcome.plan();
@@ -249,6 +272,23 @@ const SUCCESS: &str = "success";
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_run_of_median_time_is_taken() {
+        let run = |outcome: &str, seconds: f64| Measurement {
+            outcome: outcome.to_owned(),
+            seconds,
+            ..Measurement::unreadable("t", "p", Duration::from_secs(60), "")
+        };
+        let taken = |runs: Vec<Measurement>| median(runs).map(|run| (run.outcome, run.seconds));
+        let (solved, crashed) = (|seconds| run(SUCCESS, seconds), |seconds| run("crashed", seconds));
+        let of = |outcome: &str, seconds| Some((outcome.to_owned(), seconds));
+        assert_eq!(taken(vec![solved(3.0), solved(1.0), solved(2.0)]), of(SUCCESS, 2.0));
+        assert_eq!(taken(vec![solved(3.0), solved(1.0)]), of(SUCCESS, 1.0));
+        assert_eq!(taken(vec![crashed(0.1), solved(3.0), solved(1.0)]), of(SUCCESS, 3.0));
+        assert_eq!(taken(vec![crashed(0.1), solved(3.0), crashed(0.2)]), of("crashed", 0.1));
+        assert_eq!(taken(Vec::new()), None);
+    }
 
     #[test]
     fn a_measurement_is_read_as_it_was_written() {
