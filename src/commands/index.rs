@@ -35,7 +35,7 @@ pub struct IndexArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Keys, each with 1, -1, '2d', '2dsphere' or 'text', e.g. '{name: 1}' (default: list the indexes)
+    /// Keys, each with 1, -1, '2d', '2dsphere', 'hashed' or 'text', e.g. '{name: 1}' (default: list the indexes)
     #[arg(value_name = "KEYS")]
     pub keys: Option<String>,
     /// Refuse documents whose key another document has
@@ -65,14 +65,23 @@ pub struct IndexArgs {
     /// How the strings of the index compare.
     #[command(flatten)]
     pub collation: CollationArgs,
-    /// Remove the index with these keys or this name
+    /// Answer no queries with the index with these keys or this name
     #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language"])]
+    pub hide: bool,
+    /// Answer queries with that index again
+    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language", "hide"])]
+    pub unhide: bool,
+    /// Remove the index with these keys or this name
+    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language", "hide", "unhide"])]
     pub drop: bool,
 }
 
 pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
     let wanted = args.keys.as_deref().map(|text| index(args, text)).transpose()?;
     let memory = context.memory()?;
+    if args.hide || args.unhide {
+        return hide(args, wanted, &memory, context);
+    }
     match (wanted, args.drop) {
         (wanted, true) => remove(args, wanted, &memory, context),
         (None, false) if describes(args) => {
@@ -149,17 +158,30 @@ fn seconds(ttl: Duration) -> Result<i64, UsageError> {
     }
 }
 
-fn remove(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mut Context<'_>) -> Result<Exit> {
-    let name = match (&args.name, wanted) {
-        (Some(name), _) => name.clone(),
-        (None, Some(wanted)) => named(memory, &args.namespace, wanted)?,
+/// The name of an index that is there, by its keys or as it is given.
+fn present(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, verb: &str) -> Result<String> {
+    match (&args.name, wanted) {
+        (Some(name), _) => Ok(name.clone()),
+        (None, Some(wanted)) => named(memory, &args.namespace, wanted),
         (None, None) => {
-            return Err(UsageError::new(
-                "expected the index to drop: KEYS, like '{name: 1}', or --name NAME (`rmem index NS` lists both)",
-            )
-            .into());
+            let message = format!(
+                "expected the index to {verb}: KEYS, like '{{name: 1}}', or --name NAME (`rmem index NS` lists both)"
+            );
+            Err(UsageError::new(message).into())
         }
-    };
+    }
+}
+
+fn hide(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mut Context<'_>) -> Result<Exit> {
+    let name = present(args, wanted, memory, if args.hide { "hide" } else { "unhide" })?;
+    if !memory.hide_index(&args.namespace, &name, args.hide)? {
+        context.output.warn(&format!("{} has no index {name}", args.namespace));
+    }
+    Ok(Exit::Done)
+}
+
+fn remove(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mut Context<'_>) -> Result<Exit> {
+    let name = present(args, wanted, memory, "drop")?;
     if !memory.drop_index(&args.namespace, &name)? {
         context.output.warn(&format!("{} has no index {name}", args.namespace));
     }

@@ -21,6 +21,13 @@ impl Memory {
         self.journal.note("drop index", Some(ns), |found| u64::from(*found), work)
     }
 
+    /// Keeps an index from queries, or gives it back; see [`crate::store::Store::hide_index`].
+    pub fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
+        let what = if hidden { "hide index" } else { "unhide index" };
+        let work = || self.routes.reading(ns)?.hide_index(ns, name, hidden);
+        self.journal.note(what, Some(ns), |found| u64::from(*found), work)
+    }
+
     /// The indexes of a collection; see [`crate::store::Store::indexes`].
     pub fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
         let count = |indexes: &Vec<Index>| indexes.len() as u64;

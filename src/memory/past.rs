@@ -128,6 +128,10 @@ impl Store for Past {
         self.with(ns)?.create_index(ns, index)
     }
 
+    fn hide_index(&self, _: &Namespace, _: &str, _: bool) -> Result<bool, StoreError> {
+        self.refuse()
+    }
+
     fn drop_index(&self, _: &Namespace, _: &str) -> Result<bool, StoreError> {
         self.refuse()
     }

@@ -118,6 +118,9 @@ pub trait Store: Send {
     /// Removes the index of that name; returns whether it existed.
     fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
 
+    /// Keeps the index of that name from queries, or gives it back to them; returns whether it exists.
+    fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError>;
+
     /// The indexes of a collection, that on `_id` first; none where there is no collection.
     fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError>;
 

@@ -111,6 +111,76 @@ fn words_are_searched_by_a_text_index() {
 }
 
 #[test]
+fn an_index_is_hidden_and_shown_again() {
+    let lab = Lab::new();
+    for n in 0..3 {
+        lab.rmem(&["insert", "-q", "robmem.objects", &format!("{{_id: {n}, a: {n}, b: {n}}}")]).success();
+    }
+    lab.rmem(&["index", "robmem.objects", "{a: 1}"]).success();
+    let plan = || lab.rmem(&["query", "robmem.objects", "{a: 2}", "--explain"]).stdout;
+    assert!(plan().contains("a_1"), "{}", plan());
+    lab.rmem(&["index", "robmem.objects", "{a: 1}", "--hide"]).success();
+    assert!(!plan().contains("a_1"), "{}", plan());
+    assert_eq!(lab.rmem(&["count", "robmem.objects", "{a: 2}"]).success(), "1\n");
+    assert_run!(lab.rmem(&["index", "robmem.objects"]), @r#"
+    {"v":2,"key":{"_id":1},"name":"_id_"}
+    {"v":2,"key":{"a":1},"name":"a_1","hidden":true}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    lab.rmem(&["index", "robmem.objects", "--name", "a_1", "--unhide"]).success();
+    assert!(plan().contains("a_1"), "{}", plan());
+    assert_run!(lab.rmem(&["index", "robmem.objects", "--hide", "--name", "b_1"]), @r"
+    ------- stderr -------
+    warning: robmem.objects has no index b_1
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["index", "robmem.objects", "--hide"]), @r"
+    ------- stderr -------
+    error: expected the index to hide: KEYS, like '{name: 1}', or --name NAME (`rmem index NS` lists both)
+    [exit code: 2]
+    ");
+    assert_run!(lab.rmem(&["index", "robmem.objects", "{_id: 1}", "--hide"]), @r"
+    ------- stderr -------
+    error: the index on _id cannot be hidden
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_hashed_index_serves_queries_and_refuses_arrays() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "-q", "robmem.objects", "{_id: 1, a: 'x'}"]).success();
+    lab.rmem(&["insert", "-q", "robmem.objects", "{_id: 2, a: {b: 1}}"]).success();
+    assert_eq!(lab.rmem(&["index", "robmem.objects", "{a: 'hashed'}"]).success(), "a_hashed\n");
+    assert_eq!(
+        lab.rmem(&["query", "robmem.objects", "{a: 'x'}", "--hint", "a_hashed"]).success(),
+        "{\"_id\":1,\"a\":\"x\"}\n"
+    );
+    assert_run!(lab.rmem(&["insert", "robmem.objects", "{_id: 3, a: [1]}"]), @r"
+    ------- stderr -------
+    error: an index with a hashed key takes no arrays; one of a has an array
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["index", "robmem.objects", "{b: 'hashed'}", "--unique"]), @r"
+    ------- stderr -------
+    error: <keys>:1:1: an index with a hashed key cannot be unique
+      |
+    1 | {b: 'hashed'}
+      | ^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["index", "robmem.objects", "{b: 'hashed', c: 'hashed'}"]), @r"
+    ------- stderr -------
+    error: <keys>:1:1: an index has at most one hashed key
+      |
+    1 | {b: 'hashed', c: 'hashed'}
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+}
+
+#[test]
 fn an_index_may_hold_some_documents_and_be_hidden() {
     let lab = Lab::new();
     let commands = [
@@ -166,7 +236,7 @@ fn what_is_no_index_is_refused() {
         &["index", "robmem.objects", "--drop"],
         &["index", "robmem.objects", "{a: 1}", "--ttl", "500ms"],
         &["index", "robmem.objects", "{a: 1, b: 1}", "--ttl", "1s"],
-        &["index", "robmem.objects", "{a: 'hashed'}"],
+        &["index", "robmem.objects", "{a: 'geoHaystack'}"],
         &["index", "robmem.objects", "{a: 'text'}", "--language", "german"],
         &["index", "robmem.objects", "{a: 1}", "--partial", "{b: {$ne: 1}}"],
         &["index", "robmem.objects", "{a: 0}"],
@@ -191,12 +261,12 @@ fn what_is_no_index_is_refused() {
     1 | {a: 1, b: 1}
       | ^^^^^^^^^^^^
     [exit code: 3]
-    $ rmem index robmem.objects "{a: 'hashed'}"
+    $ rmem index robmem.objects "{a: 'geoHaystack'}"
     ------- stderr -------
-    error: <keys>:1:6: an index of type `hashed` is not supported by the embedded store
+    error: <keys>:1:6: an index of type `geoHaystack` is not supported by the embedded store
       |
-    1 | {a: 'hashed'}
-      |      ^^^^^^
+    1 | {a: 'geoHaystack'}
+      |      ^^^^^^^^^^^
     [exit code: 3]
     $ rmem index robmem.objects "{a: 'text'}" --language german
     ------- stderr -------
@@ -214,7 +284,7 @@ fn what_is_no_index_is_refused() {
     [exit code: 3]
     $ rmem index robmem.objects '{a: 0}'
     ------- stderr -------
-    error: <keys>:1:1: the key `a` of an index takes 1, -1, "2d", "2dsphere" or "text"
+    error: <keys>:1:1: the key `a` of an index takes 1, -1, "2d", "2dsphere", "hashed" or "text"
       |
     1 | {a: 0}
       | ^^^^^^

@@ -302,7 +302,7 @@ fn a_mistake_in_metadata_is_told_with_one_path() {
 #[test]
 fn a_dry_run_warns_of_what_a_restore_warns_of() {
     let lab = dumped(&[]);
-    let text = r#"{"indexes":[{"key":{"name":"hashed"},"name":"name_hashed"}]}"#;
+    let text = r#"{"indexes":[{"key":{"name":"geoHaystack"},"name":"name_geoHaystack"}]}"#;
     lab.write("dump/robmem/blocks.metadata.json", text);
     lab.write("dump/robmem/seen.metadata.json", r#"{"options":{"viewOn":"blocks"},"indexes":[]}"#);
     let foreseen = lab.rmem(&["restore", "dump", "--dry-run"]);
@@ -311,7 +311,7 @@ fn a_dry_run_warns_of_what_a_restore_warns_of() {
     ------- stderr -------
     warning: dump/robmem/seen.metadata.json describes a view and is left out
     warning: dump/oplog.bson, what changed during the dump, is left out; --oplog-replay applies it
-    warning: robmem.blocks: the index name_hashed is not restored: an index of type `hashed` is not supported by the embedded store
+    warning: robmem.blocks: the index name_geoHaystack is not restored: an index of type `geoHaystack` is not supported by the embedded store
     nothing was changed: --dry-run
     [exit code: 0]
     "#);

@@ -259,14 +259,14 @@ fn what_is_the_servers_own_is_left_out_with_a_warning() {
     let lab = dumped(&[]);
     fs::write(lab.path().join("dump/robmem/system.users.bson"), b"").unwrap();
     lab.write("dump/robmem/seen.metadata.json", r#"{"options":{"viewOn":"blocks"},"indexes":[]}"#);
-    lab.write("dump/robmem/blocks.metadata.json", r#"{"indexes":[{"key":{"n":"hashed"},"name":"n_1"}]}"#);
+    lab.write("dump/robmem/blocks.metadata.json", r#"{"indexes":[{"key":{"n":"geoHaystack"},"name":"n_1"}]}"#);
     assert_run!(lab.rmem(&["restore", "dump"]), @r#"
     {"namespace":"other.a.b/c","inserted":0,"replaced":0,"skipped":1}
     {"namespace":"robmem.blocks","inserted":0,"replaced":0,"skipped":2}
     ------- stderr -------
     warning: dump/robmem/seen.metadata.json describes a view and is left out
     warning: dump/robmem/system.users.bson is the server's own and is left out
-    warning: robmem.blocks: the index n_1 is not restored: an index of type `hashed` is not supported by the embedded store
+    warning: robmem.blocks: the index n_1 is not restored: an index of type `geoHaystack` is not supported by the embedded store
     [exit code: 0]
     "#);
 }

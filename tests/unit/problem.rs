@@ -454,6 +454,10 @@ impl Store for Talkative {
         unreachable!()
     }
 
+    fn hide_index(&self, _: &Namespace, _: &str, _: bool) -> Result<bool, StoreError> {
+        unreachable!()
+    }
+
     fn drop_index(&self, _: &Namespace, _: &str) -> Result<bool, StoreError> {
         unreachable!()
     }

@@ -20,6 +20,10 @@ use crate::query::view::{Fields, Items, View};
 const MAX_FIELDS: usize = 32;
 /// MongoDB's code for a key pattern that cannot be.
 const CANNOT_CREATE: i32 = 67;
+/// MongoDB's code for an index with several hashed keys.
+const MANY_HASHED: i32 = 31_303;
+/// MongoDB's code for an array under a hashed key.
+const HASHED_ARRAY: i32 = 16_766;
 /// MongoDB's code for a document with two arrays where one may be.
 const PARALLEL: i32 = 171;
 /// MongoDB's code for a path that means an element and a field.
@@ -37,6 +41,8 @@ pub struct Pattern {
     wildcard: Option<Wildcard>,
     /// What a text index searches; it is kept in the catalogue, too.
     text: Option<Arc<TextIndex>>,
+    /// Whether one of its keys is hashed: its values are kept as they are, and arrays are refused.
+    hashed: bool,
 }
 
 /// The keys of a document.
@@ -71,11 +77,25 @@ impl Pattern {
         }
         if pattern.values().any(text::is_key) {
             let text = Some(Arc::new(TextIndex::parse(pattern, options)?));
-            return Ok(Self { keys: Keys::default(), collation: None, places: None, wildcard: None, text });
+            return Ok(Self {
+                keys: Keys::default(),
+                collation: None,
+                places: None,
+                wildcard: None,
+                text,
+                hashed: false,
+            });
         }
         if pattern.keys().any(|name| wildcard::is_key(name)) {
             let wildcard = Some(Wildcard::parse(pattern, options)?);
-            return Ok(Self { keys: Keys::default(), collation: None, places: None, wildcard, text: None });
+            return Ok(Self {
+                keys: Keys::default(),
+                collation: None,
+                places: None,
+                wildcard,
+                text: None,
+                hashed: false,
+            });
         }
         if options.contains_key(wildcard::PROJECTION) {
             return Err(QueryError::bad_value("wildcardProjection is for wildcard indexes, like {'$**': 1}"));
@@ -85,6 +105,7 @@ impl Pattern {
             check_name(name)?;
             let descending = match (direction, Number::of(direction).map(Number::to_double)) {
                 (direction, _) if is_place(direction) => false,
+                (direction, _) if is_hashed(direction) => false,
                 (Bson::String(index_type), _) => {
                     let mut refusal = QueryError::unsupported(index_type);
                     refusal.message = format!("an index of type `{index_type}` is not supported by the embedded store");
@@ -94,11 +115,18 @@ impl Pattern {
                 (_, Some(number)) if number < 0.0 => true,
                 _ => {
                     return Err(cannot(format!(
-                        "the key `{name}` of an index takes 1, -1, \"2d\", \"2dsphere\" or \"text\""
+                        "the key `{name}` of an index takes 1, -1, \"2d\", \"2dsphere\", \"hashed\" or \"text\""
                     )));
                 }
             };
             keys.push(Path::parse(name)?, descending);
+        }
+        let hashed = pattern.values().any(is_hashed);
+        if pattern.values().filter(|kind| is_hashed(kind)).count() > 1 {
+            return Err(QueryError::invalid(MANY_HASHED, "an index has at most one hashed key"));
+        }
+        if hashed && pattern.values().any(is_place) {
+            return Err(cannot("an index of places cannot have a hashed key".to_owned()));
         }
         let places = pattern.values().any(is_place).then(|| Places::parse(pattern, options)).transpose()?;
         let collation = match options.get("collation") {
@@ -108,7 +136,14 @@ impl Pattern {
         if collation.is_some() && pattern.values().any(|kind| matches!(kind.as_str(), Some("2d"))) {
             return Err(cannot("an index of type 2d compares strings byte by byte".to_owned()));
         }
-        Ok(Self { keys: keys.with_text(Text::By(collation.clone())), collation, places, wildcard: None, text: None })
+        Ok(Self {
+            keys: keys.with_text(Text::By(collation.clone())),
+            collation,
+            places,
+            wildcard: None,
+            text: None,
+            hashed,
+        })
     }
 
     /// Returns how its strings compare, where that is not byte by byte.
@@ -132,6 +167,12 @@ impl Pattern {
     #[must_use]
     pub fn is_geospatial(&self) -> bool {
         self.places.is_some()
+    }
+
+    /// Returns whether one of its keys is hashed.
+    #[must_use]
+    pub fn is_hashed(&self) -> bool {
+        self.hashed
     }
 
     /// Returns whether it is a wildcard index, which has no keys.
@@ -188,6 +229,12 @@ impl Pattern {
                 keys.push(key);
             }
         })?;
+        if self.hashed && multikey != 0 {
+            let paths: Vec<&str> = self.keys.fields().map(|(name, _)| name).collect();
+            let message =
+                format!("an index with a hashed key takes no arrays; one of {} has an array", paths.join(", "));
+            return Err(QueryError::invalid(HASHED_ARRAY, message));
+        }
         if keys.len() > 1 {
             keys.sort_unstable();
             keys.dedup();
@@ -225,6 +272,11 @@ impl Pattern {
         });
         found
     }
+}
+
+/// Whether a key of an index is hashed.
+fn is_hashed(kind: &Bson) -> bool {
+    kind.as_str() == Some("hashed")
 }
 
 fn check_name(name: &str) -> Result<()> {
@@ -310,6 +362,26 @@ mod tests {
         assert_eq!(refusal(doc! {"a.0": 1}, doc! {"a": [{"0": 1}]}), AMBIGUOUS);
         for pattern in [doc! {}, doc! {"a": 0}, doc! {"a": "up"}, doc! {"": 1}, doc! {"a..b": 1}, doc! {"$a": 1}] {
             assert!(Pattern::parse(&pattern).is_err(), "{pattern}");
+        }
+    }
+
+    #[test]
+    fn a_hashed_key_takes_no_arrays() {
+        let refusal = |document: Document| {
+            let document = bson::RawDocumentBuf::try_from(&document).unwrap();
+            Pattern::parse(&doc! {"b": 1, "a.x": "hashed"})
+                .unwrap()
+                .entries(&document, false)
+                .map_err(|error| error.code)
+        };
+        for array in [doc! {"a": {"x": []}}, doc! {"a": [{"x": 1}]}, doc! {"b": [1]}] {
+            assert_eq!(refusal(array).unwrap_err(), HASHED_ARRAY);
+        }
+        assert_eq!(refusal(doc! {"a": {"x": 1}, "b": 2}).unwrap().keys.len(), 1);
+        for (pattern, code) in
+            [(doc! {"a": "hashed", "b": "hashed"}, MANY_HASHED), (doc! {"a": "hashed", "b": "2d"}, CANNOT_CREATE)]
+        {
+            assert_eq!(Pattern::parse(&pattern).unwrap_err().code, code);
         }
     }
 

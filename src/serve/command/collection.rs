@@ -93,14 +93,43 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
     crate::serve::host::empty()
 }
 
-/// Images of documents before and after changes are always kept; nothing else can be modified.
+/// Images of documents before and after changes are always kept; an index can be hidden, and nothing else be modified.
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.check(&["changeStreamPreAndPostImages", "validationLevel", "validationAction"], &["index", "validator"])?;
+    fields.check(&["changeStreamPreAndPostImages", "validationLevel", "validationAction", "index"], &["validator"])?;
     if !memory.all_collections()?.contains(&ns) {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
     }
-    crate::serve::host::empty()
+    match fields.document("index")? {
+        Some(change) => modify_index(memory, &ns, Fields::new("collMod.index", change)),
+        None => crate::serve::host::empty(),
+    }
+}
+
+/// Hides an index, or gives it back to queries.
+fn modify_index(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Answer {
+    fields.check_inside(&["name", "keyPattern", "hidden"], &["expireAfterSeconds", "unique", "prepareUnique"])?;
+    let indexes = memory.indexes(ns)?;
+    let found = match (fields.text("name")?, fields.document("keyPattern")?) {
+        (Some(name), None) => indexes.iter().find(|index| index.name == name),
+        (None, Some(keys)) => indexes.iter().find(|index| index.has_keys(keys)),
+        _ => {
+            let message = "either the name or the keyPattern of an index is needed";
+            return Err(Failure::new(codes::INVALID_OPTIONS, message));
+        }
+    };
+    let Some(found) = found else {
+        return Err(Failure::new(codes::NO_INDEX, format!("cannot find the index in {ns}")));
+    };
+    let Some(hidden) = fields.optional_flag("hidden")? else {
+        return Err(Failure::new(codes::INVALID_OPTIONS, "no hidden field: there is nothing to modify"));
+    };
+    let before = found.other.get_bool("hidden").unwrap_or(false);
+    if before == hidden {
+        return crate::serve::host::empty();
+    }
+    memory.hide_index(ns, &found.name, hidden)?;
+    raw(&doc! { "hidden_old": before, "hidden_new": hidden })
 }
 
 fn list(host: &mut Host<'_>, call: &Call) -> Answer {

@@ -30,6 +30,10 @@ const OPTIONS: [&str; 8] =
 const CANNOT_CREATE: i32 = 67;
 /// MongoDB's code for an index that has to stay, or cannot be.
 const INVALID: i32 = 72;
+/// MongoDB's code for a unique index with a hashed key.
+const UNIQUE_HASHED: i32 = 16_764;
+/// The most indexes of a collection, with that on `_id`.
+const MOST_INDEXES: usize = 64;
 
 impl Embedded {
     /// The indexes of a collection, but the one on `_id`.
@@ -200,6 +204,10 @@ impl Embedded {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
             match conflict(index, &self.indexes_of(collection)?)? {
                 true => Ok(false),
+                false if self.indexes_of(collection)?.len() + 1 >= MOST_INDEXES => {
+                    let message = format!("a collection has at most {MOST_INDEXES} indexes");
+                    Err(QueryError::invalid(CANNOT_CREATE, message).into())
+                }
                 false => self.make_index(ns, collection, index).map(|()| true),
             }
         })
@@ -260,6 +268,27 @@ impl Embedded {
         })
     }
 
+    /// Keeps an index from queries, or gives it back to them; returns whether it is there.
+    pub(super) fn set_hidden(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
+        check_hidable(name)?;
+        self.write(|| {
+            let Some(collection) = self.collection(ns)? else { return Ok(false) };
+            let indexes = self.indexes_of(collection)?;
+            let Some(index) = indexes.iter().find(|index| index.definition.name == name) else { return Ok(false) };
+            let mut definition = index.definition.clone();
+            match hidden {
+                true => drop(definition.other.insert(HIDDEN, true)),
+                false => drop(definition.other.remove(HIDDEN)),
+            }
+            let definition = RawDocumentBuf::try_from(&definition.definition()).map_err(QueryError::from)?;
+            self.connection
+                .execute("UPDATE indexes SET definition = ? WHERE id = ?", params![definition.as_bytes(), index.id])
+                .and_then(|_| collection.advance(&self.connection))
+                .map_err(|e| self.explain(&e))?;
+            Ok(true)
+        })
+    }
+
     /// Removes all indexes of a collection, whose documents are going to be removed too.
     pub(super) fn forget_indexes(&self, collection: Collection) -> Result<(), StoreError> {
         self.indexes_of(collection)?.iter().try_for_each(|index| self.forget_index(index))
@@ -299,6 +328,12 @@ pub(super) fn check(index: &Index) -> Result<(), QueryError> {
     if pattern.is_wildcard() && (index.unique || index.sparse || index.expire_after.is_some()) {
         let message = "a wildcard index is neither unique nor sparse, and no document expires by it";
         return Err(QueryError::invalid(CANNOT_CREATE, message));
+    }
+    if pattern.is_hashed() && index.unique {
+        return Err(QueryError::invalid(UNIQUE_HASHED, "an index with a hashed key cannot be unique"));
+    }
+    if index.name.is_empty() {
+        return Err(QueryError::invalid(CANNOT_CREATE, "the name of an index cannot be empty"));
     }
     let known = |option: &str| OPTIONS.contains(&option) || pattern.text().is_some() && text::OPTIONS.contains(&option);
     if let Some(option) = index.other.keys().find(|option| !known(option)) {
@@ -394,6 +429,15 @@ fn check_droppable(name: &str) -> Result<(), QueryError> {
         return Err(QueryError::invalid(INVALID, format!("{name} is rmem's: by it what has decayed is found")));
     }
     Ok(())
+}
+
+/// Refuses to hide what has to be used.
+fn check_hidable(name: &str) -> Result<(), QueryError> {
+    match name {
+        index::ID => Err(QueryError::bad_value("the index on _id cannot be hidden")),
+        index::DECAY => Err(QueryError::invalid(INVALID, format!("{name} is rmem's: by it what has decayed is found"))),
+        _ => Ok(()),
+    }
 }
 
 /// Whether the index is there already.

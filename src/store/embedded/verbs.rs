@@ -102,6 +102,10 @@ impl Store for Embedded {
         self.discard(ns, name)
     }
 
+    fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
+        self.set_hidden(ns, name, hidden)
+    }
+
     fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
         self.list_indexes(ns)
     }

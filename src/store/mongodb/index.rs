@@ -55,6 +55,16 @@ impl MongoDb {
         }
     }
 
+    pub(super) fn set_hidden(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
+        let index = doc! { "name": name, "hidden": hidden };
+        let command = doc! { "collMod": &ns.collection, "index": index, "writeConcern": { "w": "majority" } };
+        match self.client().database(&ns.database).run_command(command).run() {
+            Ok(_) => Ok(true),
+            Err(error) if [NAMESPACE_NOT_FOUND, INDEX_NOT_FOUND].contains(&code(&error)) => Ok(false),
+            Err(error) => Err(self.explain(&error)),
+        }
+    }
+
     pub(super) fn list_indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
         let command = doc! { "listIndexes": &ns.collection };
         let cursor = match self.client().database(&ns.database).run_cursor_command(command).run() {

@@ -133,6 +133,10 @@ impl Store for MongoDb {
         self.make_index(ns, index)
     }
 
+    fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
+        self.set_hidden(ns, name, hidden)
+    }
+
     fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         self.discard_index(ns, name)
     }

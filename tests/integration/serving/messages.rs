@@ -113,6 +113,21 @@ fn checked() -> Result<(), Failed> {
         ),
         (doc! { "insert": "c", "documents": [{}], "writeConcern": { "w": { "rack": "x" } }, "$db": "a" }, 9),
     ];
+    wire.run(&doc! { "createIndexes": "c", "indexes": [{ "key": { "a": 1 }, "name": "a_1" }], "$db": "a" })?;
+    let modify = |index: Document| doc! { "collMod": "c", "index": index, "$db": "a" };
+    let hidden = wire.run(&modify(doc! { "name": "a_1", "hidden": true }))?;
+    assert_eq!((hidden.get_bool("hidden_old")?, hidden.get_bool("hidden_new")?), (false, true));
+    let shown = wire.run(&modify(doc! { "keyPattern": { "a": 1 }, "hidden": false }))?;
+    assert_eq!((shown.get_bool("hidden_old")?, shown.get_bool("hidden_new")?), (true, false));
+    for (index, code) in [
+        (doc! { "name": "b_1", "hidden": true }, 27),
+        (doc! { "name": "_id_", "hidden": true }, 2),
+        (doc! { "name": "a_1" }, 72),
+        (doc! { "name": "a_1", "keyPattern": { "a": 1 }, "hidden": true }, 72),
+        (doc! { "name": "a_1", "expireAfterSeconds": 5 }, 115),
+    ] {
+        assert_eq!(wire.run(&modify(index.clone()))?.get_i32("code").unwrap_or(0), code, "{index}");
+    }
     for (command, code) in cases {
         let reply = wire.run(&command)?;
         assert_eq!(reply.get_i32("code").unwrap_or(0), code, "{command}: {reply}");
