@@ -392,7 +392,7 @@ fn conclude(
             };
             return (Outcome::OutOfTime, words);
         }
-        End::Starved if !keeps => return (Outcome::OutOfMemory, memory(limits)),
+        End::Starved if !keeps => return (Outcome::OutOfMemory, starved(&answer, limits)),
         End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
         End::Failed(words) if words.starts_with(SUPERVISOR_GONE) => return (Outcome::Failed, words.clone()),
         End::Failed(words) => return (Outcome::NotExecutable, format!("its program could not be run: {words}")),
@@ -414,7 +414,7 @@ fn conclude(
         Verdict::Unsupported => (Outcome::Unsupported, answer.message),
         Verdict::OutOfMemory => (Outcome::OutOfMemory, with_limit(&answer.message, limits)),
         Verdict::OutOfTime => (Outcome::OutOfTime, answer.message),
-        _ if ended.out_of_memory => (Outcome::OutOfMemory, memory(limits)),
+        _ if ended.out_of_memory => (Outcome::OutOfMemory, starved(&answer, limits)),
         Verdict::Unclear if ended.end == End::Exited(127) => absent(&ended.stderr),
         Verdict::Rejected => (Outcome::NoPlan, format!("it refused its input: {}", answer.message)),
         Verdict::NoCriterion => (Outcome::NoPlan, answer.message),
@@ -433,6 +433,14 @@ fn with_limit(words: &str, limits: &Limits) -> String {
     match limits.memory {
         Some(bytes) if bytes < i64::MAX as u64 => format!("{words}; {}", memory(limits)),
         _ => words.to_owned(),
+    }
+}
+
+/// The limit of memory that was too low, and how far the planner was.
+fn starved(answer: &Transcript, limits: &Limits) -> String {
+    match answer.verdict {
+        Verdict::Unclear if !answer.message.is_empty() => format!("{} ({})", memory(limits), answer.message),
+        _ => memory(limits),
     }
 }
 

@@ -216,7 +216,8 @@ fn plans_with_times_hold_and_what_is_refuted_has_none() {
     for task in (0..1500).map(timed) {
         let (domain, problem) = (parse_domain(&task.0).unwrap(), parse_problem(&task.1).unwrap());
         let mut best = None;
-        temporal::plan(&domain, &problem, Options::default(), 1 << 17, &mut |plan| {
+        temporal::plan(&domain, &problem, Options::default(), 1 << 17, &mut |message| {
+            let Message::Plan(plan) = message else { return };
             holds(&task, plan);
             best = Some(plan.length);
         });

@@ -182,7 +182,7 @@ fn timed(
     teller: &mut Teller<'_, '_>,
 ) -> Result<Option<NoPlan>, SolveError> {
     if is_plain(task, instance) {
-        temporal::plan(task, instance, options, classical::memory(), &mut |plan| teller.tell(Message::Plan(plan)));
+        temporal::plan(task, instance, options, classical::memory(), &mut |message| teller.tell(message));
         if teller.has_plan {
             return Ok(None);
         }

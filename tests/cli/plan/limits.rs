@@ -65,6 +65,35 @@ fn a_limit_of_memory_is_22() {
 }
 
 #[test]
+fn an_action_with_too_many_instances_for_the_memory_is_named() {
+    let objects: Vec<String> = (0..120).map(|number| format!("o{number}")).collect();
+    let facts: Vec<String> = objects.iter().map(|name| format!("(p {name})")).collect();
+    let problem = format!(
+        "(define (problem all) (:domain many) (:objects {}) (:init {} (= (n) 0)) (:goal (and (q o1 o2 o3 o4) (>= (n) 1))))",
+        objects.join(" "),
+        facts.concat()
+    );
+    let head = "(define (domain many) (:requirements :numeric-fluents :durative-actions)
+        (:predicates (p ?x) (q ?x ?y ?z ?w)) (:functions (n))";
+    let timeless =
+        "(:action connect :parameters (?x ?y ?z ?w) :precondition (and (p ?x) (p ?y) (p ?z) (p ?w) (< (n) 2))
+        :effect (and (q ?x ?y ?z ?w) (increase (n) 1))))";
+    let timed = "(:durative-action connect :parameters (?x ?y ?z ?w) :duration (= ?duration 1)
+        :condition (and (at start (p ?x)) (at start (p ?y)) (at start (p ?z)) (over all (p ?w)))
+        :effect (at end (q ?x ?y ?z ?w))))";
+    for (action, problem) in [(timeless, problem.clone()), (timed, problem.replace("(>= (n) 1)", ""))] {
+        let lab = Lab::new();
+        lab.write("d.pddl", &format!("{head} {action}"));
+        lab.write("p.pddl", &problem);
+        let limits = ["--memory-limit", "300M", "--timeout", "120s", "--no-store"];
+        let run = lab.rmem(&[&["plan", "-d", "d.pddl", "-p", "p.pddl"], &limits[..]].concat());
+        assert_eq!(run.code, 22, "{}", run.stderr);
+        assert!(run.stderr.contains("the action CONNECT has "), "{}", run.stderr);
+        assert!(run.stderr.contains("its limit was 300 MiB"), "{}", run.stderr);
+    }
+}
+
+#[test]
 fn a_limit_of_memory_is_the_same_one_each_time() {
     let lab = Lab::new();
     let folder = "fixtures/tasks/durative-numeric";

@@ -17,7 +17,7 @@ use compress::compressed;
 use snap::snapped;
 use windows::{UNITS, Windows};
 
-use super::classical::{self, Numeric};
+use super::classical::{self, Message, Numeric};
 use super::convert::convert;
 use super::ff_output::NoPlan;
 use super::options::Options;
@@ -40,7 +40,7 @@ pub(super) fn plan(
     problem: &Problem,
     options: Options,
     memory: usize,
-    found: &mut dyn FnMut(&Plan),
+    send: &mut dyn FnMut(Message<'_>),
 ) -> bool {
     if domain.durative_actions.is_empty() || !domain.derived.is_empty() {
         return false;
@@ -54,7 +54,8 @@ pub(super) fn plan(
         return false;
     }
     lifted.keeps_equals = true;
-    let Ok(Ground::Task(mut task)) = ground(&lifted, memory, &mut |_, _| {}) else { return false };
+    let grounded = &mut |action: &str, instances| send(Message::Progress(classical::grounding(action, instances)));
+    let Ok(Ground::Task(mut task)) = ground(&lifted, memory, grounded) else { return false };
     if task.numbers.count > 0 {
         return false;
     }
@@ -73,7 +74,7 @@ pub(super) fn plan(
     let mut has_plan = false;
     let mut tell = |plan: Option<Plan>| {
         has_plan |= plan.is_some();
-        plan.iter().for_each(&mut *found);
+        plan.iter().for_each(|plan| send(Message::Plan(plan)));
     };
     tell(report(&task, &timing, &first));
     estimate(&mut task, &mut timing);
@@ -132,7 +133,11 @@ mod tests {
     fn plans(domain: &str, problem: &str) -> Vec<Plan> {
         let (domain, problem) = (parse_domain(domain).unwrap(), parse_problem(problem).unwrap());
         let mut plans = Vec::new();
-        plan(&domain, &problem, Options::default(), 1 << 26, &mut |plan| plans.push(plan.clone()));
+        plan(&domain, &problem, Options::default(), 1 << 26, &mut |message| {
+            if let Message::Plan(plan) = message {
+                plans.push(plan.clone());
+            }
+        });
         plans
     }
 

@@ -137,7 +137,15 @@ impl<'l> Reached<'l> {
                 continue;
             }
             let mut join = self.join(rule);
+            join.left = memory / INSTANCE;
             join.extend(0, &mut |binding| head(rule, binding, &mut found));
+            if join.left == 0 {
+                let schema =
+                    (0..self.lifted.schemas.len()).find(|schema| self.instances(*schema) == rule.head.predicate);
+                let action = schema.map_or("", |schema| &self.lifted.schemas[schema].name);
+                report(action, memory / INSTANCE);
+                return Err(Refusal::Explosion { action: action.to_owned(), instances: memory / INSTANCE });
+            }
             self.add(rule, &mut found, &mut queue);
         }
         let (mut next, mut instances, mut reported) = (0, 0, 0);
@@ -155,6 +163,7 @@ impl<'l> Reached<'l> {
             }
             if instances * INSTANCE > memory {
                 let (action, instances) = self.most();
+                report(action, instances);
                 return Err(Refusal::Explosion { action: action.to_owned(), instances });
             }
             if instances >= reported + REPORT_INTERVAL {
@@ -173,7 +182,15 @@ impl<'l> Reached<'l> {
 
     pub(super) fn join<'a>(&'a mut self, rule: &'a Rule) -> Join<'a> {
         let binding = vec![OPEN; rule.slots.len()];
-        Join { relations: &mut self.relations, kinds: &self.kinds, rule, start: None, binding, ids: Vec::new() }
+        Join {
+            relations: &mut self.relations,
+            kinds: &self.kinds,
+            rule,
+            start: None,
+            binding,
+            ids: Vec::new(),
+            left: usize::MAX,
+        }
     }
 
     fn add(&mut self, rule: &Rule, found: &mut Vec<Object>, queue: &mut Vec<usize>) -> usize {

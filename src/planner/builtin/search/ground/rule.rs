@@ -80,6 +80,8 @@ pub(super) struct Join<'a> {
     pub(super) start: Option<(usize, u32)>,
     pub(super) binding: Vec<Object>,
     pub(super) ids: Vec<u32>,
+    /// After how many more bindings the search ends.
+    pub(super) left: usize,
 }
 
 impl Join<'_> {
@@ -151,7 +153,7 @@ impl Join<'_> {
 
     /// Matches the atoms that are not done.
     pub(super) fn extend(&mut self, done: u64, found: &mut dyn FnMut(&[Object])) {
-        if !self.passes() {
+        if self.left == 0 || !self.passes() {
             return;
         }
         let rule = self.rule;
@@ -203,11 +205,15 @@ impl Join<'_> {
         let rule = self.rule;
         let Some(open) = (next..rule.wanted.len()).find(|place| self.binding[rule.wanted[*place]] == OPEN) else {
             found(&self.binding);
+            self.left = self.left.saturating_sub(1);
             return;
         };
         let (slot, kinds) = (rule.wanted[open], self.kinds);
         for object in kinds.list(rule.slots[slot]) {
             self.binding[slot] = *object;
+            if self.left == 0 {
+                break;
+            }
             if self.passes() {
                 self.fill(open + 1, found);
             }
