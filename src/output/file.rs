@@ -1,14 +1,14 @@
 //! Files that appear whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
 use crate::process::litter;
 
 /// Writes beside the target and renames. Devices and pipes are written directly;
-/// a symbolic link stays one; an existing file keeps its permissions.
+/// a symbolic link stays one; an existing file keeps its permissions. A memory is not replaced by text.
 pub(super) fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let existing = fs::metadata(&target).ok();
@@ -20,6 +20,9 @@ pub(super) fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -
     }
     if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
         return Err(io::Error::from(io::ErrorKind::IsADirectory).into());
+    }
+    if existing.is_some() && is_database(&target) {
+        return Err(io::Error::other("it is a memory, or another SQLite database; name another file").into());
     }
     let folder = match target.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -45,6 +48,12 @@ pub(super) fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -
     file.as_file().sync_all()?;
     file.persist(&target).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// Whether a file begins as those of SQLite do (its documentation, "Database File Format", section 1.3.1).
+fn is_database(path: &Path) -> bool {
+    let mut start = [0; 16];
+    File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start == *b"SQLite format 3\0"
 }
 
 /// A temporary file, whose name is not in its errors.
@@ -86,6 +95,20 @@ mod tests {
         write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read(&target).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_memory_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("robot.rmem"), folder.path().join("link"));
+        drop(crate::store::Embedded::open(&path).unwrap());
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        let before = fs::read(&path).unwrap();
+        for path in [&path, &link] {
+            let refused = write_atomically(path, |out| Ok(out.write_all(b"text")?)).unwrap_err();
+            assert!(refused.to_string().contains("it is a memory"), "{refused}");
+        }
+        assert_eq!(fs::read(&path).unwrap(), before);
     }
 
     #[test]

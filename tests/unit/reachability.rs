@@ -174,3 +174,27 @@ fn long_chains_are_followed_only_so_far() {
     let why = small("o", &body, "", "", "(s49)");
     assert_eq!((why.goals, why.obstacles.len()), (1, 12));
 }
+
+/// What an action needs at its end or all the time may come true by its own start, or while it runs.
+#[test]
+fn the_start_of_an_action_may_give_what_its_end_needs() {
+    let unreachable = |needs: &str, effects: &str, goal: &str| {
+        let body = format!(
+            "(:predicates (moving) (dark) (there) (lit))
+            (:durative-action go :parameters () :duration (= ?duration 5)
+              :condition (and {needs}) :effect (and {effects} (at end (there))))
+            (:durative-action match :parameters () :duration (= ?duration 9)
+              :condition (and (at start (not (lit))) (at end (there))) :effect (and (at start (lit)) (at end (not (lit)))))"
+        );
+        let why = small("", &body, "", "(dark)", goal);
+        conditions(&why).iter().map(|condition| (*condition).to_owned()).collect::<Vec<_>>()
+    };
+    let none: [&str; 0] = [];
+    assert_eq!(unreachable("(over all (moving))", "(at start (moving))", "(there)"), none);
+    assert_eq!(unreachable("(at end (moving))", "(at start (moving))", "(there)"), none);
+    assert_eq!(unreachable("(over all (not (dark)))", "(at start (not (dark)))", "(there)"), none);
+    assert_eq!(unreachable("(over all (lit))", "", "(and (there) (not (lit)))"), none, "within another that needs it");
+    assert_eq!(unreachable("(at start (moving))", "(at start (moving))", "(there)")[0], "(there)");
+    assert_eq!(unreachable("(at start (moving))", "(at start (moving))", "(moving)")[0], "(moving)");
+    assert_eq!(unreachable("(at end (moving))", "(at end (moving))", "(there)"), ["(there)", "(moving)"]);
+}

@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use super::explanation::{Achiever, Obstacle, Why};
 use super::relaxed::Relaxed;
-use super::rule::{Makes, Rule};
+use super::rule::{Makes, Rule, is_of_another};
+use crate::formats::pddl::ast::Moment;
 use crate::pddl::model::{Arg, Change, Fact, Formula, Variable};
 use crate::pddl::validation::{Bindings, EvaluationError, UNBOUND, free_slots, predicates};
 
@@ -216,7 +217,7 @@ impl Search<'_, '_> {
                 let predicate = self.relaxed.state.domain.vocabulary.predicates.get(head.predicate);
                 predicate.map_or("?", |predicate| predicate.name.as_str())
             }
-            (None, Makes::Effect(_)) => "?",
+            (None, Makes::Effect(..)) => "?",
         };
         let words = rule.variables.iter().zip(objects).map(|(variable, object)| {
             let object = self.relaxed.state.problem.objects.get(*object);
@@ -265,9 +266,9 @@ fn agrees(fact: &Fact, candidate: &[u32], objects: &Bindings) -> bool {
 /// The effects of a rule on facts.
 fn effects<'e>(rule: &'e Rule<'_>) -> Vec<Effect<'e>> {
     match &rule.makes {
-        Makes::Effect(change) => {
+        Makes::Effect(change, moment) => {
             let mut found = Vec::new();
-            collect(change, &mut Vec::new(), &mut Vec::new(), &mut found);
+            collect(change, *moment, &mut Vec::new(), &mut Vec::new(), &mut found);
             found
         }
         Makes::Derived(head) => {
@@ -278,6 +279,7 @@ fn effects<'e>(rule: &'e Rule<'_>) -> Vec<Effect<'e>> {
 
 fn collect<'e>(
     change: &'e Change,
+    moment: Option<Moment>,
     conditions: &mut Vec<&'e Formula>,
     variables: &mut Vec<(u32, &'e Variable)>,
     found: &mut Vec<Effect<'e>>,
@@ -288,17 +290,18 @@ fn collect<'e>(
     match change {
         Change::Add(fact) => note(fact, false),
         Change::Delete(fact) => note(fact, true),
-        Change::And(parts) => parts.iter().for_each(|part| collect(part, conditions, variables, found)),
-        Change::Timed(_, inner) => collect(inner, conditions, variables, found),
+        Change::And(parts) => parts.iter().for_each(|part| collect(part, moment, conditions, variables, found)),
+        Change::Timed(at, _) if is_of_another(*at, moment) => {}
+        Change::Timed(_, inner) => collect(inner, moment, conditions, variables, found),
         Change::When(condition, inner) => {
             conditions.push(condition);
-            collect(inner, conditions, variables, found);
+            collect(inner, moment, conditions, variables, found);
             conditions.pop();
         }
         Change::Forall(quantifier, inner) => {
             let outer = variables.len();
             variables.extend((quantifier.first..).zip(&quantifier.variables));
-            collect(inner, conditions, variables, found);
+            collect(inner, moment, conditions, variables, found);
             variables.truncate(outer);
         }
         Change::Assign(..) | Change::AssignObject => {}

@@ -4,7 +4,8 @@ use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use super::rule::{Makes, Rule, changing, is_constant};
+use super::rule::{Makes, Rule, changing, is_constant, is_of_another};
+use crate::formats::pddl::ast::Moment;
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Change, Fact, Formula, Number};
 use crate::pddl::problem::Problem;
@@ -236,7 +237,7 @@ impl<'a> Relaxed<'a> {
                     adds.push(self.state.ground(head.predicate, &head.arguments, &objects)?);
                     true
                 }
-                Makes::Effect(change) => self.happen(change, &mut objects, &mut adds, &mut deletes)?,
+                Makes::Effect(change, moment) => self.happen(change, *moment, &mut objects, &mut adds, &mut deletes)?,
             }
         };
         adds.into_iter().for_each(|fact| self.add(fact));
@@ -247,6 +248,7 @@ impl<'a> Relaxed<'a> {
     fn happen(
         &self,
         change: &Change,
+        moment: Option<Moment>,
         objects: &mut Bindings,
         adds: &mut Vec<Ground>,
         deletes: &mut Vec<Ground>,
@@ -257,20 +259,21 @@ impl<'a> Relaxed<'a> {
             Change::And(parts) => {
                 let mut is_done = true;
                 for part in parts {
-                    is_done &= self.happen(part, objects, adds, deletes)?;
+                    is_done &= self.happen(part, moment, objects, adds, deletes)?;
                 }
                 return Ok(is_done);
             }
-            Change::Timed(_, inner) => return self.happen(inner, objects, adds, deletes),
+            Change::Timed(at, _) if is_of_another(*at, moment) => {}
+            Change::Timed(_, inner) => return self.happen(inner, moment, objects, adds, deletes),
             Change::When(condition, inner) => {
                 self.step();
-                return Ok(self.can_hold(condition, objects)? && self.happen(inner, objects, adds, deletes)?);
+                return Ok(self.can_hold(condition, objects)? && self.happen(inner, moment, objects, adds, deletes)?);
             }
             Change::Forall(quantifier, inner) => {
                 let mut is_done = true;
                 self.state.each(quantifier, objects, |objects| {
                     self.step();
-                    is_done &= self.happen(inner, objects, adds, deletes)?;
+                    is_done &= self.happen(inner, moment, objects, adds, deletes)?;
                     Ok(self.is_cut())
                 })?;
                 return Ok(is_done);

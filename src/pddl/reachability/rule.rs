@@ -1,5 +1,6 @@
 //! Actions and derived predicates as rules: facts to look up, the rest of the condition, and what follows.
 
+use crate::formats::pddl::ast::Moment;
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Change, Fact, Formula, Number, Variable};
 
@@ -17,8 +18,8 @@ pub(super) struct Rule<'a> {
 
 /// What follows from a rule.
 pub(super) enum Makes<'a> {
-    /// What an action does.
-    Effect(&'a Change),
+    /// What an action does; of a durative action, what it does at one of its moments.
+    Effect(&'a Change, Option<Moment>),
     /// A derived predicate of the rule's variables.
     Derived(Fact),
 }
@@ -26,27 +27,37 @@ pub(super) enum Makes<'a> {
 impl<'a> Rule<'a> {
     /// The rules of a domain.
     pub(super) fn all(domain: &'a Domain) -> Vec<Self> {
-        let actions = domain.actions().iter().map(|action| {
-            let (facts, rest) = parts(&action.body.condition);
-            let makes = Makes::Effect(&action.body.effect);
-            Self { action: Some(action.name()), variables: &action.variables, facts, rest, makes }
-        });
+        let mut rules = Vec::new();
+        for action in domain.actions() {
+            // What an action needs later may come true by its own start, so its start is a rule of its own.
+            let moments: &[Option<Moment>] = match action.body.duration {
+                Some(_) => &[Some(Moment::Start), Some(Moment::End)],
+                None => &[None],
+            };
+            rules.extend(moments.iter().map(|moment| {
+                let (facts, rest) = parts(&action.body.condition, *moment == Some(Moment::Start));
+                let makes = Makes::Effect(&action.body.effect, *moment);
+                Self { action: Some(action.name()), variables: &action.variables, facts, rest, makes }
+            }));
+        }
         let derived = domain.rules.iter().map(|rule| {
-            let (facts, rest) = parts(&rule.condition);
+            let (facts, rest) = parts(&rule.condition, false);
             let arguments = (0_u32..).take(rule.variables.len()).map(Arg::Slot).collect();
             let makes = Makes::Derived(Fact { predicate: rule.predicate, arguments });
             Self { action: None, variables: &rule.variables, facts, rest, makes }
         });
-        actions.chain(derived).collect()
+        rules.extend(derived);
+        rules
     }
 }
 
-/// What has to hold, moments aside: the facts among it, and the rest. Preferences need not hold.
-pub(super) fn parts(condition: &Formula) -> (Vec<&Fact>, Vec<&Formula>) {
+/// What has to hold, at the start only or at any moment: the facts among it, and the rest. Preferences need not hold.
+fn parts(condition: &Formula, only_start: bool) -> (Vec<&Fact>, Vec<&Formula>) {
     let (mut facts, mut rest, mut todo) = (Vec::new(), Vec::new(), vec![condition]);
     while let Some(formula) = todo.pop() {
         match formula {
             Formula::And(parts) => todo.extend(parts.iter().rev()),
+            _ if only_start && is_later(formula) => {}
             Formula::Timed(_, inner) => todo.push(inner),
             Formula::Preference(_) | Formula::Modal => {}
             Formula::Fact(fact) if !fact.arguments.contains(&Arg::Fluent) => facts.push(fact),
@@ -54,6 +65,22 @@ pub(super) fn parts(condition: &Formula) -> (Vec<&Fact>, Vec<&Formula>) {
         }
     }
     (facts, rest)
+}
+
+/// Whether something has to hold after the start.
+fn is_later(formula: &Formula) -> bool {
+    match formula {
+        Formula::Timed(moment, _) => *moment != Moment::Start,
+        Formula::And(parts) | Formula::Or(parts) => parts.iter().any(is_later),
+        Formula::Imply(left, right) => is_later(left) || is_later(right),
+        Formula::Not(inner) | Formula::Forall(_, inner) | Formula::Exists(_, inner) => is_later(inner),
+        Formula::Fact(_) | Formula::Same(..) | Formula::Compare(..) | Formula::Preference(_) | Formula::Modal => false,
+    }
+}
+
+/// Whether an effect at `at` is none of those at a moment.
+pub(super) fn is_of_another(at: Moment, moment: Option<Moment>) -> bool {
+    moment.is_some_and(|moment| moment != at)
 }
 
 /// The functions that actions change.
