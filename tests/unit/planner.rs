@@ -421,7 +421,7 @@ fn the_builtin_planner_answers_like_any_other() {
         ("dom", "p_unsolv_search", 11),
         ("dom", "p_goalfalse_unreach", 11),
         ("ndom", "np", 0),
-        ("ndom", "np_unreach", 12),
+        ("ndom", "np_unreach", 11),
         ("durdom", "durp", 0),
         ("adldom", "adlp", 0),
         ("ffbug_dom", "ffbug_p1", 0),
