@@ -20,7 +20,7 @@ impl Embedded {
         let mut stored = Vec::with_capacity(count);
         let refusal = self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
-            self.sweep(ns, collection)?;
+            self.sweep_for(ns, collection, count)?;
             for document in documents {
                 let added = document::settle(document)
                     .map_err(StoreError::from)

@@ -1,8 +1,8 @@
 //! Removing documents that have decayed or that a TTL index has expired.
 //!
 //! There is no background process, so writers do it: each insert and update first removes
-//! a few of the longest expired documents of its collection. (A delete does not, since it
-//! counts what it removes.)
+//! a few of the longest expired documents of its collection, an insert of many as many as it
+//! adds. (A delete does not, since it counts what it removes.)
 
 use bson::{Bson, DateTime, doc};
 use rusqlite::params;
@@ -22,6 +22,17 @@ impl Embedded {
     /// Removes some expired documents. In a write transaction only, before what is to be written.
     pub(super) fn sweep(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
         self.remove_due(ns, collection).map(drop)
+    }
+
+    /// Removes expired documents, about as many as are to be added, so that they do not get more and more.
+    /// In a write transaction only.
+    pub(super) fn sweep_for(&self, ns: &Namespace, collection: Collection, added: usize) -> Result<(), StoreError> {
+        for _ in 0..=added / AT_ONCE {
+            if !self.remove_due(ns, collection)? {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// Removes all expired documents; returns whether there were any. In a write transaction only.
@@ -76,4 +87,29 @@ fn due(index: &Indexed, path: &str, date: DateTime) -> Result<Vec<Range>, QueryE
     let filter = Filter::parse(&doc! { path: { "$lte": Bson::DateTime(date) } })?;
     let candidate = Candidate { pattern: &index.pattern, multikey: index.multikey(), sparse: index.definition.sparse };
     Ok(ways(&filter, &Sort::none(), &[candidate]).pop().map(|way| way.ranges).unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Index, Store as _};
+
+    #[test]
+    fn expired_documents_do_not_outgrow_what_is_added() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = Namespace::parse("a.b").unwrap();
+        store.create_index(&ns, &Index { expire_after: Some(0), ..Index::on(doc! { "until": 1 }) }).unwrap();
+        let over = DateTime::from_millis(DateTime::now().timestamp_millis() - 60_000);
+        let rows = || {
+            let table = store.collection(&ns).unwrap().unwrap().table();
+            let count = format!("SELECT count(*) FROM {table}");
+            store.connection.query_row(&count, [], |row| row.get::<_, i64>(0)).unwrap()
+        };
+        for _ in 0..3 {
+            store.insert(&ns, (0..1_000).map(|_| doc! { "until": over }).collect()).unwrap();
+            assert_eq!(rows(), 1_000);
+        }
+        store.insert(&ns, vec![doc! {}]).unwrap();
+        assert_eq!(rows(), 1_001 - i64::try_from(AT_ONCE).unwrap(), "one document does not pay for all");
+    }
 }
