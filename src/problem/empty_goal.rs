@@ -1,4 +1,4 @@
-//! Goals that a template left empty: a plan for these has no steps, and nobody notices that a query matched nothing.
+//! Goals that a template left empty: the plan has no steps, because a query matched nothing.
 
 use super::{Generated, Request, SectionReport};
 use crate::formats::{Diagnostic, Span};

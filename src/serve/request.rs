@@ -30,7 +30,7 @@ pub(super) struct Request {
 /// Who is to confirm a write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Confirmation {
-    /// Nobody (`w: 0`): the answer says nothing of what was written.
+    /// Unacknowledged (`w: 0`): the answer says nothing of what was written.
     None,
     /// This server.
     Own,

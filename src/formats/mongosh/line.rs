@@ -20,8 +20,7 @@ pub(super) struct Segment<'a> {
 impl<'a> Line<'a> {
     /// Takes a line apart; collections that are written as `db.NAME` are in `database`.
     pub(super) fn parse(line: &'a str, database: &str) -> Option<Self> {
-        let line = line.trim().trim_end_matches(';');
-        let segments = segments(line.strip_prefix("await ").unwrap_or(line).trim())?;
+        let segments = segments(statement(line))?;
         let mut segments = segments.into_iter().peekable();
         let is_db = segments.next_if(|segment| segment.name == "db" && segment.arguments.is_none()).is_some();
         let (home, mut database) = (database, is_db.then(|| database.to_owned()));
@@ -47,10 +46,15 @@ impl<'a> Line<'a> {
     }
 }
 
+/// A line without `await` and semicolons.
+fn statement(line: &str) -> &str {
+    let line = line.trim().trim_end_matches(';');
+    line.strip_prefix("await ").unwrap_or(line).trim()
+}
+
 /// The method that a line calls on a database, like `dropDatabase`.
 pub(super) fn of_database(line: &str) -> Option<&str> {
-    let line = line.trim().trim_end_matches(';');
-    let mut segments = segments(line.strip_prefix("await ").unwrap_or(line).trim())?.into_iter();
+    let mut segments = segments(statement(line))?.into_iter();
     segments.next().filter(|first| first.name == "db" && first.arguments.is_none())?;
     let mut methods = segments.skip_while(|segment| matches!(segment.name, "getSiblingDB" | "getDB"));
     methods.next().filter(|method| method.arguments.is_some()).map(|method| method.name)

@@ -62,7 +62,7 @@ fn a_number_that_never_gets_there_is_named() {
     ");
 }
 
-/// A guard who has to be at the door while it is open: for five minutes, from the eighth on.
+/// A guard has to be at the door while it is open: for five minutes, from the eighth on.
 const GUARD: &str = "(define (domain guard) (:requirements :typing :durative-actions :timed-initial-literals)
     (:types place) (:predicates (at ?p - place) (road ?a ?b - place) (open ?p - place) (seen ?p - place) (tired))
     (:durative-action walk :parameters (?a ?b - place) :duration (= ?duration 4)
@@ -89,7 +89,7 @@ fn a_goal_that_no_order_of_starts_and_ends_reaches_is_a_proof() {
     ------- stderr -------
     [exit code: 0]
     ");
-    // Nobody comes back, whatever the time.
+    // The guard never comes back, whatever the time.
     assert_run!(planned(GUARD, &round("(open door)", "(and (seen door) (at gate))")), @r"
     ------- stderr -------
     error: builtin: proven: no plan exists: best first search space empty! problem proven unsolvable.

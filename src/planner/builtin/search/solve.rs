@@ -70,15 +70,10 @@ pub enum End {
 
 /// Searches for plans, and says them as they are found.
 pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>)) -> End {
-    let mut init = task.init.clone();
-    Axioms::new(task).derive(task, &mut init);
-    if holds(task, &init, &task.goal) {
-        report(Event::Plan(&[]));
-        return End::Solved;
-    }
-    if is_refuted(task, &init, report) {
-        return End::Unsolvable;
-    }
+    let init = match begin(task, report) {
+        Ok(init) => init,
+        Err(end) => return end,
+    };
     let generator = Generator::new(task);
     let mut relaxed = Relaxed::new(task, Costs::Unit);
     if !relaxed.explore(&init, &task.goal) {
@@ -125,16 +120,24 @@ pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>))
     End::Solved
 }
 
-/// Looks for a proof that there is no plan, and for nothing else; where there is a plan, it may be found on the way.
-pub fn prove(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>)) -> End {
+/// The first state with what its axioms give; the end where it is a goal, or shows that there is no plan.
+fn begin(task: &Task, report: &mut dyn FnMut(Event<'_>)) -> Result<Vec<Fact>, End> {
     let mut init = task.init.clone();
     Axioms::new(task).derive(task, &mut init);
     if holds(task, &init, &task.goal) {
         report(Event::Plan(&[]));
-        return End::Solved;
+        return Err(End::Solved);
     }
-    if is_refuted(task, &init, report) {
-        return End::Unsolvable;
+    match is_refuted(task, &init, report) {
+        true => Err(End::Unsolvable),
+        false => Ok(init),
+    }
+}
+
+/// Looks for a proof that there is no plan, and for nothing else; where there is a plan, it may be found on the way.
+pub fn prove(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>)) -> End {
+    if let Err(end) = begin(task, report) {
+        return end;
     }
     let mut prover = Prover::new(task);
     let mut left = settings.work;
