@@ -96,12 +96,17 @@ fn print(lines: &[String], reports: Vec<Document>, format: Format, context: &mut
     Ok(())
 }
 
+/// How far the cost that a file gives may be from the true one: planners print few decimals.
+const CLAIM_TOLERANCE: f64 = 0.01;
+
 /// A plan, and what its simulation shows.
 struct CheckedPlan {
     name: String,
     plan: Plan,
     verdict: Validation,
     repairs: Vec<Repair>,
+    /// The cost that the file itself gives.
+    claim: Option<f64>,
     /// What happens at each moment, under `-v`.
     trace: Option<Vec<Happening>>,
 }
@@ -110,7 +115,7 @@ impl CheckedPlan {
     fn new(file: &Source, domain: &Domain, problem: &Problem) -> Result<Self, Diagnostic> {
         let text = Source::new(file.name(), names::spell_plan(file.text()));
         let file_plan = read_plan(&text)?;
-        let is_printed = file_plan.is_printed;
+        let (is_printed, claim) = (file_plan.is_printed, file_plan.cost);
         let mut plan = Plan::from(file_plan);
         let mut verdict = validate(domain, problem, &plan.steps);
         if is_printed && matches!(verdict, Validation::Invalid(_)) {
@@ -120,7 +125,7 @@ impl CheckedPlan {
             Validation::Invalid(_) => repair(domain, problem, &plan.steps),
             _ => Vec::new(),
         };
-        Ok(Self { name: file.name().to_owned(), plan, verdict, repairs, trace: None })
+        Ok(Self { name: file.name().to_owned(), plan, verdict, repairs, claim, trace: None })
     }
 
     fn exit(&self) -> Exit {
@@ -144,11 +149,17 @@ impl CheckedPlan {
             (Validation::Valid { value: Some(value) }, None) => format!("the plan is valid, value {}", rounded(*value)),
             (verdict, _) => names::readable(&verdict.to_string()),
         };
+        let value = match self.verdict {
+            Validation::Valid { value } => value,
+            _ => None,
+        };
+        let claim = self.claim.zip(value).filter(|(claim, value)| (claim - value).abs() > CLAIM_TOLERANCE);
+        let claim = claim.map(|(claim, _)| format!("  the file says that its cost is {}", rounded(claim)));
         let repairs = self.repairs.iter().map(|repair| names::readable(&repair.to_string()));
         let repairs: Vec<String> =
             repairs.flat_map(|text| text.lines().map(|line| format!("  {line}")).collect::<Vec<_>>()).collect();
         let trace = self.trace.iter().flatten().flat_map(|happening| self.happening_lines(happening));
-        trace.chain([format!("{name}{verdict}")]).chain(repairs).collect()
+        trace.chain([format!("{name}{verdict}")]).chain(claim).chain(repairs).collect()
     }
 
     /// A moment: what happens, then what becomes true (+) and false (-), and the numbers that change.

@@ -7,6 +7,7 @@ use super::report::{Report, foreign_or};
 use super::resolve::Resolver;
 use super::table::{Named, Table, nearest, suggestion};
 use super::types::{OBJECT, TypeSet};
+use super::validation::negative_cycle;
 use super::vocabulary::{ObjectEntry, Vocabulary, add_objects, check_doubles, twice, variables};
 use crate::formats::pddl::ast::{self, Name};
 use crate::formats::pddl::{Dialect, read_domain};
@@ -23,8 +24,8 @@ pub struct Domain {
     pub(super) rules: Vec<Rule>,
     /// The predicates that rules derive.
     pub(super) derived: Vec<u32>,
-    /// Whether `:constraints` demands something of every plan.
-    pub(super) is_constrained: bool,
+    /// What `:constraints` demands of every plan.
+    pub(super) constraints: Formula,
     /// Preferences with a name, in `:constraints` and in preconditions.
     pub(super) preferences: Vec<Name>,
     features: Vec<Use>,
@@ -128,11 +129,19 @@ impl Domain {
             preferences: Vec::new(),
         };
         let actions = read_actions(&tree, &mut resolver);
-        let rules = tree.derived.iter().filter_map(|rule| read_rule(rule, &mut resolver)).collect();
-        let mut is_constrained = false;
+        let rules: Vec<Rule> = tree.derived.iter().filter_map(|rule| read_rule(rule, &mut resolver)).collect();
+        if rules.len() == tree.derived.len()
+            && let Some(rule) = negative_cycle(&rules).and_then(|place| tree.derived.get(place))
+        {
+            let name = &rule.head.name;
+            let message = format!("`{name}` depends on its own negation, so that it has no defined value");
+            let hint = "let what is derived first not look at what is derived from its negation".to_owned();
+            resolver.report.error_with(name.span(), message, hint);
+        }
+        let mut trajectories = Formula::truth();
         if let Some(constraints) = &tree.constraints {
             resolver.uses.note(Feature::Constraints, constraints.place.0);
-            is_constrained = resolver.condition(constraints, false).is_constraint();
+            trajectories = resolver.condition(constraints, false);
         }
         let preferences = std::mem::take(&mut resolver.preferences);
         if let Some(span) = first_changing(&tree) {
@@ -150,7 +159,7 @@ impl Domain {
             actions,
             rules,
             derived,
-            is_constrained,
+            constraints: trajectories,
             preferences,
             features,
             warnings,
@@ -173,6 +182,12 @@ impl Domain {
     #[must_use]
     pub fn tree(&self) -> &ast::Domain {
         &self.tree
+    }
+
+    /// Whether it has actions that take time.
+    #[must_use]
+    pub fn is_temporal(&self) -> bool {
+        self.actions().iter().any(Action::is_durative)
     }
 
     /// All actions: first those that take no time, then those that do, each in the order of the text.
@@ -247,7 +262,12 @@ pub(super) fn check_requirements(requirements: &[Name], report: &mut Report<'_>)
 fn check_announced(requirements: &[Name], features: &[Use], report: &mut Report<'_>) {
     for Use { feature, span } in features {
         let announced = requirements.iter().any(|name| feature.is_announced_by(name.as_str()));
-        if !announced && !matches!(feature, Feature::ActionVariables | Feature::ChangingDerivedPredicates) {
+        if !announced
+            && !matches!(
+                feature,
+                Feature::ActionVariables | Feature::ChangingDerivedPredicates | Feature::DurationsAtEnd
+            )
+        {
             let requirement = feature.requirement();
             report.warning(*span, format!("this needs `:{requirement}`, which `:requirements` does not list"));
         }
@@ -341,8 +361,21 @@ fn note_typing(variables: &[Variable], resolver: &mut Resolver<'_, '_, '_>) {
     }
 }
 
-/// `:duration` other than one `(= ?duration …)`.
+/// `:duration` other than one `(= ?duration …)`, and what it says of the end.
 fn note_inequalities(duration: &ast::Condition, resolver: &mut Resolver<'_, '_, '_>) {
+    let mut todo = vec![duration];
+    while let Some(part) = todo.pop() {
+        match &part.kind {
+            ast::ConditionKind::And(parts) => todo.extend(parts.iter().rev()),
+            ast::ConditionKind::Timed(ast::Moment::Start, _) => {}
+            ast::ConditionKind::Timed(..) => resolver.uses.note(Feature::DurationsAtEnd, part.place.0),
+            _ => {}
+        }
+    }
+    let mut duration = duration;
+    while let ast::ConditionKind::Timed(_, inner) = &duration.kind {
+        duration = inner;
+    }
     if !matches!(duration.kind, ast::ConditionKind::Comparison(ast::Comparator::Equal, ..)) {
         resolver.uses.note(Feature::DurationInequalities, duration.place.0);
     }

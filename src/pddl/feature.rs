@@ -21,6 +21,8 @@ pub enum Feature {
     UniversalPreconditions,
     /// `when` and `forall` in an effect.
     ConditionalEffects,
+    /// Effects of durative actions under conditions of other moments.
+    TimedConditionalEffects,
     /// `:derived`.
     DerivedPredicates,
     /// `:derived` with rules that look at facts which actions change.
@@ -35,6 +37,8 @@ pub enum Feature {
     DurativeActions,
     /// Durations that are not given by one `=`.
     DurationInequalities,
+    /// `(at end …)` in `:duration`.
+    DurationsAtEnd,
     /// `#t`.
     ContinuousEffects,
     /// `(at 5 (p))` in `:init`.
@@ -49,7 +53,7 @@ pub enum Feature {
 
 impl Feature {
     /// All of them.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 21] = [
         Self::Typing,
         Self::Equality,
         Self::NegativePreconditions,
@@ -57,6 +61,7 @@ impl Feature {
         Self::ExistentialPreconditions,
         Self::UniversalPreconditions,
         Self::ConditionalEffects,
+        Self::TimedConditionalEffects,
         Self::DerivedPredicates,
         Self::ChangingDerivedPredicates,
         Self::ActionCosts,
@@ -64,6 +69,7 @@ impl Feature {
         Self::ObjectFluents,
         Self::DurativeActions,
         Self::DurationInequalities,
+        Self::DurationsAtEnd,
         Self::ContinuousEffects,
         Self::TimedInitialLiterals,
         Self::Preferences,
@@ -87,13 +93,13 @@ impl Feature {
             Self::DisjunctivePreconditions => "disjunctive-preconditions",
             Self::ExistentialPreconditions => "existential-preconditions",
             Self::UniversalPreconditions => "universal-preconditions",
-            Self::ConditionalEffects => "conditional-effects",
+            Self::ConditionalEffects | Self::TimedConditionalEffects => "conditional-effects",
             Self::DerivedPredicates | Self::ChangingDerivedPredicates => "derived-predicates",
             Self::ActionCosts => "action-costs",
             Self::NumericFluents => "numeric-fluents",
             Self::ObjectFluents => "object-fluents",
             Self::DurativeActions => "durative-actions",
-            Self::DurationInequalities => "duration-inequalities",
+            Self::DurationInequalities | Self::DurationsAtEnd => "duration-inequalities",
             Self::ContinuousEffects => "continuous-effects",
             Self::TimedInitialLiterals => "timed-initial-literals",
             Self::Preferences => "preferences",
@@ -108,9 +114,11 @@ impl Feature {
         let requirement = requirement.to_ascii_lowercase();
         let Some(requirement) = requirement.strip_prefix(':') else { return false };
         let wider: &[&str] = match self {
-            Self::Typing | Self::Equality | Self::DisjunctivePreconditions | Self::ConditionalEffects => {
-                &["adl", "ucpop"]
-            }
+            Self::Typing
+            | Self::Equality
+            | Self::DisjunctivePreconditions
+            | Self::ConditionalEffects
+            | Self::TimedConditionalEffects => &["adl", "ucpop"],
             Self::NegativePreconditions => &["adl", "ucpop", "true-negation"],
             Self::ExistentialPreconditions | Self::UniversalPreconditions => {
                 &["adl", "ucpop", "quantified-preconditions"]
@@ -129,6 +137,8 @@ impl Feature {
 impl fmt::Display for Feature {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::DurationsAtEnd => f.write_str("durations that are checked at the end of an action"),
+            Self::TimedConditionalEffects => f.write_str("effects under conditions of other moments"),
             Self::ChangingDerivedPredicates => f.write_str("derived predicates over facts that actions change"),
             _ => f.write_str(&self.requirement().replace('-', " ")),
         }

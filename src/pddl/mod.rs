@@ -8,6 +8,7 @@
 mod axiom;
 mod domain;
 mod feature;
+mod happenings;
 mod model;
 mod plan;
 mod problem;
@@ -23,9 +24,12 @@ mod vocabulary;
 
 pub use domain::{Action, Domain, Parameter, Predicate};
 pub use feature::{Feature, Use};
+pub use happenings::Reach;
 pub use plan::{Plan, Step};
 pub use problem::{Object, Problem};
 pub use reachability::{Achiever, Obstacle, Why, why};
 pub use screen::{Doubtful, Screen};
 pub use structure::{Link, Structure};
-pub use validation::{Cause, Event, Failure, Happening, Remedy, Repair, Validation, repair, trace, validate};
+pub use validation::{
+    Cause, Event, Failure, Happening, Remedy, Repair, Validation, repair, repair_rest, trace, validate, validate_rest,
+};

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::types::TypeSet;
-use crate::formats::pddl::ast::{Assigner, Comparator, Moment, Name, Operator};
+use crate::formats::pddl::ast::{Assigner, Comparator, Modal, Moment, Name, Operator};
 
 /// A variable of an action, a rule or a quantifier.
 #[derive(Debug, Clone)]
@@ -69,25 +69,16 @@ pub(super) enum Formula {
     Forall(Quantifier, Box<Formula>),
     Exists(Quantifier, Box<Formula>),
     Timed(Moment, Box<Formula>),
-    Preference(Box<Formula>),
-    /// A trajectory operator, which is not simulated.
-    Modal,
+    /// With its name, which its violations are counted under.
+    Preference(Option<Arc<str>>, Box<Formula>),
+    /// A trajectory operator, its numbers and its conditions.
+    Modal(Modal, Vec<f64>, Vec<Formula>),
 }
 
 impl Formula {
     /// What holds always.
     pub(super) const fn truth() -> Self {
         Self::And(Vec::new())
-    }
-
-    /// Whether a `:constraints` section that says this demands anything of a plan.
-    pub(super) fn is_constraint(&self) -> bool {
-        match self {
-            Self::And(parts) => parts.iter().any(Self::is_constraint),
-            Self::Forall(_, inner) => inner.is_constraint(),
-            Self::Preference(_) => false,
-            _ => true,
-        }
     }
 }
 

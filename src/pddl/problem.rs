@@ -1,5 +1,8 @@
 //! Problems: objects, the initial state, the goal — resolved and checked against a domain.
 
+use std::cmp::Ordering;
+use std::collections::{HashMap, HashSet};
+
 use super::domain::{Domain, check_requirements};
 use super::feature::{Feature, Use, Uses};
 use super::model::{Arg, Fact, Fluent, Formula, Number};
@@ -9,7 +12,7 @@ use super::table::Table;
 use super::vocabulary::{ObjectEntry, add_objects};
 use crate::formats::pddl::ast::{self, Assigner, Atom, Expression, Init, Place, Term};
 use crate::formats::pddl::{Dialect, read_problem};
-use crate::formats::{Diagnostic, Source};
+use crate::formats::{Diagnostic, Source, Span};
 
 /// A problem whose names are all resolved against its domain.
 #[derive(Debug, Clone)]
@@ -23,8 +26,8 @@ pub struct Problem {
     pub(super) start: Start,
     pub(super) goal: Formula,
     pub(super) metric: Option<Number>,
-    /// Whether `:constraints` demands something of every plan.
-    pub(super) is_constrained: bool,
+    /// What `:constraints` demands of every plan.
+    pub(super) constraints: Formula,
     features: Vec<Use>,
     warnings: Vec<Diagnostic>,
 }
@@ -36,6 +39,8 @@ pub(super) struct Start {
     pub(super) values: Vec<(Box<[u32]>, f64)>,
     /// Timed literals: when, whether it becomes true, what.
     pub(super) timed: Vec<(f64, bool, Box<[u32]>)>,
+    /// What is said to be false.
+    denied: Vec<Box<[u32]>>,
 }
 
 /// An object of a problem.
@@ -79,6 +84,7 @@ impl Problem {
         };
         let mut start = Start::default();
         tree.init.iter().for_each(|element| start.add(element, &mut resolver));
+        start.check(&tree.init, resolver.report);
         let goal = match &tree.goal {
             Some(goal) => resolver.condition(goal, false),
             None => {
@@ -87,10 +93,10 @@ impl Problem {
                 Formula::truth()
             }
         };
-        let mut is_constrained = false;
+        let mut trajectories = Formula::truth();
         if let Some(constraints) = &tree.constraints {
             resolver.uses.note(Feature::Constraints, constraints.place.0);
-            is_constrained = resolver.condition(constraints, false).is_constraint();
+            trajectories = resolver.condition(constraints, false);
         }
         let metric = tree.metric.as_ref().map(|metric| {
             let number = resolver.number(&metric.expression);
@@ -104,7 +110,19 @@ impl Problem {
         let constants = domain.constants.items().len();
         let kinds = kind_texts(&objects, domain);
         let source = source.clone();
-        Ok(Self { source, tree, objects, constants, kinds, start, goal, metric, is_constrained, features, warnings })
+        Ok(Self {
+            source,
+            tree,
+            objects,
+            constants,
+            kinds,
+            start,
+            goal,
+            metric,
+            constraints: trajectories,
+            features,
+            warnings,
+        })
     }
 
     /// The times of its timed initial literals, in no order.
@@ -161,6 +179,27 @@ impl Problem {
     }
 }
 
+/// Complains about each element that says another thing of the same subject than one before it, and names the place of that.
+fn contradictions(
+    elements: impl Iterator<Item = (String, String, Span)>,
+    report: &mut Report<'_>,
+    message: impl Fn(&str) -> String,
+) {
+    let mut said: HashMap<String, (String, Span)> = HashMap::new();
+    for (what, value, span) in elements {
+        match said.get(&what.to_lowercase()) {
+            Some((before, first)) if *before != value => {
+                let hint = format!("the other one is at {}", report.position(*first));
+                report.error_with(span, message(&what), hint);
+            }
+            Some(_) => {}
+            None => {
+                said.insert(what.to_lowercase(), (value, span));
+            }
+        }
+    }
+}
+
 fn kind_texts(objects: &Table<ObjectEntry>, domain: &Domain) -> Vec<String> {
     objects.items().iter().map(|entry| domain.vocabulary.types.kind_text(&entry.kind)).collect()
 }
@@ -198,16 +237,54 @@ impl Start {
     fn add(&mut self, element: &Init, resolver: &mut Resolver<'_, '_, '_>) {
         match element {
             Init::Atom(atom) => self.facts.extend(ground_fact(atom, resolver)),
-            Init::Not(atom) => {
-                ground_fact(atom, resolver);
-            }
+            Init::Not(atom) => self.denied.extend(ground_fact(atom, resolver)),
             Init::At(time, becomes, atom) => {
+                if *time < 0.0 {
+                    let message = format!("the time {time} of this literal is before the plan begins, at 0");
+                    resolver.report.error(atom.place.0, message);
+                }
                 resolver.uses.note(Feature::TimedInitialLiterals, atom.place.0);
                 if let Some(fact) = ground_fact(atom, resolver) {
                     self.timed.push((*time, *becomes, fact));
                 }
             }
             Init::Value(target, value) => self.add_value(target, value, resolver),
+        }
+    }
+
+    /// Complains about what contradicts itself: two values of a function, a fact that is there and is not, a timed
+    /// literal that becomes true and false at once.
+    fn check(&self, init: &[Init], report: &mut Report<'_>) {
+        let mut values: HashMap<&[u32], f64> = HashMap::with_capacity(self.values.len());
+        let is_contradictory = self.values.iter().any(|(fluent, value)| {
+            values.insert(fluent, *value).is_some_and(|before| before.partial_cmp(value) != Some(Ordering::Equal))
+        });
+        if is_contradictory {
+            let values = init.iter().filter_map(|element| match element {
+                Init::Value(target, value) => Some((target.to_string(), value.to_string(), target.span())),
+                _ => None,
+            });
+            contradictions(values, report, |what| format!("{what} has another value already"));
+        }
+        let denied: HashSet<&[u32]> = self.denied.iter().map(AsRef::as_ref).collect();
+        if !denied.is_empty() && self.facts.iter().any(|fact| denied.contains(fact.as_ref())) {
+            let facts = init.iter().filter_map(|element| match element {
+                Init::Atom(atom) => Some((atom.to_string(), String::new(), atom.place.0)),
+                Init::Not(atom) => Some((atom.to_string(), "not".to_owned(), atom.place.0)),
+                _ => None,
+            });
+            contradictions(facts, report, |what| format!("{what} is both true and false at the beginning"));
+        }
+        let mut timed: HashMap<(&[u32], u64), bool> = HashMap::with_capacity(self.timed.len());
+        let is_contradictory = self.timed.iter().any(|(time, becomes, fact)| {
+            timed.insert((fact, time.to_bits()), *becomes).is_some_and(|before| before != *becomes)
+        });
+        if is_contradictory {
+            let literals = init.iter().filter_map(|element| match element {
+                Init::At(time, becomes, atom) => Some((format!("{atom} at {time}"), becomes.to_string(), atom.place.0)),
+                _ => None,
+            });
+            contradictions(literals, report, |what| format!("{what} becomes both true and false"));
         }
     }
 

@@ -5,6 +5,9 @@
 //! that it names. The answer is that nothing is wrong or odd, or that this is doubtful: then the problem has to be read as a
 //! whole, by [`Problem::read`], which knows what to say.
 
+use std::collections::HashSet;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
 use super::domain::Domain;
 use super::problem::Problem;
 use super::table::Table;
@@ -41,6 +44,10 @@ pub struct Screen {
     element: String,
     /// Elements that are not plain.
     odd: String,
+    /// The hashes of functions that have values, and the predicates of facts and of denials: two of one may contradict each other.
+    valued: HashSet<u64>,
+    stated: HashSet<u32>,
+    denied: HashSet<u32>,
     /// What is neither in `:objects` nor in `:init`.
     rest: String,
 }
@@ -83,6 +90,9 @@ impl Screen {
             has_init: false,
             element: String::new(),
             odd: String::new(),
+            valued: HashSet::new(),
+            stated: HashSet::new(),
+            denied: HashSet::new(),
             rest: String::new(),
         }
     }
@@ -134,6 +144,9 @@ impl Screen {
     /// Where it is not certain that nothing is wrong or odd.
     pub fn finish(mut self, domain: &Domain, dialect: Dialect) -> Result {
         self.end_word()?;
+        if !self.denied.is_disjoint(&self.stated) {
+            return Err(Doubtful);
+        }
         let text = self.remaining().ok_or(Doubtful)?;
         match Problem::read(&Source::new("problem", text), domain, dialect) {
             Ok(problem) if problem.warnings().is_empty() => Ok(()),
@@ -280,6 +293,25 @@ impl Screen {
             Some(value) => self.is_value(value),
             None => false,
         };
+        match inner.strip_prefix("= ( ") {
+            Some(value) => {
+                let call = value.split(')').next().unwrap_or_default().to_ascii_lowercase();
+                let mut hasher = DefaultHasher::new();
+                call.hash(&mut hasher);
+                // Another value, or by chance another function.
+                if !self.valued.insert(hasher.finish()) {
+                    return Err(Doubtful);
+                }
+            }
+            None => {
+                let (head, is_denied) = match inner.strip_prefix("not ( ") {
+                    Some(rest) => (rest, true),
+                    None => (inner, false),
+                };
+                let number = self.vocabulary.predicates.find(head.split(' ').next().unwrap_or_default());
+                if is_denied { &mut self.denied } else { &mut self.stated }.extend(number);
+            }
+        }
         if !is_checked {
             self.odd.push_str("( ");
             self.odd.push_str(&text);
@@ -405,7 +437,7 @@ mod tests {
         for (objects, init, goal) in [
             ("a b - box r - room", "(in a r) (in B hall) (open)", "(in a hall)"),
             ("a b", "", "(open)"),
-            ("c - crate ; why not\n R - room", "(in c r) (= (weight c) 3.5) (= (weight c) -2)", "(and (in C R))"),
+            ("c d - crate ; why not\n R - room", "(in c r) (= (weight c) 3.5) (= (weight d) -2)", "(and (in C R))"),
             ("a - box", "(not (in a hall)) (= (weight a) (- 1))", "(forall (?b - box) (in ?b hall))"),
         ] {
             let problem = problem(objects, init, goal);
@@ -421,6 +453,8 @@ mod tests {
     fn what_is_wrong_or_odd_does_not_pass() {
         for (objects, init, goal) in [
             ("a - box", "(in b hall)", "(open)"),
+            ("a - box", "(in a hall) (not (in a hall))", "(open)"),
+            ("a - box", "(= (weight a) 1) (= (weight A) 2)", "(open)"),
             ("a - box", "(in a)", "(open)"),
             ("a - box", "(in a hall hall)", "(open)"),
             ("a - box", "(in hall a)", "(open)"),

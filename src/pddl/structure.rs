@@ -12,6 +12,7 @@ use super::Step;
 use super::domain::Domain;
 use super::model::{Arg, Change, Fact, Formula};
 use super::table::Named as _;
+use crate::formats::pddl::ast::Moment;
 
 /// A fact that one step makes true and another needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,14 +34,23 @@ pub struct Structure {
     pub order: Vec<(usize, usize)>,
 }
 
-/// What a ground step needs and does.
+/// What a ground step needs and does, as a whole or at its start or end.
 #[derive(Default)]
-struct Ground {
+pub(super) struct Ground {
     needs: Vec<Key>,
     adds: Vec<Key>,
     deletes: Vec<Key>,
     /// Whether it says more than facts in conjunctions.
     is_opaque: bool,
+    /// When, where it is not the whole step.
+    moment: Option<Moment>,
+}
+
+impl Ground {
+    /// Whether what an action has at a time is of this part of the step.
+    fn is_at(&self, time: Moment) -> bool {
+        self.moment.is_none_or(|moment| time == moment || time == Moment::All)
+    }
 }
 
 /// A ground literal: its predicate, its arguments in small letters, and whether the fact holds.
@@ -71,20 +81,9 @@ impl<'a> Known<'a> {
 }
 
 impl Structure {
-    /// Whether a step has to wait for an earlier one, directly or through others; both count from 0.
-    #[must_use]
-    pub fn depends(&self, step: usize, earlier: usize) -> bool {
-        let mut reached = vec![earlier];
-        let mut next = 0;
-        while let Some(from) = reached.get(next).copied() {
-            next += 1;
-            for (_, to) in self.order.iter().filter(|(before, _)| *before == from) {
-                if !reached.contains(to) {
-                    reached.push(*to);
-                }
-            }
-        }
-        step != earlier && reached.contains(&step)
+    /// Which of these has to be before which, without what follows from others.
+    pub(super) fn order_of(ground: &[Ground]) -> Vec<(usize, usize)> {
+        reduced(&linked(ground).1)
     }
 }
 
@@ -92,27 +91,19 @@ impl Domain {
     /// The structure of a plan, as far as this domain knows its actions.
     #[must_use]
     pub fn structure(&self, steps: &[Step]) -> Structure {
-        let ground: Vec<Ground> = steps.iter().map(|step| self.ground(step)).collect();
-        let mut structure = Structure::default();
-        let (mut known, mut before) = (Known::default(), vec![Steps::new(ground.len()); ground.len()]);
-        for (to, step) in ground.iter().enumerate() {
-            for need in &step.needs {
-                if let Some(from) = known.adds.get(need).and_then(|steps| steps.last()).copied() {
-                    structure.links.push(Link { from, to, fact: self.fact_text(need) });
-                    before[from].insert(to);
-                }
-            }
-            known.undone(step).for_each(|from| before[from].insert(to));
-            let all = if step.is_opaque { 0..to } else { 0..0 };
-            all.chain(known.opaque.iter().copied()).for_each(|from| before[from].insert(to));
-            known.insert(to, step);
-        }
-        structure.order = reduced(&before);
-        structure
+        let ground: Vec<Ground> = steps.iter().map(|step| self.ground(step, None)).collect();
+        let (links, before) = linked(&ground);
+        let constants = self.constants.items().iter().map(|entry| entry.name().as_str());
+        let arguments = steps.iter().flat_map(|step| step.arguments.iter().map(String::as_str));
+        let spelled: HashMap<String, &str> =
+            constants.chain(arguments).map(|name| (name.to_lowercase(), name)).collect();
+        let link = |(from, to, need): (usize, usize, &Key)| Link { from, to, fact: self.fact_text(need, &spelled) };
+        Structure { links: links.into_iter().map(link).collect(), order: reduced(&before) }
     }
 
-    fn ground(&self, step: &Step) -> Ground {
-        let mut ground = Ground::default();
+    /// What a step needs and does at its start or end, or as a whole.
+    pub(super) fn ground(&self, step: &Step, moment: Option<Moment>) -> Ground {
+        let mut ground = Ground { moment, ..Ground::default() };
         let Some(action) = self.action(&step.action) else { return Ground { is_opaque: true, ..ground } };
         self.needs(&action.body.condition, step, &mut ground);
         self.effects(&action.body.effect, step, &mut ground);
@@ -128,8 +119,9 @@ impl Domain {
                 }
             }
             Formula::And(parts) => parts.iter().for_each(|part| self.needs(part, step, ground)),
-            Formula::Timed(_, inner) => self.needs(inner, step, ground),
-            Formula::Same(..) | Formula::Compare(..) | Formula::Preference(_) => {}
+            Formula::Timed(time, inner) if ground.is_at(*time) => self.needs(inner, step, ground),
+            Formula::Timed(..) => {}
+            Formula::Same(..) | Formula::Compare(..) | Formula::Preference(..) => {}
             Formula::Not(inner) if matches!(**inner, Formula::Same(..)) => {}
             _ => ground.is_opaque = true,
         }
@@ -143,7 +135,8 @@ impl Domain {
                 ground.deletes.extend(self.key(fact, step, !holds));
             }
             Change::And(parts) => parts.iter().for_each(|part| self.effects(part, step, ground)),
-            Change::Timed(_, inner) => self.effects(inner, step, ground),
+            Change::Timed(time, inner) if ground.is_at(*time) => self.effects(inner, step, ground),
+            Change::Timed(..) => {}
             Change::Forall(..) | Change::When(..) => ground.is_opaque = true,
             Change::Assign(..) | Change::AssignObject => {}
         }
@@ -158,12 +151,33 @@ impl Domain {
         Some((fact.predicate, fact.arguments.iter().map(argument).collect::<Option<_>>()?, holds))
     }
 
-    fn fact_text(&self, (predicate, arguments, holds): &Key) -> String {
+    /// A literal as PDDL, with the names as the plan spells them.
+    fn fact_text(&self, (predicate, arguments, holds): &Key, spelled: &HashMap<String, &str>) -> String {
         let name = self.vocabulary.predicates.get(*predicate).map_or("", |entry| entry.name().as_str());
-        let words: Vec<&str> = std::iter::once(name).chain(arguments.iter().map(String::as_str)).collect();
+        let arguments = arguments.iter().map(|name| spelled.get(name).copied().unwrap_or(name.as_str()));
+        let words: Vec<&str> = std::iter::once(name).chain(arguments).collect();
         let fact = format!("({})", words.join(" "));
         if *holds { fact } else { format!("(not {fact})") }
     }
+}
+
+/// The causal links, and behind each step those that have to wait for it.
+fn linked(ground: &[Ground]) -> (Vec<(usize, usize, &Key)>, Vec<Steps>) {
+    let (mut links, mut known) = (Vec::new(), Known::default());
+    let mut before = vec![Steps::new(ground.len()); ground.len()];
+    for (to, step) in ground.iter().enumerate() {
+        for need in &step.needs {
+            if let Some(from) = known.adds.get(need).and_then(|steps| steps.last()).copied() {
+                links.push((from, to, need));
+                before[from].insert(to);
+            }
+        }
+        known.undone(step).for_each(|from| before[from].insert(to));
+        let all = if step.is_opaque { 0..to } else { 0..0 };
+        all.chain(known.opaque.iter().copied()).for_each(|from| before[from].insert(to));
+        known.insert(to, step);
+    }
+    (links, before)
 }
 
 /// A set of steps, a bit each.

@@ -356,3 +356,30 @@ fn a_plan_reads_alike_from_a_file_and_from_a_planner() {
         assert_eq!(ran.code == 0, read.code == 0, "{text}\n{read}\n{ran}");
     }
 }
+
+#[test]
+fn a_plan_in_the_place_of_a_problem_is_said_to_be_no_problem() {
+    let lab = Lab::new();
+    lab.write("d.pddl", "(define (domain d) (:predicates (a)))");
+    lab.write("p.plan", "(go hall)\n(take cup)\n");
+    let run = lab.rmem(&["validate", "d.pddl", "p.plan"]).exits(3);
+    assert!(run.stderr.contains("p.plan:1:2: expected `(define`, found `go`"), "{run}");
+}
+
+#[test]
+fn a_cost_in_a_plan_file_that_is_not_the_true_one_is_said() {
+    let lab = Lab::new();
+    lab.write("p.pddl", &problem(&lab));
+    let domain = "domains/blocksworld/domain.pddl";
+    let plan = lab.rmem(&["plan", "-d", domain, "-p", "p.pddl", "--no-store"]).success();
+    let steps: String = plan.lines().filter(|line| line.starts_with('(')).map(|line| format!("{line}\n")).collect();
+    lab.write("plan", &format!("{steps}; cost = 4 (unit cost)\n"));
+    let said = lab.rmem(&["validate", domain, "p.pddl", "plan"]).success();
+    assert_eq!(said, "the plan is valid, value 5\n  the file says that its cost is 4\n");
+    // Metric-FF's last step is no action.
+    let numbered: String =
+        (0..).zip(steps.lines()).map(|(at, step)| format!("{at}: {}\n", step.trim_matches(['(', ')']))).collect();
+    let printed = format!("ff: found legal plan as follows\n\nstep {numbered}5: REACH-GOAL\n\ntime spent: 0.00\n");
+    lab.write("plan", &printed);
+    assert_eq!(lab.rmem(&["validate", domain, "p.pddl", "plan"]).success(), "the plan is valid, value 5\n");
+}

@@ -198,3 +198,43 @@ fn the_start_of_an_action_may_give_what_its_end_needs() {
     assert_eq!(unreachable("(at start (moving))", "(at start (moving))", "(moving)")[0], "(moving)");
     assert_eq!(unreachable("(at end (moving))", "(at end (moving))", "(there)"), ["(there)", "(moving)"]);
 }
+
+/// A number that has no value keeps an action from being applied, in a condition or as its duration.
+#[test]
+fn numbers_without_a_value_are_named() {
+    let body = |duration: &str, condition: &str| {
+        format!(
+            "(:predicates (there)) (:functions (speed) (way) (far))
+            (:action jump :parameters () :precondition (> (far) 0) :effect (and))
+            (:durative-action go :parameters () :duration {duration} :condition (and {condition})
+              :effect (at end (there)))"
+        )
+    };
+    let go = |duration: &str, condition: &str| {
+        let why = small("", &body(duration, condition), "", "(= (speed) 0) (= (way) 5)", "(there)");
+        if why.goals == 0 { Vec::new() } else { missing(&why, 0) }
+    };
+    let needs = |text: &str| vec![("(go)".to_owned(), text.to_owned())];
+    assert_eq!(go("(= ?duration (/ (way) (speed)))", ""), needs("(= ?duration (/ (way) (speed))): a division by zero"));
+    assert_eq!(go("(= ?duration (far))", ""), needs("(= ?duration (far)): (far) has no value"));
+    assert_eq!(go("(= ?duration 1)", "(at start (> (far) 0))"), needs("(> (far) 0): (far) has no value"));
+    assert_eq!(go("(= ?duration (way))", ""), []);
+}
+
+/// Between a start and an end at one moment nothing has to hold.
+#[test]
+fn what_takes_no_time_needs_nothing_over_all() {
+    let goals = |duration: &str, length: &str| {
+        let body = format!(
+            "(:predicates (there) (lit)) (:functions (length))
+            (:durative-action go :parameters () :duration {duration} :condition (over all (lit))
+              :effect (at end (there)))"
+        );
+        small("", &body, "", &format!("(= (length) {length})"), "(there)").goals
+    };
+    assert_eq!(goals("(= ?duration 0)", "1"), 0);
+    assert_eq!(goals("(<= ?duration 5)", "1"), 0);
+    assert_eq!(goals("(= ?duration (length))", "0"), 0);
+    assert_eq!(goals("(= ?duration (length))", "1"), 1);
+    assert_eq!(goals("(and (>= ?duration 1) (<= ?duration 5))", "1"), 1);
+}

@@ -104,18 +104,19 @@ fn a_wrong_number_of_arguments_is_said_where_val_crashes() {
 fn a_temporal_plan_is_judged_as_val_does() {
     let (domain, problem) = task("tasks/durdom.pddl", "tasks/durp.pddl");
     let check = |text: &str| validate(&domain, &problem, &plan(text)).to_string();
-    assert_eq!(check("0: (go a b) [5]\n5.001: (go b c) [5]"), "the plan is valid, value 2");
+    assert_eq!(check("0: (go a b) [5]\n5.001: (go b c) [5]"), "the plan is valid, value 10.001");
     assert_eq!(
         check("0: (go a b) [5]\n4.9: (go b c) [5]"),
         "the plan is invalid: step 2: (go b c) is not applicable: (at b) is false"
     );
     assert_eq!(
         check("0: (go a b) [4]\n5.001: (go b c) [5]"),
-        "the plan is invalid: step 1: (go a b) is not applicable: (= ?duration 5) is false"
+        "the plan is invalid: step 1: the duration of (go a b) is 4, it must be 5"
     );
     assert_eq!(
         check("0: (go a b) [5]\n5: (go b c) [5]"),
-        "the plan is invalid: step 2: (go b c) is not applicable: (at b) is false"
+        "the plan is invalid: step 2: (go b c) is not applicable: (at b) is false; the end of step 1, (go a b), makes it \
+         true at this very moment, and what needs it has to start later, if only by 0.001"
     );
     assert_eq!(check("0: (go a b) [5]"), "the plan is invalid: the goal is not reached: (at c) is false");
     assert_eq!(
@@ -208,9 +209,11 @@ fn derived_predicates_follow_the_facts() {
         check("(lonely b)", "(lift b c)"),
         "the plan is invalid: step 1: (lift b c) is not applicable: (clear b) is false"
     );
-    let paradox = "(define (domain d) (:predicates (p)) (:derived (p) (not (p))))";
-    let verdict = verdict(paradox, "(define (problem t) (:domain d) (:goal (p)))", "");
-    assert!(matches!(verdict, Validation::Unchecked(_)), "{verdict}");
+    for paradox in ["(:derived (p) (not (p)))", "(:derived (p) (not (q))) (:derived (q) (p))"] {
+        let text = format!("(define (domain d) (:requirements :derived-predicates) (:predicates (p) (q)) {paradox})");
+        let said = complaints(Domain::read(&Source::new("d", text), Dialect::default()));
+        assert!(said.contains("`p` depends on its own negation"), "{said}");
+    }
 }
 
 #[test]
@@ -243,7 +246,10 @@ fn what_is_not_simulated_is_neither_valid_nor_invalid() {
         assert!(matches!(verdict, Validation::Unchecked(_)), "{verdict}");
     };
     let plain = "(define (domain d) (:predicates (p)) (:action a :effect (p)))";
-    unjudged(plain, "(define (problem t) (:domain d) (:goal (p)) (:constraints (always (p))))", "(a)");
+    let nested = "(define (problem t) (:domain d) (:goal (p)) (:constraints (always (sometime (p)))))";
+    unjudged(plain, nested, "(a)");
+    // What can be simulated is.
+    assert_eq!(printed(plain, nested, ""), "the plan is invalid: the goal is not reached: (p) is false");
     let fluents = "(define (domain d) (:types t) (:predicates (p)) (:functions (f) - t)
         (:action a :precondition (= (f) (f)) :effect (p)))";
     unjudged(fluents, "(define (problem t) (:domain d) (:goal (p)))", "(a)");
@@ -257,11 +263,11 @@ fn preferences_never_make_a_plan_invalid() {
     let plain = "(define (domain d) (:predicates (p) (q)) (:action a :effect (p)))";
     let goal = "(define (problem t) (:domain d) (:goal (and (p) (preference x (q))))
         (:constraints (preference y (always (q)))) (:metric minimize (is-violated x)))";
-    assert_eq!(verdict(plain, goal, "(a)"), Validation::Valid { value: None });
+    assert_eq!(verdict(plain, goal, "(a)"), Validation::Valid { value: Some(1.0) });
     // A precondition may have one as well, and the metric counts how often the plan goes against it.
     let inner = "(define (domain d) (:predicates (p) (q)) (:action a :precondition (preference z (q)) :effect (p)))";
     let goal = "(define (problem t) (:domain d) (:goal (p)) (:metric minimize (is-violated z)))";
-    assert_eq!(verdict(inner, goal, "(a)"), Validation::Valid { value: None });
+    assert_eq!(verdict(inner, goal, "(a)\n(a)"), Validation::Valid { value: Some(2.0) });
 }
 
 const TEMPORAL: &str = "(define (domain d) (:requirements :durative-actions)
@@ -278,7 +284,7 @@ fn durative_actions_keep_their_conditions_and_literals_come_in_time() {
     let task = "(define (problem t) (:domain d) (:init (= (n) 0) (at 1 (open)) (at 9 (not (open)))) (:goal (done))
         (:metric minimize (+ (n) (total-time))))";
     let check = |steps: &str| printed(TEMPORAL, task, steps);
-    assert_eq!(check("0: (light) [3]\n0.001: (work) [2.5]"), "the plan is valid, value 11.5");
+    assert_eq!(check("0: (light) [3]\n0.001: (work) [2.5]"), "the plan is valid, value 5.5");
     assert_eq!(
         check("0: (light) [3]\n0.001: (work) [3.5]"),
         "the plan is invalid: step 2: (work) is not applicable: (lit) is false"
@@ -297,7 +303,7 @@ fn durative_actions_keep_their_conditions_and_literals_come_in_time() {
     );
     assert_eq!(
         check("0: (light) [3]\n3: (switch)\n3.001: (light) [3]\n3.002: (work) [2]"),
-        "the plan is valid, value 11"
+        "the plan is valid, value 8.001"
     );
     assert_eq!(
         check("0: (light) [3]\n0: (switch)"),
@@ -305,7 +311,7 @@ fn durative_actions_keep_their_conditions_and_literals_come_in_time() {
     );
     assert_eq!(
         check("0: (light) [3]\n0.001: (work) [5]"),
-        "the plan is invalid: step 2: (work) is not applicable: (<= ?duration 4) is false"
+        "the plan is invalid: step 2: the duration of (work) is 5, it must be at most 4"
     );
 }
 
@@ -594,4 +600,298 @@ fn depth_that_is_read_is_also_judged() {
     let text = format!("(define (domain d) (:predicates (p) (q)) (:derived (q) {rule}))");
     let task = "(define (problem p) (:domain d) (:objects o) (:init (p)) (:goal (q)))";
     assert!(verdict(&text, task, "").is_valid());
+}
+
+#[test]
+fn what_divides_by_zero_in_every_state_is_refused_at_its_place() {
+    let refused = |condition: &str, effect: &str| {
+        let text = format!(
+            "(define (domain d) (:requirements :fluents) (:predicates (done)) (:functions (f))
+            (:action a :parameters () :precondition {condition} :effect (and (done) {effect})))"
+        );
+        Domain::read(&Source::new("d.pddl", text), Dialect::default())
+            .map(drop)
+            .map_err(|errors| errors.first().map(ToString::to_string).unwrap_or_default())
+    };
+    for (condition, effect, place) in [
+        ("(> (/ (f) 0) 1)", "", "d.pddl:2:63: a division by zero"),
+        ("(> (/ (f) (- 2 2)) 1)", "", "d.pddl:2:63: a division by zero"),
+        ("()", "(scale-down (f) 0)", "d.pddl:2:92: a division by zero"),
+    ] {
+        let error = refused(condition, effect).unwrap_err();
+        assert!(error.contains(place), "{error}");
+    }
+    assert_eq!(refused("(> (/ 0 (f)) 1)", "(increase (f) (/ 1 2))"), Ok(()));
+}
+
+#[test]
+fn nothing_exists_of_a_type_without_objects() {
+    let domain = |rule: &str| {
+        format!(
+            "(define (domain d) (:requirements :adl :derived-predicates) (:types t) (:predicates (p) (q))
+            (:derived (q) {rule}) (:action a :effect (p)))"
+        )
+    };
+    let problem = "(define (problem t) (:domain d) (:init) (:goal (not (q))))";
+    assert_eq!(printed(&domain("(exists (?x - t) (p))"), problem, "(a)"), "the plan is valid, value 1");
+    assert_eq!(printed(&domain("(or (exists (?x - t) (p)) (not (p)))"), problem, "(a)"), "the plan is valid, value 1");
+    let all = printed(&domain("(forall (?x - t) (not (p)))"), problem, "(a)");
+    assert!(all.ends_with("(not (q)) is false"), "{all}");
+}
+
+const SEEN: &str = "(define (domain d) (:requirements :durative-actions :constraints :conditional-effects)
+    (:types t) (:predicates (p ?o - t) (q ?o - t) (r ?o - t))
+    (:durative-action mk :parameters (?o - t) :duration (>= ?duration 0.01) :effect (at end (p ?o)))
+    (:action ip :parameters (?o - t) :effect (p ?o)) (:action iq :parameters (?o - t) :effect (q ?o))
+    (:action dp :parameters (?o - t) :effect (not (p ?o))))";
+
+/// The verdict on a plan for a task with a trajectory constraint.
+fn constrained(constraint: &str, steps: &str) -> String {
+    let start = "(define (problem t) (:domain d) (:objects a b - t) (:init) (:goal (and))";
+    printed(SEEN, &format!("{start} (:constraints {constraint}))"), steps)
+}
+
+#[test]
+fn trajectory_constraints_are_those_of_pddl_3() {
+    for (constraint, good, bad) in [
+        ("(always (not (p a)))", "(ip b)", "(ip a)\n(dp a)"),
+        ("(sometime (p a))", "(ip a)\n(dp a)", "(ip b)"),
+        ("(at end (not (p a)))", "(ip a)\n(dp a)", "(ip a)"),
+        ("(at-most-once (p a))", "(ip a)\n(ip a)\n(dp a)", "(ip a)\n(dp a)\n(ip a)"),
+        ("(sometime-before (p a) (q a))", "(iq a)\n(ip a)", "(ip a)\n(iq a)"),
+        ("(sometime-before (p a) (q a))", "1: (iq a)\n2: (ip a)", "1: (iq a)\n1: (ip a)"),
+        ("(sometime-after (p a) (q a))", "(ip a)\n(iq a)", "(ip a)"),
+        ("(sometime-after (p a) (q a))", "(iq a)\n(ip a)", "(ip a)\n(iq b)"),
+        ("(within 3 (p a))", "0: (mk a) [3]", "0: (mk a) [3.5]"),
+        ("(hold-during 2 4 (p a))", "1: (ip a)\n5: (dp a)", "2.5: (ip a)\n5: (dp a)"),
+        ("(hold-during 2 4 (p a))", "1: (ip a)\n4: (dp a)", "1: (ip a)\n3: (dp a)\n3.5: (ip a)"),
+        ("(hold-after 4 (p a))", "1: (ip a)\n5: (iq a)", "1: (ip a)\n5: (dp a)"),
+        ("(hold-after 4 (p a))", "1: (ip a)", "5: (ip a)"),
+        ("(always-within 2 (p a) (q a))", "1: (ip a)\n3: (iq a)", "1: (ip a)\n3.5: (iq a)"),
+        ("(forall (?o - t) (always (not (p ?o))))", "(iq b)", "(ip b)"),
+        ("(and (sometime (p a)) (sometime (p b)))", "(ip a)\n(ip b)", "(ip a)"),
+    ] {
+        let said = constrained(constraint, good);
+        assert!(said.starts_with("the plan is valid"), "{constraint} {good}: {said}");
+        let said = constrained(constraint, bad);
+        assert!(said.contains("the constraint (") && said.contains("is not satisfied"), "{constraint} {bad}: {said}");
+    }
+    assert_eq!(
+        constrained("(forall (?o - t) (always (not (p ?o))))", "(iq a)\n(ip b)"),
+        "the plan is invalid: step 2: the constraint (always (not (p b))) is not satisfied"
+    );
+}
+
+#[test]
+fn violated_preferences_count_in_the_metric() {
+    let value = |rest: &str, steps: &str| {
+        let start = "(define (problem t) (:domain d) (:objects a b - t) (:init)";
+        match verdict(SEEN, &format!("{start} {rest})"), steps) {
+            Validation::Valid { value } => value,
+            other => panic!("{other}"),
+        }
+    };
+    let goal = "(:goal (and (p a) (preference g1 (q a)) (preference G2 (q b))))
+        (:metric minimize (+ (* 10 (is-violated g1)) (* 3 (is-violated g2))))";
+    assert_eq!(value(goal, "(ip a)\n(iq a)"), Some(3.0));
+    let all = "(:goal (forall (?o - t) (preference each (q ?o)))) (:metric minimize (is-violated each))";
+    assert_eq!((value(all, ""), value(all, "(iq a)")), (Some(2.0), Some(1.0)));
+    let soft = "(:goal (and)) (:constraints (and (preference c (and (sometime (p a)) (sometime (p b))))
+        (forall (?o - t) (preference d (always (not (p ?o))))))) (:metric minimize (+ (* 10 (is-violated c)) (is-violated d)))";
+    assert_eq!(
+        (value(soft, ""), value(soft, "(ip a)"), value(soft, "(ip a)\n(ip b)")),
+        (Some(10.0), Some(11.0), Some(2.0))
+    );
+}
+
+const CLOCKED: &str = "(define (domain d) (:requirements :durative-actions :duration-inequalities :numeric-fluents
+    :conditional-effects :derived-predicates :timed-initial-literals) (:types t)
+    (:predicates (p) (q) (g) (np) (on ?o - t) (some)) (:functions (x))
+    (:derived (np) (not (p))) (:derived (some) (exists (?o - t) (on ?o)))
+    (:durative-action dend :parameters () :duration (at end (<= ?duration (x))) :effect (at end (g)))
+    (:durative-action dx :parameters () :duration (= ?duration (x)) :effect (at end (g)))
+    (:durative-action course :parameters () :duration (= ?duration 4)
+      :effect (when (and (at start (p)) (over all (q)) (at end (p))) (at end (g))))
+    (:durative-action wrapped :parameters () :duration (= ?duration 4)
+      :effect (at start (when (p) (g))))
+    (:durative-action late :parameters () :duration (= ?duration 4) :effect (at end (when (at start (p)) (g))))
+    (:durative-action start :parameters () :duration (= ?duration 4) :effect (when (at start (p)) (at start (g))))
+    (:action ip :parameters () :effect (p)) (:action dp :parameters () :effect (not (p)))
+    (:action iq :parameters () :effect (q)) (:action dq :parameters () :effect (not (q)))
+    (:action gnp :parameters () :precondition (np) :effect (g))
+    (:action gsome :parameters () :precondition (some) :effect (g))
+    (:action put :parameters (?o - t) :effect (on ?o))
+    (:action set :parameters (?o - t) :effect (assign (x) 5)) (:action more :parameters () :effect (increase (x) 1))
+    (:action up :parameters () :effect (scale-up (x) 2)) (:action down :parameters () :effect (scale-down (x) 2))
+    (:action scales :parameters () :effect (and (scale-up (x) 2) (scale-down (x) 2)))
+    (:action tenth :parameters () :effect (increase (x) 0.1)))";
+
+/// The verdict on a plan whose task begins with these facts beside (x) = 3.
+fn clocked(init: &str, goal: &str, steps: &str) -> String {
+    let start = "(define (problem t) (:domain d) (:objects a b - t) (:init (= (x) 3)";
+    printed(CLOCKED, &format!("{start} {init}) (:goal {goal}))"), steps)
+}
+
+#[test]
+fn durations_are_checked_at_the_moment_that_they_name() {
+    assert_eq!(clocked("", "(g)", "0: (dend) [3]"), "the plan is valid, value 3");
+    assert_eq!(
+        clocked("", "(g)", "0: (dend) [4]"),
+        "the plan is invalid: step 1: the duration of (dend) is 4, it must be at most 3"
+    );
+    assert_eq!(clocked("", "(g)", "0: (dend) [4]\n1: (more)"), "the plan is valid, value 4");
+}
+
+#[test]
+fn a_conditional_effect_may_look_at_other_moments_than_its_own() {
+    let valid = "the plan is valid, value 4";
+    let missed = "the plan is invalid: the goal is not reached: (g) is false";
+    assert_eq!(clocked("(p)", "(g)", "0: (start) [4]"), valid);
+    assert_eq!(clocked("", "(g)", "0: (start) [4]\n1: (ip)"), missed);
+    assert_eq!(clocked("(p)", "(g)", "0: (wrapped) [4]\n1: (dp)"), valid);
+    assert_eq!(clocked("", "(g)", "0: (wrapped) [4]\n1: (ip)"), missed);
+    assert_eq!(clocked("(p)", "(g)", "0: (late) [4]\n1: (dp)"), valid);
+    assert_eq!(clocked("", "(g)", "0: (late) [4]\n1: (ip)"), missed);
+    assert_eq!(clocked("(p) (q)", "(g)", "0: (course) [4]\n1: (dp)\n2: (ip)"), valid);
+    assert_eq!(clocked("(q)", "(g)", "0: (course) [4]\n1: (ip)"), missed);
+    assert_eq!(clocked("(p) (q)", "(g)", "0: (course) [4]\n1: (dq)\n2: (iq)"), missed);
+    assert_eq!(clocked("(p) (q)", "(g)", "0: (course) [4]\n1: (dp)"), missed);
+}
+
+#[test]
+fn what_happens_at_one_moment_must_not_interfere() {
+    let wrong = |init: &str, steps: &str| {
+        let said = clocked(init, "(and)", steps);
+        assert!(said.contains("cannot happen at the same time as"), "{steps}: {said}");
+    };
+    // A derived predicate is read with what it is derived from.
+    wrong("", "1: (gnp)\n1: (ip)");
+    wrong("(on a)", "1: (gsome)\n1: (put b)");
+    assert_eq!(clocked("", "(g)", "1: (gnp)\n1: (iq)"), "the plan is valid, value 1");
+    // The start reads what the duration is compared with.
+    wrong("", "0: (dx) [3]\n0: (set a)");
+    // Only increases and decreases go together.
+    wrong("", "1: (set a)\n1: (set b)");
+    wrong("", "1: (up)\n1: (down)");
+    wrong("", "1: (up)\n1: (more)");
+    assert_eq!(clocked("", "(= (x) 5)", "1: (more)\n1: (more)"), "the plan is valid, value 1");
+    let both = clocked("", "(and)", "(scales)");
+    assert_eq!(both, "the plan is invalid: step 1: (scales) is not applicable: (x) is changed in two ways at once");
+}
+
+#[test]
+fn a_comparison_and_its_negation_never_both_hold() {
+    let steps = "(tenth)\n(tenth)\n(tenth)";
+    for (holds, others) in [("=", ["<", ">"]), ("<=", [">", "<"]), (">=", ["<", ">"])] {
+        assert_eq!(clocked("", &format!("({holds} (x) 3.3)"), steps), "the plan is valid, value 3");
+        for other in others {
+            let said = clocked("", &format!("({other} (x) 3.3)"), steps);
+            assert!(said.starts_with("the plan is invalid"), "{other}: {said}");
+        }
+    }
+}
+
+#[test]
+fn the_time_of_a_plan_ends_with_its_last_action() {
+    let task =
+        "(define (problem t) (:domain d) (:init (= (x) 3) (at 9 (q))) (:goal (g)) (:metric minimize (total-time)))";
+    assert_eq!(printed(CLOCKED, task, "0: (dx) [3]"), "the plan is valid, value 3");
+}
+
+#[test]
+fn a_beginning_that_contradicts_itself_is_an_error() {
+    let domain = domain(CLOCKED);
+    for (init, said) in [
+        ("(= (x) 1) (p) (= (x) 2)", "p.pddl:1:57: (x) has another value already"),
+        ("(p) (not (p))", "(p) is both true and false at the beginning"),
+        ("(at -1 (p))", "the time -1 of this literal is before the plan begins, at 0"),
+        ("(at 5 (p)) (at 5 (not (p)))", "(p) at 5 becomes both true and false"),
+    ] {
+        let text = format!("(define (problem t) (:domain d) (:init {init}) (:goal (g)))");
+        let complaints = complaints(Problem::read(&Source::new("p.pddl", text), &domain, Dialect::default()));
+        assert!(complaints.contains(said), "{complaints}");
+    }
+    let twice = "(define (problem t) (:domain d) (:init (= (x) 1) (= (x) 1) (p) (p) (not (q)) (at 5 (p)) (at 6 (not (p)))) (:goal (g)))";
+    problem(&domain, twice);
+}
+
+/// A robot with a battery that drives, and loads while it stands at a door that is open.
+const DRIVER: &str = "(define (domain d) (:requirements :typing :fluents :durative-actions) (:types r p)
+  (:predicates (at ?r - r ?p - p) (road ?a ?b - p) (open ?p - p) (full ?r - r)) (:functions (battery ?r - r))
+  (:durative-action drive :parameters (?r - r ?a ?b - p) :duration (= ?duration 4)
+    :condition (and (at start (at ?r ?a)) (at start (>= (battery ?r) 4)) (over all (road ?a ?b)))
+    :effect (and (at start (not (at ?r ?a))) (at start (decrease (battery ?r) 4)) (at end (at ?r ?b))))
+  (:durative-action load :parameters (?r - r ?p - p) :duration (= ?duration 1)
+    :condition (and (over all (at ?r ?p)) (at start (>= (battery ?r) 1)) (at end (open ?p))) :effect (at end (full ?r))))";
+
+#[test]
+fn a_running_step_needs_what_comes_after_its_start() {
+    let domain = domain(DRIVER);
+    let steps = plan("0: (drive r1 a b) [4]\n4.1: (load r1 b) [1]");
+    let verdict = |init: &str, running: &[usize]| {
+        let text =
+            format!("(define (problem p) (:domain d) (:objects r1 - r a b - p) (:init {init}) (:goal (full r1)))");
+        rmem::pddl::validate_rest(&domain, &problem(&domain, &text), &steps, running).to_string()
+    };
+    let begun = "(= (battery r1) 1) (road a b) (open b)";
+    assert!(verdict(begun, &[]).contains("(drive r1 a b) is not applicable"), "it has not begun");
+    assert!(verdict(begun, &[0]).starts_with("the plan is valid"));
+    let not_seen_yet = format!("{begun} (at r1 a)");
+    assert!(verdict(&not_seen_yet, &[0]).starts_with("the plan is valid"));
+    assert_eq!(
+        verdict("(= (battery r1) 1) (open b)", &[0]),
+        "the plan is invalid: step 1: (drive r1 a b) is not applicable: (road a b) is false"
+    );
+    assert_eq!(
+        verdict("(= (battery r1) 0) (road a b) (open b)", &[0]),
+        "the plan is invalid: step 2: (load r1 b) is not applicable: (>= (battery r1) 1) is false",
+        "the battery is as it was measured"
+    );
+    assert_eq!(
+        verdict("(= (battery r1) 1) (road a b)", &[0]),
+        "the plan is invalid: step 2: (load r1 b) is not applicable: (open b) is false"
+    );
+}
+
+#[test]
+fn a_running_action_without_duration_has_its_effects_only() {
+    let domain = domain(
+        "(define (domain d) (:predicates (at ?p) (road ?a ?b) (done))
+         (:action go :parameters (?a ?b) :precondition (and (at ?a) (road ?a ?b)) :effect (and (not (at ?a)) (at ?b)))
+         (:action work :parameters (?a) :precondition (at ?a) :effect (done)))",
+    );
+    let text = "(define (problem p) (:domain d) (:objects a b) (:init (road a b)) (:goal (done)))";
+    let steps = plan("(go a b)\n(work b)");
+    let problem = problem(&domain, text);
+    assert!(validate(&domain, &problem, &steps).to_string().contains("(at a) is false"));
+    assert!(rmem::pddl::validate_rest(&domain, &problem, &steps, &[0]).is_valid());
+}
+
+#[test]
+fn the_tolerance_of_durations_makes_no_limit_stricter() {
+    for (limit, took) in [("(> ?duration 0)", "0.005"), ("(< ?duration 5)", "4.995"), ("(<= ?duration 5)", "5.005")] {
+        let domain = format!(
+            "(define (domain d) (:requirements :durative-actions :duration-inequalities) (:predicates (p))
+             (:durative-action a :parameters () :duration {limit} :condition () :effect (at end (p))))"
+        );
+        let problem = "(define (problem t) (:domain d) (:init) (:goal (p)))";
+        let verdict = printed(&domain, problem, &format!("0: (a) [{took}]"));
+        assert!(verdict.starts_with("the plan is valid"), "{limit} {took}: {verdict}");
+    }
+}
+
+#[test]
+fn a_constraint_on_a_number_without_a_value_does_not_hold_yet() {
+    let domain =
+        "(define (domain d) (:requirements :fluents :constraints :preferences) (:predicates (g)) (:functions (y))
+      (:action s :effect (assign (y) 1)) (:action a :effect (g)))";
+    let problem = |constraint: &str| {
+        format!(
+            "(define (problem t) (:domain d) (:init) (:goal (g)) (:constraints {constraint}) (:metric minimize (is-violated k)))"
+        )
+    };
+    let never = printed(domain, &problem("(preference k (always (> (y) 0)))"), "(a)");
+    assert_eq!(never, "the plan is valid, value 1");
+    let later = printed(domain, &problem("(preference k (sometime (> (y) 0)))"), "(s)\n(a)");
+    assert_eq!(later, "the plan is valid, value 0");
 }

@@ -24,6 +24,7 @@ mod write;
 pub use foreign::{other_language, tight_dashes};
 pub(crate) use init::RESERVED;
 pub use name_set::NameSet;
+pub(crate) use outline::{Token, Tokens};
 pub use section::{read_domain, read_problem};
 
 /// How deep brackets may nest, counted from `(define`.

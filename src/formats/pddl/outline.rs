@@ -163,6 +163,13 @@ impl Scan<'_> {
     }
 
     fn trailing(&self, here: Span) -> Flaw {
+        let text = self.source.text();
+        let head = self.whole.and_then(|whole| Tokens::new(text, whole.start + 1).next_token());
+        if let Some(Token::Word(word)) = head
+            && !self.source.slice(word).eq_ignore_ascii_case("define")
+        {
+            return self.no_define(word);
+        }
         let closed = self.whole.map_or(0, |whole| whole.end.saturating_sub(1));
         let (line, column) = self.source.position(closed);
         let message = format!("expected the end of the text, found `{}`", shorten(self.source.slice(here)));
@@ -205,7 +212,7 @@ fn shorten(word: &str) -> String {
 
 /// A bracket or a word, by place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Token {
+pub(crate) enum Token {
     /// `(`
     Open(usize),
     /// `)`
@@ -216,19 +223,19 @@ pub(super) enum Token {
 
 /// The brackets and words of a text; `;` comments are skipped, `//` comes as a word.
 #[derive(Clone)]
-pub(super) struct Tokens<'a> {
+pub(crate) struct Tokens<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
 impl<'a> Tokens<'a> {
     /// The tokens from byte `at` on.
-    pub(super) fn new(text: &'a str, at: usize) -> Self {
+    pub(crate) fn new(text: &'a str, at: usize) -> Self {
         Self { bytes: text.as_bytes(), at }
     }
 
     /// The next one, if there is one.
-    pub(super) fn next_token(&mut self) -> Option<Token> {
+    pub(crate) fn next_token(&mut self) -> Option<Token> {
         loop {
             let at = self.at;
             match *self.bytes.get(at)? {

@@ -190,7 +190,12 @@ impl Search<'_, '_> {
         let further = effect.conditions.iter().flat_map(|condition| conjuncts(condition));
         for part in facts.iter().chain(rule.rest.iter().copied()).chain(further) {
             if lacks.len() < MISSING && !self.may_hold(part, objects)? {
-                let text = state.open_text(part, objects, rule.variables);
+                let mut text = state.open_text(part, objects, rule.variables);
+                if let Formula::Compare(_, left, right) = part
+                    && let Some(reason) = self.relaxed.fault([left, right], objects)?
+                {
+                    text = format!("{text}: {reason}");
+                }
                 lacks.push(Lack { text, target: target(part, objects) });
             }
         }

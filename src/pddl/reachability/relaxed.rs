@@ -38,15 +38,16 @@ struct Instance {
 impl<'a> Relaxed<'a> {
     /// Collects what can be reached, until there is nothing new or more than `limit` facts were tried.
     pub(super) fn collect(domain: &'a Domain, problem: &'a Problem, limit: u64) -> Result<Self, EvaluationError> {
+        let changing = changing(domain);
         let mut relaxed = Self {
             state: State::new(domain, problem),
-            rules: Rule::all(domain),
+            rules: Rule::all(domain, problem, &changing),
             facts: Vec::new(),
             numbers: HashMap::new(),
             by_predicate: HashMap::new(),
             by_argument: HashMap::new(),
             gone: HashSet::new(),
-            changing: changing(domain),
+            changing,
             steps: Cell::new(0),
             limit,
         };
@@ -328,7 +329,7 @@ impl<'a> Relaxed<'a> {
                 self.state.each(quantifier, objects, |objects| Ok(self.step() || self.can_hold(inner, objects)?))
             }
             Formula::Timed(_, inner) => self.can_hold(inner, objects),
-            Formula::Preference(_) | Formula::Modal => Ok(true),
+            Formula::Preference(..) | Formula::Modal(..) => Ok(true),
         }
     }
 
@@ -355,7 +356,7 @@ impl<'a> Relaxed<'a> {
                 .state
                 .each(quantifier, objects, |objects| Ok(self.step() || !self.can_fail(inner, objects)?))?),
             Formula::Timed(_, inner) => self.can_fail(inner, objects),
-            Formula::Preference(_) | Formula::Modal => Ok(true),
+            Formula::Preference(..) | Formula::Modal(..) => Ok(true),
         }
     }
 
@@ -368,14 +369,27 @@ impl<'a> Relaxed<'a> {
         objects: &mut Bindings,
         result: bool,
     ) -> Result<bool, EvaluationError> {
+        if self.fault(numbers, objects)?.is_some() {
+            return Ok(!result);
+        }
         if !numbers.into_iter().all(|number| is_constant(number, &self.changing)) {
             return Ok(true);
         }
-        match self.state.is_true(formula, objects) {
-            Ok(holds) => Ok(holds == result),
-            Err(EvaluationError::Wrong(_)) => Ok(!result),
-            Err(error) => Err(error),
+        Ok(self.state.is_true(formula, objects)? == result)
+    }
+
+    /// Why one of these numbers can never be computed.
+    pub(super) fn fault(&self, numbers: [&Number; 2], objects: &Bindings) -> Result<Option<String>, EvaluationError> {
+        for number in numbers {
+            if is_constant(number, &self.changing) {
+                match self.state.number(number, objects) {
+                    Ok(_) => {}
+                    Err(EvaluationError::Wrong(reason)) => return Ok(Some(reason)),
+                    Err(error) => return Err(error),
+                }
+            }
         }
+        Ok(None)
     }
 }
 

@@ -1,8 +1,9 @@
 //! Actions and derived predicates as rules: facts to look up, the rest of the condition, and what follows.
 
-use crate::formats::pddl::ast::Moment;
+use crate::formats::pddl::ast::{Comparator, Moment};
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Change, Fact, Formula, Number, Variable};
+use crate::pddl::problem::Problem;
 
 /// Something that makes facts true.
 pub(super) struct Rule<'a> {
@@ -26,7 +27,7 @@ pub(super) enum Makes<'a> {
 
 impl<'a> Rule<'a> {
     /// The rules of a domain.
-    pub(super) fn all(domain: &'a Domain) -> Vec<Self> {
+    pub(super) fn all(domain: &'a Domain, problem: &Problem, changing: &[u32]) -> Vec<Self> {
         let mut rules = Vec::new();
         for action in domain.actions() {
             // What an action needs later may come true by its own start, so its start is a rule of its own.
@@ -35,13 +36,21 @@ impl<'a> Rule<'a> {
                 None => &[None],
             };
             rules.extend(moments.iter().map(|moment| {
-                let (facts, rest) = parts(&action.body.condition, *moment == Some(Moment::Start));
+                let is_short = |duration| !is_long(duration, problem, changing);
+                let is_left_out: fn(&Formula) -> bool = match moment {
+                    Some(Moment::Start) => is_later,
+                    // Between a start and an end at one moment nothing has to hold.
+                    Some(_) if action.body.duration.as_ref().is_some_and(is_short) => is_over_all,
+                    _ => |_| false,
+                };
+                let (facts, mut rest) = parts(&action.body.condition, is_left_out);
+                rest.extend(action.body.duration.iter().flat_map(|duration| parts(duration, |_| false).1));
                 let makes = Makes::Effect(&action.body.effect, *moment);
                 Self { action: Some(action.name()), variables: &action.variables, facts, rest, makes }
             }));
         }
         let derived = domain.rules.iter().map(|rule| {
-            let (facts, rest) = parts(&rule.condition, false);
+            let (facts, rest) = parts(&rule.condition, |_| false);
             let arguments = (0_u32..).take(rule.variables.len()).map(Arg::Slot).collect();
             let makes = Makes::Derived(Fact { predicate: rule.predicate, arguments });
             Self { action: None, variables: &rule.variables, facts, rest, makes }
@@ -51,15 +60,15 @@ impl<'a> Rule<'a> {
     }
 }
 
-/// What has to hold, at the start only or at any moment: the facts among it, and the rest. Preferences need not hold.
-fn parts(condition: &Formula, only_start: bool) -> (Vec<&Fact>, Vec<&Formula>) {
+/// What has to hold, but for what is left out: the facts among it, and the rest. Preferences need not hold.
+fn parts(condition: &Formula, is_left_out: fn(&Formula) -> bool) -> (Vec<&Fact>, Vec<&Formula>) {
     let (mut facts, mut rest, mut todo) = (Vec::new(), Vec::new(), vec![condition]);
     while let Some(formula) = todo.pop() {
         match formula {
             Formula::And(parts) => todo.extend(parts.iter().rev()),
-            _ if only_start && is_later(formula) => {}
+            _ if is_left_out(formula) => {}
             Formula::Timed(_, inner) => todo.push(inner),
-            Formula::Preference(_) | Formula::Modal => {}
+            Formula::Preference(..) | Formula::Modal(..) => {}
             Formula::Fact(fact) if !fact.arguments.contains(&Arg::Fluent) => facts.push(fact),
             other => rest.push(other),
         }
@@ -74,7 +83,35 @@ fn is_later(formula: &Formula) -> bool {
         Formula::And(parts) | Formula::Or(parts) => parts.iter().any(is_later),
         Formula::Imply(left, right) => is_later(left) || is_later(right),
         Formula::Not(inner) | Formula::Forall(_, inner) | Formula::Exists(_, inner) => is_later(inner),
-        Formula::Fact(_) | Formula::Same(..) | Formula::Compare(..) | Formula::Preference(_) | Formula::Modal => false,
+        Formula::Fact(_) | Formula::Same(..) | Formula::Compare(..) | Formula::Preference(..) | Formula::Modal(..) => {
+            false
+        }
+    }
+}
+
+/// Whether something has to hold while an action runs.
+fn is_over_all(formula: &Formula) -> bool {
+    matches!(formula, Formula::Timed(Moment::All, _))
+}
+
+/// Whether a duration is more than a moment, whatever the objects: plans may have durations that are a hundredth shorter.
+fn is_long(duration: &Formula, problem: &Problem, changing: &[u32]) -> bool {
+    const MOMENT: f64 = 0.02;
+    match duration {
+        Formula::And(parts) => parts.iter().any(|part| is_long(part, problem, changing)),
+        Formula::Timed(Moment::Start, inner) => is_long(inner, problem, changing),
+        Formula::Compare(Comparator::Equal | Comparator::AtLeast | Comparator::Greater, Number::Duration, least) => {
+            match least {
+                Number::Constant(value) => *value > MOMENT,
+                Number::Fluent(fluent) => {
+                    let mut values = problem.start.values.iter();
+                    is_constant(least, changing)
+                        && values.all(|(key, value)| key.first() != Some(&fluent.function) || *value > MOMENT)
+                }
+                _ => false,
+            }
+        }
+        _ => false,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Resolver;
 use crate::formats::Span;
-use crate::formats::pddl::ast::{self, Comparator, Condition, ConditionKind, Expression, Term};
+use crate::formats::pddl::ast::{self, Comparator, Condition, ConditionKind, Expression, Name, Term};
 use crate::pddl::feature::Feature;
 use crate::pddl::model::{Formula, Quantifier};
 use crate::pddl::vocabulary::variables;
@@ -53,14 +53,13 @@ impl Resolver<'_, '_, '_> {
             ConditionKind::Preference(name, inner) => {
                 self.uses.note(Feature::Preferences, span);
                 self.preferences.extend(name.clone());
-                Formula::Preference(Box::new(self.condition(inner, negated)))
+                let name = name.as_ref().map(Name::shared);
+                Formula::Preference(name, Box::new(self.condition(inner, negated)))
             }
-            ConditionKind::Modal(_, _, parts) => {
+            ConditionKind::Modal(modal, numbers, parts) => {
                 self.uses.note(Feature::Constraints, span);
-                for part in parts {
-                    self.condition(part, negated);
-                }
-                Formula::Modal
+                let parts = parts.iter().map(|part| self.condition(part, negated)).collect();
+                Formula::Modal(*modal, numbers.clone(), parts)
             }
         }
     }

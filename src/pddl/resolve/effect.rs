@@ -3,6 +3,7 @@
 use super::Resolver;
 use crate::formats::Span;
 use crate::formats::pddl::ast::{self, Assigner, Atom, Effect, EffectKind, Expression, Moment, Name, Term};
+use crate::formats::pddl::portable::moments;
 use crate::pddl::feature::Feature;
 use crate::pddl::model::{Change, Fact, Variable};
 
@@ -20,6 +21,12 @@ impl Resolver<'_, '_, '_> {
             }
             EffectKind::When(condition, inner) => {
                 self.uses.note(Feature::ConditionalEffects, span);
+                if self.durative
+                    && moments::names_moment(condition)
+                    && moments::joint_moment(condition, inner).is_none()
+                {
+                    self.uses.note(Feature::TimedConditionalEffects, span);
+                }
                 let condition = self.condition(condition, false);
                 Change::When(Box::new(condition), Box::new(self.effect(inner)))
             }
@@ -53,6 +60,9 @@ impl Resolver<'_, '_, '_> {
         }
         let is_cost = assigner == Assigner::Increase && atom.name.is("total-cost") && !self.durative;
         self.uses.note(if is_cost { Feature::ActionCosts } else { Feature::NumericFluents }, span);
+        if assigner == Assigner::ScaleDown {
+            self.check_divisor(value);
+        }
         let fluent = self.fluent(&atom);
         let value = self.number(value);
         fluent.map_or(Change::AssignObject, |fluent| Change::Assign(assigner, fluent, value))

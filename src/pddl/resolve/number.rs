@@ -28,11 +28,18 @@ impl Resolver<'_, '_, '_> {
                 if !fits || (binary && operands.len() > 2) {
                     self.report.error(place.0, format!("`{operator}` cannot take {}", count(operands.len())));
                 }
+                if let (ast::Operator::Divide, [_, divisor]) = (operator, operands.as_slice()) {
+                    self.check_divisor(divisor);
+                }
                 Number::Operation(*operator, operands.iter().map(|operand| self.number(operand)).collect())
             }
             Expression::Term(Term::Variable(name)) if self.durative && name.is("?duration") => Number::Duration,
             Expression::Term(Term::Variable(name)) => {
                 self.report.error(name.span(), format!("expected a number, found variable `{name}`"));
+                Number::Constant(0.0)
+            }
+            Expression::Term(Term::Name(name)) if self.is_no_number(name) => {
+                self.report.error(name.span(), format!("expected a number, found `{name}`"));
                 Number::Constant(0.0)
             }
             Expression::Term(Term::Name(name)) => {
@@ -41,6 +48,21 @@ impl Resolver<'_, '_, '_> {
             }
             Expression::Term(Term::Call(atom)) => self.numeric(atom),
         }
+    }
+
+    /// Refuses to divide by what is zero in every state.
+    pub(super) fn check_divisor(&mut self, divisor: &Expression) {
+        if constant(divisor) == Some(0.0) {
+            let hint = "what it is part of has no value, so that its action could never be applied".to_owned();
+            self.report.error_with(divisor.span(), "a division by zero", hint);
+        }
+    }
+
+    /// Whether a word without brackets is neither a function nor like one.
+    fn is_no_number(&mut self, name: &Name) -> bool {
+        !name.is("total-time")
+            && self.function(name).is_none()
+            && self.vocabulary.functions.nearest(name.as_str()).is_none()
     }
 
     pub(super) fn numeric(&mut self, atom: &Atom) -> Number {
@@ -82,5 +104,21 @@ impl Resolver<'_, '_, '_> {
             self.report.error(atom.place.0, format!("expected a number, but function `{}` is an object", atom.name));
         }
         Some(Fluent { function: number, arguments: self.arguments("function", atom, &function.parameters) })
+    }
+}
+
+/// The value of an expression of numbers alone.
+fn constant(expression: &Expression) -> Option<f64> {
+    let Expression::Operation(operator, operands, _) = expression else {
+        return if let Expression::Number(value, _) = expression { Some(*value) } else { None };
+    };
+    let values = operands.iter().map(constant).collect::<Option<Vec<f64>>>()?;
+    match (operator, values.as_slice()) {
+        (ast::Operator::Add, all) => Some(all.iter().sum()),
+        (ast::Operator::Multiply, all) => Some(all.iter().product()),
+        (ast::Operator::Subtract, [only]) => Some(-only),
+        (ast::Operator::Subtract, [left, right]) => Some(left - right),
+        (ast::Operator::Divide, [left, right]) => Some(left / right),
+        _ => None,
     }
 }

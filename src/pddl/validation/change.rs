@@ -36,7 +36,6 @@ impl Changes {
         let joined = match (self.values.get(&fluent), update) {
             (None, update) => update,
             (Some(Update::Shift(one)), Update::Shift(other)) => Update::Shift(one + other),
-            (Some(Update::Scale(one)), Update::Scale(other)) => Update::Scale(one * other),
             (Some(Update::Assign(one)), Update::Assign(other)) if *one == other => update,
             _ => {
                 let text = state.ground_function_text(&fluent);
@@ -81,9 +80,20 @@ impl State<'_> {
                 })
                 .map(drop),
             Change::When(condition, inner) => {
-                if moment.is_some_and(|moment| looks_elsewhere(condition, moment)) {
-                    let reason = "conditional effects that look at another moment are not simulated";
-                    return Err(EvaluationError::Unchecked(reason.to_owned()));
+                match moment {
+                    // What depends on the start and the course of the action happens when that is known.
+                    Some(Moment::Start) if !now && !happens_at(inner, Moment::Start) => return Ok(()),
+                    Some(Moment::End) if !now || !happens_at(inner, Moment::End) => return Ok(()),
+                    Some(Moment::End) if looks_elsewhere(condition, Moment::End) => {
+                        return match is_conditional(inner) {
+                            false => Ok(()),
+                            true => Err(unchecked("conditional effects in one that looks at another moment")),
+                        };
+                    }
+                    Some(moment) if looks_elsewhere(condition, moment) => {
+                        return Err(unchecked("conditional effects that look at a later moment"));
+                    }
+                    _ => {}
                 }
                 if self.is_true(condition, bindings)? {
                     self.collect(inner, moment, now, bindings, changes)?;
@@ -151,14 +161,51 @@ fn update(assigner: Assigner, value: f64) -> Result<Update, EvaluationError> {
     })
 }
 
+fn unchecked(what: &str) -> EvaluationError {
+    EvaluationError::Unchecked(format!("{what} are not simulated"))
+}
+
+/// Whether something of an effect happens at a moment; what names none happens at the end.
+pub(super) fn happens_at(change: &Change, moment: Moment) -> bool {
+    match change {
+        Change::And(parts) => parts.iter().any(|part| happens_at(part, moment)),
+        Change::Timed(when, _) => *when == moment,
+        Change::Forall(_, inner) | Change::When(_, inner) => happens_at(inner, moment),
+        Change::Add(_) | Change::Delete(_) | Change::Assign(..) | Change::AssignObject => moment == Moment::End,
+    }
+}
+
+/// Whether an effect depends on a condition.
+fn is_conditional(change: &Change) -> bool {
+    match change {
+        Change::When(..) => true,
+        Change::And(parts) => parts.iter().any(is_conditional),
+        Change::Forall(_, inner) | Change::Timed(_, inner) => is_conditional(inner),
+        Change::Add(_) | Change::Delete(_) | Change::Assign(..) | Change::AssignObject => false,
+    }
+}
+
 /// Whether a condition is about another moment than this.
-fn looks_elsewhere(condition: &Formula, moment: Moment) -> bool {
+pub(super) fn looks_elsewhere(condition: &Formula, moment: Moment) -> bool {
     match condition {
         Formula::Timed(other, _) => *other != moment,
         Formula::And(parts) | Formula::Or(parts) => parts.iter().any(|part| looks_elsewhere(part, moment)),
         Formula::Not(inner) | Formula::Forall(_, inner) | Formula::Exists(_, inner) => looks_elsewhere(inner, moment),
         Formula::Imply(left, right) => looks_elsewhere(left, moment) || looks_elsewhere(right, moment),
         _ => false,
+    }
+}
+
+/// An effect without what it does to numbers.
+pub(super) fn without_numbers(change: &Change) -> Change {
+    let inner = |inner: &Change| Box::new(without_numbers(inner));
+    match change {
+        Change::And(parts) => Change::And(parts.iter().map(without_numbers).collect()),
+        Change::Forall(quantifier, change) => Change::Forall(quantifier.clone(), inner(change)),
+        Change::When(condition, change) => Change::When(condition.clone(), inner(change)),
+        Change::Timed(moment, change) => Change::Timed(*moment, inner(change)),
+        Change::Assign(..) | Change::AssignObject => Change::And(Vec::new()),
+        Change::Add(_) | Change::Delete(_) => change.clone(),
     }
 }
 

@@ -182,6 +182,10 @@ impl<'j> Join<'j> {
             Formula::Or(parts) => parts.iter().try_for_each(|part| self.solve(part, kinds, bindings, visit)),
             Formula::Fact(fact) => self.solve_fact(fact, kinds, bindings, visit),
             Formula::Exists(quantifier, inner) => {
+                // A variable that no condition mentions wants an object, too.
+                if quantifier.variables.iter().any(|variable| self.state.members(&variable.kind).is_empty()) {
+                    return Ok(());
+                }
                 let first = quantifier.first as usize;
                 let end = first + quantifier.variables.len();
                 let (outer_bindings, outer_kinds) = (bindings.clone(), kinds.clone());

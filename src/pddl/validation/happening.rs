@@ -2,21 +2,26 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::change::{Changes, is_continuous};
+use super::change::{Changes, Update, happens_at, is_continuous, looks_elsewhere, without_numbers};
 use super::error::EvaluationError;
+use super::record::Pending;
 use super::state::{Bindings, Ground, State, TOLERANCE};
 use super::trace::{Event, Happening};
+use super::trajectory::Trajectory;
 use super::truth::at_moment;
 use super::verdict::Failure;
-use crate::formats::pddl::ast::Moment;
+use crate::formats::pddl::ast::{Comparator, Moment};
 use crate::pddl::domain::Action;
-use crate::pddl::model::{Change, Formula, Number};
+use crate::pddl::model::{Change, Formula, Number, Variable};
 
 /// Moments closer than this are one.
 const SAME_TIME: f64 = 1e-6;
 
 /// How far a plan's duration may be from what the action says: plans print few decimals.
 const DURATION_TOLERANCE: f64 = 0.01;
+
+/// How many facts derived predicates may look at where several things happen at one moment.
+const READS: usize = 1_000_000;
 
 /// A step of a plan whose action and objects are known.
 pub(super) struct Instance<'a> {
@@ -27,6 +32,8 @@ pub(super) struct Instance<'a> {
     pub(super) duration: Option<f64>,
     /// `(pick r1 ball)`, as the domain and problem spell it.
     pub(super) text: String,
+    /// Whether it began before the initial state.
+    pub(super) is_running: bool,
 }
 
 /// Why a simulation ended early.
@@ -52,6 +59,15 @@ enum Point {
     Literal(usize),
 }
 
+impl Point {
+    fn step(self) -> Option<usize> {
+        match self {
+            Self::Whole(step) | Self::Start(step) | Self::End(step) => Some(step),
+            Self::Literal(_) => None,
+        }
+    }
+}
+
 /// One point with what it reads and changes.
 struct Effects {
     step: Option<usize>,
@@ -59,20 +75,43 @@ struct Effects {
     changes: Changes,
 }
 
-/// Lets a plan happen in `state`.
-pub(super) fn simulate(state: &mut State<'_>, instances: &[Instance<'_>]) -> Result<(), Stop> {
+/// Lets a plan happen in `state`, as the trajectory constraints see it.
+pub(super) fn simulate(
+    state: &mut State<'_>,
+    instances: &[Instance<'_>],
+    trajectory: &mut Trajectory,
+) -> Result<(), Stop> {
     let points = points(state, instances);
-    let mut running: Vec<usize> = Vec::new();
+    let mut running = state.begin(instances)?;
     let mut rest = points.as_slice();
+    see(trajectory, state, None, instances)?;
     while let Some((time, _)) = rest.first() {
         let count = rest.iter().take_while(|(other, _)| other - time <= SAME_TIME).count();
         let (now, later) = rest.split_at(count);
         state.time = *time;
         happen(state, instances, now, &mut running)?;
+        see(trajectory, state, now.iter().rev().find_map(|(_, point)| point.step()), instances)?;
         rest = later;
     }
     state.duration = None;
+    // What the world does by itself after the last action is no part of the plan's time.
+    let ends = instances.iter().map(|instance| instance.start + instance.duration.unwrap_or_default());
+    state.time = ends.fold(0.0, f64::max);
     Ok(())
+}
+
+/// Shows the state to the constraints.
+fn see(
+    trajectory: &mut Trajectory,
+    state: &mut State<'_>,
+    step: Option<usize>,
+    instances: &[Instance<'_>],
+) -> Result<(), Stop> {
+    state.duration = None;
+    match trajectory.see(state).map_err(|error| stop(error, step, instances))? {
+        Some(constraint) => Err(Stop::failure(Failure::Constraint { step, constraint })),
+        None => Ok(()),
+    }
 }
 
 /// All points in order of time; at one time, in the order of the plan.
@@ -85,7 +124,9 @@ fn points(state: &State<'_>, instances: &[Instance<'_>]) -> Vec<(f64, Point)> {
         match instance.duration {
             None => points.push((instance.start, Point::Whole(step))),
             Some(duration) => {
-                points.push((instance.start, Point::Start(step)));
+                if !instance.is_running {
+                    points.push((instance.start, Point::Start(step)));
+                }
                 points.push((instance.start + duration, Point::End(step)));
             }
         }
@@ -102,10 +143,15 @@ fn happen(
 ) -> Result<(), Stop> {
     let alone = now.len() == 1;
     let mut effects = Vec::with_capacity(now.len());
-    for (_, point) in now {
-        effects.push(state.point(instances, *point, alone)?);
+    for (place, (_, point)) in now.iter().enumerate() {
+        let read = state.point(instances, *point, alone);
+        effects.push(read.map_err(|stop| state.at_this_moment(stop, instances, now, place))?);
     }
     if !alone {
+        for effect in &mut effects {
+            let expanded = state.derived_reads(&mut effect.reads);
+            expanded.map_err(|error| stop(error, effect.step, instances))?;
+        }
         check_interference(&effects, instances)?;
     }
     let mut all = Changes::default();
@@ -127,11 +173,55 @@ fn happen(
     for (_, point) in now {
         match point {
             Point::Start(step) => running.push(*step),
-            Point::End(step) => running.retain(|other| other != step),
+            Point::End(step) => {
+                running.retain(|other| other != step);
+                state.pending.remove(step);
+            }
             Point::Whole(_) | Point::Literal(_) => {}
         }
     }
     running.iter().try_for_each(|step| state.invariant(instances, *step))
+}
+
+impl State<'_> {
+    /// The same failure, with what else happens at the moment and makes the condition true, too late for it.
+    fn at_this_moment(&mut self, stop: Stop, instances: &[Instance<'_>], now: &[(f64, Point)], place: usize) -> Stop {
+        let Stop::Failure(mut failure) = stop else { return stop };
+        let blamed = self.blamed.borrow().first().cloned();
+        if let (Failure::Precondition { at_once, .. }, Some((formula, bindings))) = (&mut *failure, blamed) {
+            let others = now.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, (_, point))| *point);
+            *at_once = others.into_iter().find_map(|point| self.makes(point, instances, &formula, &bindings));
+        }
+        Stop::Failure(failure)
+    }
+
+    /// What makes a condition true by happening, as text; nothing where it does not.
+    fn makes(
+        &mut self,
+        point: Point,
+        instances: &[Instance<'_>],
+        formula: &Formula,
+        bindings: &Bindings,
+    ) -> Option<String> {
+        let (changes, words) = match point {
+            Point::Literal(place) => (self.literal(place).changes, "a timed initial literal".to_owned()),
+            Point::Whole(step) | Point::Start(step) | Point::End(step) => {
+                let instance = instances.get(step)?;
+                let (moment, verb) = match point {
+                    Point::Start(_) => (Some(Moment::Start), "the start of "),
+                    Point::End(_) => (Some(Moment::End), "the end of "),
+                    _ => (None, ""),
+                };
+                let changes = self.changes(&instance.action.body.effect, moment, &mut instance.objects.clone()).ok()?;
+                (changes, format!("{verb}step {}, {},", step + 1, instance.text))
+            }
+        };
+        let (facts, values) = (self.facts.clone(), self.values.clone());
+        let is_made = self.apply(changes).is_ok() && self.is_true(formula, &mut bindings.clone()) == Ok(true);
+        (self.facts, self.values) = (facts, values);
+        self.derived.replace(None);
+        is_made.then_some(words)
+    }
 }
 
 /// A moment that is noted, and the numbers that it changes.
@@ -181,6 +271,33 @@ impl State<'_> {
         happening
     }
 
+    /// Lets the steps that began before the initial state be under way in it, and returns them.
+    fn begin(&mut self, instances: &[Instance<'_>]) -> Result<Vec<usize>, Stop> {
+        let is_under_way = |instance: &Instance<'_>| instance.is_running && instance.duration.is_some();
+        let running = instances.iter().enumerate().filter(|(_, instance)| is_under_way(instance));
+        let running: Vec<usize> = running.map(|(step, _)| step).collect();
+        for step in &running {
+            let Some(instance) = instances.get(*step) else { continue };
+            check_continuous(instance)?;
+            self.duration = instance.duration;
+            // Numbers were measured since; to change them once more would be wrong.
+            let effect = without_numbers(&instance.action.body.effect);
+            let mut bindings = instance.objects.clone();
+            let mut pending = Vec::new();
+            let found = self.find_pending(&instance.action.body.effect, &mut bindings, &mut pending);
+            found.map_err(|error| stop(error, Some(*step), instances))?;
+            if !pending.is_empty() {
+                let reason = format!("what the effects of {} depend on at its start is not known", instance.text);
+                return Err(Stop::Unchecked(reason));
+            }
+            let changes = self.changes(&effect, Some(Moment::Start), &mut bindings);
+            let changes = changes.map_err(|error| stop(error, Some(*step), instances))?;
+            self.apply(changes).map_err(|error| stop(error, Some(*step), instances))?;
+        }
+        running.iter().try_for_each(|step| self.invariant(instances, *step))?;
+        Ok(running)
+    }
+
     /// Checks what a point needs, and says what it changes.
     fn point(&mut self, instances: &[Instance<'_>], point: Point, alone: bool) -> Result<Effects, Stop> {
         let (step, moment) = match point {
@@ -195,8 +312,8 @@ impl State<'_> {
         self.duration = instance.duration;
         let mut bindings: Bindings = instance.objects.clone();
         let body = &instance.action.body;
-        if moment == Some(Moment::Start) {
-            self.check_duration(step, instance, instances)?;
+        if let Some(moment) = moment {
+            self.check_duration(moment, step, instance, instances)?;
         }
         let part;
         let condition = match moment {
@@ -206,13 +323,29 @@ impl State<'_> {
                 &part
             }
         };
-        self.demand(condition, &mut bindings, step, instances)?;
-        let changes =
-            self.changes(&body.effect, moment, &mut bindings).map_err(|error| stop(error, Some(step), instances))?;
+        // An action without duration that is under way may have begun to undo what it needed.
+        if moment.is_some() || !instance.is_running {
+            self.demand(condition, &mut bindings, step, instances)?;
+        }
+        let counted = self.count_violations(&body.condition, moment, &bindings, Some(step));
+        counted.map_err(|error| stop(error, Some(step), instances))?;
+        let changes = self.changes(&body.effect, moment, &mut bindings);
+        let mut changes = changes.map_err(|error| stop(error, Some(step), instances))?;
+        let pending = match moment {
+            Some(Moment::Start) => self.pend(&body.effect, step, &mut bindings),
+            Some(Moment::End) => self.end_pending(step, &mut changes),
+            _ => Ok(()),
+        };
+        pending.map_err(|error| stop(error, Some(step), instances))?;
         let mut reads = HashSet::new();
         if !alone {
             let noted = self.reads(condition, &mut bindings, &mut reads);
             let noted = noted.and_then(|()| self.effect_reads(&body.effect, moment, &mut bindings, &mut reads));
+            let duration = moment.zip(body.duration.as_ref()).map(|(moment, duration)| at_moment(duration, moment));
+            let noted = noted.and_then(|()| match &duration {
+                Some(duration) => self.reads(duration, &mut bindings, &mut reads),
+                None => Ok(()),
+            });
             noted.map_err(|error| stop(error, Some(step), instances))?;
         }
         Ok(Effects { step: Some(step), reads, changes })
@@ -242,22 +375,95 @@ impl State<'_> {
         match fault {
             Ok(part) => {
                 let condition = self.blame(&[part]).concat();
-                Err(Stop::failure(Failure::Precondition { step, action: text(instances, step), condition }))
+                let action = text(instances, step);
+                Err(Stop::failure(Failure::Precondition { step, action, condition, at_once: None }))
             }
             Err(error) => Err(stop(error, Some(step), instances)),
         }
     }
 
-    fn check_duration(&mut self, step: usize, instance: &Instance<'_>, all: &[Instance<'_>]) -> Result<(), Stop> {
-        if is_continuous(&instance.action.body.effect) {
-            return Err(Stop::Unchecked(format!("the effects of `{}` are continuous", instance.action.name())));
-        }
+    fn check_duration(
+        &mut self,
+        moment: Moment,
+        step: usize,
+        instance: &Instance<'_>,
+        all: &[Instance<'_>],
+    ) -> Result<(), Stop> {
+        check_continuous(instance)?;
         let Some(duration) = &instance.action.body.duration else { return Ok(()) };
         self.tolerance = DURATION_TOLERANCE;
         let mut bindings = instance.objects.clone();
-        let checked = self.demand(&at_moment(duration, Moment::Start), &mut bindings, step, all);
+        let checked = self.demand(&at_moment(duration, moment), &mut bindings, step, all);
         self.tolerance = TOLERANCE;
-        checked
+        match (checked, instance.duration) {
+            (Err(Stop::Failure(failure)), Some(duration)) => Err(Stop::failure(match *failure {
+                Failure::Precondition { step, action, condition, .. } => {
+                    let wanted = self.wanted_duration();
+                    Failure::Duration { step, action, duration, condition, wanted }
+                }
+                other => other,
+            })),
+            (checked, _) => checked,
+        }
+    }
+
+    /// What the false part of a duration's condition asks for: a comparison and its value.
+    fn wanted_duration(&self) -> Option<(Comparator, f64)> {
+        let blamed = self.blamed.borrow();
+        match blamed.first() {
+            Some((Formula::Compare(comparator, Number::Duration, value), bindings)) => {
+                Some((*comparator, self.number(value, bindings).ok()?))
+            }
+            _ => None,
+        }
+    }
+
+    /// Begins to watch the conditional effects at the end of an action whose conditions are about other moments too.
+    fn pend(&mut self, change: &Change, step: usize, bindings: &mut Bindings) -> Result<(), EvaluationError> {
+        let mut pending = Vec::new();
+        self.find_pending(change, bindings, &mut pending)?;
+        if !pending.is_empty() {
+            self.pending.insert(step, pending);
+        }
+        Ok(())
+    }
+
+    fn find_pending(
+        &self,
+        change: &Change,
+        bindings: &mut Bindings,
+        pending: &mut Vec<Pending>,
+    ) -> Result<(), EvaluationError> {
+        match change {
+            Change::And(parts) => parts.iter().try_for_each(|part| self.find_pending(part, bindings, pending)),
+            Change::Forall(quantifier, inner) => self
+                .each(quantifier, bindings, |bindings| {
+                    self.find_pending(inner, bindings, pending)?;
+                    Ok(false)
+                })
+                .map(drop),
+            Change::Timed(Moment::End, inner) => self.find_pending(inner, bindings, pending),
+            Change::When(condition, effect)
+                if looks_elsewhere(condition, Moment::End) && happens_at(effect, Moment::End) =>
+            {
+                let holds = self.is_true(&at_moment(condition, Moment::Start), bindings)?;
+                let (condition, effect, bindings) = ((**condition).clone(), (**effect).clone(), bindings.clone());
+                pending.push(Pending { condition, effect, bindings, holds });
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Adds what the effects do that waited for the end of an action.
+    fn end_pending(&mut self, step: usize, changes: &mut Changes) -> Result<(), EvaluationError> {
+        for Pending { condition, effect, mut bindings, holds } in self.pending.remove(&step).unwrap_or_default() {
+            if holds && self.is_true(&at_moment(&condition, Moment::End), &mut bindings)? {
+                let ended = self.changes(&effect, Some(Moment::End), &mut bindings)?;
+                changes.join(ended, self)?;
+            }
+        }
+        Ok(())
     }
 
     /// What must hold all the time a running action takes.
@@ -265,7 +471,43 @@ impl State<'_> {
         let Some(instance) = instances.get(step) else { return Ok(()) };
         self.duration = instance.duration;
         let condition = at_moment(&instance.action.body.condition, Moment::All);
-        self.demand(&condition, &mut instance.objects.clone(), step, instances)
+        self.demand(&condition, &mut instance.objects.clone(), step, instances)?;
+        let error = |error| stop(error, Some(step), instances);
+        let preferences = &instance.action.body.condition;
+        self.count_violations(preferences, Some(Moment::All), &instance.objects, Some(step)).map_err(error)?;
+        let Some(mut pending) = self.pending.remove(&step) else { return Ok(()) };
+        for Pending { condition, bindings, holds, .. } in &mut pending {
+            *holds = *holds && self.is_true(&at_moment(condition, Moment::All), bindings).map_err(error)?;
+        }
+        self.pending.insert(step, pending);
+        Ok(())
+    }
+
+    /// Adds what the derived predicates that are looked at look at themselves, through all rules.
+    fn derived_reads(&self, reads: &mut HashSet<Ground>) -> Result<(), EvaluationError> {
+        let is_derived = |fact: &Ground| fact.first().is_some_and(|head| self.domain.derived.contains(head));
+        let mut todo: Vec<Ground> = reads.iter().filter(|fact| is_derived(fact)).cloned().collect();
+        while let Some(fact) = todo.pop() {
+            let objects = fact.get(1..).unwrap_or_default();
+            for rule in self.domain.rules.iter().filter(|rule| fact.first() == Some(&rule.predicate)) {
+                let fits = |(object, variable): (&u32, &Variable)| self.is_member(*object, &variable.kind);
+                if !objects.iter().zip(&rule.variables).all(fits) {
+                    continue;
+                }
+                let mut found = HashSet::new();
+                self.reads(&rule.condition, &mut objects.to_vec(), &mut found)?;
+                for fact in found {
+                    if reads.insert(fact.clone()) && is_derived(&fact) {
+                        todo.push(fact);
+                    }
+                }
+            }
+            if reads.len() > READS {
+                let reason = "what derived predicates look at while other things happen is too much to compare";
+                return Err(EvaluationError::Unchecked(reason.to_owned()));
+            }
+        }
+        Ok(())
     }
 
     /// The facts and values that a condition looks at. Under a derived predicate, that is the predicate itself.
@@ -298,7 +540,7 @@ impl State<'_> {
                     Ok(false)
                 })
                 .map(drop),
-            Formula::Same(..) | Formula::Preference(_) | Formula::Modal => Ok(()),
+            Formula::Same(..) | Formula::Preference(..) | Formula::Modal(..) => Ok(()),
         }
     }
 
@@ -322,7 +564,10 @@ impl State<'_> {
                 })
                 .map(drop),
             Change::When(condition, inner) => {
-                self.reads(condition, bindings, reads)?;
+                match moment.filter(|moment| looks_elsewhere(condition, *moment)) {
+                    Some(moment) => self.reads(&at_moment(condition, moment), bindings, reads)?,
+                    None => self.reads(condition, bindings, reads)?,
+                }
                 self.effect_reads(inner, moment, bindings, reads)
             }
             Change::Assign(_, _, value) => self.number_reads(value, bindings, reads),
@@ -350,6 +595,14 @@ impl State<'_> {
     }
 }
 
+/// Refuses an action whose effects happen little by little.
+fn check_continuous(instance: &Instance<'_>) -> Result<(), Stop> {
+    match is_continuous(&instance.action.body.effect) {
+        true => Err(Stop::Unchecked(format!("the effects of `{}` are continuous", instance.action.name()))),
+        false => Ok(()),
+    }
+}
+
 /// A function among facts: its number is counted from the other end, so that it is no predicate's.
 fn function_key(ground: &Ground) -> Ground {
     let mut key = ground.clone();
@@ -371,8 +624,20 @@ struct Uses<'e> {
 enum Touch {
     Added,
     Deleted,
-    /// A number got another value; conflicting changes are found when the changes are joined.
+    /// A number is increased or decreased, which several may do at once.
+    Shifted,
+    /// A number gets a value or a multiple of its value, which nothing else may do at the same time.
     Computed,
+}
+
+impl Touch {
+    fn interferes(self, other: Self) -> bool {
+        matches!((self, other), (Self::Added, Self::Deleted) | (Self::Deleted, Self::Added))
+            || matches!(
+                (self, other),
+                (Self::Computed, Self::Computed | Self::Shifted) | (Self::Shifted, Self::Computed)
+            )
+    }
 }
 
 /// What happens at one time must not be about the same facts, unless all only look.
@@ -384,7 +649,10 @@ fn check_interference(effects: &[Effects], instances: &[Instance<'_>]) -> Result
         }
         let adds = changes.adds.iter().map(|fact| (fact.clone(), Touch::Added));
         let deletes = changes.deletes.iter().map(|fact| (fact.clone(), Touch::Deleted));
-        let values = changes.values.keys().map(|fluent| (function_key(fluent), Touch::Computed));
+        let values = changes.values.iter().map(|(fluent, update)| match update {
+            Update::Shift(_) => (function_key(fluent), Touch::Shifted),
+            Update::Assign(_) | Update::Scale(_) => (function_key(fluent), Touch::Computed),
+        });
         for (fact, touch) in adds.chain(deletes).chain(values) {
             uses.changes.entry(fact).or_default().push((place, touch));
         }
@@ -406,10 +674,7 @@ fn check_interference(effects: &[Effects], instances: &[Instance<'_>]) -> Result
             if let Some(reader) = readers.iter().find(|reader| *reader != place) {
                 note(*place, *reader);
             }
-            let undoes = |(other, how): &&(usize, Touch)| {
-                other != place
-                    && matches!((touch, how), (Touch::Added, Touch::Deleted) | (Touch::Deleted, Touch::Added))
-            };
+            let undoes = |(other, how): &&(usize, Touch)| other != place && touch.interferes(*how);
             if let Some((other, _)) = touches.iter().find(undoes) {
                 note(*place, *other);
             }

@@ -76,9 +76,15 @@ pub struct Remedy {
 /// Says what would repair a plan; nothing for a plan that is right, or whose fault is not a false condition.
 #[must_use]
 pub fn repair(domain: &Domain, problem: &Problem, steps: &[Step]) -> Vec<Repair> {
+    repair_rest(domain, problem, steps, &[])
+}
+
+/// Says what would repair the rest of a plan of which some steps are running, as [`super::validate_rest`] simulates it.
+#[must_use]
+pub fn repair_rest(domain: &Domain, problem: &Problem, steps: &[Step], running: &[usize]) -> Vec<Repair> {
     let mut state = State::new(domain, problem);
     state.history = Some(History::new());
-    if verify(&mut state, steps).is_ok() {
+    if verify(&mut state, steps, running).is_ok() {
         return Vec::new();
     }
     state.duration = None;
@@ -104,6 +110,8 @@ fn collect<'f>(formula: &'f Formula, wanted: bool, bindings: &Bindings, lacks: &
     let bindings = bindings.clone();
     match formula {
         Formula::Fact(fact) => lacks.push(Lack::Fact { fact, bindings, wanted }),
+        // The plan says how long an action takes, not the state.
+        Formula::Compare(_, Number::Duration, Number::Constant(_)) => {}
         Formula::Compare(_, left, right) => {
             lacks.push(Lack::Comparison { formula, sides: [left, right], bindings, wanted });
         }
@@ -118,7 +126,7 @@ fn collect<'f>(formula: &'f Formula, wanted: bool, bindings: &Bindings, lacks: &
         Formula::Timed(_, inner) | Formula::Forall(_, inner) | Formula::Exists(_, inner) => {
             collect(inner, wanted, &bindings, lacks);
         }
-        Formula::Same(..) | Formula::Preference(_) | Formula::Modal => {}
+        Formula::Same(..) | Formula::Preference(..) | Formula::Modal(..) => {}
     }
 }
 
@@ -344,7 +352,7 @@ fn needed(action: &Action, effect: &Effect<'_>) -> Formula {
         match part {
             Formula::And(inner) => parts.extend(inner),
             Formula::Timed(_, inner) => parts.push(*inner),
-            Formula::Preference(_) => {}
+            Formula::Preference(..) => {}
             other => flat.push(other),
         }
     }

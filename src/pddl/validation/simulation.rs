@@ -4,6 +4,7 @@ use super::error::EvaluationError;
 use super::happening::{Instance, Stop, simulate};
 use super::state::{Bindings, State};
 use super::trace::Happening;
+use super::trajectory::Trajectory;
 use super::verdict::{Failure, Validation};
 use crate::pddl::Step;
 use crate::pddl::domain::{Action, Domain};
@@ -15,10 +16,20 @@ const GOAL_LIMIT: usize = 20;
 
 /// Simulates a plan and says whether it reaches the goal.
 ///
-/// Names compare without regard to case. Preferences never make a plan invalid.
+/// Names compare without regard to case. Preferences never make a plan invalid; their violations count in the metric.
 #[must_use]
 pub fn validate(domain: &Domain, problem: &Problem, steps: &[Step]) -> Validation {
-    match verify(&mut State::new(domain, problem), steps) {
+    validate_rest(domain, problem, steps, &[])
+}
+
+/// Simulates the rest of a plan of which some steps are `running`; steps count from 0.
+///
+/// What a running step needs at its start is not asked for, nor its duration. The facts that it changes at its start
+/// are changed in the initial state, for the problem may show them or not; its numbers there are as the problem has them.
+/// What it needs all the time and at its end, and its effects at the end, count; of an action without duration, all effects.
+#[must_use]
+pub fn validate_rest(domain: &Domain, problem: &Problem, steps: &[Step], running: &[usize]) -> Validation {
+    match verify(&mut State::new(domain, problem), steps, running) {
         Ok(value) => Validation::Valid { value },
         Err(Stop::Failure(failure)) => Validation::Invalid(*failure),
         Err(Stop::Unchecked(reason)) => Validation::Unchecked(reason),
@@ -31,41 +42,59 @@ pub fn trace(domain: &Domain, problem: &Problem, steps: &[Step]) -> Vec<Happenin
     let mut state = State::new(domain, problem);
     state.trace = Some(Vec::new());
     // `validate` reports what is wrong.
-    let _ = verify(&mut state, steps);
+    let _ = verify(&mut state, steps, &[]);
     state.trace.unwrap_or_default()
 }
 
 /// Lets a plan happen in a state, which is left as it was when the plan broke.
-pub(super) fn verify(state: &mut State<'_>, steps: &[Step]) -> Result<Option<f64>, Stop> {
+pub(super) fn verify(state: &mut State<'_>, steps: &[Step], running: &[usize]) -> Result<Option<f64>, Stop> {
     let (domain, problem) = (state.domain, state.problem);
-    let instances = instances(domain, problem, steps)?;
-    if domain.is_constrained || problem.is_constrained {
-        return Err(Stop::Unchecked("constraints are not simulated".to_owned()));
+    let mut instances = instances(domain, problem, steps)?;
+    for (step, instance) in instances.iter_mut().enumerate() {
+        instance.is_running = running.contains(&step);
     }
     let fluents = domain.features().iter().chain(problem.features());
     if fluents.into_iter().any(|used| used.feature == Feature::ObjectFluents) {
         return Err(Stop::Unchecked("object fluents are not simulated".to_owned()));
     }
-    simulate(state, &instances)?;
+    let mut trajectory = Trajectory::new(state);
+    simulate(state, &instances, &mut trajectory)?;
     check_goal(state)?;
-    Ok(value(state, steps.len()))
+    let (broken, violated) = trajectory.end(state);
+    if let Some(constraint) = broken {
+        return Err(Stop::failure(Failure::Constraint { step: None, constraint }));
+    }
+    if let Some(reason) = trajectory.unchecked {
+        return Err(Stop::Unchecked(reason));
+    }
+    state.count_violations(&problem.goal, None, &Bindings::new(), None).map_err(stop)?;
+    if let Some(violations) = &mut state.violations {
+        violated.iter().for_each(|name| violations.add(name));
+    }
+    Ok(value(state, steps.len(), steps.iter().any(|step| step.start.is_some())))
+}
+
+/// An error after the last step as an end of the simulation.
+fn stop(error: EvaluationError) -> Stop {
+    match error {
+        EvaluationError::Unchecked(reason) => Stop::Unchecked(reason),
+        EvaluationError::Wrong(reason) => Stop::failure(Failure::Number { step: None, action: String::new(), reason }),
+    }
 }
 
 fn check_goal(state: &State<'_>) -> Result<(), Stop> {
-    let error = |error| match error {
-        EvaluationError::Unchecked(reason) => Stop::Unchecked(reason),
-        EvaluationError::Wrong(reason) => Stop::failure(Failure::Number { step: None, action: String::new(), reason }),
-    };
-    if state.is_true(&state.problem.goal, &mut Bindings::new()).map_err(error)? {
+    if state.is_true(&state.problem.goal, &mut Bindings::new()).map_err(stop)? {
         return Ok(());
     }
-    let parts = state.all_faulty(&state.problem.goal, GOAL_LIMIT).map_err(error)?;
+    let parts = state.all_faulty(&state.problem.goal, GOAL_LIMIT).map_err(stop)?;
     Err(Stop::failure(Failure::Goal { conditions: state.blame(&parts) }))
 }
 
-fn value(state: &State<'_>, steps: usize) -> Option<f64> {
+/// What a plan is measured by: the metric, or else when a plan with times ends, or how many steps there are.
+fn value(state: &State<'_>, steps: usize, is_timed: bool) -> Option<f64> {
     match &state.problem.metric {
         Some(metric) => state.number(metric, &Bindings::new()).ok(),
+        None if is_timed => Some(state.time),
         None => u32::try_from(steps).ok().map(f64::from),
     }
 }
@@ -85,7 +114,7 @@ fn instances<'a>(domain: &'a Domain, problem: &Problem, steps: &[Step]) -> Resul
         let (start, duration) = times(action, start, step.duration, is_timed)
             .map_err(|reason| Stop::failure(Failure::Time { step: index, action: action.name().to_owned(), reason }))?;
         let text = text(problem, action, &objects);
-        instances.push(Instance { action, objects, start, duration, text });
+        instances.push(Instance { action, objects, start, duration, text, is_running: false });
     }
     Ok(instances)
 }

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
 use super::error::EvaluationError;
+use super::record::{Pending, Violations, counts_violations};
 use super::stratum::{compares, predicates};
 use super::trace::Happening;
 use crate::pddl::domain::Domain;
@@ -47,6 +48,10 @@ pub(in crate::pddl) struct State<'a> {
     pub(super) tolerance: f64,
     /// What each fact owes its truth or falsehood to, where that is wanted.
     pub(super) history: Option<History>,
+    /// Conditional effects of running actions that wait for their ends, by step.
+    pub(super) pending: HashMap<usize, Vec<Pending>>,
+    /// How often preferences were violated, where the metric counts that.
+    pub(super) violations: Option<Violations>,
     /// What happened so far, where that is kept.
     pub(super) trace: Option<Vec<Happening>>,
     /// The parts of a condition that were found to be false, with the values of their variables.
@@ -85,6 +90,8 @@ impl<'a> State<'a> {
             time: 0.0,
             tolerance: TOLERANCE,
             history: None,
+            pending: HashMap::new(),
+            violations: problem.metric.as_ref().is_some_and(counts_violations).then(Violations::default),
             trace: None,
             blamed: RefCell::default(),
         }

@@ -14,7 +14,7 @@ pub(super) fn size(formula: &Formula) -> usize {
         | Formula::Forall(_, inner)
         | Formula::Exists(_, inner)
         | Formula::Timed(_, inner)
-        | Formula::Preference(inner) => size(inner),
+        | Formula::Preference(_, inner) => size(inner),
         _ => 0,
     }
 }
@@ -29,8 +29,8 @@ pub(super) fn compares(formula: &Formula) -> bool {
         | Formula::Forall(_, inner)
         | Formula::Exists(_, inner)
         | Formula::Timed(_, inner)
-        | Formula::Preference(inner) => compares(inner),
-        Formula::Fact(_) | Formula::Same(..) | Formula::Modal => false,
+        | Formula::Preference(_, inner) => compares(inner),
+        Formula::Fact(_) | Formula::Same(..) | Formula::Modal(..) => false,
     }
 }
 
@@ -51,8 +51,8 @@ fn walk(formula: &Formula, negated: bool, visit: &mut dyn FnMut(u32, bool)) {
         Formula::Forall(_, inner)
         | Formula::Exists(_, inner)
         | Formula::Timed(_, inner)
-        | Formula::Preference(inner) => walk(inner, negated, visit),
-        Formula::Same(..) | Formula::Compare(..) | Formula::Modal => {}
+        | Formula::Preference(_, inner) => walk(inner, negated, visit),
+        Formula::Same(..) | Formula::Compare(..) | Formula::Modal(..) => {}
     }
 }
 
@@ -82,8 +82,8 @@ pub(in crate::pddl) fn free_slots(formula: &Formula, limit: u32, slots: &mut Vec
         | Formula::Forall(_, inner)
         | Formula::Exists(_, inner)
         | Formula::Timed(_, inner)
-        | Formula::Preference(inner) => free_slots(inner, limit, slots),
-        Formula::Modal => {}
+        | Formula::Preference(_, inner) => free_slots(inner, limit, slots),
+        Formula::Modal(..) => {}
     }
 }
 
@@ -93,6 +93,41 @@ fn number_slots(number: &Number, note: &mut dyn FnMut(&Arg)) {
         Number::Operation(_, operands) => operands.iter().for_each(|operand| number_slots(operand, note)),
         _ => {}
     }
+}
+
+/// The first rule whose predicate depends on a negation of itself, so that the rules have no least model.
+pub(in crate::pddl) fn negative_cycle(rules: &[Rule]) -> Option<usize> {
+    let mut uses: HashMap<u32, Vec<(u32, bool)>> = HashMap::new();
+    for rule in rules {
+        let used = uses.entry(rule.predicate).or_default();
+        predicates(&rule.condition, &mut |predicate, negated| {
+            if !used.contains(&(predicate, negated)) {
+                used.push((predicate, negated));
+            }
+        });
+    }
+    let reaches = |from: u32, to: u32| {
+        let (mut seen, mut todo) = (vec![from], vec![from]);
+        while let Some(predicate) = todo.pop() {
+            if predicate == to {
+                return true;
+            }
+            for (next, _) in uses.get(&predicate).into_iter().flatten() {
+                if uses.contains_key(next) && !seen.contains(next) {
+                    seen.push(*next);
+                    todo.push(*next);
+                }
+            }
+        }
+        false
+    };
+    rules.iter().position(|rule| {
+        let mut found = false;
+        predicates(&rule.condition, &mut |predicate, negated| {
+            found |= negated && uses.contains_key(&predicate) && reaches(predicate, rule.predicate);
+        });
+        found
+    })
 }
 
 /// The rules in the order in which they can be completed.

@@ -51,8 +51,14 @@ impl State<'_> {
             Formula::Forall(quantifier, inner) => self.quantified_text("forall", quantifier, inner, bindings, names),
             Formula::Exists(quantifier, inner) => self.quantified_text("exists", quantifier, inner, bindings, names),
             Formula::Timed(moment, inner) => format!("({moment} {})", self.formula_text(inner, bindings, names)),
-            Formula::Preference(inner) => format!("(preference {})", self.formula_text(inner, bindings, names)),
-            Formula::Modal => "(a constraint)".to_owned(),
+            Formula::Preference(name, inner) => {
+                let name = name.as_ref().map_or_else(String::new, |name| format!("{name} "));
+                format!("(preference {name}{})", self.formula_text(inner, bindings, names))
+            }
+            Formula::Modal(modal, numbers, parts) => {
+                let numbers: String = numbers.iter().map(|number| format!(" {number}")).collect();
+                list(&format!("{modal}{numbers}"), parts, names)
+            }
         }
     }
 

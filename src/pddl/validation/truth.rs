@@ -1,7 +1,7 @@
 //! Whether a condition holds, and which part of it does not.
 
 use super::error::EvaluationError;
-use super::state::{Bindings, State, UNBOUND, value};
+use super::state::{Bindings, State, TOLERANCE, UNBOUND, value};
 use crate::formats::pddl::ast::{Comparator, Moment, Operator};
 use crate::pddl::model::{Formula, Number, Quantifier};
 
@@ -40,8 +40,11 @@ impl State<'_> {
                 self.each(quantifier, bindings, |bindings| self.is_true(inner, bindings))
             }
             Formula::Timed(_, inner) => self.is_true(inner, bindings),
-            Formula::Preference(_) => Ok(true),
-            Formula::Modal => Err(EvaluationError::Unchecked("constraints are not simulated".to_owned())),
+            Formula::Preference(..) => Ok(true),
+            Formula::Modal(modal, ..) => {
+                let reason = format!("`{modal}` stands where only a condition of one state can be checked");
+                Err(EvaluationError::Unchecked(reason))
+            }
         }
     }
 
@@ -84,7 +87,7 @@ impl State<'_> {
     }
 
     /// The value of an expression.
-    pub(super) fn number(&self, number: &Number, bindings: &Bindings) -> Result<f64, EvaluationError> {
+    pub(in crate::pddl) fn number(&self, number: &Number, bindings: &Bindings) -> Result<f64, EvaluationError> {
         match number {
             Number::Constant(value) => Ok(*value),
             Number::Fluent(fluent) => {
@@ -100,7 +103,10 @@ impl State<'_> {
             }),
             Number::TotalTime => Ok(self.time),
             Number::Elapsed => Err(EvaluationError::Unchecked("continuous effects are not simulated".to_owned())),
-            Number::Violations(_) => Err(EvaluationError::Unchecked("preferences are not counted".to_owned())),
+            Number::Violations(name) => match &self.violations {
+                Some(violations) => Ok(violations.count(name)),
+                None => Err(EvaluationError::Unchecked("preferences are not counted".to_owned())),
+            },
         }
     }
 
@@ -177,12 +183,15 @@ impl State<'_> {
     }
 }
 
+/// Whether two numbers compare so. Of `<`, `=` and `>` always one holds; `<=` and `>=` are the negations of `>` and `<`. A greater
+/// tolerance than that of numbers, as durations have it, forgives and makes nothing stricter.
 fn compare(comparator: Comparator, left: f64, right: f64, tolerance: f64) -> bool {
+    let strict = tolerance.min(TOLERANCE);
     match comparator {
-        Comparator::Equal => (left - right).abs() <= tolerance,
-        Comparator::Less => left < right,
+        Comparator::Equal => left >= right - tolerance && left <= right + tolerance,
+        Comparator::Less => left < right - strict,
         Comparator::AtMost => left <= right + tolerance,
-        Comparator::Greater => left > right,
+        Comparator::Greater => left > right + strict,
         Comparator::AtLeast => left >= right - tolerance,
     }
 }
@@ -194,7 +203,7 @@ pub(super) fn at_moment(formula: &Formula, moment: Moment) -> Formula {
         Formula::Timed(..) => Formula::truth(),
         Formula::And(parts) => Formula::And(parts.iter().map(|part| at_moment(part, moment)).collect()),
         Formula::Forall(quantifier, inner) => Formula::Forall(quantifier.clone(), Box::new(at_moment(inner, moment))),
-        Formula::Preference(_) => Formula::truth(),
+        Formula::Preference(..) => Formula::truth(),
         other if moment == Moment::Start => other.clone(),
         _ => Formula::truth(),
     }

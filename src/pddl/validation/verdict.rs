@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::formats::pddl::ast::Comparator;
 use crate::pddl::resolve::count;
 
 /// What the simulation of a plan says.
@@ -9,8 +10,8 @@ use crate::pddl::resolve::count;
 pub enum Validation {
     /// Every action can be taken and the goal holds afterwards.
     Valid {
-        /// The metric's value afterwards; without a metric, the number of actions. [`None`]
-        /// where the metric counts what is not simulated, such as preferences.
+        /// The metric's value afterwards; without a metric, when a plan with times ends, or else the number of actions.
+        /// [`None`] where the metric cannot be computed.
         value: Option<f64>,
     },
     /// The plan is wrong, and where.
@@ -85,6 +86,28 @@ pub enum Failure {
         action: String,
         /// The smallest part that is false, as PDDL.
         condition: String,
+        /// What makes it true at the same moment, which is too late.
+        at_once: Option<String>,
+    },
+    /// An action takes another time than its duration allows.
+    Duration {
+        /// Which step.
+        step: usize,
+        /// The action with its objects.
+        action: String,
+        /// How long the plan lets it take.
+        duration: f64,
+        /// The part of its duration's condition that is false, as PDDL.
+        condition: String,
+        /// How the duration has to compare, and with which value, where the condition is one comparison.
+        wanted: Option<(Comparator, f64)>,
+    },
+    /// A trajectory constraint is broken.
+    Constraint {
+        /// The step after which it was; [`None`] in the initial state and at the end of the plan.
+        step: Option<usize>,
+        /// The constraint, as PDDL.
+        constraint: String,
     },
     /// A number that is not there, or an impossible computation.
     Number {
@@ -111,6 +134,11 @@ pub enum Failure {
     },
 }
 
+/// A number without what computing with it left.
+fn rounded(number: f64) -> f64 {
+    (number * 1e6).round() / 1e6
+}
+
 impl Validation {
     /// Whether the plan is known to be right.
     #[must_use]
@@ -130,8 +158,9 @@ impl Failure {
             | Self::ArgumentType { step, .. }
             | Self::Time { step, .. }
             | Self::Precondition { step, .. }
+            | Self::Duration { step, .. }
             | Self::Interference { step, .. } => Some(*step),
-            Self::Number { step, .. } => *step,
+            Self::Number { step, .. } | Self::Constraint { step, .. } => *step,
             Self::Goal { .. } => None,
         }
     }
@@ -159,9 +188,30 @@ impl fmt::Display for Failure {
                 write!(f, "`{object}` is of type `{is}`, but `{action}` wants `{wanted}` for `?{parameter}`")
             }
             Self::Time { action, reason, .. } => write!(f, "action `{action}`: {reason}"),
-            Self::Precondition { action, condition, .. } => {
-                write!(f, "{action} is not applicable: {condition} is false")
+            Self::Precondition { action, condition, at_once, .. } => {
+                write!(f, "{action} is not applicable: {condition} is false")?;
+                match at_once {
+                    Some(by) => write!(
+                        f,
+                        "; {by} makes it true at this very moment, and what needs it has to start later, if only by 0.001"
+                    ),
+                    None => Ok(()),
+                }
             }
+            Self::Duration { action, duration, wanted: Some((comparator, value)), .. } => {
+                let must = match comparator {
+                    Comparator::Equal => "",
+                    Comparator::Less => "less than ",
+                    Comparator::AtMost => "at most ",
+                    Comparator::Greater => "more than ",
+                    Comparator::AtLeast => "at least ",
+                };
+                write!(f, "the duration of {action} is {}, it must be {must}{}", rounded(*duration), rounded(*value))
+            }
+            Self::Duration { action, duration, condition, .. } => {
+                write!(f, "the duration of {action} is {}, but {condition} is false", rounded(*duration))
+            }
+            Self::Constraint { constraint, .. } => write!(f, "the constraint {constraint} is not satisfied"),
             Self::Number { step: Some(_), action, reason } => write!(f, "{action} is not applicable: {reason}"),
             Self::Number { reason, .. } => write!(f, "the goal cannot be computed: {reason}"),
             Self::Interference { action, with, .. } => {
@@ -178,7 +228,7 @@ impl fmt::Display for Failure {
 impl fmt::Display for Validation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Valid { value: Some(value) } => write!(f, "the plan is valid, value {value}"),
+            Self::Valid { value: Some(value) } => write!(f, "the plan is valid, value {}", rounded(*value)),
             Self::Valid { value: None } => f.write_str("the plan is valid"),
             Self::Invalid(failure) => write!(f, "the plan is invalid: {failure}"),
             Self::Unchecked(reason) => write!(f, "the plan cannot be checked: {reason}"),

@@ -9,6 +9,9 @@
 //! differ, the problem's wins.
 
 mod costs;
+mod durative;
+mod either;
+pub(crate) mod moments;
 mod names;
 mod rewrite;
 
@@ -61,6 +64,20 @@ pub(crate) fn try_send(
         domain: domain_text,
         problem: problem_text,
     })
+}
+
+/// The task without `(either t u)`, with one supertype for each type, and with durative actions that are lists of moments:
+/// some planners read no other form.
+#[must_use]
+pub fn simplified<'t>(domain: &'t Domain, problem: &'t Problem) -> (Cow<'t, Domain>, Cow<'t, Problem>) {
+    let (domain, problem) = match either::single(domain, problem) {
+        Some((domain, problem)) => (Cow::Owned(domain), Cow::Owned(problem)),
+        None => (Cow::Borrowed(domain), Cow::Borrowed(problem)),
+    };
+    match durative::simple(&domain) {
+        Some(simple) => (Cow::Owned(simple), problem),
+        None => (domain, problem),
+    }
 }
 
 /// As [`try_send`], without the costs of actions. Only for a task that has no other numbers.
