@@ -21,8 +21,8 @@ impl Record {
         let millis = lineage.and_then(|lineage| lineage.get_document("times").ok()?.get_f64("plan").ok());
         let id = namespace.and_then(|_| self.document.get("_id")).map(|_| self.id());
         let steps = self.steps();
-        let makespan = steps.iter().filter_map(end).reduce(f64::max);
-        // Without a metric, the stored cost is the number of steps, which says nothing about a plan with times.
+        let makespan = steps.iter().filter_map(end).reduce(f64::max).or_else(|| self.empty_makespan());
+        // Without a metric, a plan with times is measured by when it ends; older plans were stored with their number of steps.
         let has_cost = makespan.is_none() || of("metric") != Bson::Null;
         doc! {
             "id": id,
@@ -30,7 +30,7 @@ impl Record {
             "outcome": self.outcome(),
             "exit": i32::from(exit),
             "planner": of("planner"),
-            "cost": if has_cost { number(&of("cost")) } else { Bson::Null },
+            "cost": if has_cost { number(&of("cost")) } else { makespan.map_or(Bson::Null, reported) },
             "metric": of("metric"),
             "makespan": makespan.map_or(Bson::Null, reported),
             "seconds": millis.map(|millis| rounded(millis / 1000.0)),
@@ -48,6 +48,13 @@ impl Record {
         let plan = || matches!(self.document.get("plan"), Some(Bson::String(word)) if word == "success");
         let known = stored.or_else(failed).map(current);
         known.unwrap_or(if plan() || self.document.contains_key("actions") { "success" } else { "gave-up" }).to_owned()
+    }
+
+    /// That of a plan without steps for a domain whose actions take time.
+    fn empty_makespan(&self) -> Option<f64> {
+        let is_empty = self.outcome() == "success" && self.progress().is_empty();
+        let domain = is_empty.then(|| self.source().ok()?.read_domain().ok()).flatten()?;
+        domain.is_temporal().then_some(0.0)
     }
 
     fn steps(&self) -> Array {
@@ -164,18 +171,18 @@ mod tests {
         let step = report.get_array("steps").unwrap()[0].as_document().unwrap();
         assert_eq!(step.get_array("list").unwrap(), &vec![Bson::from("box #18")]);
         assert_eq!((report.get("id"), report.get("makespan")), (Some(&Bson::Null), Some(&Bson::Double(3.5))));
-        assert_eq!(report.get("cost"), Some(&Bson::Null));
+        assert_eq!(report.get("cost"), Some(&Bson::Double(3.5)));
     }
 
     #[test]
-    fn a_plan_with_times_has_a_cost_only_by_a_metric() {
+    fn the_cost_of_a_plan_with_times_is_when_it_ends_unless_a_metric_says_otherwise() {
         let lineage = |metric: Option<&str>| {
             let lineage = doc! { "lineage": { "cost": 2.0, "metric": metric } };
             let action = doc! { "name": "go", "args": [], "start": 0.0, "duration": 8.0 };
             let document = doc! { "plan": 1, "actions": [action], crate::store::metadata::INFO: lineage };
             Record { document }.report(None, 0).get("cost").cloned()
         };
-        assert_eq!(lineage(None), Some(Bson::Null));
+        assert_eq!(lineage(None), Some(Bson::Int64(8)));
         assert_eq!(lineage(Some("minimize (fuel)")), Some(Bson::Int64(2)));
     }
 }

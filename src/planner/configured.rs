@@ -63,7 +63,7 @@ impl Planner for Configured {
     }
 
     fn read(&self, output: &Output) -> Transcript {
-        match self.output {
+        let told = match self.output {
             Dialect::Auto => auto::read(&output.plans, output.code, &output.stdout, &output.stderr),
             Dialect::Downward => downward::read(&output.plans, output.code, &output.stdout, &output.stderr),
             Dialect::Temporal => temporal::read(&output.plans, &output.stdout, &output.stderr),
@@ -73,6 +73,11 @@ impl Planner for Configured {
                 let filed = filed.find(|filed| printed.verdict == Verdict::Unclear && filed.verdict == Verdict::Plan);
                 filed.unwrap_or(printed)
             }
+        };
+        // A plan file that was there when a limit ended the program may lack its last line; simulation shows whether it is whole.
+        match told.verdict {
+            Verdict::Unclear if output.code.is_none() => auto::filed(&output.plans).unwrap_or(told),
+            _ => told,
         }
     }
 

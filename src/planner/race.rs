@@ -1,8 +1,8 @@
 //! Several planners at once on one task.
 //!
-//! The first whose plan is right wins, and the others are ended. A planner's word that there is no plan
-//! ends the race as well, unless another one has a plan: that refutes it. A planner that cannot handle the task, is not
-//! installed or fails does not take part any longer, and the others go on.
+//! The first whose plan is right wins, and the others are ended. A proof of rmem's own that there is no plan
+//! ends the race as well. Where another planner says so, the others go on: a plan of one of them refutes it, and without a plan
+//! it counts. A planner that cannot handle the task, is not installed or fails does not take part any longer.
 //!
 //! The limits are one for all. Each may use what the others leave of the memory; where all of them together
 //! have more than the limit, the one that has most is ended, and the others go on.
@@ -104,6 +104,10 @@ impl<'a> Portfolio<'a> {
                 scope.spawn(move || {
                     let mut run = planner.attempt(task, &host, share, is_for_best);
                     run.simulate(task);
+                    if run.outcome == Outcome::Unsolvable && !run.is_proven {
+                        // Where rmem's own proof agrees, the other planners are stopped.
+                        run.explain(task);
+                    }
                     let _ = sender.send((place, run));
                 });
             }
@@ -114,7 +118,7 @@ impl<'a> Portfolio<'a> {
                     Ok((place, run)) => {
                         let is_over = match run.outcome {
                             Outcome::Plan(_) => !is_for_best,
-                            Outcome::Unsolvable => !runs.iter().flatten().any(refutes),
+                            Outcome::Unsolvable => run.is_proven && !runs.iter().flatten().any(refutes),
                             _ => false,
                         };
                         if first.is_none() && is_over {

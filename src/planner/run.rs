@@ -1,5 +1,6 @@
 //! The way from a task to an outcome, the same for every planner.
 
+use std::borrow::Cow;
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -46,6 +47,11 @@ pub trait Planner: Send + Sync {
     /// The requirement keywords it knows; none where it takes any.
     fn requirements(&self) -> Option<&[&str]> {
         None
+    }
+
+    /// Whether it reads neither things of several types nor durative actions that are more than lists of moments.
+    fn reads_only_simple_forms(&self) -> bool {
+        false
     }
 
     /// Program and arguments. `{domain}`, `{problem}` and `{plan}` stand for files; the plan's
@@ -133,6 +139,8 @@ pub struct Run {
     pub is_proven: bool,
     /// The exit code of its program; none where a signal or a limit ended it.
     pub code: Option<i32>,
+    /// The limit that ended its program, as an outcome.
+    pub limit: Option<Outcome>,
     /// Why there is no plan, where that was asked for.
     pub why: Option<Why>,
     /// The message about the outcome: the planner's own words, or what it lacks
@@ -163,6 +171,11 @@ impl Run {
         match verdict {
             Validation::Valid { value } => plan.cost = value.or(plan.cost),
             Validation::Unchecked(reason) => self.unjudged = Some(reason),
+            // The planner may have been writing when its time was over.
+            Validation::Invalid(_) if self.limit.is_some() => {
+                self.message = format!("no whole plan within its limit; what it left: {verdict}");
+                self.outcome = self.limit.clone().unwrap_or(Outcome::OutOfTime);
+            }
             Validation::Invalid(_) => {
                 self.message = verdict.to_string();
                 self.outcome = Outcome::Invalid;
@@ -173,7 +186,7 @@ impl Run {
     /// Looks into why there is no plan, where the planner found that there is none or gave up. Where it gave up and a
     /// condition of the goal can never hold, that is the proof.
     pub fn explain(&mut self, task: &Task<'_>) {
-        if !matches!(self.outcome, Outcome::Unsolvable | Outcome::GaveUp) {
+        if !matches!(self.outcome, Outcome::Unsolvable | Outcome::GaveUp) || self.why.is_some() {
             return;
         }
         let why = why(task.domain, task.problem);
@@ -240,6 +253,11 @@ impl<'a> PreparedPlanner<'a> {
             return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
         }
         let (domain, problem) = (task.domain.tree(), task.problem.tree());
+        let (domain, problem) = match planner.reads_only_simple_forms() {
+            true => portable::simplified(domain, problem),
+            false => (Cow::Borrowed(domain), Cow::Borrowed(problem)),
+        };
+        let (domain, problem) = (domain.as_ref(), problem.as_ref());
         let Some(mut sent) = portable::try_send(domain, problem, planner.requirements(), host.interrupted) else {
             return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
         };
@@ -502,6 +520,11 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
     Run {
         is_proven: outcome == Outcome::Unsolvable && planner.is_own(),
         code: ended.code(),
+        limit: match ended.end {
+            End::OutOfTime => Some(Outcome::OutOfTime),
+            End::Starved => Some(Outcome::OutOfMemory),
+            _ => None,
+        },
         outcome,
         planner: planner.name().to_owned(),
         version: planner.version(),

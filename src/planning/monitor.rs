@@ -7,7 +7,7 @@ use bson::{Document, doc};
 use super::{Check, PlanningError, check};
 use crate::memory::Memory;
 use crate::memory::watch::{Trigger, Watch};
-use crate::plan::{Repository, RepositoryError, Status};
+use crate::plan::{Repository, RepositoryError};
 use crate::store::{Namespace, Next, StoreError};
 
 /// How long to wait for a change before looking at the interruption flag.
@@ -24,8 +24,6 @@ const RETRY_DELAY: Duration = Duration::from_millis(500);
 pub enum PlanState {
     /// It still reaches its goal.
     Holds,
-    /// A step is under way: the world is neither as before it nor as after it.
-    Running,
     /// It does not reach its goal any more.
     Broken(Box<Check>),
     /// It is not in the memory any more.
@@ -43,9 +41,6 @@ impl PlanState {
             Err(RepositoryError::Store(error)) => return Err(error.into()),
             Err(gone) => return Ok(Self::Gone(gone)),
         };
-        if record.progress().iter().any(|step| step.status == Status::Running) {
-            return Ok(Self::Running);
-        }
         let check = check(&record, None, memory)?;
         Ok(if check.holds() { Self::Holds } else { Self::Broken(Box::new(check)) })
     }

@@ -84,7 +84,7 @@ impl<'a> PlanResult<'a> {
     pub fn notes(&self) -> Vec<Note> {
         let race = (self.race.runs.len() > 1).then(|| Note::Info(self.race.to_string()));
         let unjudged = self.run.unjudged.as_ref();
-        let unjudged = unjudged.map(|reason| Note::Warning(format!("the plan was not simulated: {reason}")));
+        let unjudged = unjudged.map(|reason| Note::Warning(format!("the plan was not wholly checked: {reason}")));
         let spaced = || Note::Info(format!("{} lets actions touch; the plan has them apart", self.run.planner));
         let without_costs = |run: &&Run| run.is_without_costs;
         let costless = self.race.runs.iter().filter(without_costs).map(|run| {
@@ -118,7 +118,13 @@ impl<'a> PlanResult<'a> {
         let is_told = options.anytime && !self.race.is_interrupted && !names.is_empty();
         // Others may have used all of the time.
         let is_over = self.time < options.timeout.mul_f64(0.9);
-        let rest = if is_over { "; no better plan is looked for any more" } else { ", the others went on" };
+        let rest = match is_over {
+            true if self.request.domain.is_temporal() => {
+                "; no better plan is looked for any more, but there may be one"
+            }
+            true => "; no better plan is looked for any more",
+            false => ", the others went on",
+        };
         is_told.then(|| Note::Info(format!("--anytime: {}{rest}", names.join(", "))))
     }
 
@@ -151,7 +157,9 @@ impl<'a> PlanResult<'a> {
         let plan = self.run.outcome.plan()?;
         let has_metric = self.task.problem.tree().metric.is_some();
         let document = &self.document;
-        Some(PrintedPlan { plan, document, statuses: &[], id, value, structure: None, has_metric, lanes: None })
+        let is_temporal = self.request.domain.is_temporal();
+        let structure = None;
+        Some(PrintedPlan { plan, document, statuses: &[], id, value, structure, has_metric, is_temporal, lanes: None })
     }
 
     /// Which step of the plan needs which, for drawings of it. Empty where there is no plan.
@@ -190,7 +198,16 @@ impl<'a> PlanResult<'a> {
     /// What keeps the goal from being reached, in the memory's names, where that was found.
     #[must_use]
     pub fn why(&self) -> Option<String> {
-        self.run.why.as_ref().map(|why| names::readable(&why.to_string()))
+        let why = self.run.why.as_ref()?;
+        let is_claim = self.run.outcome == Outcome::Unsolvable && !self.run.is_proven && !why.is_proof();
+        Some(match is_claim && !why.is_unknown {
+            true => format!(
+                "why: {} claims it, and rmem has no proof of it: each condition of the goal could be reached if nothing \
+                 were ever undone, so what actions delete, numbers or times would have to stand in the way",
+                self.run.planner
+            ),
+            false => names::readable(&why.to_string()),
+        })
     }
 }
 

@@ -309,3 +309,37 @@ fn runs_are_repeated_where_that_is_asked_for() {
     assert_eq!(runs(&lab), 8);
     lab.rmem(&[&compare[..], &["--repeat", "0"]].concat()).exits(2);
 }
+
+#[test]
+fn a_message_says_how_many_runs_failed() {
+    let lab = lab();
+    let flaky = format!(
+        "[planner.flaky]\noutput = 'ff'\ncommand = ['/bin/sh', '-c', 'if [ -e {path}/done ]; then exec {rmem} ff -o {{domain}} -f {{problem}}; \
+         else : > {path}/done; echo junk; fi']\n",
+        path = lab.path().display(),
+        rmem = crate::lab::rmem().display()
+    );
+    lab.write("rmem.toml", &flaky);
+    let words = ["compare", "tasks/lights/domain.pddl", "tasks/lights/one.pddl", "--planner", "flaky", "--repeat", "3"];
+    let text = lab.rmem(&[&words[..], &["--format", "json"]].concat()).success();
+    assert!(text.contains("\"success\"") && text.contains("1 of 3 runs failed (no-plan)"), "{text}");
+}
+
+#[test]
+fn a_plan_that_cannot_be_checked_solves_nothing() {
+    let lab = lab();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :constraints) (:predicates (p)) (:action a :parameters () :effect (p)))",
+    );
+    let task = |constraint: &str| {
+        lab.write("p.pddl", &format!("(define (problem t) (:domain d) (:goal (p)) (:constraints {constraint}))"));
+        lab.write("rmem.toml", "[planner.one]\noutput = 'ff'\ncommand = ['/bin/sh', '-c', 'echo ff: found legal plan as follows; echo step 0: A']\n");
+        let words = ["compare", "d.pddl", "p.pddl", "--planner", "one", "--format", "csv"];
+        lab.rmem(&words).success() + &lab.rmem(&[&words[..], &["--scores"]].concat()).success()
+    };
+    let text = task("(always (sometime (p)))");
+    assert!(text.contains(",unchecked,") && text.contains("one,1,0,0.0,"), "{text}");
+    assert!(task("(sometime (p))").contains("one,1,1,1.0,"));
+    assert!(task("(always (p))").contains(",invalid,"));
+}

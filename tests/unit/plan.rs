@@ -13,8 +13,18 @@ use rmem::plan::{
 /// A printed plan of which nothing is executed.
 fn shown(plan: &Plan, format: Format, id: &str, value: &dyn Fn(&str) -> Bson) -> Result<String, PrintError> {
     let document = to_document(plan, &domain(), Layout::Numbered, value);
-    PrintedPlan { plan, document: &document, statuses: &[], id, value, structure: None, has_metric: false, lanes: None }
-        .print(format)
+    PrintedPlan {
+        plan,
+        document: &document,
+        statuses: &[],
+        id,
+        value,
+        structure: None,
+        has_metric: false,
+        is_temporal: false,
+        lanes: None,
+    }
+    .print(format)
 }
 
 /// Prints what can be printed.
@@ -263,6 +273,7 @@ fn what_was_executed_is_seen_in_every_format() {
         value: &value,
         structure: None,
         has_metric: false,
+        is_temporal: false,
         lanes: None,
     };
     let text = page.print(Format::Text).unwrap();

@@ -19,7 +19,8 @@ use crate::planning::{self, Check};
     after_help = "Examples:\n  rmem plan check last\n  rmem plan check 65f0 --format json\n  rmem gen-problem -t now.j2 | rmem plan check last --problem -\n\n\
 Exits with 0 if the plan holds, else with 1, and prints the first step that fails and its false conditions. The\n\
 problem is generated again from the domain, the template, the goal and the parameters that are\n\
-kept with the plan; steps that are done are not simulated. The plan of a problem that was a\n\
+kept with the plan; steps that are done are not simulated, and of a\n\
+step that is running only what it needs and changes after its start. The plan of a problem that was a\n\
 file does not follow the memory: give the present problem with --problem."
 )]
 #[command(arg = formats::argument(&formats::TEXT))]
@@ -37,6 +38,11 @@ pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
     let now = args.problem.as_deref().map(|path| context.read(path)).transpose()?;
     let memory = context.memory()?;
     let record = stored::get(&args.plan, Last::Plan, &memory, context)?;
+    if let Ok(source) = record.source()
+        && now.is_none()
+    {
+        stored::warn_of_changes(&record.id(), &source, context);
+    }
     let check = planning::check(&record, now, &memory)?;
     if check.is_from_file {
         context.output.warn(

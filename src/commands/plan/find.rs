@@ -8,7 +8,7 @@ use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::output::{Format, Progress};
-use crate::plan::PrintedPlan;
+use crate::plan::{self, PrintedPlan};
 use crate::planner::{self, Host, Listener, Outcome, Planner};
 use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
 use crate::store::Namespace;
@@ -43,6 +43,7 @@ pub(super) fn find(
     let result = search(prepared, memory, listener, context)?;
     drop(progress);
     report(&result, context);
+    refuse_unprintable(&result, context)?;
     let id = result.store(memory)?;
     if let (Some(id), Some(into)) = (&id, &request.options.into) {
         context.output.note(&format!("stored in {into} as {id}"));
@@ -99,6 +100,20 @@ fn report(result: &PlanResult<'_>, context: &mut Context<'_>) {
             Note::Warning(text) => context.output.warn(&text),
         }
     }
+}
+
+/// Refuses a plan with a name that the format cannot write, before it is stored.
+fn refuse_unprintable(result: &PlanResult<'_>, context: &Context<'_>) -> Result<()> {
+    let value = |name: &str| result.task().value(name);
+    let format = match context.format(&show::FORMATS)? {
+        Format::Shell => plan::Format::Shell,
+        Format::Clips => plan::Format::Clips,
+        _ => return Ok(()),
+    };
+    if let Some(printed) = result.printed("plan", &value) {
+        printed.print(format)?;
+    }
+    Ok(())
 }
 
 /// Prints the plan; reports why there is none.

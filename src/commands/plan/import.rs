@@ -15,7 +15,7 @@ use crate::formats::plan::read_plan;
 use crate::formats::{Source, shell};
 use crate::output::Format;
 use crate::pddl::{Plan, Validation, repair, validate};
-use crate::plan::{IMPORTED, Repository, to_document};
+use crate::plan::{IMPORTED, Repository, rounded, to_document};
 use crate::planner::{Task, spaced};
 use crate::planning::PlanningTask;
 use crate::problem::names;
@@ -66,7 +66,14 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
         (plan, verdict) = spaced(&plan, &pddl).unwrap_or((plan, verdict));
     }
     match verdict {
-        Validation::Valid { value } => plan.cost = value.or(plan.cost),
+        Validation::Valid { value } => {
+            if let Some((claim, value)) = plan.cost.zip(value).filter(|(claim, value)| (claim - value).abs() > 0.01) {
+                let (claim, value) = (rounded(claim), rounded(value));
+                let note = format!("{} says that its cost is {claim}; it is {value}", file.name());
+                context.output.note(&note);
+            }
+            plan.cost = value.or(plan.cost);
+        }
         verdict => {
             let reason = names::readable(&verdict.to_string());
             context.output.error(&format!("{} is not stored: {reason}", file.name()));

@@ -45,6 +45,7 @@ pub(super) fn run(args: &RerunArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
     let record = stored::get(&args.plan, Last::Run, &memory, context)?;
     let source = record.source().map_err(|error| PlanningError::NoSource { id: record.id(), error })?;
+    stored::warn_of_changes(&record.id(), &source, context);
     let options = options(args, &record);
     let names = if args.planner.is_empty() { SearchOptions::recorded_planners(&record) } else { args.planner.clone() };
     let planners = choose(&names, options.anytime, context)?;

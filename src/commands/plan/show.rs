@@ -109,7 +109,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     let values = values.into_inner();
     let value = |name: &str| values.get(name).cloned().unwrap_or_else(|| Bson::String(names::restore(name)));
     let domain = record.source().ok().and_then(|source| source.read_domain().ok());
-    let structure = domain.map(|domain| domain.structure(&found.steps));
+    let structure = domain.as_ref().map(|domain| domain.structure(&found.steps));
     let printed = PrintedPlan {
         plan: &found,
         document: &document,
@@ -118,6 +118,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
         value: &value,
         structure: structure.as_ref(),
         has_metric: record.lineage().is_some_and(|lineage| lineage.get_str("metric").is_ok()),
+        is_temporal: domain.is_some_and(|domain| domain.is_temporal()),
         lanes: args.lanes.as_deref(),
     };
     if let (Format::Svg, Some(lanes)) = (format, &args.lanes) {

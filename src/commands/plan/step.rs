@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::pddl::Step;
+use crate::pddl::{Reach, Step};
 use crate::plan::{self, Last, Record, Repository, Status, Stored};
 use crate::problem::names;
 use crate::store::Namespace;
@@ -37,8 +37,8 @@ pub struct StepArgs {
     /// What became of it.
     #[command(flatten)]
     pub state: StateArgs,
-    /// Allow --done although a step that has to come before is not done
-    #[arg(long, requires = "done")]
+    /// Allow --started and --done although a step that has to come before is not done
+    #[arg(long, conflicts_with_all = ["failed", "open"])]
     pub out_of_order: bool,
     /// Collection of the plans
     #[arg(long = "in", value_name = "NS", default_value = "robmem.plans")]
@@ -70,6 +70,7 @@ pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> Result<Exit> {
     let plan = stored::get(&stored, Last::WithSteps, &memory, context)?;
     let number = number(&args.step, &plan)?;
     check_order(number, args, &plan)?;
+    let before = plan.progress().get(number.saturating_sub(1)).map(|step| step.status).unwrap_or_default();
     let status = status(args.state);
     repository.mark(&plan, number, status, DateTime::now())?;
     let step = steps(&plan).into_iter().nth(number.saturating_sub(1)).unwrap_or_default();
@@ -84,6 +85,11 @@ pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> Result<Exit> {
         return Ok(Exit::Done);
     }
     let action = names::readable(&spelled(&step));
+    match before {
+        _ if before == status => context.output.warn(&format!("step {number} was {status} already")),
+        Status::Done => context.output.warn(&format!("step {number} was done; it is {status} again")),
+        _ => {}
+    }
     context.output.note(&format!("step {number} of {} is {status}: {action}", plan.id()));
     Ok(Exit::Done)
 }
@@ -104,23 +110,57 @@ fn spelled(step: &Document) -> String {
 /// Refuses a step that would be done before an earlier one.
 fn check_order(number: usize, args: &StepArgs, plan: &Record) -> Result<(), UsageError> {
     let progress = plan.progress();
-    let timed = timed(plan);
-    let is_waiting = |(index, status): (usize, Status)| match &timed {
-        Some(steps) => status != Status::Done && follows(number, index + 1, steps, plan),
-        None => matches!(status, Status::Open | Status::Failed),
-    };
     // A step that there is not is refused by its number.
-    let before = if number <= progress.len() { number.saturating_sub(1) } else { 0 };
-    let earlier = progress.iter().map(|step| step.status).enumerate().take(before).position(is_waiting);
-    match earlier {
-        Some(index) if args.state.done && !args.out_of_order => {
-            let (step, status) = (index + 1, progress.get(index).map(|step| step.status).unwrap_or_default());
-            Err(UsageError::new(format!(
-                "step {number} cannot be done while step {step} is {status}; mark step {step} first, or use --out-of-order"
-            )))
-        }
-        _ => Ok(()),
+    let Some(index) = number.checked_sub(1).filter(|index| *index < progress.len()) else { return Ok(()) };
+    let verb = match args.state {
+        StateArgs { done: true, .. } => "done",
+        StateArgs { started: true, .. } => "started",
+        _ => return Ok(()),
+    };
+    if args.out_of_order {
+        return Ok(());
     }
+    let timed = timed(plan);
+    let mut waits = waits(index, timed.as_deref(), plan);
+    if let (Some(steps), true) = (&timed, args.state.started) {
+        // Those that end later may run beside it.
+        let is_before = |other: usize| ends_before(other, index, steps);
+        waits.iter_mut().enumerate().filter(|(other, _)| !is_before(*other)).for_each(|(_, reach)| *reach = None);
+    }
+    let is_waiting = |(status, reach): (Status, Option<Reach>)| match reach {
+        Some(Reach::Ended) => status != Status::Done,
+        Some(Reach::Begun) => matches!(status, Status::Open | Status::Failed),
+        None => false,
+    };
+    let states = || progress.iter().map(|step| step.status).zip(waits.iter().copied());
+    let Some((step, (status, reach))) = (1..).zip(states()).find(|(_, state)| is_waiting(*state)) else {
+        return Ok(());
+    };
+    let how = if timed.is_some() && reach == Some(Reach::Begun) { " as started" } else { "" };
+    Err(UsageError::new(format!(
+        "step {number} cannot be {verb} while step {step} is {status}; mark step {step}{how} first, or use --out-of-order"
+    )))
+}
+
+/// How far each step has to be before one of them, counted from 0, is done. In a plan without times, those before it have
+/// begun.
+fn waits(index: usize, timed: Option<&[Step]>, plan: &Record) -> Vec<Option<Reach>> {
+    let Some(steps) = timed else { return vec![Some(Reach::Begun); index] };
+    match plan.source().ok().and_then(|source| source.read_domain().ok()) {
+        Some(domain) => domain.waits(steps, index),
+        None => {
+            // Where the domain is not known, it waits for all that end before it starts.
+            let is_before = |other: usize| other < index && ends_before(other, index, steps);
+            (0..steps.len()).map(|other| is_before(other).then_some(Reach::Ended)).collect()
+        }
+    }
+}
+
+/// Whether a step of a plan with times ends before another one starts.
+fn ends_before(step: usize, other: usize, steps: &[Step]) -> bool {
+    let end = steps.get(step).and_then(|step| Some(step.start? + step.duration.unwrap_or_default()));
+    let start = steps.get(other).and_then(|step| step.start);
+    end.zip(start).is_some_and(|(end, start)| end <= start + ROUNDING)
 }
 
 /// The steps of a plan with times.
@@ -128,19 +168,6 @@ fn timed(plan: &Record) -> Option<Vec<Step>> {
     match plan.plan(&plan::spelled) {
         Ok(Stored::Plan(plan)) if plan.steps.iter().any(|step| step.start.is_some()) => Some(plan.steps),
         _ => None,
-    }
-}
-
-/// Whether a step of a plan with times starts after the end of an earlier one that it depends on. Where the domain is not
-/// known, it depends on all of them.
-fn follows(number: usize, earlier: usize, steps: &[Step], plan: &Record) -> bool {
-    let step = |number: usize| number.checked_sub(1).and_then(|index| steps.get(index));
-    let start = step(number).and_then(|step| step.start);
-    let end = step(earlier).and_then(|step| Some(step.start? + step.duration.unwrap_or_default()));
-    let is_after = start.zip(end).is_some_and(|(start, end)| end <= start + ROUNDING);
-    is_after && {
-        let domain = plan.source().ok().and_then(|source| source.read_domain().ok());
-        domain.is_none_or(|domain| domain.structure(steps).depends(number - 1, earlier - 1))
     }
 }
 

@@ -67,11 +67,11 @@ fn plan_of(found: Found) -> Result<Option<String>, Exit> {
     }
 }
 
-/// Whether the plan still reaches its goal, or a step of it is under way; otherwise reports why not.
+/// Whether the plan still reaches its goal; otherwise reports why not.
 fn still_holds(current: Option<&str>, plans: &Namespace, memory: &Memory, context: &mut Context<'_>) -> Result<bool> {
     let Some(id) = current else { return Ok(false) };
     match PlanState::of(id, plans, memory)? {
-        PlanState::Holds | PlanState::Running => return Ok(true),
+        PlanState::Holds => return Ok(true),
         PlanState::Broken(check) => check.lines().iter().for_each(|line| context.output.note(line)),
         PlanState::Gone(error) => context.output.note(&error.to_string()),
     }

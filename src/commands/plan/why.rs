@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::plan::{Last, Record, Status, hash};
+use crate::plan::{Last, Record, Status, hash, rounded};
 use crate::problem::names;
 use crate::store::Namespace;
 
@@ -189,7 +189,7 @@ fn readable(value: &Bson) -> String {
     match value {
         Bson::String(text) => text.split_whitespace().collect::<Vec<_>>().join(" "),
         Bson::DateTime(date) => date.try_to_rfc3339_string().unwrap_or_else(|_| date.timestamp_millis().to_string()),
-        Bson::Double(number) => number.to_string(),
+        Bson::Double(number) => rounded(*number).to_string(),
         other => shell::relaxed_value(other),
     }
 }

@@ -21,17 +21,20 @@ pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> 
     if told.verdict == Verdict::Plan {
         return if plans.is_empty() { behind::last_of_run(stdout, told) } else { told };
     }
-    let file = |source: &Source| read_plan(source).ok().filter(|plan| !plan.actions.is_empty() || plan.cost.is_some());
-    let stdout = Source::new("<stdout>", stdout);
-    let found = plans.iter().rev().find_map(file).or_else(|| file(&stdout));
-    match found {
-        Some(plan) => {
-            let mut transcript = Transcript::unclear();
-            (transcript.verdict, transcript.actions, transcript.cost) = (Verdict::Plan, plan.actions, plan.cost);
-            transcript
-        }
-        None => told,
-    }
+    filed(plans).or_else(|| file(&Source::new("<stdout>", stdout))).unwrap_or(told)
+}
+
+/// The last plan file that a planner left, whatever its spelling and whether or not it has a last line with the cost.
+#[must_use]
+pub fn filed(plans: &[Source]) -> Option<Transcript> {
+    plans.iter().rev().find_map(file)
+}
+
+fn file(source: &Source) -> Option<Transcript> {
+    let plan = read_plan(source).ok().filter(|plan| !plan.actions.is_empty() || plan.cost.is_some())?;
+    let mut transcript = Transcript::unclear();
+    (transcript.verdict, transcript.actions, transcript.cost) = (Verdict::Plan, plan.actions, plan.cost);
+    Some(transcript)
 }
 
 /// Temporal planners look at some moments of many: what they say of all plans is no proof.

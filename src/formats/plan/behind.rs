@@ -16,7 +16,7 @@ pub(super) fn last(source: &Source, plan: PlanFile) -> Result<PlanFile, Diagnost
         let message = "expected `TIME: (action argument …) [DURATION]`, found a step without brackets";
         return Err(wrong(source, line, message));
     }
-    let is_step = |line: &Line<'_>| is_step(line.text);
+    let is_step = |line: &Line<'_>| is_step(line.text) && !ff::is_pseudo_step(line.text);
     let end = end(source, &plan);
     let steps: Vec<Line<'_>> = lines(source.text()).skip(end).filter(is_step).collect();
     let Some(first) = steps.first() else { return Ok(plan) };

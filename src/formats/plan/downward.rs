@@ -94,7 +94,10 @@ pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> 
             _ => format!("{message}: {printed}"),
         };
     }
-    if printed.contains("Invalid requirement") || printed.contains("does not support") {
+    if printed.contains("Invalid requirement")
+        || printed.contains("does not support")
+        || printed.contains("not supported")
+    {
         transcript.verdict = Verdict::Unsupported;
     }
     if verdict == Verdict::Rejected {

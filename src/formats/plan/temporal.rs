@@ -148,7 +148,9 @@ impl Plans {
         let last = self.actions.last().and_then(|last| last.start).zip(action.start);
         let back = last.is_some_and(|(last, start)| start < last) && first.is_some_and(|(first, start)| start <= first);
         let again = self.announced && first.is_some_and(|(first, start)| start <= first);
-        let is_repeated = self.actions.first().is_some_and(|first| is_same(first, &action));
+        // Several steps of one action at one time are steps of one plan.
+        let is_later = self.gap || last.is_some_and(|(last, start)| start < last);
+        let is_repeated = is_later && self.actions.first().is_some_and(|first| is_same(first, &action));
         if self.gap && (back || again) || is_repeated {
             self.actions.clear();
         }

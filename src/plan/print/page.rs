@@ -27,6 +27,8 @@ pub struct PrintedPlan<'a> {
     pub structure: Option<&'a Structure>,
     /// Whether the problem has a metric, so that the cost is its value and not the number of steps.
     pub has_metric: bool,
+    /// Whether actions of the domain take time, so that a plan without steps has a makespan, too.
+    pub is_temporal: bool,
     /// The parameter whose values are the lanes of a drawing (default: the one that the most steps have).
     pub lanes: Option<&'a str>,
 }
@@ -35,6 +37,12 @@ impl PrintedPlan<'_> {
     /// How far a step is; steps count from 0.
     pub(super) fn status(&self, index: usize) -> Status {
         self.statuses.get(index).copied().unwrap_or_default()
+    }
+
+    /// When the last step ends, of a plan with times.
+    pub(super) fn makespan(&self) -> Option<f64> {
+        let none = || (self.is_temporal && self.plan.steps.is_empty()).then_some(0.0);
+        self.plan.makespan().or_else(none)
     }
 
     /// A step with the memory's values, as people read it.

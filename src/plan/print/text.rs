@@ -18,13 +18,15 @@ pub(super) fn text(page: &PrintedPlan<'_>) -> String {
         text.push('\n');
     }
     let length = page.plan.steps.len() as f64;
-    let makespan = page.plan.makespan().map(rounded);
+    let makespan = page.makespan().map(rounded);
     let _ = match page.plan.cost.map(rounded) {
         // Without a metric, the cost is the number of steps, which says nothing about a plan with times.
         Some(cost) if Some(cost) != makespan && (cost != length || (page.has_metric && makespan.is_none())) => {
             writeln!(text, "; cost = {cost} (general cost)")
         }
         _ if makespan.is_some() => Ok(()),
+        // A metric that cannot be computed.
+        None if page.has_metric => Ok(()),
         _ => writeln!(text, "; cost = {length} (unit cost)"),
     };
     if let Some(makespan) = makespan {

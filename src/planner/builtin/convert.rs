@@ -196,10 +196,14 @@ impl Names {
     }
 }
 
-/// The function of a metric that minimises it.
+/// The function of a metric that minimises it, where it has a value.
 fn metric(problem: &Problem) -> Option<String> {
+    let has_value =
+        |name: &String| name == TOTAL_COST || problem.init_fluents.iter().any(|((known, _), _)| known == name);
     match &problem.metric {
-        Some((MetricDir::Minimize, Expr::Fluent(name, terms))) if terms.is_empty() => Some(name.clone()),
+        Some((MetricDir::Minimize, Expr::Fluent(name, terms))) if terms.is_empty() && has_value(name) => {
+            Some(name.clone())
+        }
         _ => None,
     }
 }

@@ -41,16 +41,17 @@ pub use solver::{child, solve};
 const ENGINE: &str = "ferroplan 0.30.0";
 
 /// What the engine does not read, or refuses.
-const LACKS: [Feature; 3] = [Feature::ObjectFluents, Feature::ContinuousEffects, Feature::ActionVariables];
+const LACKS: [Feature; 5] = [
+    Feature::ObjectFluents,
+    Feature::ContinuousEffects,
+    Feature::ActionVariables,
+    Feature::DurationsAtEnd,
+    Feature::TimedConditionalEffects,
+];
 
 /// What a temporal task may use for the engine only.
-const ENGINE_ONLY: [Feature; 5] = [
-    Feature::TimedInitialLiterals,
-    Feature::DerivedPredicates,
-    Feature::ChangingDerivedPredicates,
-    Feature::Preferences,
-    Feature::Constraints,
-];
+const ENGINE_ONLY: [Feature; 4] =
+    [Feature::DerivedPredicates, Feature::ChangingDerivedPredicates, Feature::Preferences, Feature::Constraints];
 
 /// The requirements that the engine knows by name. Others announce what it may well
 /// be able to do: it reads `:derived` but not the keyword for it.
@@ -111,6 +112,10 @@ impl Planner for Builtin {
 
     fn requirements(&self) -> Option<&[&str]> {
         Some(&REQUIREMENTS)
+    }
+
+    fn reads_only_simple_forms(&self) -> bool {
+        true
     }
 
     fn command(&self, host: &Host<'_>) -> Vec<OsString> {

@@ -27,7 +27,8 @@ pub fn solve(task: &Task<'_>, options: Options, say: &mut dyn FnMut(&str)) -> i3
         say(&format!("\nff: {refusal}\n"));
         return 34;
     }
-    let sent = portable::send(task.domain.tree(), task.problem.tree(), Some(&REQUIREMENTS));
+    let (domain, problem) = portable::simplified(task.domain.tree(), task.problem.tree());
+    let sent = portable::send(&domain, &problem, Some(&REQUIREMENTS));
     apart(&sent.domain, &sent.problem, options, Some(&sent), say)
 }
 
@@ -84,6 +85,8 @@ struct Teller<'t, 'r> {
     says_each: bool,
     has_plan: bool,
     last: Option<Plan>,
+    /// When the best plan with times ends.
+    earliest: Option<f64>,
     report: &'r mut dyn FnMut(Message<'_>),
 }
 
@@ -94,10 +97,20 @@ impl Teller<'_, '_> {
                 return;
             }
             self.has_plan = true;
+            let shorter = self.judge.as_ref().and_then(|judge| judge.without_needless(plan));
+            let plan = shorter.as_ref().unwrap_or(plan);
+            // Without what it did not need, the one before may end earlier.
+            if let (Some(end), None) = (plan.makespan, plan.metric) {
+                if self.earliest.is_some_and(|earliest| end > earliest) {
+                    return;
+                }
+                self.earliest = Some(end);
+            }
             if !self.says_each {
                 self.last = Some(plan.clone());
                 return;
             }
+            return (self.report)(Message::Plan(plan));
         }
         (self.report)(message);
     }
@@ -127,7 +140,8 @@ fn answer(
     // What is true or false only is searched as it is.
     let is_judged = !is_classical(&task, &instance) || compared::has_numbers(&task, &instance);
     let judge = is_judged.then(|| Judge::new(domain, problem));
-    let mut teller = Teller { judge, says_each: options.says_each(), has_plan: false, last: None, report };
+    let mut teller =
+        Teller { judge, says_each: options.says_each(), has_plan: false, last: None, earliest: None, report };
     let reason = match is_classical(&task, &instance) {
         true => timeless(&task, &instance, options, &mut teller)?,
         false => timed(&task, &instance, options, (domain, problem), &mut teller)?,

@@ -47,7 +47,7 @@ impl Fault {
             None => text.clone(),
         };
         let missing = match failure {
-            Failure::Precondition { condition, .. } => vec![condition.clone()],
+            Failure::Precondition { condition, .. } | Failure::Duration { condition, .. } => vec![condition.clone()],
             Failure::Goal { conditions } => conditions.clone(),
             _ => Vec::new(),
         };
@@ -79,6 +79,19 @@ fn readable(step: &Step) -> String {
 /// Where the template would write a missing fact, or which document says what should not hold.
 fn origins(condition: &str, task: &PlanningTask) -> Vec<Origin> {
     let Some(generated) = &task.generated else { return Vec::new() };
+    if is_comparison(condition) {
+        // What it compares is in the problem with other numbers; nothing is left out by the template.
+        let found = fluents(condition).into_iter();
+        let found = found.flat_map(|fluent| generated.explain_atom(task.problem.tree(), fluent));
+        let found = found.filter(|found| found.part == Part::Init);
+        return found
+            .map(|mut found| {
+                // The last document is that of the number.
+                found.documents.reverse();
+                written(found, "")
+            })
+            .collect();
+    }
     let negated = condition.strip_prefix("(not ").and_then(|rest| rest.strip_suffix(')'));
     let atom = negated.unwrap_or(condition);
     let found = generated.explain_atom(task.problem.tree(), atom);
@@ -90,6 +103,27 @@ fn origins(condition: &str, task: &PlanningTask) -> Vec<Origin> {
     }
     let reason = if negated.is_some() { "" } else { ", but no longer true after the steps before" };
     found.into_iter().map(|found| written(found, reason)).collect()
+}
+
+/// Whether a condition compares numbers or objects, like `(>= (fuel r1) 3)`.
+fn is_comparison(condition: &str) -> bool {
+    let inner = condition.strip_prefix("(not ").unwrap_or(condition).trim_start_matches('(');
+    inner.split(char::is_whitespace).next().is_some_and(|head| ["=", "<", ">", "<=", ">="].contains(&head))
+}
+
+/// The functions that a comparison looks at, like `(fuel r1)`, each once.
+fn fluents(condition: &str) -> Vec<&str> {
+    let mut found: Vec<&str> = Vec::new();
+    for (start, _) in condition.match_indices('(') {
+        let Some(inner) = condition.get(start + 1..) else { continue };
+        let Some(end) = inner.find(['(', ')']).filter(|end| inner[*end..].starts_with(')')) else { continue };
+        let fluent = &condition[start..start + end + 2];
+        let head = inner.split([' ', ')']).next().unwrap_or_default();
+        if head.starts_with(|c: char| c.is_ascii_alphabetic()) && !found.contains(&fluent) {
+            found.push(fluent);
+        }
+    }
+    found
 }
 
 /// The line of the template that would write a fact, and what that line depends on.

@@ -8,7 +8,7 @@ use bson::Bson;
 use super::{PlanningError, PlanningTask};
 use crate::formats::Source;
 use crate::memory::Memory;
-use crate::pddl::{Cause, Repair, Step, Validation, repair, validate};
+use crate::pddl::{Cause, Repair, Step, Validation, repair_rest, validate_rest};
 use crate::plan::{Input, Record, Status, Stored, TaskSource, spelled};
 
 pub use fault::{Fault, Origin};
@@ -31,7 +31,8 @@ pub struct Check {
     pub is_from_file: bool,
 }
 
-/// Instantiates the plan's problem as it is now, or takes `now` for it, and simulates the steps that are left.
+/// Instantiates the plan's problem as it is now, or takes `now` for it, and simulates the steps that are left. A step that
+/// is running has begun: see [`validate_rest`].
 ///
 /// # Errors
 /// Where the plan does not say what it was made from, or is not a plan; a store that fails.
@@ -48,7 +49,7 @@ pub fn check(record: &Record, now: Option<Source>, memory: &Memory) -> Result<Ch
     let failed = progress.iter().position(|step| step.status == Status::Failed);
     let verdict = match failed {
         Some(index) => Verdict::Broken(Fault::failed(index + 1)),
-        None => simulate(record, &source, &left, memory)?,
+        None => simulate(record, &source, is_from_file, &left, memory)?,
     };
     let (fault, unjudged) = match verdict {
         Verdict::Holds => (None, None),
@@ -65,7 +66,13 @@ enum Verdict {
     Unchecked(String),
 }
 
-fn simulate(record: &Record, source: &TaskSource, left: &[usize], memory: &Memory) -> Result<Verdict, PlanningError> {
+fn simulate(
+    record: &Record,
+    source: &TaskSource,
+    is_from_file: bool,
+    left: &[usize],
+    memory: &Memory,
+) -> Result<Verdict, PlanningError> {
     let domain = &source.read_domain()?;
     let task = match PlanningTask::instantiate(source, None, domain, memory) {
         Ok(task) => task,
@@ -85,11 +92,18 @@ fn simulate(record: &Record, source: &TaskSource, left: &[usize], memory: &Memor
         }
     };
     let steps = rest(&plan.steps, left);
-    Ok(match validate(domain, &task.problem, &steps) {
+    let progress = record.progress();
+    let is_running = |index: usize| progress.get(index).is_some_and(|step| step.status == Status::Running);
+    // A file shows the state before the first step.
+    let running: Vec<usize> = match is_from_file {
+        true => Vec::new(),
+        false => left.iter().enumerate().filter(|(_, index)| is_running(**index)).map(|(place, _)| place).collect(),
+    };
+    Ok(match validate_rest(domain, &task.problem, &steps, &running) {
         Validation::Valid { .. } => Verdict::Holds,
         Validation::Unchecked(reason) => Verdict::Unchecked(reason),
         Validation::Invalid(failure) => {
-            let mut repairs = repair(domain, &task.problem, &steps);
+            let mut repairs = repair_rest(domain, &task.problem, &steps, &running);
             repairs.iter_mut().for_each(|repair| recount(repair, left));
             Verdict::Broken(Fault { repairs, ..Fault::new(&failure, left, &steps, &task) })
         }

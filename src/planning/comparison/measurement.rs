@@ -109,7 +109,17 @@ impl Setup<'_> {
 pub fn measure(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
     let first = measure_once(setup, host);
     let more = (1..setup.repeats).take_while(|_| !host.is_interrupted()).map(|_| measure_once(setup, host));
-    median(std::iter::once(first.clone()).chain(more).collect()).unwrap_or(first)
+    let runs: Vec<Measurement> = std::iter::once(first.clone()).chain(more).collect();
+    let failed: Vec<String> = runs.iter().filter(|run| !run.is_solved()).map(|run| run.outcome.clone()).collect();
+    let count = runs.len();
+    let mut taken = median(runs).unwrap_or(first);
+    if count > 1 && !failed.is_empty() {
+        let mut outcomes = failed.clone();
+        outcomes.dedup();
+        let failures = format!("{} of {count} runs failed ({})", failed.len(), outcomes.join(", "));
+        taken.message = if taken.message.is_empty() { failures } else { format!("{failures}: {}", taken.message) };
+    }
+    taken
 }
 
 /// The run of median time.
@@ -130,7 +140,10 @@ fn measure_once(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
     let length = steps.map(|steps| steps as f64);
     let makespan = plan.and_then(Plan::makespan);
     let metric = setup.task.problem.tree().metric.as_ref();
+    // An unchecked plan solves nothing.
+    let unchecked = run.unjudged.as_ref().filter(|_| plan.is_some());
     let cost = match metric {
+        _ if unchecked.is_some() => None,
         Some(_) => plan.and_then(|plan| plan.cost),
         None => makespan.or(length),
     };
@@ -138,7 +151,7 @@ fn measure_once(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
         key: setup.key(host),
         task: setup.name.to_owned(),
         planner: run.planner.clone(),
-        outcome: run.outcome.word().to_owned(),
+        outcome: if unchecked.is_some() { UNCHECKED.to_owned() } else { run.outcome.word().to_owned() },
         seconds: run.time.as_secs_f64(),
         cpu: run.cpu.map(|cpu| cpu.as_secs_f64()),
         memory: run.memory.and_then(|bytes| i64::try_from(bytes).ok()),
@@ -149,7 +162,10 @@ fn measure_once(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
         steps,
         timeout: setup.limits.time.unwrap_or(Duration::MAX).as_secs_f64(),
         code: run.code,
-        message: run.message.lines().next().unwrap_or_default().to_owned(),
+        message: match unchecked {
+            Some(reason) => format!("the plan was not checked: {reason}"),
+            None => run.message.lines().next().unwrap_or_default().to_owned(),
+        },
         provenance: setup.provenance(&run),
     }
 }
@@ -266,6 +282,8 @@ impl Measurement {
 const UNREADABLE: &str = "unreadable";
 /// The word for a planner that says that there is no plan where another one has a plan.
 const WRONG: &str = "wrong";
+/// The word for a plan that could not be simulated.
+const UNCHECKED: &str = "unchecked";
 /// The word for a plan.
 const SUCCESS: &str = "success";
 

@@ -170,3 +170,102 @@ fn what_a_loop_left_out_is_said_with_its_query_and_its_condition() {
     let verdict: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(verdict["sources"][0]["reasons"][1], "line 3: only if m.state == 'up'");
 }
+
+const DRIVING: &str = "(define (domain d) (:requirements :typing :fluents :durative-actions) (:types r p)
+  (:predicates (at ?r - r ?p - p) (road ?a ?b - p)) (:functions (battery ?r - r) (seconds ?a ?b - p))
+  (:durative-action drive :parameters (?r - r ?a ?b - p) :duration (= ?duration (seconds ?a ?b))
+    :condition (and (at start (at ?r ?a)) (at start (>= (battery ?r) (seconds ?a ?b))) (over all (road ?a ?b)))
+    :effect (and (at start (not (at ?r ?a))) (at start (decrease (battery ?r) (seconds ?a ?b))) (at end (at ?r ?b)))))";
+const ROADS: &str = "(define (problem p) (:domain d) (:objects R1 - r A B C - p)
+ (:init
+{% for r in query('lab.r', {'kind': 'robot'}) %}
+  (at {{ r.name }} {{ r.at }})
+  (= (battery {{ r.name }}) {{ r.battery }})
+{% endfor %}
+{% for w in query('lab.r', {'kind': 'road'}) %}
+  (road {{ w.a }} {{ w.b }}) {% set jam = find_one('lab.r', {'kind': 'jam', 'a': w.a}) %}(= (seconds {{ w.a }} {{ w.b }}) {{ jam.s if jam else w.s }})
+{% endfor %})
+ (:goal (at R1 C)))";
+
+/// A robot that plans to drive from A over B to C.
+fn driving() -> Lab {
+    let lab = Lab::new();
+    lab.write("d.pddl", DRIVING);
+    lab.write("p.j2", ROADS);
+    let documents = [
+        "{_id: 1, kind: 'robot', name: 'R1', at: 'A', battery: 9}",
+        "{_id: 2, kind: 'road', a: 'A', b: 'B', s: 4}",
+        "{_id: 3, kind: 'road', a: 'B', b: 'C', s: 5}",
+    ];
+    lab.rmem(&[&["insert", "-q", "lab.r"], &documents[..]].concat()).success();
+    lab.rmem(&["plan", "-q", "-d", "d.pddl", "-t", "p.j2"]).success();
+    lab
+}
+
+#[test]
+fn a_step_that_is_running_is_not_begun_again() {
+    let lab = driving();
+    lab.rmem(&["plan", "step", "last", "1", "--started"]).success();
+    // The robot has left, and the battery was measured since.
+    lab.rmem(&["update", "lab.r", "{_id: 1}", "{$set: {at: 'A', battery: 5}}"]).success();
+    assert_run!(lab.rmem(&["plan", "check", "last"]), @r"
+    [ID] holds: 2 of 2 steps are left
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    // The road that it is on is closed.
+    lab.rmem(&["delete", "lab.r", "{_id: 2}"]).success();
+    let broken = lab.rmem(&["plan", "check", "last"]).exits(1).stdout;
+    assert!(
+        broken.contains("does not hold: step 1: (drive R1 A B) is not applicable: (road A B) is false"),
+        "{broken}"
+    );
+}
+
+#[test]
+fn a_duration_that_differs_names_the_number_and_its_documents() {
+    let lab = driving();
+    lab.rmem(&["insert", "-q", "lab.r", "{_id: 7, kind: 'jam', a: 'B', s: 8}"]).success();
+    let broken = lab.rmem(&["plan", "check", "last"]).exits(1).stdout;
+    let lines: Vec<&str> = broken.lines().skip(1).take_while(|line| !line.contains("false in the")).collect();
+    assert!(broken.contains("step 2: the duration of (drive R1 B C) is 5, it must be 8"), "{broken}");
+    assert_eq!(lines[0], "  p.j2:8:93: (= (seconds B C) 8) is in the memory", "{broken}");
+    assert_eq!(lines[1], "  document _id 7 of lab.r", "{broken}");
+    assert!(!broken.contains("it would be written by"), "{broken}");
+    let explained = lab.rmem(&["gen-problem", "-t", "p.j2", "-d", "d.pddl", "--explain", "(seconds B C)"]).success();
+    assert!(explained.contains("{\"_id\":7,\"kind\":\"jam\""), "the number is from there: {explained}");
+    assert!(!explained.contains("'robot'"), "{explained}");
+    let explained = lab.rmem(&["gen-problem", "-t", "p.j2", "-d", "d.pddl", "--explain", "8"]).success();
+    assert!(explained.starts_with("(= (seconds B C) 8): in the initial state"), "{explained}");
+    assert_run!(lab.rmem(&["gen-problem", "-t", "p.j2", "-d", "d.pddl", "--explain", "77"]), @r"
+    ------- stderr -------
+    error: `77` is not in the problem
+    [exit code: 1]
+    ");
+}
+
+#[test]
+fn a_text_where_a_number_has_to_be_is_shown_with_its_document() {
+    let lab = driving();
+    lab.rmem(&["update", "-q", "lab.r", "{_id: 1}", "{$set: {battery: 'voll'}}"]).success();
+    assert_run!(lab.rmem(&["gen-problem", "-t", "p.j2", "-d", "d.pddl"]), @r"
+    ------- stderr -------
+    error: p.j2:5:29: expected a number, found `voll`
+      |
+    5 |   (= (battery {{ r.name }}) {{ r.battery }})
+      |                             ^^^^^^^^^^^^^^^
+      = hint: it became line 5 of the problem: (= (battery R1) voll)
+      = hint: from document _id 1 of lab.r, which has a text there; store a number, or leave the document out
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn a_file_that_was_changed_since_is_named_once() {
+    let lab = driving();
+    lab.write("p.j2", &ROADS.replace("(at R1 C)", "(at R1 B)"));
+    for command in [&["plan", "check", "last"][..], &["plan", "rerun", "last", "--no-store"]] {
+        let run = lab.rmem(command).exits(0).to_string();
+        assert_eq!(run.matches("warning: p.j2 was changed since").count(), 1, "{run}");
+    }
+}

@@ -138,3 +138,28 @@ fn explanations_checks_and_drawings_have_names_as_the_memory_has_them() {
     [exit code: 11]
     "#);
 }
+
+#[test]
+fn names_that_are_operators_variables_or_keywords_are_printed_in_quotes_and_read_back() {
+    let lab = lamps();
+    lab.write(
+        "all.j2",
+        "(define (problem p) (:domain lamps) (:objects {% for l in query('a.b') %}{{ l.name }} {% endfor %})
+         (:init {% for l in query('a.b') %}(wick {{ l.name }}) {% endfor %}) (:goal (lit {{ lamp }})))",
+    );
+    for name in ["*", "+", "-", "/", "=", "<", ">=", "?x", ":a", "x--a--x", "not"] {
+        lab.rmem(&["insert", "-q", "a.b", &format!("{{name: '{name}'}}")]).success();
+        let parameter = format!("lamp={name}");
+        let task = ["-d", "domain.pddl", "-t", "all.j2", "-D", &parameter];
+        let plan = lab.rmem(&[&["plan", "-q"], &task[..]].concat()).success();
+        let step = format!("(light \"{name}\")");
+        assert_eq!(plan.lines().next(), Some(step.as_str()));
+        lab.write("p", &plan);
+        lab.rmem(&[&["plan", "import", "-q", "p"], &task[..]].concat()).success();
+        lab.write("p.pddl", &lab.rmem(&[&["gen-problem", "-q"], &task[2..]].concat()).success());
+        lab.rmem(&["validate", "domain.pddl", "p.pddl", "p"]).success();
+        lab.rmem(&["plan", "step", "last", &step, "--done"]).success();
+        let goal = format!("(lit \"{name}\")");
+        lab.rmem(&["plan", "-q", "-d", "domain.pddl", "-t", "p.j2", "-D", &parameter, "--goal", &goal]).success();
+    }
+}

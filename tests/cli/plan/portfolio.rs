@@ -331,7 +331,8 @@ fn anytime_is_refused_where_no_planner_improves_its_plan() {
         "(define (domain d) (:requirements :durative-actions) (:predicates (there))
          (:durative-action go :parameters () :duration (= ?duration 2) :condition () :effect (at end (there))))",
     );
-    lab.write("p.pddl", "(define (problem p) (:domain d) (:init (at 1 (not (there)))) (:goal (there)))");
+    let goal = "(and (there) (preference away (not (there))))";
+    lab.write("p.pddl", &format!("(define (problem p) (:domain d) (:init) (:goal {goal}))"));
     let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"];
     assert_run!(lab.rmem(&[&words[..], &["--anytime"]].concat()), @r"
     ------- stderr -------
@@ -554,4 +555,64 @@ fn a_cost_by_a_metric_is_no_unit_cost() {
     let found = lab.rmem(&["plan", "-d", "own.pddl", "-p", "task.pddl"]).success();
     assert_eq!(found, "(first)\n(second)\n; cost = 2 (general cost)\n");
     assert_eq!(lab.rmem(&["plan", "show", "last"]).success(), found);
+}
+
+#[test]
+fn a_claim_of_another_planner_lets_the_others_go_on() {
+    let lab = Lab::new();
+    contradiction(&lab);
+    let late = "[planner.late]\noutput = 'downward'\n\
+         command = ['/bin/sh', '-c', \"sleep 1; printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\n";
+    lab.write("rmem.toml", &(lab.read("rmem.toml") + late));
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", "claimer", "--planner", "late"];
+    let run = lab.rmem(&words).exits(0);
+    assert!(row(&run, "claimer").contains("wrong") && row(&run, "late").ends_with("wins"), "{run}");
+}
+
+#[test]
+fn a_plan_file_that_is_there_when_the_time_is_over_counts_if_it_is_valid() {
+    let lab = Lab::new();
+    searching(&lab);
+    for (step, exit) in [("(jump)", 0), ("(jum", 23)] {
+        for output in ["downward", "temporal", "auto"] {
+            let command = format!("['/bin/sh', '-c', \"printf '{step}\\\\n' > {{plan}}; sleep 100\"]");
+            lab.write("rmem.toml", &format!("[planner.p]\noutput = '{output}'\ncommand = {command}\n"));
+            let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", "p", "--timeout", "1s"];
+            lab.rmem(&words).exits(exit);
+        }
+    }
+}
+
+#[test]
+fn what_the_engine_does_not_read_of_durative_actions_is_refused_at_its_line_or_rewritten() {
+    let lab = Lab::new();
+    let plan = |duration: &str, effect: &str| {
+        lab.write(
+            "d.pddl",
+            &format!(
+                "(define (domain d) (:requirements :durative-actions :duration-inequalities :conditional-effects)
+ (:predicates (p) (g))
+ (:durative-action a :parameters ()
+  :duration {duration}
+  :effect {effect}))"
+            ),
+        );
+        lab.write("p.pddl", "(define (problem t) (:domain d) (:init (p)) (:goal (g)))");
+        lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"])
+    };
+    let refused = plan("(at end (<= ?duration 3))", "(at end (g))").exits(34).stderr;
+    assert!(
+        refused.contains("d.pddl:4:13: the planner `builtin` cannot handle durations that are checked"),
+        "{refused}"
+    );
+    let refused = plan("(= ?duration 3)", "(when (at start (p)) (at end (g)))").exits(34).stderr;
+    assert!(refused.contains("d.pddl:5:11: the planner `builtin` cannot handle effects under conditions"), "{refused}");
+    for (duration, effect) in [
+        ("(at start (= ?duration 3))", "(at end (g))"),
+        ("(and (at start (>= ?duration 2)) (at start (<= ?duration 3)))", "(at end (g))"),
+        ("(= ?duration 3)", "(when (at start (p)) (at start (g)))"),
+        ("(= ?duration 3)", "(and (when (and (at end (p))) (and (at end (g)))))"),
+    ] {
+        assert!(plan(duration, effect).exits(0).stdout.contains("(a)"), "{duration} {effect}");
+    }
 }

@@ -24,9 +24,9 @@ fn a_stored_plan_is_shown_in_every_format() {
       s5 [label="5: (stack A B)"];
       goal [shape=doublecircle, label=""];
       s1 -> s2 [label="(hand-empty)"];
-      s2 -> s3 [label="(holding d)"];
+      s2 -> s3 [label="(holding D)"];
       s3 -> s4 [label="(hand-empty)"];
-      s4 -> s5 [label="(holding a)"];
+      s4 -> s5 [label="(holding A)"];
       init -> s1;
       s5 -> goal;
     }
@@ -182,4 +182,53 @@ fn options_of_another_layout_are_refused() {
     error: --instance is for --format clips --layout cx
     [exit code: 2]
     ");
+}
+
+/// A robot that drives, with times.
+const DRIVE: &str =
+    "(define (domain d) (:requirements :typing :durative-actions) (:types r p) (:predicates (at ?r - r ?p - p))
+  (:durative-action drive :parameters (?r - r ?a ?b - p) :duration (= ?duration 4) :condition (at start (at ?r ?a))
+    :effect (and (at start (not (at ?r ?a))) (at end (at ?r ?b)))))";
+
+#[test]
+fn a_graph_has_the_names_of_the_plan() {
+    let lab = Lab::new();
+    lab.write("d.pddl", DRIVE);
+    lab.write(
+        "p.pddl",
+        "(define (problem p) (:domain d) (:objects R1 - r A B C - p) (:init (at R1 A)) (:goal (at R1 C)))",
+    );
+    lab.write("t.plan", "0: (drive R1 A B) [4]\n4.1: (drive R1 B C) [4]\n");
+    lab.rmem(&["plan", "import", "t.plan", "-d", "d.pddl", "-p", "p.pddl"]).success();
+    let dot = lab.rmem(&["plan", "show", "last", "--format", "dot"]).success();
+    assert!(dot.contains("s1 -> s2 [label=\"(at R1 B)\"]"), "{dot}");
+}
+
+#[test]
+fn a_plan_with_times_but_without_steps_has_a_makespan() {
+    let lab = Lab::new();
+    lab.write("d.pddl", DRIVE);
+    let task = "(define (problem p) (:domain d) (:objects R1 - r A - p) (:init (at R1 A)) (:goal (at R1 A)) METRIC)";
+    for metric in ["(:metric minimize (total-time))", ""] {
+        lab.write("p.pddl", &task.replace("METRIC", metric));
+        let plan = ["plan", "-q", "-d", "d.pddl", "-p", "p.pddl"];
+        assert_eq!(lab.rmem(&plan).success(), "; makespan = 0\n");
+        assert_eq!(lab.rmem(&["plan", "show", "last"]).success(), "; makespan = 0\n");
+        let report = lab.rmem(&[&plan[..], &["--format", "json"]].concat()).success();
+        assert_eq!(super::parsed(&report)["makespan"], 0, "{report}");
+    }
+}
+
+#[test]
+fn a_name_that_a_format_cannot_write_is_refused_before_the_plan_is_stored() {
+    let lab = Lab::new();
+    lab.write("d.pddl", DRIVE);
+    lab.write(
+        "p.j2",
+        "(define (problem p) (:domain d) (:objects {{ to }} A - p R1 - r) (:init (at R1 A)) (:goal (at R1 {{ to }})))",
+    );
+    let run = ["plan", "-d", "d.pddl", "-t", "p.j2", "-D", "to:=\"two\\nlines\"", "--format", "shell"];
+    let refused = lab.rmem(&run).exits(3);
+    assert!(!refused.stderr.contains("stored in"), "{refused}");
+    assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "0\n");
 }

@@ -142,6 +142,42 @@ fn in_a_plan_with_times_a_step_waits_for_those_that_it_depends_on() {
 }
 
 #[test]
+fn a_step_waits_for_the_start_of_one_that_encloses_it_and_that_one_for_its_end() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :durative-actions) (:predicates (light) (mended))
+  (:durative-action burn :parameters () :duration (= ?duration 8) :effect (and (at start (light)) (at end (not (light)))))
+  (:durative-action mend :parameters () :duration (= ?duration 5) :condition (over all (light)) :effect (at end (mended))))",
+    );
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (mended)))");
+    lab.write("t.plan", "0.0: (burn) [8]\n0.5: (mend) [5]\n");
+    lab.rmem(&["plan", "import", "t.plan", "-d", "d.pddl", "-p", "p.pddl"]).success();
+    let step = |number: &'static str, state: &'static str| ["-q", "plan", "step", "last", number, state];
+    let commands =
+        [step("2", "--done"), step("1", "--started"), step("1", "--done"), step("2", "--done"), step("1", "--done")];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r"
+    $ rmem -q plan step last 2 --done
+    ------- stderr -------
+    error: step 2 cannot be done while step 1 is open; mark step 1 as started first, or use --out-of-order
+    [exit code: 2]
+    $ rmem -q plan step last 1 --started
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem -q plan step last 1 --done
+    ------- stderr -------
+    error: step 1 cannot be done while step 2 is open; mark step 2 first, or use --out-of-order
+    [exit code: 2]
+    $ rmem -q plan step last 2 --done
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem -q plan step last 1 --done
+    ------- stderr -------
+    [exit code: 0]
+    ");
+}
+
+#[test]
 fn the_last_plan_is_no_run_without_a_plan() {
     let lab = Lab::new();
     lab.write("d.pddl", "(define (domain d) (:predicates (a) (b) (c)) (:action go :precondition (a) :effect (b)))");
@@ -187,4 +223,34 @@ fn the_last_plan_is_no_run_without_a_plan() {
     step 1 of [ID] is done: (go)
     [exit code: 0]
     ");
+}
+
+#[test]
+fn a_step_that_is_noted_again_is_a_warning_and_one_that_cannot_start_an_error() {
+    let lab = Lab::new();
+    plan(&lab, &["-q"]).success();
+    let step = |number: &'static str, state: &'static str| ["plan", "step", "last", number, state];
+    let commands = [step("2", "--started"), step("1", "--done"), step("1", "--done"), step("1", "--started")];
+    assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r"
+    $ rmem plan step last 2 --started
+    ------- stderr -------
+    error: step 2 cannot be started while step 1 is open; mark step 1 first, or use --out-of-order
+    [exit code: 2]
+    $ rmem plan step last 1 --done
+    ------- stderr -------
+    step 1 of [ID] is done: (stack B C)
+    [exit code: 0]
+    $ rmem plan step last 1 --done
+    ------- stderr -------
+    warning: step 1 was done already
+    step 1 of [ID] is done: (stack B C)
+    [exit code: 0]
+    $ rmem plan step last 1 --started
+    ------- stderr -------
+    warning: step 1 was done; it is running again
+    step 1 of [ID] is running: (stack B C)
+    [exit code: 0]
+    ");
+    lab.rmem(&["plan", "step", "last", "3", "--started", "--out-of-order"]).success();
+    lab.rmem(&["plan", "step", "last", "3", "--failed", "--out-of-order"]).exits(2);
 }

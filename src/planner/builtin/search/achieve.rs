@@ -329,7 +329,12 @@ mod tests {
     #[test]
     fn numbers_are_as_near_as_the_validator_has_it() {
         assert!(Comparator::AtLeast.compare(0.3, 0.1 + 0.2) && Comparator::Equal.compare(0.1 + 0.2, 0.3));
-        assert!(Comparator::Less.compare(0.3, 0.1 + 0.2) && !Comparator::Greater.compare(1.0, 1.0));
+        for (left, right) in [(0.3, 0.1 + 0.2), (1.0, 1.0), (1.0, 1.0 + 2e-6), (2.0, 1.0)] {
+            let compare = |comparator: Comparator| comparator.compare(left, right);
+            assert_eq!(compare(Comparator::Less), !compare(Comparator::AtLeast), "{left} {right}");
+            assert_eq!(compare(Comparator::Greater), !compare(Comparator::AtMost), "{left} {right}");
+            assert_eq!(compare(Comparator::Equal), compare(Comparator::AtLeast) && compare(Comparator::AtMost));
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! An interval errs on one side only: it contains each value that the arithmetic of [`Expression::value`] leads to. Rounding
 //! is monotone, so that bounds are rounded as values are.
 
-use super::number::{Comparator, Expression, TOLERANCE};
+use super::number::{Comparator, Expression};
 
 /// The values from one bound to the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,7 +98,7 @@ pub(super) fn outcomes(comparator: Comparator, left: Interval, right: Interval) 
         Comparator::Less | Comparator::AtMost => [compare(left.low, right.high), !compare(left.high, right.low)],
         Comparator::AtLeast | Comparator::Greater => [compare(left.high, right.low), !compare(left.low, right.high)],
         Comparator::Equal => {
-            let is_apart = |low: f64, high: f64| low - high > TOLERANCE;
+            let is_apart = |low: f64, high: f64| Comparator::Greater.compare(low, high);
             let meets = !is_apart(left.low, right.high) && !is_apart(right.low, left.high);
             [meets, !(compare(left.low, right.high) && compare(left.high, right.low))]
         }

@@ -30,11 +30,11 @@ impl Comparator {
     #[must_use]
     pub fn compare(self, left: f64, right: f64) -> bool {
         match self {
-            Self::Less => left < right,
+            Self::Less => left < right - TOLERANCE,
             Self::AtMost => left <= right + TOLERANCE,
-            Self::Equal => (left - right).abs() <= TOLERANCE,
+            Self::Equal => left >= right - TOLERANCE && left <= right + TOLERANCE,
             Self::AtLeast => left >= right - TOLERANCE,
-            Self::Greater => left > right,
+            Self::Greater => left > right + TOLERANCE,
         }
     }
 

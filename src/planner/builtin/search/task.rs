@@ -117,6 +117,7 @@ impl Task {
     /// Returns the sum of the costs of a plan.
     #[must_use]
     pub fn cost(&self, plan: &[OperatorId]) -> f64 {
-        plan.iter().map(|operator| self.operators[*operator as usize].cost).sum()
+        // The sum of nothing would be a negative zero.
+        plan.iter().fold(0.0, |sum, operator| sum + self.operators[*operator as usize].cost)
     }
 }

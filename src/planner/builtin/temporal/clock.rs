@@ -4,7 +4,8 @@ use std::collections::{HashMap, HashSet};
 
 use ferroplan::types::{Domain, Duration, Effect, Expr, Formula, Problem, Term, TimeSpec};
 
-use super::windows::{UNITS, Window, Windows, intersected};
+use super::compress::is_momentary;
+use super::windows::{Limit, UNITS, Window, Windows, intersected};
 use crate::planner::builtin::search::makespan::Timing;
 use crate::planner::builtin::search::task::{OperatorId, Task};
 
@@ -26,9 +27,17 @@ struct Touched<'a> {
     parameters: Vec<&'a str>,
     /// Of a durative action.
     duration: Option<&'a Duration>,
-    reads: Vec<(&'a str, &'a [Term])>,
-    writes: Vec<(&'a str, &'a [Term])>,
-    limits: Vec<(TimeSpec, &'a str, &'a [Term])>,
+    reads: Vec<Touch<'a>>,
+    writes: Vec<Touch<'a>>,
+    limits: Vec<Limit<'a>>,
+}
+
+/// An atom that a part of an action is about.
+#[derive(Clone, Copy)]
+struct Touch<'a> {
+    time: TimeSpec,
+    name: &'a str,
+    terms: &'a [Term],
 }
 
 impl<'a> Clock<'a> {
@@ -48,58 +57,60 @@ impl<'a> Clock<'a> {
         };
         for action in &domain.durative_actions {
             let mut touched = Touched::new(&action.params, Some(&action.duration));
-            for (time, condition) in &action.conditions {
+            let counts = |time: &TimeSpec| *time != TimeSpec::All || !is_momentary(action);
+            for (time, condition) in action.conditions.iter().filter(|(time, _)| counts(time)) {
                 touched.limits.extend(clock.windows.limits(*time, condition));
-                clock.condition(condition, false, &mut touched);
+                clock.condition(*time, condition, false, &mut touched);
             }
-            for (_, effect) in &action.effects {
-                clock.effect(effect, false, &mut touched);
+            for (time, effect) in &action.effects {
+                clock.effect(*time, effect, false, &mut touched);
             }
             clock.actions.insert(&action.name, touched);
         }
         for action in &domain.actions {
             let mut touched = Touched::new(&action.params, None);
             touched.limits.extend(clock.windows.limits(TimeSpec::Start, &action.precond));
-            clock.condition(&action.precond, false, &mut touched);
-            clock.effect(&action.effect, false, &mut touched);
+            clock.condition(TimeSpec::Start, &action.precond, false, &mut touched);
+            clock.effect(TimeSpec::Start, &action.effect, false, &mut touched);
             clock.actions.insert(&action.name, touched);
         }
         clock
     }
 
-    fn condition(&mut self, formula: &'a Formula, is_quantified: bool, touched: &mut Touched<'a>) {
+    fn condition(&mut self, time: TimeSpec, formula: &'a Formula, is_quantified: bool, touched: &mut Touched<'a>) {
         match formula {
             Formula::Atom(name, terms) => {
-                touched.reads.push((name, terms));
+                touched.reads.push(Touch { time, name, terms });
                 self.coarse.extend(is_quantified.then_some(name.as_str()));
             }
             Formula::And(inner) | Formula::Or(inner) => {
-                inner.iter().for_each(|part| self.condition(part, is_quantified, touched));
+                inner.iter().for_each(|part| self.condition(time, part, is_quantified, touched));
             }
-            Formula::Not(inner) => self.condition(inner, is_quantified, touched),
-            Formula::Forall(_, inner) | Formula::Exists(_, inner) => self.condition(inner, true, touched),
+            Formula::Not(inner) => self.condition(time, inner, is_quantified, touched),
+            Formula::Forall(_, inner) | Formula::Exists(_, inner) => self.condition(time, inner, true, touched),
             _ => {}
         }
     }
 
-    fn effect(&mut self, effect: &'a Effect, is_quantified: bool, touched: &mut Touched<'a>) {
+    fn effect(&mut self, time: TimeSpec, effect: &'a Effect, is_quantified: bool, touched: &mut Touched<'a>) {
         match effect {
             Effect::Add(name, terms) | Effect::Del(name, terms) => {
-                touched.writes.push((name, terms));
+                touched.writes.push(Touch { time, name, terms });
                 self.changed.insert(name);
                 self.coarse.extend(is_quantified.then_some(name.as_str()));
             }
             Effect::Num(_, name, ..) => drop(self.changed.insert(name)),
-            Effect::And(inner) => inner.iter().for_each(|part| self.effect(part, is_quantified, touched)),
+            Effect::And(inner) => inner.iter().for_each(|part| self.effect(time, part, is_quantified, touched)),
             Effect::When(condition, inner) => {
-                self.condition(condition, is_quantified, touched);
-                self.effect(inner, is_quantified, touched);
+                self.condition(time, condition, is_quantified, touched);
+                self.effect(time, inner, is_quantified, touched);
             }
-            Effect::Forall(_, inner) => self.effect(inner, true, touched),
+            Effect::Forall(_, inner) => self.effect(time, inner, true, touched),
         }
     }
 
-    /// Drops the operators that no duration suits; `None` where a duration depends on the state, or has no bound.
+    /// Drops the operators that no duration or no time suits; `None` where a duration depends on the state, or has no
+    /// bound.
     pub(super) fn limit(&self, task: &mut Task) -> Option<()> {
         let is_known = |duration: &Duration| {
             let bounds = || duration.min.iter().chain(&duration.max);
@@ -108,23 +119,49 @@ impl<'a> Clock<'a> {
         if !self.actions.values().filter_map(|action| action.duration).all(is_known) {
             return None;
         }
-        let is_possible = |operator| self.duration(task, operator).is_some();
+        let is_possible = |operator| {
+            let duration = self.duration(task, operator);
+            duration
+                .is_some_and(|duration| self.starts(task, operator, duration).is_none_or(|starts| !starts.is_empty()))
+        };
         let mut is_possible = (0..task.operators.len() as OperatorId).map(is_possible).collect::<Vec<_>>().into_iter();
         task.operators.retain(|_| is_possible.next().unwrap_or_default());
         Some(())
     }
 
-    /// How many units an operator takes; `None` where no duration suits it.
-    fn duration(&self, task: &Task, operator: OperatorId) -> Option<u64> {
+    /// The action of an operator, with the objects of its parameters.
+    fn instance<'t>(&self, task: &'t Task, operator: OperatorId) -> Option<(&Touched<'a>, HashMap<&'a str, &'t str>)> {
         let mut words = task.name(operator);
         let action = self.actions.get(words.next()?)?;
+        Some((action, action.parameters.iter().copied().zip(words).collect()))
+    }
+
+    /// How many units an operator takes; `None` where no duration suits it.
+    fn duration(&self, task: &Task, operator: OperatorId) -> Option<u64> {
+        let (action, binding) = self.instance(task, operator)?;
         let Some(duration) = action.duration else { return Some(0) };
-        let binding: HashMap<&str, &str> = action.parameters.iter().copied().zip(words).collect();
         let value = |bound: &'a Option<Expr>| bound.as_ref().map(|bound| self.value(bound, &binding));
         let (least, most) = (value(&duration.min), value(&duration.max));
         let chosen = least.or(most)??;
-        let is_short = most.is_none_or(|most| most.is_some_and(|most| chosen <= most));
-        (is_short && (0.0..1e12).contains(&chosen)).then(|| (chosen * UNITS).round() as u64)
+        let is_short = |chosen: f64| most.is_none_or(|most| most.is_some_and(|most| chosen <= most));
+        if !(is_short(chosen) && (0.0..1e12).contains(&chosen)) {
+            return None;
+        }
+        match (chosen * UNITS).round() as u64 {
+            0 if self.interferes(action, &binding) => is_short(1.0 / UNITS).then_some(1),
+            units => Some(units),
+        }
+    }
+
+    /// Whether the start and the end of an action cannot happen at one moment.
+    fn interferes(&self, action: &Touched<'a>, binding: &HashMap<&str, &str>) -> bool {
+        let is_one = |touch: &Touch<'a>, other: &Touch<'a>| {
+            let same = |(one, other)| object(one, binding) == object(other, binding);
+            touch.name == other.name
+                && (self.coarse.contains(touch.name) || touch.terms.iter().zip(other.terms).all(same))
+        };
+        let parts = || action.writes.iter().chain(action.reads.iter().filter(|read| read.time != TimeSpec::All));
+        action.writes.iter().any(|write| parts().any(|other| write.time != other.time && is_one(write, other)))
     }
 
     /// Whether the value of an expression changes.
@@ -144,22 +181,16 @@ impl<'a> Clock<'a> {
         let mut numbers: HashMap<Resource, u32> = HashMap::new();
         let mut timing = Timing { gap: 1, ..Timing::default() };
         for operator in 0..task.operators.len() as OperatorId {
-            let mut words = task.name(operator);
-            let action = self.actions.get(words.next()?)?;
-            let binding: HashMap<&str, &str> = action.parameters.iter().copied().zip(words).collect();
+            let (action, binding) = self.instance(task, operator)?;
             let duration = self.duration(task, operator)?;
-            // Start and end in one moment are for the engine.
-            if duration == 0 && action.duration.is_some() {
-                return None;
-            }
             timing.durations.push(duration);
-            if let Some(windows) = self.starts(action, &binding, duration) {
+            if let Some(windows) = self.starts(task, operator, duration) {
                 timing.windows.insert(operator, windows);
             }
-            let mut list = |atoms: &[(&'a str, &'a [Term])]| {
-                let atoms = atoms.iter().filter(|(name, _)| self.changed.contains(name));
+            let mut list = |atoms: &[Touch<'a>]| {
+                let atoms = atoms.iter().filter(|touch| self.changed.contains(touch.name));
                 let mut resources: Vec<u32> = atoms
-                    .map(|(name, terms)| {
+                    .map(|Touch { name, terms, .. }| {
                         let is_coarse = self.coarse.contains(name);
                         let arguments =
                             terms.iter().filter(|_| !is_coarse).map(|term| object(term, &binding).to_owned());
@@ -180,10 +211,11 @@ impl<'a> Clock<'a> {
     }
 
     /// When an operator may start; `None` where it may at any time.
-    fn starts(&self, action: &Touched<'a>, binding: &HashMap<&'a str, &'a str>, duration: u64) -> Option<Vec<Window>> {
-        let windows = action.limits.iter().filter_map(|(time, name, terms)| {
-            let objects = terms.iter().map(|term| object(term, binding)).collect();
-            self.windows.starts(*time, &(*name, objects), duration)
+    fn starts(&self, task: &'a Task, operator: OperatorId, duration: u64) -> Option<Vec<Window>> {
+        let (action, binding) = self.instance(task, operator)?;
+        let windows = action.limits.iter().map(|limit| {
+            let objects = limit.terms.iter().map(|term| object(term, &binding)).collect();
+            self.windows.starts(*limit, objects, duration)
         });
         windows.reduce(|one, other| intersected(&one, &other))
     }

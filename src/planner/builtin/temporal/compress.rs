@@ -4,7 +4,7 @@
 //! leaves. Parameters that may be one object are told apart: what an action takes away at its start it cannot need
 //! later, and what it brings at its start and takes away at its end does not stay.
 
-use ferroplan::types::{Action, Domain, DurativeAction, Effect, Formula, Term, TimeSpec};
+use ferroplan::types::{Action, Domain, DurativeAction, Effect, Expr, Formula, Term, TimeSpec};
 
 /// The domain without durations; `None` where an action is none of these.
 pub(super) fn compressed(domain: &Domain) -> Option<Domain> {
@@ -23,6 +23,8 @@ fn compress(action: &DurativeAction) -> Option<Action> {
     for (time, formula) in &action.conditions {
         for part in conjuncts(formula) {
             match *time {
+                // Between a start and an end at one moment nothing has to hold.
+                TimeSpec::All if is_momentary(action) => {}
                 TimeSpec::Start => conditions.push(part.clone()),
                 _ => conditions.push(before(part, &starting)?),
             }
@@ -45,6 +47,11 @@ fn compress(action: &DurativeAction) -> Option<Action> {
         effect: Effect::And(effects),
         monitored: false,
     })
+}
+
+/// Whether an action never takes any time.
+pub(super) fn is_momentary(action: &DurativeAction) -> bool {
+    matches!(action.duration.max, Some(Expr::Num(most)) if most == 0.0)
 }
 
 /// What has to hold beforehand for a condition to hold after the start; `None` where that is not seen here.

@@ -47,7 +47,7 @@ pub(super) fn plan(
     }
     let Some(windows) = Windows::new(domain, problem) else { return false };
     let Some(flat) = compressed(domain) else { return false };
-    let mut instance = windows.opened(problem);
+    let (flat, mut instance) = windows.opened(flat, problem);
     instance.metric = None;
     let Ok(mut lifted) = convert(&flat, &instance) else { return false };
     if lifted.has_numbers {
@@ -248,5 +248,65 @@ mod tests {
         assert_eq!(shop("r s", "(at 5 (open))"), [5.001, 5.001]);
         // The first hours are too short for a second order.
         assert_eq!(shop("r", "(open) (at 12 (not (open))) (at 100 (open))"), [0.0, 100.001]);
+    }
+
+    /// Washing takes as long as it takes, and what it needs.
+    fn wash(duration: &str, needs: &str, effects: &str, init: &str) -> Option<(f64, f64)> {
+        let domain = format!(
+            "(define (domain wash) (:requirements :strips :durative-actions :timed-initial-literals
+              :duration-inequalities :negative-preconditions) (:predicates (rain) (dirty) (clean) (hung))
+            (:durative-action wash :parameters () :duration {duration} :condition (and (at start (dirty)) {needs})
+              :effect (and (at end (clean)) {effects}))
+            (:durative-action hang :parameters () :duration (= ?duration 1) :condition (at start (clean))
+              :effect (at end (hung))))"
+        );
+        let problem = format!("(define (problem day) (:domain wash) (:init (dirty) {init}) (:goal (hung)))");
+        let plans = plans(&domain, &problem);
+        let first = plans.last()?.steps.first()?;
+        Some((first.time?, first.duration?))
+    }
+
+    #[test]
+    fn what_takes_no_time_starts_and_ends_at_one_moment() {
+        assert_eq!(wash("(= ?duration 0)", "", "", ""), Some((0.0, 0.0)));
+        // Its end takes away what its start needs, which does not go at one moment.
+        assert_eq!(wash("(= ?duration 0)", "", "(at end (not (dirty)))", ""), None);
+        assert_eq!(wash("(= ?duration 0)", "(at end (rain))", "(at start (rain))", ""), None);
+        // Between a start and an end at one moment nothing has to hold.
+        assert_eq!(wash("(= ?duration 0)", "(over all (rain))", "", ""), Some((0.0, 0.0)));
+        // It may take longer.
+        assert_eq!(wash("(>= ?duration 0)", "", "(at end (not (dirty)))", ""), Some((0.0, 0.001)));
+        assert_eq!(
+            wash("(and (>= ?duration 0) (<= ?duration 2))", "", "(at end (not (dirty)))", ""),
+            Some((0.0, 0.001))
+        );
+    }
+
+    #[test]
+    fn what_has_to_be_false_is_waited_for() {
+        let wash = |moment: &str, init: &str| {
+            wash("(= ?duration 4)", &format!("({moment} (not (rain)))"), "", init).map(|(start, _)| start)
+        };
+        assert_eq!(wash("over all", "(rain) (at 7 (not (rain)))"), Some(7.001));
+        assert_eq!(wash("over all", "(at 2 (rain)) (at 7 (not (rain)))"), Some(7.001));
+        assert_eq!(wash("at start", "(at 2 (rain)) (at 7 (not (rain)))"), Some(0.0));
+        assert_eq!(wash("at end", "(at 2 (rain)) (at 7 (not (rain)))"), Some(3.001));
+        assert_eq!(wash("over all", "(rain)"), None);
+        assert_eq!(wash("over all", "(at 3 (rain))"), None);
+    }
+
+    #[test]
+    fn a_timed_fact_that_changes_nothing_is_not_read_at_its_moment() {
+        let wash = |moment: &str, init: &str| {
+            wash("(= ?duration 4)", &format!("({moment} (rain))"), "", init).map(|(start, _)| start)
+        };
+        // It rains all the time.
+        assert_eq!(wash("over all", "(rain) (at 2 (rain))"), Some(0.0));
+        assert_eq!(wash("at start", "(rain) (at 0 (rain))"), Some(0.001));
+        assert_eq!(wash("at end", "(rain) (at 4 (rain))"), Some(0.001));
+        // What is taken away and brought at once stays.
+        assert_eq!(wash("over all", "(rain) (at 2 (not (rain))) (at 2 (rain))"), Some(0.0));
+        // At 0.57, which is 569.999… thousandths, it is still to come.
+        assert_eq!(wash("at start", "(at 0.57 (rain))"), Some(0.571));
     }
 }
