@@ -76,6 +76,16 @@ impl Texts {
         }
     }
 
+    /// Where an offset is: `3:5`, with the name of its text where another offset is not in it.
+    pub fn place_beside(&self, offset: usize, other: usize) -> impl fmt::Display {
+        let (source, base) = self.at(offset);
+        let (line, column) = source.position(offset - base);
+        match base == self.at(other).1 {
+            true => format!("{line}:{column}"),
+            false => format!("{}:{line}:{column}", source.name()),
+        }
+    }
+
     /// The name of the text that an offset is in, where that is not the first.
     #[must_use]
     pub fn part(&self, offset: usize) -> Option<String> {
@@ -96,6 +106,8 @@ mod tests {
         assert_eq!(texts.place(4).to_string(), "2:2", "the end of the first");
         assert_eq!(texts.slice(Span::new(8, 10)), "67");
         assert_eq!(texts.place(9).to_string(), "b:2:2");
+        assert_eq!(texts.place_beside(9, 7).to_string(), "2:2");
+        assert_eq!(texts.place_beside(3, 7).to_string(), "a:2:1");
         assert!(texts.complain(Span::new(8, 9), "no").to_string().starts_with("b:2:1: no"));
     }
 }

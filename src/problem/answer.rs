@@ -8,8 +8,9 @@ use std::collections::HashMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 
-use bson::{Bson, Document, RawDocumentBuf};
+use bson::{Bson, Document};
 
+use super::batch::Batch;
 use crate::memory::Memory;
 use crate::store::{Documents, Find, Namespace, StoreError};
 
@@ -38,7 +39,7 @@ pub(super) enum Answer {
     /// The number of an answer that is fetched by [`Question::Next`].
     Cursor(u64),
     /// Some documents, and whether they are the last.
-    Documents(Vec<RawDocumentBuf>, bool),
+    Documents(Batch, bool),
     Count(u64),
     Values(Vec<Bson>),
     Closed,
@@ -96,7 +97,7 @@ impl Answerer {
                 }
                 Question::Next(number) => {
                     let answer = cursors.get_mut(&number).map(Open::next);
-                    let answer = answer.unwrap_or_else(|| Answer::Documents(Vec::new(), true));
+                    let answer = answer.unwrap_or_else(|| Answer::Documents(Batch::default(), true));
                     if !matches!(answer, Answer::Documents(_, false)) {
                         cursors.remove(&number);
                     }
@@ -144,14 +145,11 @@ impl Open<'_> {
     }
 
     fn part(&mut self) -> Answer {
-        let most = if self.given > 1 { BATCH } else { FIRST };
-        let (mut documents, mut size) = (Vec::with_capacity(most), 0);
-        while documents.len() < most && size < BATCH_SIZE {
+        let (most, bytes) = if self.given > 1 { (BATCH, BATCH_SIZE / 4) } else { (FIRST, 0) };
+        let mut documents = Batch::with_capacity(most, bytes);
+        while documents.len() < most && documents.size() < BATCH_SIZE {
             match self.documents.next() {
-                Some(Ok(document)) => {
-                    size += document.as_bytes().len();
-                    documents.push(document);
-                }
+                Some(Ok(document)) => documents.push(&document),
                 Some(Err(error)) => return Answer::Failed(error),
                 None => return Answer::Documents(documents, true),
             }

@@ -1,40 +1,43 @@
 //! Goals that a template left empty: the plan has no steps, because a query matched nothing.
 
 use super::{Generated, Request, SectionReport};
+use crate::formats::pddl::{Token, Tokens};
 use crate::formats::{Diagnostic, Span};
 
 /// How many bytes of the end of a long problem are searched for its goal.
 pub(super) const TAIL: usize = 64 << 10;
 
-/// Where the empty condition of a goal stands: `()` or `(and)`, perhaps with comments in it.
+/// Where the empty condition of the last goal stands: `()`, `(and)` or `(and (and))`, perhaps with comments in it.
 pub(super) fn find(problem: &str) -> Option<Span> {
-    let start = problem.rfind("(:goal")? + "(:goal".len();
-    let mut rest = problem.get(start..)?;
-    let mut brackets = [None; 2];
-    let mut words = Vec::new();
-    loop {
-        rest = rest.trim_start();
-        let at = problem.len() - rest.len();
-        match rest.chars().next()? {
-            ';' => rest = rest.find('\n').and_then(|end| rest.get(end..))?,
-            '(' if brackets[0].is_none() => {
-                brackets[0] = Some(at);
-                rest = rest.get(1..)?;
-            }
-            ')' => {
-                brackets[1] = Some(at + 1);
-                break;
-            }
-            _ => {
-                let end = rest.find(|c: char| c.is_whitespace() || "();".contains(c)).filter(|end| *end > 0)?;
-                words.push(rest.get(..end)?);
-                rest = rest.get(end..)?;
-            }
+    let is = |word: Span, wanted: &str| {
+        problem.get(word.start..word.end).is_some_and(|word| word.eq_ignore_ascii_case(wanted))
+    };
+    let (mut rest, mut goal) = (Tokens::new(problem, 0), None);
+    while let Some(token) = rest.next_token() {
+        let mut behind = rest.clone();
+        if matches!((token, behind.next_token()), (Token::Open(_), Some(Token::Word(head))) if is(head, ":goal")) {
+            goal = Some(behind);
         }
     }
-    let is_empty = words.is_empty() || (words.len() == 1 && words[0].eq_ignore_ascii_case("and"));
-    let [Some(start), Some(end)] = brackets else { return None };
-    is_empty.then(|| Span::new(start, end))
+    let (mut condition, mut depth, mut is_opened, mut start) = (goal?, 0_usize, false, None);
+    loop {
+        let token = condition.next_token()?;
+        match token {
+            Token::Open(at) => {
+                start.get_or_insert(at);
+                depth += 1;
+            }
+            Token::Close(at) => {
+                depth = depth.checked_sub(1)?;
+                if depth == 0 {
+                    return start.map(|start| Span::new(start, at + 1));
+                }
+            }
+            Token::Word(word) if is_opened && is(word, "and") => {}
+            Token::Word(_) => return None,
+        }
+        is_opened = matches!(token, Token::Open(_));
+    }
 }
 
 /// The remark about a goal that is empty although the template does not say so, where a query matched nothing.
@@ -79,6 +82,15 @@ mod tests {
             ("(:goal (and) ;", Some("(and)")),
             ("(:init)", None),
             ("(:goal ;", None),
+            ("(:GOAL (and))", Some("(and)")),
+            ("( :goal (and))", Some("(and)")),
+            ("( ; the\n:goal (and))", Some("(and)")),
+            ("(:goal (and)) ; (:goal (on a b))", Some("(and)")),
+            ("(:goal (and (and) ()))", Some("(and (and) ())")),
+            ("(:goal (and (and (on a b))))", None),
+            ("(:goal (or))", None),
+            ("(:goal and)", None),
+            ("(:goals (and))", None),
         ] {
             assert_eq!(find(problem).map(|span| &problem[span.start..span.end]), wanted, "{problem}");
         }

@@ -61,34 +61,41 @@ impl Writer<'_> {
 }
 
 impl Generated {
-    /// What is behind an atom like `(on A B)`, a number like `(= (fuel r1) 3)` or its `(fuel r1)`, or an
+    /// What is behind an atom like `(on A B)`, a number like `(= (fuel r1) 3)`, its `(fuel r1)` or its `3`, or an
     /// object like `A`; case does not count. Nothing where the problem does not say so.
     #[must_use]
     pub fn explain_atom(&self, problem: &Problem, atom: &str) -> Vec<Explanation> {
         let wanted = [words(atom), words(&names::spell(atom))];
         let mut found = Vec::new();
-        let mut note = |part, text: String, spans: Vec<Span>, also: Option<String>| {
+        let mut note = |part, text: String, spans: Vec<Span>, also: Vec<String>| {
             let is_it = |text: &str| wanted.contains(&words(text)) || wanted.contains(&words(&restored(text)));
-            if is_it(&text) || also.as_deref().is_some_and(is_it) {
+            if is_it(&text) || also.iter().any(|text| is_it(text)) {
                 found.push(self.explanation(part, text, &spans));
             }
         };
         for object in &problem.objects {
-            note(Part::Objects, object.name.as_str().to_owned(), vec![object.name.span()], None);
+            note(Part::Objects, object.name.as_str().to_owned(), vec![object.name.span()], Vec::new());
         }
         for element in &problem.init {
             let (spans, inner) = match element {
-                Init::Atom(atom) | Init::Not(atom) => (spans(atom), None),
-                Init::At(_, _, atom) => (spans(atom), Some(atom.to_string())),
-                Init::Value(Term::Call(atom), _) => (spans(atom), Some(atom.to_string())),
-                Init::Value(term, _) => (vec![term.span()], Some(format!("({term})"))),
+                Init::Atom(atom) | Init::Not(atom) => (spans(atom), Vec::new()),
+                Init::At(_, _, atom) => (spans(atom), vec![atom.to_string()]),
+                Init::Value(term, value) => {
+                    let (mut all, function) = match term {
+                        Term::Call(atom) => (spans(atom), atom.to_string()),
+                        term => (vec![term.span()], format!("({term})")),
+                    };
+                    // The number may come from another document than the names.
+                    all.push(value.span());
+                    (all, vec![function, value.to_string()])
+                }
             };
             note(Part::Init, element.to_string(), spans, inner);
         }
         let mut atoms = Vec::new();
         problem.goal.iter().for_each(|goal| atoms_of(goal, &mut atoms));
         for atom in atoms {
-            note(Part::Goal, atom.to_string(), spans(atom), None);
+            note(Part::Goal, atom.to_string(), spans(atom), Vec::new());
         }
         found
     }

@@ -9,6 +9,7 @@
 
 mod answer;
 mod assembly;
+mod batch;
 mod empty_goal;
 mod explain;
 mod generate;

@@ -104,11 +104,11 @@ pub fn readable(text: &str) -> String {
 }
 
 /// A text of the memory as it is written in an expression: in quotes where it has blanks, brackets or quotes, or where PDDL would
-/// take it for an operator or a number.
+/// take it for an operator, a variable, a keyword, a number, or a name that stands for another text.
 #[must_use]
 pub fn written(text: &str) -> String {
     let is_special = |c: char| c.is_whitespace() || c.is_control() || "()\";\\".contains(c);
-    match text.is_empty() || text.contains(is_special) || is_operator(text) || is_number(text) {
+    match text.is_empty() || text.contains(is_special) || (is_syntax(text) && mangle(text) != text) {
         true => quoted(text),
         false => text.to_owned(),
     }
@@ -276,6 +276,16 @@ mod tests {
     }
 
     #[test]
+    fn a_name_that_pddl_would_read_otherwise_is_in_quotes() {
+        for name in ["*", "+", "-", "/", "=", "<", ">=", "?x", ":a", "x--a--x", "not", "3", "-2.5", "?", ":"] {
+            assert_eq!(written(name), format!("\"{name}\""));
+            let step = format!("(put {} B)", mangle(name));
+            assert_eq!(spell(&readable(&step)), step, "{name}");
+        }
+        assert_eq!([written("box#17"), written("A-1"), written("a?b")], ["box#17", "A-1", "a?b"]);
+    }
+
+    #[test]
     fn a_text_of_several_lines_is_written_on_one_and_read_back() {
         assert_eq!(written("two\nlines\t\"\\n\""), r#""two\nlines\t\"\\n\"""#);
         for text in ["two\nlines", "\\n", "a\\", "\r\t \"", "n"] {
@@ -316,6 +326,11 @@ mod tests {
             if name != text {
                 prop_assert_eq!(restore(&name.to_ascii_uppercase()), text);
             }
+        }
+
+        #[test]
+        fn any_text_that_is_written_is_read_back(text in any::<String>()) {
+            prop_assert_eq!(spell(&written(&text)), mangle(&text));
         }
 
         #[test]

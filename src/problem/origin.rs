@@ -262,6 +262,9 @@ impl Generated {
                 match self.unquoted(&goal) {
                     Some(name) => diagnostic
                         .hint(format!("a name of several words is written in quotes: {}", names::written(&name))),
+                    None if goal.contains('\'') => {
+                        diagnostic.hint("names of several words are written in double quotes, not in single ones")
+                    }
                     None => diagnostic,
                 }
             }
@@ -269,6 +272,10 @@ impl Generated {
         };
         let diagnostic = diagnostic.hint(format!("it became line {number} of the {whole}: {short}"));
         match document.map(AsRef::as_ref) {
+            Some((namespace, id)) if complaint.message().starts_with("expected a number, found `") => {
+                let from = from_document(namespace, id);
+                diagnostic.hint(format!("{from}, which has a text there; store a number, or leave the document out"))
+            }
             Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
             None => diagnostic,
         }

@@ -5,6 +5,8 @@
 //! a [`Generated`](super::Generated), whose complaints are exact.
 
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
 
 use tempfile::{SpooledTempFile, spooled_tempfile_in};
 
@@ -18,8 +20,11 @@ use crate::store::Namespace;
 
 /// How many bytes of a problem are kept in memory.
 const IN_MEMORY: usize = 8 << 20;
-/// How many bytes are made before they are checked and written.
-const PART: usize = 64 << 10;
+/// How many bytes are rendered, and of how many pieces, before they are made into the problem.
+const RENDERED: usize = 64 << 10;
+const PIECES: usize = 16 << 10;
+/// How many parts may wait for this.
+const WAITING: usize = 4;
 
 /// A problem that was made without being held, and what was asked for it.
 #[derive(Debug)]
@@ -59,43 +64,162 @@ impl Streamed {
 }
 
 /// A problem under way.
+///
+/// What is rendered is collected, and made into the problem part by part. If there is more than one part, a thread of its own
+/// does this, while the next part is rendered.
 #[derive(Debug)]
 pub(super) struct Stream {
+    rendered: Rendered,
+    worker: Worker,
+}
+
+/// Who makes rendered parts into the problem.
+#[derive(Debug)]
+enum Worker {
+    /// The thread that renders, until there is enough for another one.
+    Here(Box<Writer>),
+    /// A thread, which ends with the first doubt.
+    Beside { parts: SyncSender<Rendered>, thread: JoinHandle<Result<Box<Writer>, Doubtful>> },
+    /// Its thread is joined.
+    Gone,
+}
+
+/// Text and values in the order in which they were rendered.
+#[derive(Debug, Default)]
+struct Rendered {
+    text: String,
+    /// Where each of them ends in the text, and what it is.
+    pieces: Vec<(usize, PieceKind)>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum PieceKind {
+    Text,
+    Name,
+    Number,
+    Goal,
+}
+
+impl Stream {
+    /// Begins a problem, which is checked if there is a domain.
+    pub(super) fn new(template: &Texts, domain: Option<&Domain>) -> Self {
+        Self { rendered: Rendered::default(), worker: Worker::Here(Box::new(Writer::new(template, domain))) }
+    }
+
+    /// Adds text.
+    pub(super) fn text(&mut self, text: &str) -> Result<(), Doubtful> {
+        self.add(text, PieceKind::Text)
+    }
+
+    /// Adds a value: its text, as yet not a name, and whether it is a number.
+    pub(super) fn value(&mut self, text: &str, number: bool) -> Result<(), Doubtful> {
+        self.add(text, if number { PieceKind::Number } else { PieceKind::Name })
+    }
+
+    /// Adds the goal.
+    pub(super) fn goal(&mut self, goal: &str) -> Result<(), Doubtful> {
+        self.add(goal, PieceKind::Goal)
+    }
+
+    fn add(&mut self, text: &str, kind: PieceKind) -> Result<(), Doubtful> {
+        self.rendered.add(text, kind);
+        if self.rendered.text.len() < RENDERED && self.rendered.pieces.len() < PIECES {
+            return Ok(());
+        }
+        let part = std::mem::replace(&mut self.rendered, Rendered::with_capacity());
+        self.hand_over(part)
+    }
+
+    /// Gives a part to the thread, which begins with the first one.
+    fn hand_over(&mut self, part: Rendered) -> Result<(), Doubtful> {
+        let (parts, thread) = match std::mem::replace(&mut self.worker, Worker::Gone) {
+            Worker::Here(writer) => begin(writer).map_err(|_| Doubtful)?,
+            Worker::Beside { parts, thread } => (parts, thread),
+            Worker::Gone => return Err(Doubtful),
+        };
+        parts.send(part).map_err(|_| Doubtful)?;
+        self.worker = Worker::Beside { parts, thread };
+        Ok(())
+    }
+
+    /// Ends the problem; gives the file with its text.
+    pub(super) fn finish(self, domain: Option<&Domain>, dialect: Dialect) -> Result<SpooledTempFile, Doubtful> {
+        let mut writer = match self.worker {
+            Worker::Here(writer) => writer,
+            Worker::Beside { parts, thread } => {
+                drop(parts);
+                thread.join().map_err(|_| Doubtful)??
+            }
+            Worker::Gone => return Err(Doubtful),
+        };
+        writer.take(&self.rendered)?;
+        writer.finish(domain, dialect)
+    }
+}
+
+/// Begins the thread that makes parts into the problem, until there are no more.
+#[expect(clippy::type_complexity, reason = "it is spelled out once")]
+fn begin(mut writer: Box<Writer>) -> io::Result<(SyncSender<Rendered>, JoinHandle<Result<Box<Writer>, Doubtful>>)> {
+    let (parts, waiting) = sync_channel::<Rendered>(WAITING);
+    let work = move || {
+        waiting.iter().try_for_each(|part| writer.take(&part))?;
+        Ok(writer)
+    };
+    Ok((parts, thread::Builder::new().spawn(work)?))
+}
+
+impl Rendered {
+    fn with_capacity() -> Self {
+        Self { text: String::with_capacity(RENDERED + RENDERED / 4), pieces: Vec::with_capacity(PIECES) }
+    }
+
+    fn add(&mut self, text: &str, kind: PieceKind) {
+        self.text.push_str(text);
+        self.pieces.push((self.text.len(), kind));
+    }
+
+    /// The text and the values.
+    fn iter(&self) -> impl Iterator<Item = (&str, PieceKind)> {
+        let mut start = 0;
+        self.pieces.iter().map(move |(end, kind)| {
+            let piece = self.text.get(start..*end).unwrap_or_default();
+            start = *end;
+            (piece, *kind)
+        })
+    }
+}
+
+/// Makes the problem of what was rendered.
+#[derive(Debug)]
+struct Writer {
     assembler: Assembler,
     /// The check against a domain.
     screen: Option<Screen>,
     file: SpooledTempFile,
 }
 
-impl Stream {
-    /// Begins a problem, which is checked if there is a domain.
-    pub(super) fn new(template: &Texts, domain: Option<&Domain>) -> Self {
+impl Writer {
+    fn new(template: &Texts, domain: Option<&Domain>) -> Self {
         let file = spooled_tempfile_in(IN_MEMORY, std::env::temp_dir());
         Self { assembler: Assembler::without_notes(template), screen: domain.map(Screen::new), file }
     }
 
-    /// Adds text.
-    pub(super) fn text(&mut self, text: &str) -> Result<(), Doubtful> {
-        self.assembler.text(text).map_err(|_| Doubtful)?;
-        self.write(PART)
-    }
-
-    /// Adds a value: its text, as yet not a name, and whether it is a number.
-    pub(super) fn value(&mut self, text: &str, number: bool) {
-        self.assembler.plain_value(text, number);
-    }
-
-    /// Adds the goal.
-    pub(super) fn goal(&mut self, goal: &str) -> Result<(), Doubtful> {
-        self.assembler.goal(goal, Span::default()).map_err(|_| Doubtful)
-    }
-
-    /// Checks and writes what was made, unless it is still short.
-    fn write(&mut self, short: usize) -> Result<(), Doubtful> {
-        let text = self.assembler.made_text();
-        if text.len() < short {
-            return Ok(());
+    /// Makes a part into the problem.
+    fn take(&mut self, part: &Rendered) -> Result<(), Doubtful> {
+        for (text, kind) in part.iter() {
+            match kind {
+                PieceKind::Text => self.assembler.text(text).map_err(|_| Doubtful)?,
+                PieceKind::Name => self.assembler.plain_value(text, false),
+                PieceKind::Number => self.assembler.plain_value(text, true),
+                PieceKind::Goal => self.assembler.goal(text, Span::default()).map_err(|_| Doubtful)?,
+            }
         }
+        self.write()
+    }
+
+    /// Checks and writes what was made.
+    fn write(&mut self) -> Result<(), Doubtful> {
+        let text = self.assembler.made_text();
         if let Some(screen) = &mut self.screen {
             screen.read(text)?;
         }
@@ -106,12 +230,62 @@ impl Stream {
     }
 
     /// Ends the problem; gives the file with its text.
-    pub(super) fn finish(mut self, domain: Option<&Domain>, dialect: Dialect) -> Result<SpooledTempFile, Doubtful> {
+    fn finish(mut self, domain: Option<&Domain>, dialect: Dialect) -> Result<SpooledTempFile, Doubtful> {
         self.assembler.flush().map_err(|_| Doubtful)?;
-        self.write(0)?;
+        self.write()?;
         if let (Some(screen), Some(domain)) = (self.screen, domain) {
             screen.finish(domain, dialect)?;
         }
         Ok(self.file)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::Source;
+
+    /// The text of a problem of so many atoms, made part by part, and at once; nothing where it is doubtful.
+    fn made(atoms: usize, last: &str) -> (Option<String>, Option<String>) {
+        let texts = Texts::new(&Source::new("t", ""), []);
+        let (mut stream, mut assembler) = (Stream::new(&texts, None), Assembler::without_notes(&texts));
+        let mut add = |before: &str, value: &str, number: bool| {
+            assembler.plain_value(value, number);
+            let _ = assembler.text(before);
+            stream.value(value, number).and_then(|()| stream.text(before))
+        };
+        let mut added = add("(", "a b", false);
+        for nth in 0..atoms {
+            added = added.and_then(|()| add(") (at ", &format!("Box {nth}"), false)).and_then(|()| add(" ", "3", true));
+        }
+        added = added.and_then(|()| add(")", last, false));
+        let streamed = added.and_then(|()| stream.finish(None, Dialect::default())).ok().map(|mut file| {
+            let mut text = String::new();
+            file.rewind().and_then(|()| file.read_to_string(&mut text)).unwrap();
+            text
+        });
+        (streamed, assembler.finish().ok().map(|assembled| assembled.text))
+    }
+
+    #[test]
+    fn a_problem_made_in_parts_has_the_text_of_one_made_at_once() {
+        for atoms in [0, 10, 20_000] {
+            let (streamed, whole) = made(atoms, "end");
+            assert!(streamed.is_some());
+            assert_eq!(streamed, whole, "{atoms} atoms");
+        }
+    }
+
+    #[test]
+    fn a_doubt_in_any_part_makes_the_problem_doubtful() {
+        // Two names differ in case only.
+        for atoms in [1, 20_000] {
+            let texts = Texts::new(&Source::new("t", ""), []);
+            let mut stream = Stream::new(&texts, None);
+            let mut add = |value: &str| stream.value(value, false).and_then(|()| stream.text(" (on "));
+            let added = add("box").and_then(|()| add("Box"));
+            let added = added.and_then(|()| (0..atoms).try_for_each(|nth| add(&format!("b{nth}"))));
+            assert!(added.and_then(|()| stream.finish(None, Dialect::default())).is_err(), "{atoms} atoms");
+        }
     }
 }

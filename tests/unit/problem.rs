@@ -8,6 +8,7 @@ use rmem::formats::{Diagnostic, Source, Span, shell};
 use rmem::memory::Memory;
 use rmem::pddl::Domain;
 use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names};
+use rmem::query::Collation;
 use rmem::store::embedded::Embedded;
 use rmem::store::{
     Aggregation, Documents, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest,
@@ -490,7 +491,7 @@ impl Store for Talkative {
         unreachable!("templates only read")
     }
 
-    fn create(&self, _: &Namespace) -> Result<bool, StoreError> {
+    fn create(&self, _: &Namespace, _: Option<&Collation>) -> Result<bool, StoreError> {
         unreachable!("templates only read")
     }
 

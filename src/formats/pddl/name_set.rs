@@ -1,20 +1,44 @@
 //! Many names in little memory.
 
+use std::cell::Cell;
 use std::hash::{BuildHasher as _, RandomState};
+
+/// What is set in each byte of a name before it is hashed: it makes lower-case letters of upper-case ones. Few other characters
+/// become equal by it, and names are compared after all.
+const LOWER_CASE: u64 = 0x2020_2020_2020_2020;
+/// How many names that were asked for last are remembered.
+const RECENT: usize = 3;
 
 /// Names, each once, compared without regard to case, and kept in the spelling in which they came first.
 ///
 /// A name takes its letters and some 20 bytes: problems have millions of them.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct NameSet {
     /// All names, one after the other.
     text: String,
     /// Where each one begins in the text.
     starts: Vec<usize>,
-    /// By the names' hashes: the upper half of the hash and the number of the name plus one; zero where there is none. A power
+    /// By the names' hashes: the hash and the number of the name plus one; zero where there is none. A power
     /// of two of them, never full.
     slots: Vec<(u32, u32)>,
-    hasher: RandomState,
+    /// The names that were found last. Names often come in the order in which they were added, or again, and are
+    /// found there without a look at the slots, which lie far from each other in memory.
+    recent: Cell<[usize; RECENT]>,
+    /// Seeded anew in each process, so that no input can be written whose names all have equal hashes.
+    seeds: (u64, u64),
+}
+
+impl Default for NameSet {
+    fn default() -> Self {
+        let random = RandomState::new();
+        Self {
+            text: String::new(),
+            starts: Vec::new(),
+            slots: Vec::new(),
+            recent: Cell::default(),
+            seeds: (random.hash_one(0), random.hash_one(1) | 1),
+        }
+    }
 }
 
 impl NameSet {
@@ -41,15 +65,40 @@ impl NameSet {
     /// Returns the number of a name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<usize> {
-        self.slot(name, self.hash(name)).ok()
+        let known = self.guess(name);
+        known.or_else(|| self.slot(name, self.hash(name)).ok().inspect(|number| self.remember(RECENT - 1, *number)))
+    }
+
+    /// The number of a name that is one of those that were found last, or the next after one of them.
+    fn guess(&self, name: &str) -> Option<usize> {
+        let is = |number: &usize| self.bytes(*number) == Some(name.as_bytes());
+        let mut recent = self.recent.get().into_iter().enumerate();
+        let (place, number) =
+            recent.find_map(|(place, number)| [number, number + 1].into_iter().find(is).map(|found| (place, found)))?;
+        self.remember(place, number);
+        Some(number)
+    }
+
+    /// Puts a name in front of those that were found last, one of which goes.
+    fn remember(&self, gone: usize, number: usize) {
+        let mut recent = self.recent.get();
+        if let Some(part) = recent.get_mut(..=gone) {
+            part.rotate_right(1);
+            part.first_mut().into_iter().for_each(|first| *first = number);
+        }
+        self.recent.set(recent);
     }
 
     /// Returns the name with a number, as it was added.
     #[must_use]
     pub fn get(&self, number: usize) -> Option<&str> {
+        std::str::from_utf8(self.bytes(number)?).ok()
+    }
+
+    fn bytes(&self, number: usize) -> Option<&[u8]> {
         let start = *self.starts.get(number)?;
         let end = self.starts.get(number + 1).copied().unwrap_or(self.text.len());
-        self.text.get(start..end)
+        self.text.as_bytes().get(start..end)
     }
 
     /// Returns how many there are.
@@ -65,15 +114,15 @@ impl NameSet {
     }
 
     /// The number of a name; else the free slot for it.
-    fn slot(&self, name: &str, hash: u64) -> Result<usize, usize> {
+    fn slot(&self, name: &str, hash: u32) -> Result<usize, usize> {
         let mask = self.slots.len().wrapping_sub(1);
         let mut at = hash as usize & mask;
         loop {
             match self.slots.get(at).copied() {
                 None | Some((_, 0)) => return Err(at),
-                Some((upper, entry)) if upper == upper_half(hash) => {
+                Some((known, entry)) if known == hash => {
                     let number = entry as usize - 1;
-                    if self.get(number).is_some_and(|known| known == name || known.eq_ignore_ascii_case(name)) {
+                    if self.bytes(number).is_some_and(|known| known.eq_ignore_ascii_case(name.as_bytes())) {
                         return Ok(number);
                     }
                 }
@@ -83,23 +132,22 @@ impl NameSet {
         }
     }
 
-    fn put(&mut self, slot: usize, hash: u64, number: usize) {
+    fn put(&mut self, slot: usize, hash: u32, number: usize) {
         let entry = u32::try_from(number + 1).unwrap_or(u32::MAX);
-        self.slots.get_mut(slot).into_iter().for_each(|slot| *slot = (upper_half(hash), entry));
+        self.slots.get_mut(slot).into_iter().for_each(|slot| *slot = (hash, entry));
     }
 
     fn grow(&mut self) {
         let size = (self.slots.len() * 2).max(64);
-        self.slots = Vec::new();
-        self.slots.resize(size, (0, 0));
-        for number in 0..self.starts.len() {
-            let Some(hash) = self.get(number).map(|name| self.hash(name)) else { continue };
-            self.put(self.free(hash), hash, number);
+        let before = std::mem::replace(&mut self.slots, vec![(0, 0); size]);
+        for (hash, entry) in before.into_iter().filter(|(_, entry)| *entry != 0) {
+            let free = self.free(hash);
+            self.slots.get_mut(free).into_iter().for_each(|slot| *slot = (hash, entry));
         }
     }
 
     /// The free slot for a name that has none yet.
-    fn free(&self, hash: u64) -> usize {
+    fn free(&self, hash: u32) -> usize {
         let mask = self.slots.len().wrapping_sub(1);
         let mut at = hash as usize & mask;
         while self.slots.get(at).is_some_and(|(_, entry)| *entry != 0) {
@@ -108,16 +156,25 @@ impl NameSet {
         at
     }
 
-    fn hash(&self, name: &str) -> u64 {
-        match name.bytes().any(|byte| byte.is_ascii_uppercase()) {
-            true => self.hasher.hash_one(name.to_ascii_lowercase().as_bytes()),
-            false => self.hasher.hash_one(name.as_bytes()),
-        }
+    /// The hash of a name, in whatever case: eight bytes at a time are multiplied by a secret number, and the two halves
+    /// of the product combined. SipHash takes longer for names, which are short.
+    fn hash(&self, name: &str) -> u32 {
+        let (seed, secret) = self.seeds;
+        let mixed = |hash: u64, word: u64| {
+            let product = u128::from(hash ^ (word | LOWER_CASE)) * u128::from(secret);
+            (product as u64) ^ ((product >> 64) as u64)
+        };
+        let bytes = name.as_bytes();
+        let (words, rest) = bytes.as_chunks::<8>();
+        let hash = words.iter().fold(seed ^ bytes.len() as u64, |hash, word| mixed(hash, u64::from_le_bytes(*word)));
+        // The last eight bytes, some of them once more; of a shorter name, all.
+        let last = match bytes.last_chunk::<8>() {
+            Some(last) => u64::from_le_bytes(*last),
+            None => rest.iter().fold(0, |word, byte| word << 8 | u64::from(*byte)),
+        };
+        let hash = mixed(hash, last);
+        (hash ^ (hash >> 32)) as u32
     }
-}
-
-fn upper_half(hash: u64) -> u32 {
-    (hash >> 32) as u32
 }
 
 #[cfg(test)]
@@ -135,5 +192,21 @@ mod tests {
         assert_eq!((names.find("NAME999"), names.find("name1000")), (Some(999), None));
         assert_eq!((names.get(0), names.get(999), names.get(1000)), (Some("Name0"), Some("Name999"), None));
         assert_eq!(names.len(), 1000);
+    }
+
+    #[test]
+    fn names_are_found_in_whatever_order_they_are_asked_for() {
+        let mut names = NameSet::default();
+        for number in 0..500 {
+            assert_eq!(names.add(&format!("a{number}")), Ok(number));
+        }
+        for step in [0, 1, 2, 7, 499] {
+            for nth in 0..1_500 {
+                let number = nth * step % 500;
+                assert_eq!(names.find(&format!("a{number}")), Some(number));
+                assert_eq!(names.find(&format!("A{}", 499 - number)), Some(499 - number));
+                assert_eq!((names.find("a500"), names.find("")), (None, None));
+            }
+        }
     }
 }

@@ -60,9 +60,13 @@ fn compare(context: &Context, site: usize, left: &Value, operator: &str, right: 
         let sides = compared.sides.get(&site);
         return ordered(context, sides, left, right).inspect_err(|_| *lock(&compared.refused) = sides.map(whole));
     }
+    // One remark is made of a comparison, however many pairs it compares.
+    if lock(&compared.mixed).contains_key(&site) {
+        return Ok(());
+    }
     let mixed = if operator == "in" { member(context, left, right) } else { equal(context, left, right) };
     if let Some(mixed) = mixed {
-        lock(&compared.mixed).entry(site).or_insert(mixed);
+        lock(&compared.mixed).insert(site, mixed);
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use minijinja::{Error, ErrorKind, Output};
 use super::compared::Compared;
 use super::direct::{Direct, lock};
 use super::instrument::Numbered;
-use super::pieces::{Piece, is_cut, is_marked, pieces};
+use super::pieces::{Piece, is_cut, is_marked, may_be_marked, pieces};
 use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
 use crate::formats::{Source, Span, shell};
 use crate::problem::answer::{Answer, Asker, Question};
@@ -48,6 +48,8 @@ pub(super) struct Context {
     named: Mutex<HashMap<String, Bson>>,
     /// Values that were joined, by where their text lies.
     joined: Mutex<HashMap<usize, Arc<Joined>>>,
+    /// Whether there are any.
+    has_joined: AtomicBool,
 }
 
 /// A query that was asked, perhaps several times with different filters.
@@ -104,6 +106,7 @@ impl Context {
             namespaces: Mutex::default(),
             named: Mutex::default(),
             joined: Mutex::default(),
+            has_joined: AtomicBool::new(false),
         }
     }
 
@@ -196,11 +199,15 @@ impl Context {
         let text: Arc<str> = text.into();
         let joined = Joined { values, between, text: Arc::clone(&text) };
         lock(&self.joined).insert(address(&text), Arc::new(joined));
+        self.has_joined.store(true, Ordering::Relaxed);
         Value::from(text)
     }
 
     /// What was joined to this text.
     pub(super) fn joined(&self, value: &Value) -> Option<Arc<Joined>> {
+        if !self.has_joined.load(Ordering::Relaxed) {
+            return None;
+        }
         let text = value.as_str()?;
         let found = lock(&self.joined).get(&address(text)).cloned()?;
         (found.text.len() == text.len()).then_some(found)
@@ -267,10 +274,13 @@ impl Context {
             };
         }
         match value.kind() {
-            ValueKind::String if value.as_str().is_some_and(is_cut) => {
-                Err(invalid("a filter took rendered text apart; apply it to the values before they are rendered"))
-            }
-            ValueKind::String => Ok((self.plain(value.as_str().unwrap_or_default()), false)),
+            ValueKind::String => match value.as_str().unwrap_or_default() {
+                text if !may_be_marked(text) => Ok((Cow::Borrowed(text), false)),
+                text if is_cut(text) => {
+                    Err(invalid("a filter took rendered text apart; apply it to the values before they are rendered"))
+                }
+                text => Ok((self.plain(text), false)),
+            },
             ValueKind::Bool => Ok((if value.is_true() { "true" } else { "false" }.into(), false)),
             ValueKind::Number if value.is_integer() => Ok((value.to_string().into(), true)),
             ValueKind::Number => match f64::try_from(value.clone())? {

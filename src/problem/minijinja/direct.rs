@@ -22,12 +22,17 @@ const LONGEST: usize = 32;
 /// A problem that is made while it is rendered.
 #[derive(Debug)]
 pub(super) struct Direct {
-    /// None once the problem is taken.
-    stream: Mutex<Option<Stream>>,
-    kept: Mutex<Kept>,
+    under_way: Mutex<UnderWay>,
     /// Whether the engine wrote nothing, which it does when it is tried.
     is_tried: AtomicBool,
     is_doubtful: AtomicBool,
+}
+
+#[derive(Debug)]
+struct UnderWay {
+    /// None once the problem is taken.
+    stream: Option<Stream>,
+    kept: Kept,
 }
 
 /// Values that stand in collected text.
@@ -53,8 +58,7 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Direct {
     pub(super) fn new(stream: Stream) -> Self {
         Self {
-            stream: Mutex::new(Some(stream)),
-            kept: Mutex::default(),
+            under_way: Mutex::new(UnderWay { stream: Some(stream), kept: Kept::default() }),
             is_tried: AtomicBool::new(false),
             is_doubtful: AtomicBool::new(false),
         }
@@ -67,38 +71,36 @@ impl Direct {
 
     /// The problem, all of which was rendered.
     pub(super) fn take(&self) -> Result<Stream, Doubtful> {
-        let is_whole = lock(&self.kept).open.is_empty() && !self.is_doubtful();
-        lock(&self.stream).take().filter(|_| is_whole).ok_or(Doubtful)
+        let mut under_way = lock(&self.under_way);
+        let is_whole = under_way.kept.open.is_empty() && !self.is_doubtful();
+        under_way.stream.take().filter(|_| is_whole).ok_or(Doubtful)
     }
 
     /// Adds a value or the goal.
     pub(super) fn emit(&self, text: &str, number: bool, goal: bool, out: &mut Output<'_>) -> Result<(), Error> {
         self.is_tried.store(false, Ordering::Relaxed);
         out.write_str("")?;
+        let mut under_way = lock(&self.under_way);
         if self.is_tried.load(Ordering::Relaxed) {
-            let is_open = !lock(&self.kept).open.is_empty();
-            let mut stream = lock(&self.stream);
-            let added = match stream.as_mut().filter(|_| !is_open) {
+            let UnderWay { stream, kept } = &mut *under_way;
+            let added = match stream.as_mut().filter(|_| kept.open.is_empty()) {
                 Some(stream) if goal => stream.goal(text),
-                Some(stream) => {
-                    stream.value(text, number);
-                    Ok(())
-                }
+                Some(stream) => stream.value(text, number),
                 None => Err(Doubtful),
             };
             return added.map_err(|Doubtful| self.doubt());
         }
-        let mut kept = lock(&self.kept);
+        let kept = &mut under_way.kept;
         let place = kept.next;
         kept.next += 1;
         kept.values.insert(place, Value { text: text.to_owned(), number, goal });
-        drop(kept);
+        drop(under_way);
         Ok(write!(out, "{OPEN}{place}{CLOSE}")?)
     }
 
     /// The text of a value that is kept.
     pub(super) fn text(&self, number: usize) -> Option<String> {
-        let text = lock(&self.kept).values.get(&number).map(|value| value.text.clone());
+        let text = lock(&self.under_way).kept.values.get(&number).map(|value| value.text.clone());
         if text.is_none() {
             self.doubt();
         }
@@ -110,9 +112,9 @@ impl Direct {
         if self.is_doubtful() {
             return Err(Doubtful);
         }
-        let mut stream = lock(&self.stream);
+        let mut under_way = lock(&self.under_way);
+        let UnderWay { stream, kept } = &mut *under_way;
         let stream = stream.as_mut().ok_or(Doubtful)?;
-        let mut kept = lock(&self.kept);
         if kept.open.is_empty() && !is_marked(text) {
             return stream.text(text);
         }
@@ -128,7 +130,7 @@ impl Direct {
                 Piece::Text(text) => stream.text(text)?,
                 Piece::Value(number) => match kept.values.remove(&number).ok_or(Doubtful)? {
                     Value { text, goal: true, .. } => stream.goal(&text)?,
-                    Value { text, number, .. } => stream.value(&text, number),
+                    Value { text, number, .. } => stream.value(&text, number)?,
                 },
                 Piece::Mark(_) | Piece::Begin(_) | Piece::End => return Err(Doubtful),
             }

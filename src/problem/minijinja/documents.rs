@@ -1,15 +1,14 @@
 //! The documents of a query, as a value of the template environment.
 
-use std::collections::VecDeque;
 use std::fmt;
 use std::sync::Arc;
 
-use bson::{Document, RawDocumentBuf};
+use bson::Document;
 use minijinja::Error;
 use minijinja::value::{Enumerator, Object, ObjectRepr, Value};
 
 use super::context::{Context, Tally};
-use super::value::Doc;
+use super::value::{Doc, Page};
 use crate::problem::answer::{Answer, Question};
 use crate::store::{Find, Namespace};
 
@@ -41,7 +40,7 @@ impl Documents {
     /// The first of them.
     pub(super) fn first(&self) -> Result<Option<Value>, Error> {
         let first = self.cursor().advance()?;
-        Ok(first.map(|document| Doc::value(document, &self.namespace, &self.context.looked)))
+        Ok(first.map(|(page, nth)| Doc::value(&page, nth, &self.context.looked)))
     }
 
     /// How many there are; nothing where the memory fails, which the context keeps.
@@ -70,7 +69,8 @@ impl Documents {
             namespace: Arc::clone(&self.namespace),
             open: Some(self.asked.clone()),
             number: None,
-            ready: VecDeque::new(),
+            ready: Arc::default(),
+            next: 0,
             taken: 0,
             tally: self.tally.clone(),
         }
@@ -106,14 +106,17 @@ struct Cursor {
     open: Option<Selection>,
     /// The answer that has more.
     number: Option<u64>,
-    ready: VecDeque<RawDocumentBuf>,
+    /// Documents that were fetched, and which of them comes next.
+    ready: Arc<Page>,
+    next: usize,
     /// How many documents were taken.
     taken: u64,
     tally: Tally,
 }
 
 impl Cursor {
-    fn advance(&mut self) -> Result<Option<RawDocumentBuf>, Error> {
+    /// The next document: its page, and its place there.
+    fn advance(&mut self) -> Result<Option<(Arc<Page>, usize)>, Error> {
         if let Some(selection) = self.open.take() {
             let ns = self.namespace.as_ref().clone();
             let question = match selection {
@@ -124,18 +127,20 @@ impl Cursor {
                 self.number = Some(number);
             }
         }
-        if let (true, Some(number)) = (self.ready.is_empty(), self.number)
+        if let (true, Some(number)) = (self.next == self.ready.batch.len(), self.number)
             && let Answer::Documents(documents, last) = self.context.ask(Question::Next(number))?
         {
             self.number = self.number.filter(|_| !last);
-            self.ready.extend(documents);
+            let page = Page::new(documents, &self.namespace);
+            (self.ready, self.next) = (page, 0);
         }
-        let document = self.ready.pop_front();
-        if document.is_some() {
-            self.taken += 1;
-            self.tally.reach(self.taken);
+        if self.next == self.ready.batch.len() {
+            return Ok(None);
         }
-        Ok(document)
+        self.next += 1;
+        self.taken += 1;
+        self.tally.reach(self.taken);
+        Ok(Some((Arc::clone(&self.ready), self.next - 1)))
     }
 }
 
@@ -145,8 +150,8 @@ impl Iterator for Cursor {
     fn next(&mut self) -> Option<Value> {
         match self.advance() {
             Ok(document) => {
-                let document = document?;
-                Some(Doc::value(document, &self.namespace, &self.context.looked))
+                let (page, nth) = document?;
+                Some(Doc::value(&page, nth, &self.context.looked))
             }
             Err(error) => {
                 self.number = None;

@@ -157,7 +157,16 @@ pub(super) fn hints(mistake: &Mistake<'_>) -> Vec<String> {
             vec![format!("how many there are is a filter: write {{{{ {owner}|length }}}}")]
         }
         ErrorKind::UndefinedError if CLOCKS.contains(expression) => vec![clock()],
-        ErrorKind::UndefinedError => missing.map(|missing| key(missing, expression)).unwrap_or_default(),
+        ErrorKind::UndefinedError if missing.is_none() && expression.starts_with("query(") => {
+            vec!["a query gives a list: take its first document with find_one(…), or loop over it".to_owned()]
+        }
+        ErrorKind::UndefinedError => match missing {
+            Some(missing) => key(missing, expression),
+            None => unquoted(expression).into_iter().collect(),
+        },
+        _ if detail.contains("is not a namespace") && is_joined(expression) => {
+            vec!["texts side by side are one text; a comma is missing between the arguments".to_owned()]
+        }
         ErrorKind::InvalidOperation if detail.contains("use - operator") => {
             // `r.at-r.x`: the key that is not there.
             let operand = detail.rsplit_once("(`").and_then(|(_, rest)| rest.strip_suffix("` is undefined)"));
@@ -169,6 +178,30 @@ pub(super) fn hints(mistake: &Mistake<'_>) -> Vec<String> {
         }
         _ => Vec::new(),
     }
+}
+
+/// The way to write a key that is in brackets without quotes: `r[name]`.
+fn unquoted(expression: &str) -> Option<String> {
+    let (owner, key) = expression.strip_suffix(']')?.rsplit_once('[')?;
+    let is_name = !key.is_empty() && key.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-'));
+    (is_name && key.starts_with(char::is_alphabetic))
+        .then(|| format!("a key is written in quotes, {owner}[\"{key}\"]; without them, `{key}` is a variable"))
+}
+
+/// Whether two texts stand side by side, with blanks between them.
+fn is_joined(expression: &str) -> bool {
+    let mut quote = None;
+    let mut behind = None;
+    expression.chars().any(|c| {
+        match (quote, c) {
+            (Some(open), _) if open == c => (quote, behind) = (None, Some(false)),
+            (Some(_), _) => {}
+            (None, '"' | '\'') if behind == Some(true) => return true,
+            (None, '"' | '\'') => quote = Some(c),
+            (None, _) => behind = behind.filter(|_| c.is_whitespace()).map(|_| true),
+        }
+        false
+    })
 }
 
 /// Whether an expression is something's key of this name.

@@ -5,14 +5,19 @@ use super::value::{CLOSE, OPEN};
 /// The byte that the brackets begin with, which texts seldom have.
 const FIRST: u8 = 0xEF;
 
+/// Whether there may be brackets in a text, or parts of them.
+pub(super) fn may_be_marked(text: &str) -> bool {
+    memchr::memchr(FIRST, text.as_bytes()).is_some()
+}
+
 /// Whether there may be the number of a value in a text.
 pub(super) fn is_marked(text: &str) -> bool {
-    memchr::memchr(FIRST, text.as_bytes()).is_some() && text.contains(OPEN)
+    may_be_marked(text) && text.contains(OPEN)
 }
 
 /// Whether a filter cut a text that was rendered in the middle of a mark.
 pub(super) fn is_cut(text: &str) -> bool {
-    if memchr::memchr(FIRST, text.as_bytes()).is_none() {
+    if !may_be_marked(text) {
         return false;
     }
     let mut is_open = false;

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 use std::collections::HashSet;
 use std::fmt;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use bson::raw::RawBsonRef;
 use bson::{Bson, Document, RawDocument, RawDocumentBuf};
@@ -12,6 +12,7 @@ use minijinja::{Error, ErrorKind};
 
 use super::advice::Hint;
 use crate::formats::{Respelled, is_alike, shell};
+use crate::problem::batch::Batch;
 use crate::problem::origin::{DocumentId, document_id};
 use crate::query::field;
 use crate::store::{Namespace, metadata};
@@ -31,7 +32,7 @@ const MAX_DEPTH: usize = 100;
 pub(super) struct Looked {
     /// Whether neither is asked for.
     is_forgetful: bool,
-    last: Mutex<Option<Arc<Root>>>,
+    last: Mutex<Option<(Arc<Page>, usize)>>,
     longs: Mutex<HashSet<i64>>,
     missed: Mutex<Option<Missed>>,
     /// Keys that were found in another spelling.
@@ -41,7 +42,8 @@ pub(super) struct Looked {
 /// A key that a document was asked for and does not have.
 #[derive(Debug)]
 struct Missed {
-    root: Arc<Root>,
+    page: Arc<Page>,
+    nth: usize,
     /// The document inside that was asked.
     inner: Option<RawDocumentBuf>,
     key: String,
@@ -64,25 +66,25 @@ impl Looked {
 
     /// The last key that a document was asked for and does not have.
     pub(super) fn missing(&self) -> Option<Missing> {
-        let Missed { root, inner, key } = self.missed.lock().unwrap_or_else(PoisonError::into_inner).take()?;
-        let keys = inner.as_ref().unwrap_or(&root.raw).iter().filter_map(Result::ok);
+        let Missed { page, nth, inner, key } = self.missed.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        let keys = inner.as_deref().unwrap_or_else(|| page.batch.get(nth)).iter().filter_map(Result::ok);
         let keys = keys.map(|(key, _)| key.as_str().to_owned()).filter(|key| key != metadata::INFO).collect();
-        Some(Missing { key, keys, document: root.id() })
+        Some(Missing { key, keys, document: page.id(nth) })
     }
 
     fn miss(&self, document: &Doc, key: &str) {
-        let (root, inner) = (Arc::clone(&document.root), document.inner.clone());
-        let missed = Missed { root, inner, key: key.to_owned() };
+        let (page, inner) = (Arc::clone(&document.page), document.inner.clone());
+        let missed = Missed { page, nth: document.nth, inner, key: key.to_owned() };
         *self.missed.lock().unwrap_or_else(PoisonError::into_inner) = Some(missed);
     }
 
-    fn at(&self, document: &Arc<Root>) {
+    fn at(&self, page: &Arc<Page>, nth: usize) {
         if self.is_forgetful {
             return;
         }
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if !last.as_ref().is_some_and(|last| Arc::ptr_eq(last, document)) {
-            *last = Some(Arc::clone(document));
+        if !last.as_ref().is_some_and(|(last, place)| Arc::ptr_eq(last, page) && *place == nth) {
+            *last = Some((Arc::clone(page), nth));
         }
     }
 
@@ -101,40 +103,50 @@ impl Looked {
     /// The keys of the document that was looked at last.
     pub(super) fn keys(&self) -> Vec<String> {
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        let entries = last.iter().flat_map(|root| root.raw.iter()).filter_map(Result::ok);
+        let entries = last.iter().flat_map(|(page, nth)| page.batch.get(*nth).iter()).filter_map(Result::ok);
         entries.map(|(key, _)| key.as_str().to_owned()).collect()
     }
 
     /// The last document's `_id`; nothing the next time.
     pub(super) fn take(&self) -> Option<DocumentId> {
-        self.last.lock().unwrap_or_else(PoisonError::into_inner).take()?.id()
+        let (page, nth) = self.last.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        page.id(nth)
     }
 }
 
-/// A document as the memory gives it.
-#[derive(Debug)]
-struct Root {
-    raw: RawDocumentBuf,
-    /// Where it is stored; nothing where it is not.
+/// Documents of one query.
+#[derive(Debug, Default)]
+pub(super) struct Page {
+    pub(super) batch: Batch,
+    /// Where they are stored; nothing where they are not.
     namespace: Option<Arc<Namespace>>,
-    /// What names it, once that was asked for.
-    id: OnceLock<Option<DocumentId>>,
+    /// What names the document that was asked for last.
+    id: Mutex<Option<(usize, Option<DocumentId>)>>,
 }
 
-impl Root {
-    fn new(raw: RawDocumentBuf, namespace: Option<&Arc<Namespace>>) -> Arc<Self> {
-        Arc::new(Self { raw, namespace: namespace.map(Arc::clone), id: OnceLock::new() })
+impl Page {
+    /// Documents as the memory gives them.
+    pub(super) fn new(batch: Batch, namespace: &Arc<Namespace>) -> Arc<Self> {
+        Arc::new(Self { batch, namespace: Some(Arc::clone(namespace)), id: Mutex::default() })
     }
 
-    fn id(&self) -> Option<DocumentId> {
-        let id = || document_id(self.namespace.as_ref()?, &self.raw);
-        self.id.get_or_init(id).clone()
+    /// What names a document.
+    fn id(&self, nth: usize) -> Option<DocumentId> {
+        let mut known = self.id.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, id)) = known.as_ref().filter(|(place, _)| *place == nth) {
+            return id.clone();
+        }
+        let id = self.namespace.as_ref().and_then(|namespace| document_id(namespace, self.batch.get(nth)));
+        *known = Some((nth, id.clone()));
+        id
     }
 }
 
 /// A document, or one inside of it.
 pub(super) struct Doc {
-    root: Arc<Root>,
+    page: Arc<Page>,
+    /// Which document of the page it is, or is in.
+    nth: usize,
     /// The one inside.
     inner: Option<RawDocumentBuf>,
     looked: Arc<Looked>,
@@ -148,13 +160,13 @@ impl fmt::Debug for Doc {
 }
 
 impl Doc {
-    /// A document as the memory gives it.
-    pub(super) fn value(raw: RawDocumentBuf, namespace: &Arc<Namespace>, looked: &Arc<Looked>) -> Value {
-        Value::from_object(Self { root: Root::new(raw, Some(namespace)), inner: None, looked: Arc::clone(looked) })
+    /// A document of a page.
+    pub(super) fn value(page: &Arc<Page>, nth: usize, looked: &Arc<Looked>) -> Value {
+        Value::from_object(Self { page: Arc::clone(page), nth, inner: None, looked: Arc::clone(looked) })
     }
 
     fn raw(&self) -> &RawDocument {
-        self.inner.as_ref().unwrap_or(&self.root.raw)
+        self.inner.as_deref().unwrap_or_else(|| self.page.batch.get(self.nth))
     }
 
     /// The value of a key that differs from this one only in hyphens and underscores.
@@ -172,8 +184,8 @@ impl Doc {
     fn convert(&self, value: RawBsonRef<'_>) -> Value {
         match value {
             RawBsonRef::Document(inner) => {
-                let (root, looked) = (Arc::clone(&self.root), Arc::clone(&self.looked));
-                Value::from_object(Self { root, inner: Some(inner.to_owned()), looked })
+                let (page, looked) = (Arc::clone(&self.page), Arc::clone(&self.looked));
+                Value::from_object(Self { page, nth: self.nth, inner: Some(inner.to_owned()), looked })
             }
             RawBsonRef::Array(array) => {
                 array.into_iter().filter_map(Result::ok).map(|element| self.convert(element)).collect()
@@ -198,8 +210,8 @@ impl Object for Doc {
     }
 
     fn get_value_by_str(self: &Arc<Self>, key: &str) -> Option<Value> {
-        if self.root.namespace.is_some() {
-            self.looked.at(&self.root);
+        if self.page.namespace.is_some() {
+            self.looked.at(&self.page, self.nth);
         }
         let value = field(self.raw(), key).or_else(|| self.alike(key)).map(|value| self.convert(value));
         if value.is_none() {
@@ -272,7 +284,10 @@ pub(super) fn text(text: &str) -> Value {
 /// A parameter, or a distinct value.
 pub(super) fn from_bson(value: &Bson, looked: &Arc<Looked>) -> Value {
     let Ok(raw) = RawDocumentBuf::try_from(&bson::doc! { "value": value.clone() }) else { return Value::UNDEFINED };
-    let doc = Doc { root: Root::new(raw, None), inner: None, looked: Arc::clone(looked) };
+    let mut batch = Batch::default();
+    batch.push(&raw);
+    let page = Arc::new(Page { batch, ..Page::default() });
+    let doc = Doc { page, nth: 0, inner: None, looked: Arc::clone(looked) };
     doc.raw().get("value").ok().flatten().map_or(Value::UNDEFINED, |value| doc.convert(value))
 }
 
