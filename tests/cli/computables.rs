@@ -497,7 +497,6 @@ fn keys_are_added_to_stored_documents_and_stored_nowhere() {
     {"_id":3,"name":"jar","x":1,"distance":3}
     {"_id":1,"name":"cup","x":3,"distance":1}
     ------- stderr -------
-    aggregate a.objects: 4 documents in [DURATION]
     add distance a.objects: 4 documents in [DURATION]
     [exit code: 0]
     "#);

@@ -36,6 +36,7 @@ const CASES: &[(&str, Case)] = cases![
     the_cache_answers_equal_queries_in_any_order_of_keys,
     what_is_no_longer_good_is_computed_again_in_place,
     what_was_changed_or_removed_is_computed_again,
+    what_takes_longer_than_its_cache_time_is_computed_once_for_a_query,
     queries_that_overlap_see_no_document_twice,
     without_a_cache_nothing_is_left,
     the_computable_of_higher_priority_comes_first,
@@ -504,7 +505,11 @@ fn a_cycle_is_named(lab: &Lab) {
 
 fn a_taken_id_is_an_error_and_nothing_is_stored(lab: &Lab) {
     let stages = vec![doc! { "$project": { "_id": "$block", "taken": { "$literal": true } } }];
-    let memory = lab.memory(vec![lab.pipeline("taken", doc! { "taken": true }, "blocks", stages)]);
+    let doubled = vec![doc! { "$project": { "_id": { "$literal": 7 } } }];
+    let memory = lab.memory(vec![
+        lab.pipeline("taken", doc! { "taken": true }, "blocks", stages),
+        lab.pipeline("doubled", doc! { "doubled": true }, "blocks", doubled),
+    ]);
     lab.blocks(&memory);
     memory.insert(&lab.ns("x"), vec![doc! { "_id": "B", "mine": 1 }]).unwrap();
     for _ in 0..2 {
@@ -516,6 +521,8 @@ fn a_taken_id_is_an_error_and_nothing_is_stored(lab: &Lab) {
     for _ in 0..2 {
         assert_eq!(memory.count(&lab.ns("x"), &doc! { "taken": true }).unwrap(), 3);
     }
+    let error = fails(&memory, &lab.ns("x"), doc! { "doubled": true });
+    assert_eq!(error, "the computable `doubled` failed: it gave two documents with _id 7");
 }
 
 fn dropping_and_emptying_a_collection_empties_its_cache(lab: &Lab) {
@@ -752,6 +759,22 @@ fn slow(lab: &Lab, log: &Path, cache: Duration, seconds: &str) -> Definition {
             timeout: Duration::from_secs(60),
         },
         origin: Origin::program(),
+    }
+}
+
+fn what_takes_longer_than_its_cache_time_is_computed_once_for_a_query(lab: &Lab) {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    let slow = |name: &str| {
+        let definition = slow(lab, &log, Duration::from_millis(50), "0.2");
+        Definition { name: name.into(), ..definition }
+    };
+    let memory = lab.memory(vec![slow("one"), slow("other")]);
+    for runs in [2, 4] {
+        assert_eq!(memory.count(&lab.ns("x"), &doc! { "slow": 1 }).unwrap(), 4);
+        assert_eq!(std::fs::read_to_string(&log).unwrap().lines().count(), runs, "each is computed once");
+        std::thread::sleep(Duration::from_millis(60));
+        assert_eq!(stored(lab, &memory, "x"), 0, "nothing is kept beyond its time");
     }
 }
 

@@ -1,22 +1,23 @@
 //! Computables that add keys to stored documents while a query is answered. What they add is stored nowhere.
 //!
-//! The documents that the query may match are copied into a store in memory, with the added keys; there the query is
-//! answered. A key that a document has already stays as it is stored. Where the keys are known (`adds = ["distance"]`), the
+//! The documents that the query may match are read, and get the added keys; over them the query is
+//! answered ([`extended`](super::extended)). A key that a document has already stays as it is stored. Where the keys are known (`adds = ["distance"]`), the
 //! query may ask for them, too: its conditions on them are left out when the documents are chosen.
 
 use std::collections::{BTreeMap, HashMap};
 use std::time::Instant;
 
-use bson::{Bson, Document};
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
+use super::extended::Extended;
 use super::report::Computed;
 use super::state::{Others, Wanted};
 use super::view::View;
 use crate::formats::shell;
 use crate::memory::Memory;
 use crate::memory::journal::Operation;
-use crate::query::{QueryError, key};
-use crate::store::{Embedded, Find, Index, Namespace, Store as _, StoreError, index, metadata};
+use crate::query::{QueryError, field, key};
+use crate::store::{Find, Namespace, StoreError, document, metadata};
 
 /// What is asked of a collection, and the computables that add keys to its documents.
 #[derive(Default)]
@@ -26,24 +27,22 @@ struct Part<'a> {
 }
 
 impl Memory {
-    /// A store with the documents that the questions may match, and the keys that computables add to them; nothing where
-    /// none does.
+    /// The documents that the questions may match, with the keys that computables add to them; nothing where none does.
     pub(in crate::memory) fn extended(
         &self,
         questions: &[(&Namespace, &Document)],
         view: &View,
-    ) -> Result<Option<Embedded>, StoreError> {
+    ) -> Result<Option<Extended<'_>>, StoreError> {
         self.copied(questions, view, false)
     }
 
-    /// A store with all documents of a collection, and the keys that computables add to them for a query; nothing where
-    /// none does.
+    /// All documents of a collection, with the keys that computables add to them for a query; nothing where none does.
     pub(in crate::memory) fn extended_whole(
         &self,
         ns: &Namespace,
         query: &Document,
         view: &View,
-    ) -> Result<Option<Embedded>, StoreError> {
+    ) -> Result<Option<Extended<'_>>, StoreError> {
         self.copied(&[(ns, query)], view, true)
     }
 
@@ -63,7 +62,10 @@ impl Memory {
         questions: &[(&Namespace, &Document)],
         view: &View,
         is_whole: bool,
-    ) -> Result<Option<Embedded>, StoreError> {
+    ) -> Result<Option<Extended<'_>>, StoreError> {
+        if !view.adds_keys() {
+            return Ok(None);
+        }
         let mut parts: BTreeMap<&Namespace, Part<'_>> = BTreeMap::new();
         for (ns, query) in questions {
             let part = parts.entry(ns).or_default();
@@ -73,17 +75,11 @@ impl Memory {
         if parts.values().all(|part| part.wanted.is_empty()) {
             return Ok(None);
         }
-        let extended = Embedded::in_memory()?;
+        let mut collections = Vec::new();
         for (ns, part) in parts {
-            let documents = self.with_added(ns, &part, view, is_whole)?;
-            for index in self.routes.reading(ns)?.indexes(ns)?.iter().filter(|index| index.name != index::ID) {
-                // Some operators need their index. One that cannot be made here is missed by its operator.
-                let index = Index { unique: false, expire_after: None, ..index.clone() };
-                drop(extended.create_index(ns, &index));
-            }
-            extended.put(ns, documents, None)?;
+            collections.push((ns.clone(), self.with_added(ns, &part, view, is_whole)?));
         }
-        Ok(Some(extended))
+        Ok(Some(Extended::new(self, collections)))
     }
 
     /// Whether computables add keys to the documents of these questions.
@@ -103,33 +99,29 @@ impl Memory {
         part: &Part<'_>,
         view: &View,
         is_whole: bool,
-    ) -> Result<Vec<Document>, StoreError> {
+    ) -> Result<Vec<RawDocumentBuf>, StoreError> {
         let filter = match part.queries.as_slice() {
             [query] if !is_whole => without(query, &added(&part.wanted)),
             _ => Document::new(),
         };
         let find = Find { filter: view.filter(&filter), ..Find::default() };
-        let found = self.routes.reading(ns)?.find(ns, &find)?;
-        let mut documents: Vec<Document> = found
-            .map(|document| Ok(Document::try_from(&*document?).map_err(QueryError::from)?))
-            .collect::<Result<_, StoreError>>()?;
+        let mut documents = self.routes.reading(ns)?.find(ns, &find)?.collect::<Result<Vec<_>, _>>()?;
         for wanted in &part.wanted {
             let start = Instant::now();
-            let plain: Vec<Document> = documents.iter().map(plain).collect();
             let others = Others { earlier: &view.computations(), later: &[] };
             let mut keys = HashMap::new();
-            for computed in self.compute(wanted, others, Some(&plain))? {
+            for computed in self.compute(wanted, others, Some(&documents))? {
                 if let Some(id) = computed.get("_id") {
                     keys.insert(key::encode_value(id), computed);
                 }
             }
             let mut count = 0;
             for document in &mut documents {
-                let id = document.get("_id").map(key::encode_value).unwrap_or_default();
+                let id = field(document, "_id").map(key::encode).unwrap_or_default();
                 if let Some(computed) = keys.remove(&id) {
                     count += 1;
                     let named = wanted.computable.definition.adds.as_deref().unwrap_or_default();
-                    add(document, computed, named)
+                    *document = add(document, computed, named)
                         .map_err(|wrong| StoreError::computable(&wanted.computable.definition.name, wrong))?;
                 }
             }
@@ -152,28 +144,25 @@ impl Memory {
     }
 }
 
-/// A document as applications see it.
-fn plain(document: &Document) -> Document {
-    document.iter().filter(|(key, _)| *key != metadata::INFO).map(|(key, value)| (key.clone(), value.clone())).collect()
-}
-
-/// Adds keys to a document that does not have them; where some are `named`, no others.
-fn add(document: &mut Document, computed: Document, named: &[String]) -> Result<(), QueryError> {
+/// A document with the keys that it does not have; where some are `named`, no others.
+fn add(document: &RawDocument, computed: Document, named: &[String]) -> Result<RawDocumentBuf, QueryError> {
+    let mut keys = Document::new();
     for (key, value) in computed {
-        if key == metadata::INFO || document.contains_key(&key) {
+        if key == metadata::INFO || field(document, &key).is_some() {
             continue;
         }
         if !named.is_empty() && !named.contains(&key) {
-            let id = document.get("_id").map(shell::relaxed_value).unwrap_or_default();
+            let id = document.get("_id")?.map(Bson::try_from).transpose()?;
+            let id = id.as_ref().map(shell::relaxed_value).unwrap_or_default();
             let message = format!(
                 "it gives the key `{key}` to the document with _id {id}, and `adds` names {}; name that one, too, or leave it out",
                 named.join(", ")
             );
             return Err(QueryError::bad_value(message));
         }
-        document.insert(key, value);
+        keys.insert(key, value);
     }
-    Ok(())
+    document::extend(document, keys)
 }
 
 /// The keys that computables name.
@@ -206,7 +195,7 @@ fn parts_are_empty(value: &Bson) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bson::doc;
+    use bson::{doc, rawdoc};
 
     #[test]
     fn conditions_on_added_keys_choose_no_documents() {
@@ -220,11 +209,10 @@ mod tests {
 
     #[test]
     fn a_stored_key_stays() {
-        let mut document = doc! { "_id": 1, "a": 1 };
+        let document = rawdoc! { "_id": 1, "a": 1 };
         let computed = doc! { "_id": 1, "a": 2, "b": 3, "_robmem_info": {} };
-        add(&mut document, computed.clone(), &["b".to_owned()]).unwrap();
-        assert_eq!(document, doc! { "_id": 1, "a": 1, "b": 3 });
-        let mut other = doc! { "_id": 1, "a": 1 };
-        assert!(add(&mut other, computed, &["c".to_owned()]).unwrap_err().message.contains("`b`"));
+        let extended = add(&document, computed.clone(), &["b".to_owned()]).unwrap();
+        assert_eq!(extended, rawdoc! { "_id": 1, "a": 1, "b": 3 });
+        assert!(add(&document, computed, &["c".to_owned()]).unwrap_err().message.contains("`b`"));
     }
 }

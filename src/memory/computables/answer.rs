@@ -1,19 +1,23 @@
 //! Answering: compute what a query needs, then ask the store.
 
+use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 use bson::oid::ObjectId;
-use bson::{Bson, DateTime, Document, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::body::{Asked, ComputeError, Source};
-use super::cache::{self, Entry, State, after};
+use super::cache::{self, Entry, Lifetime, State, after};
+use super::extended;
+use super::questions::{questions, visible_stages};
 use super::report::Computed;
-use super::state::{Others, Running, Wanted};
+use super::state::{COMPUTE_TIMEOUT, Others, Running, Wanted};
 use super::view::View;
 use crate::fault::{AtFault, Fault};
+use crate::formats::shell;
 use crate::memory::journal::Operation;
 use crate::memory::operations::Memory;
-use crate::query::{QueryError, object_id};
+use crate::query::{QueryError, field, key, object_id};
 use crate::store::{Documents, Find, Namespace, Store, StoreError, metadata};
 
 /// How often an answer is made from shared computations; where they were replaced meanwhile each time, the next one
@@ -25,9 +29,6 @@ const DEPTH: usize = 16;
 const MOST_DOCUMENTS: usize = 100_000;
 /// How many of them are stored at once.
 const BATCH: usize = 1_000;
-/// How long a body without a limit is waited for by other processes, and how
-/// long storing may take.
-const COMPUTE_TIMEOUT: Duration = Duration::from_secs(30);
 /// How long a waiting process sleeps at first …
 const SHORTEST: Duration = Duration::from_millis(2);
 /// … and at most.
@@ -38,10 +39,25 @@ struct Held {
     namespace: Namespace,
     key: String,
     token: ObjectId,
-    /// Until when they are there.
+    /// Until when other queries may be answered with them.
     until: DateTime,
-    /// The `_id`s of those that are removed when the query is answered.
-    own: Option<Vec<Bson>>,
+    made: Made,
+}
+
+/// For whom the documents of a computation were made.
+enum Made {
+    /// For an earlier query: the cache had them.
+    Before,
+    /// For this query, and for those that ask the same while the cache holds; their `_id`s.
+    Now(Vec<Bson>),
+    /// For this query alone: these are removed when it is answered.
+    Alone(Vec<Bson>),
+}
+
+impl Held {
+    fn is_shared(&self) -> bool {
+        !matches!(self.made, Made::Alone(_))
+    }
 }
 
 impl Source for Memory {
@@ -51,6 +67,29 @@ impl Source for Memory {
 
     fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError> {
         Self::aggregate(self, ns, pipeline)
+    }
+
+    fn aggregate_over(
+        &self,
+        ns: &Namespace,
+        documents: &[RawDocumentBuf],
+        pipeline: &[Document],
+    ) -> Result<Documents<'_>, StoreError> {
+        let id = |document: &RawDocumentBuf| field(document, "_id").and_then(|id| Bson::try_from(id).ok());
+        let ids: Vec<Bson> = documents.iter().filter_map(id).collect();
+        let chosen = doc! { "$match": { "_id": { "$in": ids } } };
+        let stages: Vec<Document> = std::iter::once(chosen).chain(pipeline.iter().cloned()).collect();
+        let asked = questions(ns, &stages);
+        let asked: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
+        if let (wanted, false) = self.wanted(&asked)?
+            && wanted.is_empty()
+        {
+            let stages = visible_stages(ns, pipeline, &self.computables.view(self.clock.now()), false);
+            if let Some(results) = extended::run((&stages[..]).into(), documents)? {
+                return Ok(Box::new(results.into_iter().map(|document| Ok(metadata::hide_within(document)?))));
+            }
+        }
+        Self::aggregate(self, ns, &stages)
     }
 }
 
@@ -63,14 +102,14 @@ impl Memory {
         repeatable: bool,
         mut work: impl FnMut(&View) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let wanted = self.wanted(questions)?;
-        if self.computables.running.borrow().is_empty() {
-            self.computables.computed.borrow_mut().clear();
-        }
+        let _operation = self.computables.operate();
+        let (wanted, adds_keys) = self.wanted(questions)?;
+        self.computables.forget_last();
         if wanted.is_empty() {
-            return work(&self.computables.view(self.clock.now()));
+            return work(&self.computables.view(self.clock.now()).with_keys(adds_keys));
         }
         let mut held = Vec::new();
+        let mut work = |view: View| work(&view.with_keys(adds_keys));
         let answered = self.answer_computed(&wanted, repeatable, &mut held, &mut work);
         let tidied = held.iter().try_for_each(|held: &Held| self.tidy(held));
         answered.and_then(|answer| tidied.map(|()| answer))
@@ -81,14 +120,14 @@ impl Memory {
         all: &[Wanted<'_>],
         repeatable: bool,
         held: &mut Vec<Held>,
-        work: &mut impl FnMut(&View) -> Result<T, StoreError>,
+        work: &mut impl FnMut(View) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let mut attempt = 0;
+        let (mut attempt, mut computed) = (0, Vec::new());
         loop {
             attempt += 1;
             let alone = attempt > ATTEMPTS;
             if alone {
-                held.retain(|held| held.own.is_some());
+                held.retain(|held| !held.is_shared());
             }
             let mut view = self.computables.view(self.clock.now());
             held.iter().for_each(|held| view.allow(held.token));
@@ -96,12 +135,16 @@ impl Memory {
                 if !held.iter().any(|held| held.key == wanted.key) {
                     let earlier: Vec<ObjectId> = held.iter().map(|held| held.token).collect();
                     let others = Others { earlier: &earlier, later: all.get(index + 1..).unwrap_or_default() };
-                    let obtained = self.obtain(wanted, others, alone)?;
+                    // What was computed for this query and then replaced by another process is not shared again.
+                    let obtained = self.obtain(wanted, others, alone || computed.contains(&wanted.key))?;
                     view.allow(obtained.token);
+                    if matches!(obtained.made, Made::Now(_)) {
+                        computed.push(obtained.key.clone());
+                    }
                     held.push(obtained);
                 }
             }
-            let answer = work(&view)?;
+            let answer = work(view)?;
             if !repeatable || alone || self.still_holds(held)? {
                 return Ok(answer);
             }
@@ -113,19 +156,37 @@ impl Memory {
         let now = self.clock.now();
         let mut current = Vec::new();
         let mut namespaces: Vec<&Namespace> =
-            held.iter().filter(|held| held.own.is_none()).map(|held| &held.namespace).collect();
+            held.iter().filter(|held| held.is_shared()).map(|held| &held.namespace).collect();
         namespaces.sort();
         namespaces.dedup_by(|a, b| a.database == b.database);
         for ns in namespaces {
             let entries: Vec<_> = held
                 .iter()
-                .filter(|held| held.own.is_none() && held.namespace.database == ns.database)
+                .filter(|held| held.is_shared() && held.namespace.database == ns.database)
                 .map(|held| (held.key.clone(), held.token))
                 .collect();
             current.extend(cache::current(self.routes.reading(ns)?, ns, &entries)?);
         }
         let before = held.len();
-        held.retain(|held| held.own.is_some() || (held.until > now && current.contains(&held.key)));
+        let mut holding = Vec::with_capacity(before);
+        for held in held.drain(..) {
+            let holds = match &held.made {
+                Made::Alone(_) => true,
+                _ if !current.contains(&held.key) => false,
+                _ if held.until > now => true,
+                Made::Before => false,
+                // Whatever the cache time, the answer to the query that computed them has them.
+                Made::Now(ids) => {
+                    let store = self.routes.reading(&held.namespace)?;
+                    let listed = cache::listed(ids);
+                    cache::are_whole(store, &held.namespace, held.token, listed, ids.len() as u64)?
+                }
+            };
+            if holds {
+                holding.push(held);
+            }
+        }
+        *held = holding;
         Ok(held.len() == before)
     }
 
@@ -166,13 +227,15 @@ impl Memory {
         let ns = &definition.namespace;
         let store = self.routes.keeping(ns)?;
         let entry = Entry::new(store, ns, wanted.key.clone());
-        let held = |token, until| Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: None };
+        let held = |token, until, made| Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, made };
         let timeout = wanted.computable.body.timeout().map_or(COMPUTE_TIMEOUT, |timeout| timeout + COMPUTE_TIMEOUT);
         let (started, mut pause) = (Instant::now(), SHORTEST);
         loop {
             let now = self.clock.now();
             match entry.state(now, good_for)? {
-                State::Good { token, until, documents } => return Ok((held(token, until), true, documents)),
+                State::Good { token, until, documents } => {
+                    return Ok((held(token, until, Made::Before), true, documents));
+                }
                 State::Busy { .. } if started.elapsed() < timeout * 2 => {
                     self.check_cycle(wanted)?;
                     std::thread::sleep(pause);
@@ -196,17 +259,19 @@ impl Memory {
                     }
                     let mut kept = None;
                     let made = self.compute(wanted, others, None).and_then(|documents| {
-                        let until = after(self.clock.now(), good_for);
+                        let done = self.clock.now();
+                        let life =
+                            Lifetime { until: after(done, good_for), kept: after(done, good_for.max(others.time())) };
                         let mut documents = Some(documents);
                         cache::write(store, || {
                             former.iter().try_for_each(|former| entry.clear(former))?;
-                            let ids =
-                                self.publish(store, wanted, documents.take().unwrap_or_default(), token, until)?;
-                            if !entry.finish(token, &ids, until)? {
+                            let ids = self.publish(store, wanted, documents.take().unwrap_or_default(), token, life)?;
+                            if !entry.finish(token, &ids, life)? {
                                 // Another process has claimed the entry, because this one took too long.
                                 return remove(store, ns, &ids, token);
                             }
-                            kept = Some((held(token, until), false, ids.len() as u64));
+                            let count = ids.len() as u64;
+                            kept = Some((held(token, life.until, Made::Now(ids)), false, count));
                             entry.sweep(now)
                         })
                     });
@@ -232,11 +297,16 @@ impl Memory {
         let store = self.routes.reading(ns)?;
         let (mut documents, mut ids) = (Some(documents), Vec::new());
         cache::write(store, || {
-            ids = self.publish(store, wanted, documents.take().unwrap_or_default(), token, until)?;
+            let life = Lifetime { until, kept: until };
+            ids = self.publish(store, wanted, documents.take().unwrap_or_default(), token, life)?;
             Ok(())
         })?;
         let count = ids.len() as u64;
-        Ok((Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, own: Some(ids) }, false, count))
+        Ok((
+            Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, made: Made::Alone(ids) },
+            false,
+            count,
+        ))
     }
 
     /// Runs the body; `documents` are those that it adds keys to, where it does.
@@ -244,7 +314,7 @@ impl Memory {
         &self,
         wanted: &Wanted<'_>,
         others: Others<'_>,
-        documents: Option<&[Document]>,
+        documents: Option<&[RawDocumentBuf]>,
     ) -> Result<Vec<Document>, StoreError> {
         let definition = &wanted.computable.definition;
         self.check_cycle(wanted)?;
@@ -300,15 +370,19 @@ impl Memory {
         wanted: &Wanted<'_>,
         documents: Vec<Document>,
         token: ObjectId,
-        until: DateTime,
+        life: Lifetime,
     ) -> Result<Vec<Bson>, StoreError> {
         let definition = &wanted.computable.definition;
+        if let Some(id) = doubled(&documents) {
+            let wrong = format!("it gave two documents with _id {}", shell::relaxed_value(id));
+            return Err(failed(wanted, QueryError::bad_value(wrong)));
+        }
         let now = self.clock.now();
         let info = doc! {
             metadata::INSERTED: now,
             "computed": true,
-            "cached_until": until,
-            metadata::DECAY: until,
+            "cached_until": life.until,
+            metadata::DECAY: life.kept,
             metadata::COMPUTATION: { "by": &definition.name, "token": token },
         };
         let mut ids = Vec::with_capacity(documents.len());
@@ -332,15 +406,21 @@ impl Memory {
         }
     }
 
-    /// Removes what was computed for one query.
+    /// Removes what was computed for one query, also where its time in the cache was over before the query was answered.
     fn tidy(&self, held: &Held) -> Result<(), StoreError> {
-        match &held.own {
-            Some(ids) => {
-                let store = self.routes.reading(&held.namespace)?;
-                cache::write(store, || remove(store, &held.namespace, ids, held.token))
+        let (ids, is_shared) = match &held.made {
+            Made::Alone(ids) => (ids, false),
+            Made::Now(ids) if held.until <= self.clock.now() => (ids, true),
+            _ => return Ok(()),
+        };
+        let store = self.routes.reading(&held.namespace)?;
+        cache::write(store, || {
+            if is_shared && !cache::discard(store, &held.namespace, &held.key, held.token)? {
+                // Another process has removed them.
+                return Ok(());
             }
-            None => Ok(()),
-        }
+            remove(store, &held.namespace, ids, held.token)
+        })
     }
 }
 
@@ -350,6 +430,12 @@ fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> R
         store.delete(ns, (&doc! { "_id": { "$in": ids }, metadata::computation("token"): token }).into(), false)?;
     }
     Ok(())
+}
+
+/// An `_id` that two of the documents have.
+fn doubled(documents: &[Document]) -> Option<&Bson> {
+    let mut seen = HashSet::new();
+    documents.iter().filter_map(|document| document.get("_id")).find(|id| !seen.insert(key::encode_value(id)))
 }
 
 /// Computables that depend on each other, by how they were declared.
@@ -393,7 +479,7 @@ impl AtFault for Unstorable {
 
 fn hint(error: &StoreError) -> &'static str {
     match error {
-        StoreError::Duplicate { .. } => "; computed documents take no stored one's place: leave the _id out",
+        StoreError::Duplicate { .. } => "; computed documents take no other one's place: leave the _id out",
         _ => "",
     }
 }

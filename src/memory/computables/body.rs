@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use bson::Document;
+use bson::{Document, RawDocumentBuf};
 
 use crate::fault::{AtFault, Fault};
 use crate::formats::Diagnostic;
@@ -17,6 +17,14 @@ pub(super) trait Source {
 
     /// The results of a pipeline without metadata; see [`crate::store::Store::aggregate`].
     fn aggregate(&self, ns: &Namespace, pipeline: &[Document]) -> Result<Documents<'_>, StoreError>;
+
+    /// The same over these documents of the collection alone, as they were read.
+    fn aggregate_over(
+        &self,
+        ns: &Namespace,
+        documents: &[RawDocumentBuf],
+        pipeline: &[Document],
+    ) -> Result<Documents<'_>, StoreError>;
 }
 
 /// The options of a builtin body, by the key of `[[computable]]` that gives them.
@@ -55,8 +63,8 @@ pub(super) struct Asked<'a> {
     pub(super) namespace: &'a Namespace,
     /// The asked query.
     pub(super) query: &'a Document,
-    /// The stored documents that keys are added to; `None` where documents are asked for.
-    pub(super) documents: Option<&'a [Document]>,
+    /// The stored documents that keys are added to, with their metadata; `None` where documents are asked for.
+    pub(super) documents: Option<&'a [RawDocumentBuf]>,
 }
 
 /// Computes documents. The query is answered over all documents afterwards, so a body may

@@ -54,6 +54,15 @@ pub(super) struct Entry<'a> {
     key: String,
 }
 
+/// How long what was computed is there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lifetime {
+    /// Until when equal queries are answered with it.
+    pub(super) until: DateTime,
+    /// Until when it is there for the query that it was computed for.
+    pub(super) kept: DateTime,
+}
+
 /// How an entry stands.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum State {
@@ -103,15 +112,7 @@ impl<'a> Entry<'a> {
 
     /// Whether the documents of a computation are as it made them, all of them.
     fn is_whole(&self, made: &Former) -> Result<bool, StoreError> {
-        if made.documents == 0 {
-            return Ok(true);
-        }
-        let mut unchanged = doc! { metadata::computation("token"): made.token };
-        if !made.ids.is_empty() {
-            unchanged.insert("_id", doc! { "$in": &made.ids });
-        }
-        unchanged.insert(metadata::info_path(metadata::UPDATED), Bson::Null);
-        Ok(self.store.count(self.asked, (&unchanged).into())? == made.documents)
+        are_whole(self.store, self.asked, made.token, &made.ids, made.documents)
     }
 
     /// Claims the entry for a computation, until a time; returns whether that succeeded.
@@ -152,14 +153,13 @@ impl<'a> Entry<'a> {
     }
 
     /// Records that a computation is done; returns false where another process has the entry.
-    pub(super) fn finish(&self, token: ObjectId, ids: &[Bson], until: DateTime) -> Result<bool, StoreError> {
-        let listed = if ids.len() > MOST_IDS { &[] } else { ids };
+    pub(super) fn finish(&self, token: ObjectId, ids: &[Bson], life: Lifetime) -> Result<bool, StoreError> {
         let set = doc! {
             "made": token,
             "documents": i64::try_from(ids.len()).unwrap_or(i64::MAX),
-            "ids": listed,
-            metadata::info_path("cached_until"): until,
-            metadata::info_path(metadata::DECAY): until,
+            "ids": listed(ids),
+            metadata::info_path("cached_until"): life.until,
+            metadata::info_path(metadata::DECAY): life.kept,
         };
         self.change(token, doc! { "$set": set, "$unset": { "busy_until": "", "holder": "" } })
     }
@@ -220,6 +220,36 @@ pub(super) fn current(
         }
     }
     Ok(current)
+}
+
+/// The `_id`s of a computation, where there are not too many.
+pub(super) fn listed(ids: &[Bson]) -> &[Bson] {
+    if ids.len() > MOST_IDS { &[] } else { ids }
+}
+
+/// Whether the documents of a computation are as it made them, all of them. `ids` are theirs, or empty where they are
+/// not known.
+pub(super) fn are_whole(
+    store: &dyn Store,
+    ns: &Namespace,
+    token: ObjectId,
+    ids: &[Bson],
+    documents: u64,
+) -> Result<bool, StoreError> {
+    if documents == 0 {
+        return Ok(true);
+    }
+    let mut unchanged = doc! { metadata::computation("token"): token };
+    if !ids.is_empty() {
+        unchanged.insert("_id", doc! { "$in": ids });
+    }
+    unchanged.insert(metadata::info_path(metadata::UPDATED), Bson::Null);
+    Ok(store.count(ns, (&unchanged).into())? == documents)
+}
+
+/// Removes an entry; returns false where it is of another computation meanwhile.
+pub(super) fn discard(store: &dyn Store, ns: &Namespace, key: &str, token: ObjectId) -> Result<bool, StoreError> {
+    Ok(store.delete(&records(ns), (&doc! { "_id": key, "token": token }).into(), true)? > 0)
 }
 
 /// Removes what a computation made.

@@ -10,12 +10,13 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bson::Document;
+use bson::{Document, RawDocumentBuf};
 
 use super::body::{Asked, Body, ComputeError};
 use crate::formats::{Source, shell};
 use crate::process::{self, End, Ended, Host, INPUT, Job, Limits, Mode};
-use crate::store::Namespace;
+use crate::query::QueryError;
+use crate::store::{Namespace, metadata};
 
 /// What a program may print, in bytes.
 const MOST_OUTPUT: u64 = 64 << 20;
@@ -32,7 +33,9 @@ pub(super) struct Command {
 
 impl Body for Command {
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError> {
-        self.answer(asked.query, asked.documents.unwrap_or_default())
+        let read = |raw: &RawDocumentBuf| Document::try_from(&*metadata::hide(raw.clone())?).map_err(QueryError::from);
+        let documents = asked.documents.unwrap_or_default().iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        self.answer(asked.query, &documents)
     }
 
     fn sources(&self, _: &Namespace) -> Vec<Namespace> {

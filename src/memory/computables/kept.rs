@@ -3,12 +3,12 @@
 //! They are pipelines and builtins. A program is none of them: whoever writes to the memory would run programs on the
 //! machines of all who read it.
 //!
-//! A file is asked before each operation whether they have changed, a server at most once a second.
+//! A file is asked once in each operation whether they have changed, a server at most once a second.
 
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{BodyKind, Definition, NO_PROGRAMS, Origin};
 use super::record::{self, COLLECTION};
@@ -32,34 +32,40 @@ impl Memory {
         if ns.is_own() {
             return Ok(Rc::clone(declared));
         }
-        let is_fresh = |kept: &&Kept| self.routes.is_on_server(ns) && kept.read.elapsed() < MOST_AGE;
+        let operation = self.computables.operation();
+        let is_fresh = |kept: &&Kept| {
+            operation.is_some() && kept.operation == operation
+                || self.routes.is_on_server(ns) && kept.read.elapsed() < MOST_AGE
+        };
         if let Some(kept) = self.computables.kept.borrow().get(&ns.database).filter(is_fresh) {
             return Ok(Rc::clone(&kept.registry));
         }
         let records = self.records(&place(&ns.database))?;
         let mut all = self.computables.kept.borrow_mut();
         if let Some(kept) = all.get_mut(&ns.database).filter(|kept| kept.records == records) {
-            kept.read = Instant::now();
+            (kept.read, kept.operation) = (Instant::now(), operation);
             return Ok(Rc::clone(&kept.registry));
         }
         let registry = match records.is_empty() {
             true => Rc::clone(declared),
             false => {
                 let place = place(&ns.database);
-                Rc::new(declared.with_kept(definitions(&records, &place), &place))
+                Rc::new(declared.with_kept(definitions(&records, &place)?, &place))
             }
         };
         registry.elsewhere(ns).for_each(|message| self.computables.warn(message));
-        all.insert(ns.database.clone(), Kept { records, registry: Rc::clone(&registry), read: Instant::now() });
+        all.insert(
+            ns.database.clone(),
+            Kept { records, registry: Rc::clone(&registry), read: Instant::now(), operation },
+        );
         Ok(registry)
     }
 
     /// What a collection of computables has, in the order in which they were added.
-    fn records(&self, place: &Namespace) -> Result<Vec<Document>, StoreError> {
+    fn records(&self, place: &Namespace) -> Result<Vec<RawDocumentBuf>, StoreError> {
         let Some(store) = self.routes.existing(place)? else { return Ok(Vec::new()) };
         let find = Find { sort: doc! { metadata::info_path(metadata::INSERTED): 1, "_id": 1 }, ..Find::default() };
-        let found = store.find(place, &find)?;
-        found.map(|raw| Ok(Document::try_from(&*raw?).map_err(QueryError::from)?)).collect()
+        store.find(place, &find)?.collect()
     }
 
     /// The collections of computables.
@@ -77,7 +83,7 @@ impl Memory {
     pub fn computables(&self) -> Result<(Vec<Rc<Computable>>, Vec<String>), StoreError> {
         let mut all = Rc::clone(&self.computables.declared);
         for place in self.places()? {
-            all = Rc::new(all.with_kept(definitions(&self.records(&place)?, &place), &place));
+            all = Rc::new(all.with_kept(definitions(&self.records(&place)?, &place)?, &place));
         }
         Ok((all.iter().map(Rc::clone).collect(), all.complaints()))
     }
@@ -122,7 +128,7 @@ impl Memory {
         );
         if let Err(StoreError::Duplicate { namespace, key, .. }) = kept {
             // Its `_id` is its name, so that one of two processes wins.
-            let name = key.trim_start_matches("_id: ").to_owned();
+            let name = key.text().trim_start_matches("_id: ").to_owned();
             let what = format!(
                 "{namespace} keeps a computable {name} already, which another process has just added; nothing was added"
             );
@@ -153,11 +159,15 @@ impl Memory {
         Ok(removed.map(|place| (place, others)))
     }
 
-    /// All that the questions need, in the order in which it runs.
-    pub(super) fn wanted<'a>(&self, questions: &[(&Namespace, &'a Document)]) -> Result<Vec<Wanted<'a>>, StoreError> {
-        let mut wanted: Vec<Wanted<'a>> = Vec::new();
+    /// All that the questions need, in the order in which it runs; and whether others add keys to what they ask for.
+    pub(super) fn wanted<'a>(
+        &self,
+        questions: &[(&Namespace, &'a Document)],
+    ) -> Result<(Vec<Wanted<'a>>, bool), StoreError> {
+        let (mut wanted, mut adds_keys): (Vec<Wanted<'a>>, _) = (Vec::new(), false);
         for (ns, query) in questions {
             for computable in self.needed(ns, query)? {
+                adds_keys |= computable.definition.adds.is_some();
                 if computable.definition.adds.is_some() || self.computables.is_due(&computable.definition) {
                     continue;
                 }
@@ -168,7 +178,7 @@ impl Memory {
             }
         }
         wanted.sort_by_key(|wanted| std::cmp::Reverse(wanted.computable.definition.priority));
-        Ok(wanted)
+        Ok((wanted, adds_keys))
     }
 
     /// The computables that add keys to what a query asks for, in the order in which they run.
@@ -180,12 +190,16 @@ impl Memory {
 }
 
 /// The definitions of what a collection keeps.
-fn definitions(records: &[Document], place: &Namespace) -> Vec<Result<Vec<Definition>, Wrong>> {
+fn definitions(
+    records: &[RawDocumentBuf],
+    place: &Namespace,
+) -> Result<Vec<Result<Vec<Definition>, Wrong>>, QueryError> {
     let definitions = records.iter().map(|record| {
-        read(record, place).map_err(|wrong| {
+        let record = Document::try_from(&**record)?;
+        Ok(read(&record, place).map_err(|wrong| {
             let id = record.get("_id").cloned().unwrap_or(Bson::Null);
-            Wrong { collections: collections(record), message: wrong_message(place, &id, &wrong) }
-        })
+            Wrong { collections: collections(&record), message: wrong_message(place, &id, &wrong) }
+        }))
     });
     definitions.collect()
 }

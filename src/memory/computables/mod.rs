@@ -33,6 +33,7 @@ mod check;
 mod command;
 mod definition;
 mod example;
+mod extended;
 mod kept;
 mod kept_check;
 mod key;

@@ -1,6 +1,6 @@
 //! A body that is an aggregation over the memory.
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document};
 
 use super::binding::bind;
 use super::body::{Asked, Body, ComputeError};
@@ -19,13 +19,12 @@ pub(super) struct Pipeline {
 
 impl Body for Pipeline {
     fn compute(&self, asked: &Asked<'_>) -> Result<Vec<Document>, ComputeError> {
-        let mut stages = bind(&self.stages, asked.query)?;
-        if let Some(documents) = asked.documents.filter(|_| self.from == *asked.namespace) {
+        let stages = bind(&self.stages, asked.query)?;
+        let results = match asked.documents.filter(|_| self.from == *asked.namespace) {
             // Only of the documents that get keys.
-            let ids: Vec<&Bson> = documents.iter().filter_map(|document| document.get("_id")).collect();
-            stages.insert(0, doc! { "$match": { "_id": { "$in": ids } } });
-        }
-        let results = asked.memory.aggregate(&self.from, &stages)?;
+            Some(documents) => asked.memory.aggregate_over(&self.from, documents, &stages)?,
+            None => asked.memory.aggregate(&self.from, &stages)?,
+        };
         results.map(|result| Ok(Document::try_from(&*result?).map_err(|error| failed(&error))?)).collect()
     }
 

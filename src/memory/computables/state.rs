@@ -3,10 +3,10 @@
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bson::oid::ObjectId;
-use bson::{DateTime, Document};
+use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::definition::Definition;
 use super::key;
@@ -14,6 +14,10 @@ use super::registry::{Computable, Registry};
 use super::report::Computed;
 use super::view::View;
 use crate::store::Namespace;
+
+/// How long a body without a limit is waited for by other processes, and how
+/// long storing may take.
+pub(super) const COMPUTE_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// The computables of a memory.
 #[derive(Default)]
@@ -32,6 +36,18 @@ pub(in crate::memory) struct Computables {
     warnings: RefCell<Option<Warnings>>,
     /// Whether all that the cache holds is seen.
     is_shown: Cell<bool>,
+    /// How many operations were begun, and how many of them, each within the one before, are not over.
+    operations: Cell<(u64, usize)>,
+}
+
+/// An operation, while it exists. What computables there are is read once in it, also by the bodies that run for it.
+pub(in crate::memory) struct OperationScope<'a>(&'a Computables);
+
+impl Drop for OperationScope<'_> {
+    fn drop(&mut self) {
+        let (begun, open) = self.0.operations.get();
+        self.0.operations.set((begun, open.saturating_sub(1)));
+    }
 }
 
 /// Called with each warning, once.
@@ -40,10 +56,12 @@ pub type Warnings = Rc<dyn Fn(&str)>;
 /// The computables of a database: those of the settings, and those that it keeps.
 pub(super) struct Kept {
     /// What is kept.
-    pub(super) records: Vec<Document>,
+    pub(super) records: Vec<RawDocumentBuf>,
     pub(super) registry: Rc<Registry>,
     /// When the records were read.
     pub(super) read: Instant,
+    /// In which operation they were read, if in one.
+    pub(super) operation: Option<u64>,
 }
 
 /// A computable that a query needs.
@@ -67,6 +85,14 @@ pub(super) struct Others<'a> {
     pub(super) earlier: &'a [ObjectId],
     /// Those that run after it.
     pub(super) later: &'a [Wanted<'a>],
+}
+
+impl Others<'_> {
+    /// How long those that run after it may take.
+    pub(super) fn time(&self) -> Duration {
+        let most = |wanted: &Wanted<'_>| wanted.computable.body.timeout().unwrap_or(COMPUTE_TIMEOUT);
+        self.later.iter().map(most).fold(Duration::ZERO, Duration::saturating_add)
+    }
 }
 
 /// A computable whose body is running.
@@ -108,6 +134,26 @@ impl Computables {
     /// What was computed, or found in the cache, for the last operation.
     pub(in crate::memory) fn computed(&self) -> Vec<Computed> {
         self.computed.borrow().clone()
+    }
+
+    /// Begins an operation, or a part of one.
+    pub(in crate::memory) fn operate(&self) -> OperationScope<'_> {
+        let (begun, open) = self.operations.get();
+        self.operations.set((begun + u64::from(open == 0), open + 1));
+        OperationScope(self)
+    }
+
+    /// The operation that is not over.
+    pub(super) fn operation(&self) -> Option<u64> {
+        let (begun, open) = self.operations.get();
+        (open > 0).then_some(begun)
+    }
+
+    /// Forgets what was computed for the last operation, unless this one is part of it.
+    pub(in crate::memory) fn forget_last(&self) {
+        if self.running.borrow().is_empty() {
+            self.computed.borrow_mut().clear();
+        }
     }
 
     /// Whether a computable runs after one whose body is running.

@@ -13,17 +13,29 @@ pub(in crate::memory) struct View {
     at: DateTime,
     /// Null, which stands for stored documents, and the computations that are for it; none where all are seen.
     tokens: Option<Vec<Bson>>,
+    /// Whether computables add keys to what is asked for.
+    adds_keys: bool,
 }
 
 impl View {
     /// Returns the stored documents at a time.
     pub(in crate::memory) fn at(at: DateTime) -> Self {
-        Self { at, tokens: Some(vec![Bson::Null]) }
+        Self { at, tokens: Some(vec![Bson::Null]), adds_keys: false }
     }
 
     /// Returns the stored documents at a time, and all that the cache holds.
     pub(in crate::memory) fn with_computed(at: DateTime) -> Self {
-        Self { at, tokens: None }
+        Self { at, tokens: None, adds_keys: false }
+    }
+
+    /// The same for an operation whose documents get keys by computables, or do not.
+    pub(super) fn with_keys(self, adds_keys: bool) -> Self {
+        Self { adds_keys, ..self }
+    }
+
+    /// Whether computables add keys to what is asked for.
+    pub(super) fn adds_keys(&self) -> bool {
+        self.adds_keys
     }
 
     /// The time of the operation.
@@ -51,10 +63,12 @@ impl View {
     /// What is true of the documents that are seen.
     pub(in crate::memory) fn visible(&self) -> Document {
         let mut visible = metadata::visible(self.at);
-        if let Some(tokens) = &self.tokens {
+        match &self.tokens {
             // A stored document has no token, and null equals missing.
-            visible.insert(metadata::TOKEN_PATH, doc! { "$in": tokens });
-        }
+            Some(tokens) => visible.insert(metadata::TOKEN_PATH, doc! { "$in": tokens }),
+            // What is kept longer than the cache holds, is kept for the query that it was computed for.
+            None => visible.insert(metadata::info_path("cached_until"), doc! { "$not": { "$lte": self.at } }),
+        };
         visible
     }
 
