@@ -1,33 +1,40 @@
 //! Which stored document has a unique key that another was to have.
 
-use bson::doc;
+use bson::{Bson, doc};
 
-use crate::formats::{Source, shell};
+use crate::formats::shell;
 use crate::memory::Memory;
-use crate::query::field;
-use crate::store::{Find, StoreError};
+use crate::query::{Collation, field};
+use crate::store::{Find, Modifiers, StoreError};
 
-/// Returns the `_id` of the document that has the key, as text; none where the key is the `_id` itself, or the
-/// document is not found for certain.
-pub(super) fn holder(error: &StoreError, memory: &Memory) -> Option<String> {
+/// Returns the `_id` of the document that has the key; none where the key is the `_id` itself, or the document is not
+/// found for certain.
+pub(super) fn holder(error: &StoreError, memory: &Memory) -> Option<Bson> {
     let (namespace, key) = match error {
         StoreError::Duplicate { namespace, key, .. } => (namespace, key),
         StoreError::Stopped { source, .. } => return holder(source, memory),
         _ => return None,
     };
-    let (values, index) = key.rsplit_once(" (unique index ")?;
-    let values = shell::parse_document(&Source::new("<key>", format!("{{{values}}}"))).ok()?;
+    let name = key.index().filter(|_| !key.values().is_empty())?;
     let indexes = memory.indexes(namespace).unwrap_or_default();
-    let index = indexes.iter().find(|known| Some(known.name.as_str()) == index.strip_suffix(')'));
-    if index.is_some_and(|index| index.other.contains_key("collation")) {
-        return None;
-    }
-    let partial = index.and_then(|index| index.other.get_document("partialFilterExpression").ok()).cloned();
-    let filter = doc! { "$and": [values, partial.unwrap_or_default()] };
-    let find = Find { filter, projection: doc! { "_id": 1 }, limit: 2, ..Find::default() };
+    let index = indexes.iter().find(|known| known.name == name);
+    let option = |option: &str| index.and_then(|index| index.other.get_document(option).ok());
+    let collation = option("collation").map(Collation::parse).transpose().ok()?;
+    let partial = option("partialFilterExpression").cloned().unwrap_or_default();
+    let find = Find {
+        filter: doc! { "$and": [key.values(), partial] },
+        projection: doc! { "_id": 1 },
+        limit: 2,
+        modifiers: Modifiers { collation, ..Modifiers::default() },
+        ..Find::default()
+    };
     let mut found = memory.find(namespace, &find).ok()?;
     // Of several, it is not known which.
     let (Some(Ok(holder)), None) = (found.next(), found.next()) else { return None };
-    let id = field(&holder, "_id")?;
-    bson::Bson::try_from(id).ok().map(|id| shell::relaxed_value(&id))
+    Bson::try_from(field(&holder, "_id")?).ok()
+}
+
+/// The document as messages name it behind what it has.
+pub(super) fn named(id: &Bson) -> String {
+    format!(": that with _id {}", shell::relaxed_value(id))
 }

@@ -46,6 +46,27 @@ impl Memory {
         Ok(all)
     }
 
+    /// Removes what an index expires by now from stores that do not do so themselves: for whoever runs for long.
+    ///
+    /// # Errors
+    /// Where a store fails; what was removed before stays removed.
+    pub fn expire_due(&self) -> Result<(), StoreError> {
+        let now = self.clock.now();
+        for ns in self.collections()? {
+            let store = self.routes.of(&ns)?;
+            if store.expires_by_itself() {
+                continue;
+            }
+            for filter in store.indexes(&ns)?.iter().filter_map(|index| before(index, now)) {
+                if store.count(&ns, (&filter).into())? > 0 {
+                    self.expire_collection(&ns, false)?;
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Removes the oldest stored documents of a collection, by the date of their insertion, until it has at most so many.
     /// Returns how many were removed.
     ///
@@ -101,9 +122,33 @@ impl Memory {
     }
 }
 
-/// What is due by an index.
+/// What is due by an index that a user created.
 fn due(index: &Index, now: DateTime) -> Option<Document> {
-    let (path, seconds) = index.expiring().filter(|_| index.name != index::DECAY)?;
+    before(index, now).filter(|_| index.name != index::DECAY)
+}
+
+/// What is due by an index.
+fn before(index: &Index, now: DateTime) -> Option<Document> {
+    let (path, seconds) = index.expiring()?;
     let before = now.timestamp_millis().saturating_sub(seconds.saturating_mul(1_000));
     Some(doc! { path: { "$lte": DateTime::from_millis(before) } })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::embedded::Embedded;
+
+    #[test]
+    fn what_an_index_expires_goes_without_a_write() {
+        let memory = Memory::new(Box::new(Embedded::in_memory().unwrap()), None, Vec::new());
+        let ns = Namespace::parse("robmem.seen").unwrap();
+        let date = |millis: i64| DateTime::from_millis(DateTime::now().timestamp_millis() + millis);
+        let documents = vec![doc! { "_id": 1, "at": date(-3_600_000) }, doc! { "_id": 2, "at": date(3_600_000) }];
+        memory.insert(&ns, documents).unwrap();
+        memory.create_index(&ns, &Index { expire_after: Some(60), ..Index::on(doc! { "at": 1 }) }).unwrap();
+        memory.expire_due().unwrap();
+        let left: Vec<Bson> = memory.distinct(&ns, "_id", &Document::new()).unwrap();
+        assert_eq!(left, [Bson::Int32(2)]);
+    }
 }

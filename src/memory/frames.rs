@@ -113,8 +113,15 @@ impl Frames {
         false
     }
 
+    /// Whether there are any.
+    #[must_use]
+    pub fn has_any(&self) -> bool {
+        !self.frames.is_empty()
+    }
+
     /// What there is, for messages.
-    fn known(&self) -> String {
+    #[must_use]
+    pub fn known(&self) -> String {
         let mut known: Vec<&str> =
             self.frames.iter().flat_map(|(frame, (parent, _))| [frame.as_str(), parent]).collect();
         known.sort_unstable();

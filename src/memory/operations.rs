@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
-use bson::{Bson, DateTime, Document, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::clock::Clock;
 use super::computables::{self, Computables, Computed, Registry, View};
@@ -131,15 +131,32 @@ impl Memory {
 
     /// Answers a query with documents and their metadata.
     pub fn find_with_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        let _operation = self.computables.operate();
+        if let Some(found) = self.find_stored(ns, find)? {
+            return Ok(found);
+        }
         self.answer(&[(ns, &find.filter)], true, |view| {
             if let Some(extended) = self.extended(&[(ns, &find.filter)], view)? {
                 let find = Find { filter: unseen::in_filter(&find.filter), ..find.clone() };
-                return collected(extended.find(ns, &find)?);
+                return Ok(ready(extended.find(ns, &find)?));
             }
             let start = Instant::now();
             let find = Find { filter: view.filter(&find.filter), ..find.clone() };
             settled(view, self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
         })
+    }
+
+    /// Answers a query that needs no computables, which is read together with the documents; else gives nothing.
+    fn find_stored(&self, ns: &Namespace, find: &Find) -> Result<Option<Documents<'_>>, StoreError> {
+        let Some(store) = self.routes.existing(ns)? else { return Ok(None) };
+        let (start, view) = (Instant::now(), self.computables.view(self.clock.now()));
+        let found = store.find_chosen(ns, &mut || {
+            let is_plain = self.needed(ns, &find.filter)?.is_empty();
+            Ok(is_plain.then(|| Find { filter: view.filter(&find.filter), ..find.clone() }))
+        })?;
+        let Some(found) = found else { return Ok(None) };
+        self.computables.forget_last();
+        settled(&view, self.journal.watch("find", ns, start, found)).map(Some)
     }
 
     /// Documents as they are stored, with their metadata: nothing is computed, and what was
@@ -166,7 +183,7 @@ impl Memory {
                 // The store chooses the documents; the query is answered, and sorted, over a copy with the added keys.
                 let choose = Find { filter: chosen, ..Find::default() };
                 let mut explanation = self.routes.reading(ns)?.explain(ns, &choose)?;
-                let returned = extended.find(ns, find)?.collect::<Result<Vec<_>, _>>()?;
+                let returned = extended.find(ns, find)?;
                 explanation.insert("returned", i64::try_from(returned.len()).unwrap_or(i64::MAX));
                 if !find.sort.is_empty() {
                     explanation.insert("sort", "memory");
@@ -268,7 +285,7 @@ impl Memory {
             let stages = computables::visible_stages(ns, pipeline.stages, view, shows_metadata);
             let pipeline = Aggregation { stages: &stages, ..pipeline };
             if let Some(extended) = if writes { None } else { self.extended(&questions, view)? } {
-                return collected(extended.aggregate(ns, pipeline)?);
+                return Ok(ready(extended.aggregate(ns, pipeline)?));
             }
             let start = Instant::now();
             let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };
@@ -416,13 +433,12 @@ fn settled<'a>(view: &View, documents: Documents<'a>) -> Result<Documents<'a>, S
     if !view.is_computed() {
         return Ok(documents);
     }
-    collected(documents)
+    Ok(ready(documents.collect::<Result<Vec<_>, _>>()?))
 }
 
 /// Documents that no longer need their store.
-fn collected<'a>(documents: Documents<'_>) -> Result<Documents<'a>, StoreError> {
-    let documents = documents.collect::<Result<Vec<_>, _>>()?;
-    Ok(Box::new(documents.into_iter().map(Ok)))
+fn ready<'a>(documents: Vec<RawDocumentBuf>) -> Documents<'a> {
+    Box::new(documents.into_iter().map(Ok))
 }
 
 fn without_metadata(documents: Documents<'_>) -> Documents<'_> {

@@ -13,10 +13,10 @@ use super::computables;
 use super::route::{Lazy, Routes};
 use super::{Memory, journal::Journal};
 use crate::calendar::day_and_time;
-use crate::query::QueryError;
+use crate::query::{Collation, QueryError};
 use crate::store::{
     Aggregation, Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError,
-    UpdateRequest, Updated, Values,
+    UpdateRequest, Updated, Values, index,
 };
 
 /// Stores as they were.
@@ -56,6 +56,10 @@ impl Past {
                 true => source.find(ns, &Find::default())?.collect::<Result<_, _>>()?,
                 false => source.as_of(ns, self.at)?,
             };
+            // The collation is that of now: it cannot change while there are documents.
+            if let Some(collation) = index::collation(&source.indexes(ns)?) {
+                Store::create(&self.copy, ns, Some(&collation))?;
+            }
             let documents: Result<Vec<Document>, _> = documents.iter().map(|raw| Document::try_from(&**raw)).collect();
             self.copy.insert(ns, documents.map_err(QueryError::from)?)?;
         }
@@ -169,8 +173,8 @@ impl Store for Past {
         Ok(Vec::new())
     }
 
-    fn create(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        Store::create(self.with(ns)?, ns)
+    fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
+        Store::create(self.with(ns)?, ns, collation)
     }
 
     fn describe(&self) -> String {

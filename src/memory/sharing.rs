@@ -5,7 +5,8 @@ use std::time::Duration;
 use bson::DateTime;
 
 use super::Memory;
-use crate::store::{ChangePage, Kept, Namespace, Scope, Store, StoreError};
+use crate::query::Collation;
+use crate::store::{ChangePage, Kept, Namespace, Scope, Store, StoreError, index};
 
 impl Memory {
     /// The store that a collection is in, as it is: for callers that keep metadata themselves.
@@ -51,8 +52,16 @@ impl Memory {
     ///
     /// # Errors
     /// Where the store fails.
-    pub fn create_collection(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        self.journal.note("create", Some(ns), |made| u64::from(*made), || self.routes.of(ns)?.create(ns))
+    pub fn create_collection(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
+        self.journal.note("create", Some(ns), |made| u64::from(*made), || self.routes.of(ns)?.create(ns, collation))
+    }
+
+    /// How strings compare in a collection; nothing where they do byte by byte.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn collation(&self, ns: &Namespace) -> Result<Option<Collation>, StoreError> {
+        Ok(index::collation(&self.indexes(ns)?))
     }
 
     /// Runs operations on the store that a collection is in as one write; see [`Store::atomically`].

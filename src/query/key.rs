@@ -37,7 +37,8 @@ pub fn encode_value(value: &bson::Bson) -> Vec<u8> {
 }
 
 /// Returns the key of a value, whose strings compare by the collation in effect.
-pub(super) fn collated(value: &bson::Bson) -> Vec<u8> {
+#[must_use]
+pub fn collated(value: &bson::Bson) -> Vec<u8> {
     let mut key = Vec::with_capacity(16);
     append(value.into(), &mut key);
     key

@@ -22,6 +22,7 @@ mod javascript;
 pub mod key;
 mod keys;
 mod limit;
+mod names;
 mod nesting;
 mod number;
 pub mod object_id;
@@ -53,6 +54,7 @@ pub use error::QueryError;
 pub use filter::{Filter, TextSearch};
 pub use geo::Near;
 pub use javascript::{MapReduce, Merging};
+pub use names::known_names;
 pub use nesting::check;
 pub use pipeline::{
     Description, Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched, is_empty_match,

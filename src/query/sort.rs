@@ -43,7 +43,9 @@ impl Sort {
             if let Bson::Document(meta) = direction {
                 let argument = meta.get("$meta").filter(|_| meta.len() == 1);
                 let wrong = || QueryError::invalid(15_975, "a sort direction must be 1 or -1");
-                text::meta(argument.ok_or_else(wrong)?)?;
+                let argument = argument.ok_or_else(wrong)?;
+                check_meta(argument)?;
+                text::meta(argument)?;
                 // The best come first.
                 sort.keys.push(Path::parse(text::SCORE)?, true);
                 continue;
@@ -249,6 +251,14 @@ impl PartialOrd for Ranked {
 impl Ord for Ranked {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.rank.cmp(&other.rank)
+    }
+}
+
+/// Refuses metadata that MongoDB does not sort by.
+fn check_meta(argument: &Bson) -> Result<()> {
+    match argument.as_str() {
+        Some("textScore" | "randVal" | "geoNearDistance" | "searchScore") | None => Ok(()),
+        Some(name) => Err(QueryError::invalid(31_138, format!("a sort cannot be by {{$meta: \"{name}\"}}"))),
     }
 }
 

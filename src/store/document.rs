@@ -29,6 +29,24 @@ pub(crate) fn settle(mut document: Document) -> Result<(Bson, RawDocumentBuf), Q
     Ok((id, body))
 }
 
+/// The document with further keys, which it does not have, behind its own.
+///
+/// # Errors
+/// Where it becomes too large or too deep.
+pub(crate) fn extend(document: &RawDocument, mut keys: Document) -> Result<RawDocumentBuf, QueryError> {
+    check_depth(&keys)?;
+    fill_timestamps(&mut keys);
+    let keys = RawDocumentBuf::try_from(&keys)?;
+    // Each begins with its length and ends with a NUL.
+    let elements = document.as_bytes().split_last().map(|(_, elements)| elements).unwrap_or_default();
+    let mut bytes = [elements, keys.as_bytes().get(4..).unwrap_or_default()].concat();
+    let size = i32::try_from(bytes.len()).unwrap_or(i32::MAX);
+    bytes.get_mut(..4).into_iter().for_each(|length| length.copy_from_slice(&size.to_le_bytes()));
+    let extended = RawDocumentBuf::from_bytes(bytes)?;
+    check_size(&extended)?;
+    Ok(extended)
+}
+
 /// Whether a document may be stored.
 pub(crate) fn check(document: &Document) -> Result<(), QueryError> {
     check_depth(document)?;

@@ -3,6 +3,7 @@
 use bson::Bson;
 
 use super::namespace::Namespace;
+use super::taken_key::TakenKey;
 use crate::fault::{AtFault, Fault};
 use crate::query::QueryError;
 
@@ -22,8 +23,8 @@ pub enum StoreError {
     Duplicate {
         /// Where.
         namespace: Namespace,
-        /// The key and value, like `_id: 7`.
-        key: String,
+        /// The key, printed like `_id: 7` or `name: "x" (unique index name_1)`.
+        key: TakenKey,
         /// The `_id`s stored before the failure.
         stored: Vec<Bson>,
     },

@@ -10,6 +10,9 @@ pub const ID: &str = "_id_";
 /// The name of the index by which a memory finds what has decayed.
 pub const DECAY: &str = "_robmem_info.decay_time_1";
 
+/// The option of an index whose strings do not compare byte by byte.
+pub const COLLATION: &str = "collation";
+
 /// MongoDB's code for an option that cannot be.
 const INVALID_OPTIONS: i32 = 67;
 
@@ -45,6 +48,12 @@ impl Index {
         Self { name: ID.to_owned(), ..Self::on(doc! { "_id": 1 }) }
     }
 
+    /// The index on `_id` of a collection with a collation of its own.
+    #[must_use]
+    pub fn of_collated_ids(collation: &Collation) -> Self {
+        Self { other: doc! { COLLATION: collation.definition().clone() }, ..Self::of_ids() }
+    }
+
     /// The index by which a memory finds what has decayed. While a collection
     /// has none, nothing in it decays.
     #[must_use]
@@ -72,10 +81,7 @@ impl Index {
                     return Err(QueryError::bad_value("the collation of an index cannot be empty"));
                 }
                 ("collation", Bson::Document(spec)) => {
-                    let collation = Collation::parse(spec)?;
-                    if !collation.is_simple() {
-                        index.other.insert(option, collation.definition().clone());
-                    }
+                    index.other.insert(option, Collation::parse(spec)?.definition().clone());
                 }
                 ("collation", _) => return Err(QueryError::type_mismatch("the collation of an index is an object")),
                 ("name", _) => return Err(QueryError::type_mismatch("the name of an index is a string")),
@@ -111,6 +117,39 @@ impl Index {
             && (self.unique, self.sparse, &self.other) == (other.unique, other.sparse, &other.other)
     }
 
+    /// How its strings compare, where that is not byte by byte. That of the index on `_id` is the collation of the
+    /// collection.
+    #[must_use]
+    pub fn collation(&self) -> Option<Collation> {
+        let collation = Collation::parse(self.other.get_document(COLLATION).ok()?).ok()?;
+        (!collation.is_simple()).then_some(collation)
+    }
+
+    /// The same index, for a collection that has this collation or none: one that says nothing of collation gets it, and
+    /// one whose strings compare byte by byte says nothing.
+    #[must_use]
+    pub fn inheriting(mut self, collation: Option<&Collation>) -> Self {
+        match (self.other.get_document(COLLATION), collation) {
+            (Ok(spec), _) if Collation::parse(spec).is_ok_and(|own| own.is_simple()) => {
+                self.other.remove(COLLATION);
+            }
+            (Err(_), Some(collation)) => {
+                self.other.insert(COLLATION, collation.definition().clone());
+            }
+            _ => {}
+        }
+        self
+    }
+
+    /// The same index as one that is made in a collection with a collation: it inherits none.
+    #[must_use]
+    pub fn standing_alone(mut self) -> Self {
+        if !self.other.contains_key(COLLATION) {
+            self.other.insert(COLLATION, Collation::simple().definition().clone());
+        }
+        self
+    }
+
     /// Whether it has these keys, in this order.
     #[must_use]
     pub fn has_keys(&self, keys: &Document) -> bool {
@@ -128,6 +167,12 @@ impl Index {
     pub fn expiring(&self) -> Option<(&str, i64)> {
         Some((self.keys.keys().next()?, self.expire_after?))
     }
+}
+
+/// The collation of a collection with these indexes: that of its index on `_id`.
+#[must_use]
+pub fn collation(indexes: &[Index]) -> Option<Collation> {
+    indexes.iter().find(|index| index.name == ID)?.collation()
 }
 
 /// The name MongoDB gives to an index on these keys.
@@ -153,6 +198,7 @@ fn flag(option: &str, value: &Bson) -> Result<bool, QueryError> {
         Bson::Int32(value) => Ok(*value != 0),
         Bson::Int64(value) => Ok(*value != 0),
         Bson::Double(value) => Ok(*value != 0.0),
+        Bson::Decimal128(_) => Ok(!crate::query::compare_values(value, &Bson::Int32(0)).is_eq()),
         _ => Err(QueryError::type_mismatch(format!("the option {option} of an index is true or false"))),
     }
 }
@@ -164,6 +210,8 @@ fn seconds(value: &Bson) -> Result<i64, QueryError> {
         Bson::Int64(value) => *value,
         #[expect(clippy::cast_possible_truncation, reason = "MongoDB truncates too")]
         Bson::Double(value) => *value as i64,
+        #[expect(clippy::cast_possible_truncation, reason = "MongoDB rounds too")]
+        Bson::Decimal128(value) => value.to_string().parse::<f64>().unwrap_or(f64::NAN).round_ties_even() as i64,
         _ => return Err(QueryError::type_mismatch("expireAfterSeconds is a number of seconds")),
     };
     match seconds {
@@ -187,6 +235,17 @@ mod tests {
         assert_eq!(Index::parse(&index.definition()).unwrap(), index);
         let partial = doc! { "key": { "a": 1 }, "name": "x", "partialFilterExpression": { "b": 1 } };
         assert_eq!(Index::parse(&partial).unwrap().other, doc! { "partialFilterExpression": { "b": 1 } });
+        let decimal = |text: &str| Bson::Decimal128(text.parse().unwrap());
+        let given = doc! { "key": { "a": 1 }, "unique": decimal("0.5"), "sparse": decimal("0E+3"), "expireAfterSeconds": decimal("2.5") };
+        let index = Index::parse(&given).unwrap();
+        assert_eq!((index.unique, index.sparse, index.expire_after), (true, false, Some(2)));
+        let simple = Index::parse(&doc! { "key": { "a": 1 }, "collation": { "locale": "simple" } }).unwrap();
+        let collation = Collation::parse(&doc! { "locale": "en", "strength": 2 }).ok();
+        assert_eq!(simple.clone().inheriting(collation.as_ref()), Index::on(doc! { "a": 1 }));
+        assert_eq!(Index::on(doc! { "a": 1 }).standing_alone(), simple);
+        let inheriting = Index::on(doc! { "a": 1 }).inheriting(collation.as_ref());
+        assert_eq!(inheriting.collation(), collation);
+        assert_eq!(inheriting.clone().standing_alone().inheriting(None), inheriting);
         for wrong in [doc! {}, doc! { "key": { "a": 1 }, "unique": "yes" }, doc! { "key": { "a": 1 }, "name": 3 }] {
             assert!(Index::parse(&wrong).is_err(), "{wrong}");
         }

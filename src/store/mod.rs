@@ -17,7 +17,9 @@ pub mod index;
 pub mod metadata;
 mod modifiers;
 pub mod namespace;
+pub(crate) mod parsed;
 mod request;
+mod taken_key;
 pub mod uri;
 pub mod watch;
 
@@ -32,6 +34,7 @@ pub use modifiers::{Hint, Modifiers};
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
 pub use request::{Aggregation, Checked, Find, Inserted, Put, Query, UpdateRequest, UpdateSpec, Updated};
+pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
 pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope};
 
@@ -40,6 +43,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
+
+use crate::query::Collation;
 
 /// Documents in answer to a query, produced as they are asked for.
 pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreError>> + 'a>;
@@ -58,6 +63,16 @@ pub trait Store: Send {
 
     /// The documents that match, lazily.
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError>;
+
+    /// [`Store::find`] of the query that `choose` gives, where it gives one. What `choose` reads of the store and the first of
+    /// the documents are read at one moment, where the store can; `choose` writes nothing.
+    fn find_chosen(
+        &self,
+        ns: &Namespace,
+        choose: &mut dyn FnMut() -> Result<Option<Find>, StoreError>,
+    ) -> Result<Option<Documents<'_>>, StoreError> {
+        choose()?.map(|find| self.find(ns, &find)).transpose()
+    }
 
     /// Answers a query to say how: `{index, keys, bounds}` of the index that is
     /// used (`index: null` where all documents are looked at; `any: [{…}]`
@@ -121,6 +136,11 @@ pub trait Store: Send {
     /// Keeps the index of that name from queries, or gives it back to them; returns whether it exists.
     fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError>;
 
+    /// Whether the store removes what its indexes expire without being asked, as mongod does.
+    fn expires_by_itself(&self) -> bool {
+        false
+    }
+
     /// The indexes of a collection, that on `_id` first; none where there is no collection.
     fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError>;
 
@@ -138,8 +158,10 @@ pub trait Store: Send {
     /// All names of [`Store::watch`], sorted by collection.
     fn names(&self) -> Result<Vec<Name>, StoreError>;
 
-    /// Makes an empty collection; says whether there was none. Durable on return.
-    fn create(&self, ns: &Namespace) -> Result<bool, StoreError>;
+    /// Makes an empty collection where there is none; returns whether it is new. With a collation, its strings compare by
+    /// that in every operation, and in every index, that has no collation of its own. The index on `_id` that
+    /// [`Store::indexes`] lists has the collation. Durable on return.
+    fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError>;
 
     /// Keeps the changes of a scope from now on, or goes on doing so; those that are older than
     /// `age` go. Whoever calls this has to do so again every few seconds.

@@ -68,7 +68,7 @@ fn an_index_has_a_collation_and_serves_only_queries_with_it() {
     assert_eq!(lab.rmem(&index).success(), "name_1\n");
     assert_run!(lab.rmem(&["insert", "robmem.boxes", "{name: 'BOX9'}"]), @r#"
     ------- stderr -------
-    error: robmem.boxes already has a document with name: "BOX9" (unique index name_1)
+    error: robmem.boxes already has a document with name: "BOX9" (unique index name_1): that with _id 2
     [exit code: 5]
     "#);
     let explain = |more: &[&str]| {
@@ -133,4 +133,76 @@ fn a_hint_chooses_the_index() {
     error: the hint names no index that queries use: `rmem index NS` lists the indexes
     [exit code: 3]
     ");
+}
+
+#[test]
+fn a_collection_has_a_collation_that_dumps_carry() {
+    let lab = Lab::new();
+    let create = ["create", "robmem.boxes", "--collation", IGNORE_CASE];
+    lab.rmem(&create).success();
+    assert_run!(lab.rmem(&create), @r"
+    ------- stderr -------
+    robmem.boxes exists already
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["create", "robmem.boxes"]), @r"
+    ------- stderr -------
+    warning: robmem.boxes exists with another collation, which cannot be changed; drop it first
+    [exit code: 1]
+    ");
+    assert_run!(lab.rmem(&["collections", "--options"]), @r#"
+    robmem.boxes {"collation":{"locale":"en","caseLevel":false,"caseFirst":"off","strength":2,"numericOrdering":false,"alternate":"non-ignorable","maxVariable":"punct","normalization":false,"backwards":false}}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    lab.rmem(&["insert", "-q", "robmem.boxes", "{_id: 'a', name: 'Box'}", "{_id: 'b', name: 'cup'}"]).success();
+    lab.rmem(&["index", "robmem.boxes", "{name: 1}"]).success();
+    lab.rmem(&["index", "robmem.boxes", "{name: -1}", "--collation", "{locale: 'simple'}"]).success();
+    assert_run!(lab.rmem(&["insert", "robmem.boxes", "{_id: 'A'}"]), @r#"
+    ------- stderr -------
+    error: robmem.boxes already has a document with _id: "A"
+    [exit code: 5]
+    "#);
+    lab.rmem(&["dump", "robmem.boxes", "-o", "dump"]).success();
+    lab.rmem(&["dump", "robmem.boxes", "-o", "boxes.json"]).success();
+    let indexes = lab.rmem(&["index", "robmem.boxes"]).success();
+    let check = |label: &str| {
+        assert_eq!(lab.rmem(&["index", "robmem.boxes"]).success(), indexes, "{label}");
+        assert_eq!(lab.rmem(&["count", "robmem.boxes", "{_id: 'A', name: 'BOX'}"]).success(), "1\n", "{label}");
+        let simple = ["count", "robmem.boxes", "{name: 'BOX'}", "--collation", "{locale: 'simple'}"];
+        assert_eq!(lab.rmem(&simple).success(), "0\n", "{label}");
+    };
+    for restore in [&["restore", "dump"][..], &["restore", "dump", "--drop"], &["restore", "boxes.json", "--drop"]] {
+        lab.rmem(restore).success();
+        check("over what is there");
+    }
+    for restore in [&["restore", "dump"][..], &["restore", "dump", "--drop"]] {
+        lab.rmem(&["drop", "robmem.boxes"]).success();
+        lab.rmem(&[restore, &["--dry-run"]].concat()).success();
+        lab.rmem(restore).success();
+        check("into nothing");
+    }
+    lab.rmem(&["drop", "robmem.boxes"]).success();
+    lab.rmem(&["insert", "-q", "robmem.boxes", "{_id: 'c'}"]).success();
+    assert_run!(lab.rmem(&["restore", "dump"]), @r#"
+    {"namespace":"robmem.boxes","inserted":2,"replaced":0,"skipped":0}
+    ------- stderr -------
+    warning: robmem.boxes: the collation of the collection is not restored: it exists with another one; --drop replaces it
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn a_collection_with_a_collation_is_repaired_with_it() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["create", "robmem.boxes", "--collation", IGNORE_CASE]).success();
+    lab.rmem(&["insert", "-q", "robmem.boxes", "{_id: 'a', name: 'Box'}"]).success();
+    lab.rmem(&["index", "robmem.boxes", "{name: 1}", "--collation", "{locale: 'simple'}"]).success();
+    let indexes = lab.rmem(&["index", "robmem.boxes"]).success();
+    lab.rmem(&["doctor", "--deep"]).success();
+    lab.rmem(&["repair", "-o", "saved.rmem"]).success();
+    let of_copy = ["--memory", "file:saved.rmem", "index", "robmem.boxes"];
+    assert_eq!(lab.rmem(&of_copy).success(), indexes);
+    let count = ["--memory", "file:saved.rmem", "count", "robmem.boxes", "{_id: 'A'}"];
+    assert_eq!(lab.rmem(&count).success(), "1\n");
 }

@@ -1,5 +1,6 @@
 //! A full disk: a small file system of its own, where one can be mounted.
 
+use std::io::Read as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -13,6 +14,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         Trial::test("disk::deleting_helps_where_documents_filled_the_disk", || deleting_helps(&filled)),
         Trial::test("disk::deleting_helps_where_one_write_filled_the_disk", || deleting_helps(&filled_at_once)),
         Trial::test("disk::deleting_helps_where_changes_of_one_document_filled_the_disk", || deleting_helps(&changed)),
+        Trial::test("disk::what_is_stored_is_read_where_others_filled_the_disk", read_without_room),
         Trial::test("disk::a_sort_without_room_for_its_temporary_files_says_so", sort_without_room),
     ]
     .into_iter()
@@ -43,6 +45,31 @@ impl Drop for SmallDisk {
     fn drop(&mut self) {
         let _ = Command::new("umount").arg(self.0.path()).status();
     }
+}
+
+/// No byte is free, since another program wrote.
+fn read_without_room() -> Result<(), Failed> {
+    let disk = SmallDisk::mount().ok_or("no file system can be mounted")?;
+    let said = |args: &[&str]| -> Result<(Option<i32>, String, String), Failed> {
+        let output = disk.rmem(args)?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+        Ok((output.status.code(), text(&output.stdout), text(&output.stderr)))
+    };
+    assert!(disk.rmem(&["insert", "a.b", "{_id: 1}"])?.status.success());
+    let other = disk.0.path().join("other");
+    let filled = std::io::copy(&mut std::io::repeat(0).take(8 << 20), &mut std::fs::File::create(&other)?);
+    assert!(filled.is_err(), "the disk has room left");
+    assert_eq!(said(&["count", "a.b"])?, (Some(0), "1".into(), String::new()));
+    assert_eq!(said(&["query", "a.b"])?, (Some(0), "{\"_id\":1}".into(), String::new()));
+    let (code, _, message) = said(&["delete", "a.b", "{_id: 1}"])?;
+    assert_eq!(code, Some(4), "{message}");
+    assert!(message.contains("the disk is full, and a deletion needs a few pages"), "{message}");
+    let (code, _, message) = said(&["insert", "a.b", "{_id: 2}"])?;
+    assert_eq!(code, Some(4), "{message}");
+    assert!(message.contains("the disk is full; make room or delete documents"), "{message}");
+    std::fs::remove_file(other)?;
+    assert!(disk.rmem(&["delete", "a.b", "{_id: 1}"])?.status.success());
+    Ok(())
 }
 
 /// What is sorted is larger than the memory of a sort, and the disk.

@@ -59,7 +59,7 @@ impl Memory {
         self.answer(&[(ns, filter)], true, |view| {
             let extended = self.extended_whole(ns, filter, view)?;
             let store: &dyn Store = match &extended {
-                Some(extended) => extended,
+                Some(extended) => extended.store()?,
                 None => self.routes.reading(ns)?,
             };
             let examiner = Examiner { store, ns, view };

@@ -10,7 +10,7 @@ use super::error::{RestoreError, unchanged};
 use super::read::{Dump, Part};
 use crate::memory::Memory;
 use crate::process::litter;
-use crate::query::QueryError;
+use crate::query::{Collation, QueryError};
 use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
 
 /// How many documents are copied at once.
@@ -30,7 +30,11 @@ pub(super) fn check_keys(memory: &Memory, dump: &Dump, drop: bool, temporary: &P
             (false, dump) => (present, dump.unwrap_or_default()),
         };
         if !before.is_empty() || !after.is_empty() {
-            let plan = RestorePlan { part, present: (!drop).then_some(memory), before, after };
+            let collation = match &part.collation {
+                Some(collation) if drop => collation.clone(),
+                _ => memory.collation(&part.namespace).map_err(failed)?.or_else(|| part.collation.clone().flatten()),
+            };
+            let plan = RestorePlan { part, collation, present: (!drop).then_some(memory), before, after };
             TrialStore::new(&part.namespace, temporary)?.run(&plan)?;
         }
     }
@@ -65,6 +69,8 @@ fn unique(indexes: Vec<Index>) -> Vec<Index> {
 struct RestorePlan<'a> {
     /// What would be restored.
     part: &'a Part,
+    /// How strings compare in the collection.
+    collation: Option<Collation>,
     /// Where the documents are that it joins, if any.
     present: Option<&'a Memory>,
     /// The unique indexes that are there already.
@@ -107,6 +113,7 @@ impl<'a> TrialStore<'a> {
 
     fn fill(&self, plan: &RestorePlan<'_>) -> Result<(), RestoreError> {
         let failed = |source| unchanged(self.namespace, source);
+        self.store.create(self.namespace, plan.collation.as_ref()).map_err(failed)?;
         self.index(&plan.before)?;
         if let Some(memory) = plan.present {
             let mut stored = memory.stored(self.namespace, &Find::default()).map_err(failed)?;
@@ -121,8 +128,8 @@ impl<'a> TrialStore<'a> {
     }
 
     fn index(&self, indexes: &[Index]) -> Result<(), RestoreError> {
-        let make = |index| self.store.create_index(self.namespace, index).map(drop);
-        indexes.iter().try_for_each(make).map_err(|source| unchanged(self.namespace, source))
+        let make = |index: Index| self.store.create_index(self.namespace, &index.standing_alone()).map(drop);
+        indexes.iter().cloned().try_for_each(make).map_err(|source| unchanged(self.namespace, source))
     }
 }
 

@@ -31,8 +31,9 @@ use super::error::{RestoreError, nothing_done, unchanged};
 use super::read::{Dump, Part};
 use super::{dry_run, oplog, staging};
 use crate::memory::Memory;
+use crate::query::collation::during;
 use crate::query::{QueryError, key};
-use crate::store::{Find, Index, Namespace, StoreError, index, metadata};
+use crate::store::{Find, Index, Namespace, StoreError, TakenKey, index, metadata};
 
 /// What restoring a collection did, or would do.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -136,6 +137,9 @@ fn put(
     let mut done: Vec<Restored> = Vec::with_capacity(dump.parts.len());
     for part in &dump.parts {
         let mut restored = Restored::nothing(&part.namespace);
+        if !dry_run {
+            restored.without.extend(prepare(memory, part).map_err(|source| unchanged(&part.namespace, source))?);
+        }
         for batch in batches(part.documents()?) {
             let batch = undated(batch?);
             if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
@@ -153,7 +157,7 @@ fn put(
         }
         if !dry_run {
             let indexes = part.indexes.as_deref().unwrap_or_default();
-            restored.without = index(memory, &part.namespace, indexes).map_err(|source| {
+            let without = index(memory, &part.namespace, indexes).map_err(|source| {
                 if whole {
                     return unchanged(&part.namespace, source);
                 }
@@ -161,10 +165,20 @@ fn put(
                     format!("{}; its documents are stored, but not all of its indexes are made", part.namespace);
                 RestoreError::Store { which, source }
             })?;
+            restored.without.extend(without);
         }
         done.push(restored);
     }
     Ok(done)
+}
+
+/// Makes the collection of a dump with its collation; returns a note where it exists with another one.
+fn prepare(memory: &Memory, part: &Part) -> Result<Option<String>, StoreError> {
+    let Some(Some(collation)) = &part.collation else { return Ok(None) };
+    let made = memory.create_collection(&part.namespace, Some(collation))?;
+    let is_other = !made && memory.collation(&part.namespace)?.as_ref() != Some(collation);
+    let note = "the collation of the collection is not restored: it exists with another one; --drop replaces it";
+    Ok(is_other.then(|| note.to_owned()))
 }
 
 /// How much of a collection was stored, and after which others.
@@ -174,11 +188,13 @@ fn so_far(restored: &Restored, done: &[Restored]) -> String {
     format!("{} of its documents were stored{before}, and the rest were not", restored.inserted + restored.replaced)
 }
 
-/// Creates indexes; returns notes on those that the store does not support.
+/// Creates indexes as they are defined; returns notes on those that the store does not support.
 fn index(memory: &Memory, ns: &Namespace, indexes: &[Index]) -> Result<Vec<String>, StoreError> {
     let mut without = Vec::new();
+    let is_collated = !indexes.is_empty() && memory.collation(ns)?.is_some();
     for index in indexes {
-        match memory.create_index(ns, index) {
+        let alone = is_collated.then(|| index.clone().standing_alone());
+        match memory.create_index(ns, alone.as_ref().unwrap_or(index)) {
             Err(StoreError::Query(error)) if error.unsupported => {
                 without.push(dry_run::without(index, &error));
             }
@@ -212,6 +228,7 @@ fn merge(memory: &Memory, batch: Vec<Document>, dry_run: bool, restored: &mut Re
         let key = document.get("_id").map_err(QueryError::from)?.map(key::encode).unwrap_or_default();
         present.insert(key, document);
     }
+    refuse_alike(memory, &restored.namespace, &batch, &present)?;
     let mut different = Vec::with_capacity(batch.len());
     let (mut added, mut replaced) = (0, 0);
     for document in batch {
@@ -233,6 +250,30 @@ fn merge(memory: &Memory, batch: Vec<Document>, dry_run: bool, restored: &mut Re
         restored.inserted += put.inserted;
         restored.replaced += put.replaced;
         restored.skipped += put.same;
+    }
+    Ok(())
+}
+
+/// Refuses documents whose `_id` the collation of the collection takes for that of another, which they would replace.
+fn refuse_alike(
+    memory: &Memory,
+    ns: &Namespace,
+    batch: &[Document],
+    present: &HashMap<Vec<u8>, RawDocumentBuf>,
+) -> Result<(), StoreError> {
+    let Some(collation) = memory.collation(ns)? else { return Ok(()) };
+    let mut ids = Vec::with_capacity(present.len() + batch.len());
+    for document in present.values() {
+        let id = document.get("_id").map_err(QueryError::from)?;
+        ids.extend(id.map(Bson::try_from).transpose().map_err(QueryError::from)?);
+    }
+    ids.extend(batch.iter().filter_map(|document| document.get("_id").cloned()));
+    let mut seen = HashMap::with_capacity(ids.len());
+    for id in &ids {
+        let (own, alike) = (key::encode_value(id), during(Some(&collation), || key::collated(id)));
+        if seen.insert(alike, own.clone()).is_some_and(|other| other != own) {
+            return Err(StoreError::Duplicate { namespace: ns.clone(), key: TakenKey::id(id), stored: Vec::new() });
+        }
     }
     Ok(())
 }
@@ -327,6 +368,15 @@ fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restore
 
 fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&AtomicBool>) -> Result<(), RestoreError> {
     staged.restored.dropped = Some(size(memory, &part.namespace)?);
+    let failed = |source| unchanged(&part.namespace, source);
+    let collation = match &part.collation {
+        Some(collation) => collation.clone(),
+        // A dump that says nothing of it keeps the existing one.
+        None => memory.collation(&part.namespace).map_err(failed)?,
+    };
+    if collation.is_some() {
+        memory.create_collection(&staged.name, collation.as_ref()).map_err(failed)?;
+    }
     for batch in batches(part.documents()?) {
         if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
             return Err(nothing_done());
@@ -335,14 +385,13 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
             memory.insert(&staged.name, undated(batch?)).map_err(|source| unchanged(&part.namespace, source))?;
         staged.restored.inserted += inserted.ids.len() as u64;
     }
-    let failed = |source| unchanged(&part.namespace, source);
     let indexes = match &part.indexes {
         Some(indexes) => indexes.clone(),
         // A dump without indexes keeps the existing ones.
         None => memory.indexes(&part.namespace).map_err(failed)?,
     };
     let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();
-    staged.is_empty = staged.restored.inserted == 0 && own.is_empty();
+    staged.is_empty = staged.restored.inserted == 0 && own.is_empty() && collation.is_none();
     staged.restored.without = index(memory, &staged.name, &own).map_err(failed)?;
     Ok(())
 }

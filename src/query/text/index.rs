@@ -69,7 +69,12 @@ impl TextIndex {
                 }
             }
         }
-        if options.contains_key("collation") {
+        let is_simple = |collation: &Bson| {
+            collation
+                .as_document()
+                .is_some_and(|collation| collation.get_str("locale").is_ok_and(|locale| locale == "simple"))
+        };
+        if options.get("collation").is_some_and(|collation| !is_simple(collation)) {
             return Err(cannot("a text index compares words, and takes no collation but {locale: \"simple\"}"));
         }
         let mut weights = weights(options)?;

@@ -144,7 +144,7 @@ impl Embedded {
         let (index, candidate, table) = match indexes.iter().find(|index| is_meant(&index.definition)) {
             _ if matches!(hint, Hint::Natural { backwards: false }) => return Ok(walk(None)),
             _ if matches!(hint, Hint::Natural { .. }) => return Ok(walk(Some(self.backwards(collection)?))),
-            _ if is_meant(&Index::of_ids()) => (Index::of_ids(), of_ids(), collection.table()),
+            None if is_meant(&Index::of_ids()) => (Index::of_ids(), of_ids(), collection.table()),
             Some(index) if index.is_hidden() => return Err(no_hinted()),
             // What has no keys is answered by all documents.
             Some(index) if !index.pattern.serves(filter) => {

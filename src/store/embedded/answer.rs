@@ -2,63 +2,64 @@
 
 use std::rc::Rc;
 
-use bson::{Bson, DateTime, Document, doc};
+use bson::{Bson, Document, doc};
 
 use super::Embedded;
+use super::catalog::Collection;
 use super::indexed::decay;
 use super::scan::{Scan, sharpen};
 use super::search::{scored, unscored};
 use super::snapshot::Snapshot;
-use crate::query::text::{self, asks_for_score};
-use crate::query::{self, Distinct, Filter, Projection, QueryError, Sort, Spill};
+use super::verbs::collated;
+use crate::query::collation::during;
+use crate::query::{self, Distinct, Filter, QueryError, Sort, Spill};
+use crate::store::parsed::Parsed;
 use crate::store::{Documents, Find, Modifiers, Namespace, Query, StoreError, Values, metadata};
 
 impl Embedded {
-    pub(super) fn answer(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let constants = query::constants(&find.modifiers.variables)?;
-        let mut filter = Rc::new(Filter::parse_with_constants(&find.filter, &constants)?);
-        let sort = Sort::parse(&find.sort)?;
-        let projection = match find.projection.is_empty() {
-            true => None,
-            false => Some(Projection::parse_with(&find.projection, &constants)?),
-        };
-        let is_scored = asks_for_score(&find.projection) || asks_for_score(&find.sort);
-        if is_scored && filter.search().is_none() {
-            return Err(text::no_score().into());
-        }
-        let snapshot = Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))?;
-        let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        let scan = Scan::sorted(self, collection, &mut filter, &sort, find.modifiers.hint.as_ref())?;
+    /// The documents that match, the first of which are read in the snapshot.
+    pub(super) fn answer(
+        &self,
+        snapshot: Snapshot<'_>,
+        ns: &Namespace,
+        find: &Find,
+    ) -> Result<Documents<'_>, StoreError> {
+        let collection = self.collection(ns)?;
+        let collation = self.collation(collection, &find.modifiers)?;
+        Ok(collated(during(collation.as_ref(), || self.answer_in(snapshot, collection, find))?, collation))
+    }
+
+    fn answer_in(
+        &self,
+        snapshot: Snapshot<'_>,
+        collection: Option<Collection>,
+        find: &Find,
+    ) -> Result<Documents<'_>, StoreError> {
+        let mut parsed = Parsed::of(find)?;
+        let Some(collection) = collection else { return Ok(Box::new(std::iter::empty())) };
+        let scan = Scan::sorted(self, collection, &mut parsed.filter, &parsed.sort, find.modifiers.hint.as_ref())?;
         let is_sorted = scan.in_order();
-        let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
-        let scan = if is_sorted { scan.at_most(skip.saturating_add(limit)) } else { scan };
+        let scan = if is_sorted { scan.at_most(parsed.most()) } else { scan };
         let scan = scan.begun()?;
         drop(snapshot);
+        let (is_scored, filter) = (parsed.is_scored, Rc::clone(&parsed.filter));
         let matches: Documents<'_> = Box::new(scan.map(|found| found.map(|found| found.body)));
-        let matches = if is_scored { scored(matches, Rc::clone(&filter)) } else { matches };
-        let ordered: Documents<'_> = match is_sorted {
-            true => matches,
-            false => {
-                let limit = (find.limit > 0).then(|| skip.saturating_add(limit));
-                let sorted = sort.sort(matches, limit, &Spill::default())?;
-                Box::new(sorted.map(|document| Ok(document?)))
-            }
-        };
-        let chosen = ordered.skip(skip).take(limit);
-        let now = DateTime::now();
-        let answer: Documents<'_> = match projection {
-            None => Box::new(chosen),
-            Some(projection) => Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))),
-        };
+        let matches = if is_scored { scored(matches, filter) } else { matches };
+        let answer = parsed.answer(matches, is_sorted)?;
         Ok(if is_scored { unscored(answer) } else { answer })
     }
 
     /// Answers a query to explain how it is answered.
     pub(super) fn explained(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        let collection = self.collection(ns)?;
+        during(self.collation(collection, &find.modifiers)?.as_ref(), || self.explained_in(collection, find))
+    }
+
+    fn explained_in(&self, collection: Option<Collection>, find: &Find) -> Result<Document, StoreError> {
         let constants = query::constants(&find.modifiers.variables)?;
         let mut filter = Rc::new(Filter::parse_with_constants(&find.filter, &constants)?);
         let sort = Sort::parse(&find.sort)?;
-        let Some(collection) = self.collection(ns)? else {
+        let Some(collection) = collection else {
             return Ok(doc! { "index": Bson::Null, "keys_examined": 0, "documents_examined": 0, "returned": 0 });
         };
         let (scan, mut explanation) =
@@ -85,8 +86,13 @@ impl Embedded {
     }
 
     pub(super) fn tally(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        let collection = self.collection(ns)?;
+        during(self.collation(collection, query.modifiers)?.as_ref(), || self.tally_in(collection, query))
+    }
+
+    fn tally_in(&self, collection: Option<Collection>, query: Query<'_>) -> Result<u64, StoreError> {
         let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
-        let Some(collection) = self.collection(ns)? else { return Ok(0) };
+        let Some(collection) = collection else { return Ok(0) };
         if let hint @ Some(_) = query.modifiers.hint.as_ref() {
             return Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?.count();
         }
@@ -101,10 +107,16 @@ impl Embedded {
     }
 
     pub(super) fn distinct_values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
+        let collection = self.collection(ns)?;
+        let collation = self.collation(collection, query.modifiers)?;
+        during(collation.as_ref(), || self.values_in(collection, field, query))
+    }
+
+    fn values_in(&self, collection: Option<Collection>, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
         check_path(field)?;
         let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
         let values = Distinct::new(field, &Spill::default())?;
-        let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
+        let Some(collection) = collection else { return Ok(Box::new(std::iter::empty())) };
         let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), query.modifiers.hint.as_ref())?;
         let values = values.of(found.map(|found| found.map(|found| found.body)))?;
         Ok(Box::new(values.map(|value| Ok(value?))))

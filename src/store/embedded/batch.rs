@@ -7,7 +7,7 @@ use super::catalog::Collection;
 use super::change_log::Noted;
 use super::{Embedded, body as stored, failure};
 use crate::query::key;
-use crate::store::{Inserted, Namespace, StoreError, document};
+use crate::store::{Inserted, Namespace, StoreError, TakenKey, document};
 
 impl Embedded {
     /// Stores the documents up to the first that is not acceptable or whose
@@ -89,7 +89,7 @@ impl Embedded {
                 self.note(ns, Noted::insert(body, position))
             }
             Err(error) if failure::is_duplicate(&error) => {
-                Err(StoreError::Duplicate { namespace: ns.clone(), key: format!("_id: {}", id), stored: Vec::new() })
+                Err(StoreError::Duplicate { namespace: ns.clone(), key: TakenKey::id(id), stored: Vec::new() })
             }
             Err(error) => Err(self.explain(&error)),
         }

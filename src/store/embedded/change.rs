@@ -8,6 +8,7 @@ use rusqlite::{OptionalExtension as _, params};
 use super::answer::with_variables;
 use super::catalog::Collection;
 use super::change_log::Noted;
+use super::indexed::{Indexed, of_ids};
 use super::scan::Found;
 use super::slices::Selection;
 use super::{Embedded, body as stored};
@@ -137,6 +138,9 @@ impl Embedded {
     /// The stored document with the `_id` of `document`.
     pub(super) fn with_id_of(&self, collection: Collection, document: &Document) -> Result<Option<Found>, StoreError> {
         let Some(id) = document.get("_id") else { return Ok(None) };
+        if let Some(index) = of_ids(&self.indexes_of(collection)?) {
+            return self.with_key_of(collection, index, document);
+        }
         let sql = format!("SELECT position, body FROM {} WHERE key = ?", collection.table());
         let row = self
             .connection
@@ -148,6 +152,32 @@ impl Embedded {
             .map_err(|e| self.explain(&e))?;
         let Some((position, bytes)) = row else { return Ok(None) };
         Ok(Some(Found { position, body: self.opened(collection, &bytes)? }))
+    }
+
+    /// The stored document that has a key of `document` in a unique index.
+    pub(super) fn with_key_of(
+        &self,
+        collection: Collection,
+        index: &Indexed,
+        document: &Document,
+    ) -> Result<Option<Found>, StoreError> {
+        let entries = index.entries(&RawDocumentBuf::try_from(document).map_err(QueryError::from)?)?;
+        let documents = collection.table();
+        let sql = format!(
+            "SELECT {documents}.position, body FROM {0} JOIN {documents} ON {documents}.position = {0}.position \
+             WHERE {0}.key = ? LIMIT 1",
+            index.table()
+        );
+        for key in &entries.keys {
+            let row = self.connection.prepare_cached(&sql).and_then(|mut statement| {
+                let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Vec<u8>>(1)?));
+                statement.query_row([key], row).optional()
+            });
+            if let Some((position, bytes)) = row.map_err(|e| self.explain(&e))? {
+                return Ok(Some(Found { position, body: self.opened(collection, &bytes)? }));
+            }
+        }
+        Ok(None)
     }
 
     /// Stores `body` in place of what was found. In a write transaction only.

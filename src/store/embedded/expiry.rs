@@ -5,7 +5,7 @@
 //! adds. (A delete does not, since it counts what it removes.)
 
 use bson::{Bson, DateTime, doc};
-use rusqlite::params;
+use rusqlite::{OptionalExtension as _, params};
 
 use super::Embedded;
 use super::catalog::Collection;
@@ -62,18 +62,26 @@ impl Embedded {
 
     /// The documents with the first keys of a range.
     fn first_of(&self, collection: Collection, index: &Indexed, range: &Range) -> Result<Vec<Found>, StoreError> {
-        let sql = format!(
-            "SELECT DISTINCT position, body FROM (SELECT position FROM {} WHERE key >= ? AND key < ? LIMIT ?) \
-             CROSS JOIN {} USING (position)",
-            index.table(),
-            collection.table()
-        );
+        // A limit that is bound, and rows that are compared, would make SQLite prepare the statement anew each time.
+        let keys = format!("SELECT position FROM {} WHERE key >= ? AND key < ? LIMIT {AT_ONCE}", index.table());
+        let body = format!("SELECT body FROM {} WHERE position = ?", collection.table());
         let read = || -> rusqlite::Result<Vec<(i64, Vec<u8>)>> {
-            let mut statement = self.connection.prepare_cached(&sql)?;
-            let limit = i64::try_from(AT_ONCE).unwrap_or(i64::MAX);
-            let rows =
-                statement.query_map(params![range.low, range.high, limit], |row| Ok((row.get(0)?, row.get(1)?)))?;
-            rows.collect()
+            let mut statement = self.connection.prepare_cached(&keys)?;
+            let listed = statement.query_map(params![range.low, range.high], |row| row.get(0))?;
+            let mut positions: Vec<i64> = Vec::new();
+            for position in listed {
+                let position = position?;
+                if !positions.contains(&position) {
+                    positions.push(position);
+                }
+            }
+            let mut rows = Vec::with_capacity(positions.len());
+            for position in positions {
+                let mut statement = self.connection.prepare_cached(&body)?;
+                let found = statement.query_row([position], |row| row.get(0)).optional()?;
+                rows.extend(found.map(|body| (position, body)));
+            }
+            Ok(rows)
         };
         let rows = read().map_err(|e| self.explain(&e))?;
         rows.into_iter()

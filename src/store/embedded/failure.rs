@@ -8,6 +8,11 @@ use crate::store::StoreError;
 
 /// The message about a full disk.
 const DISK_FULL: &str = "the disk is full; make room or delete documents, and repeat: nothing of this write was kept";
+/// The same, where documents cannot even be deleted.
+const NO_ROOM_TO_DELETE: &str =
+    "the disk is full, and a deletion needs a few pages for its log; remove other files, and repeat";
+/// With less than this many bytes, SQLite cannot make the index of its log.
+const LEAST: u64 = 64 << 10;
 
 /// Returns the error of a store for one of SQLite.
 pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
@@ -43,12 +48,20 @@ fn unreachable(place: &Place, reason: String) -> StoreError {
 /// or write its log.
 fn is_full(place: &Place) -> bool {
     let Some(folder) = place.folder() else { return false };
-    rustix::fs::statvfs(folder).is_ok_and(|system| system.f_bavail == 0 || (system.f_favail == 0 && system.f_files > 0))
+    rustix::fs::statvfs(folder).is_ok_and(|system| {
+        let room = system.f_bavail.saturating_mul(system.f_frsize);
+        system.f_blocks > 0 && room < LEAST || (system.f_favail == 0 && system.f_files > 0)
+    })
 }
 
 /// That the disk is full.
 pub(super) fn disk_full(place: &Place) -> StoreError {
     StoreError::Failed { address: place.to_string(), reason: DISK_FULL.to_owned() }
+}
+
+/// That the disk is full, where something was to be deleted.
+pub(super) fn no_room_to_delete(place: &Place) -> StoreError {
+    StoreError::Failed { address: place.to_string(), reason: NO_ROOM_TO_DELETE.to_owned() }
 }
 
 /// Whether an error of a store says that the disk is full.

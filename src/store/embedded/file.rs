@@ -97,8 +97,17 @@ impl Embedded {
             | OpenFlags::SQLITE_OPEN_CREATE
             | OpenFlags::SQLITE_OPEN_NO_MUTEX
             | OpenFlags::SQLITE_OPEN_EXRESCODE;
-        let connection = Connection::open_with_flags(path, flags).map_err(|e| failure::explain(&place, &e))?;
-        Self::prepare(connection, place)
+        let open = || Connection::open_with_flags(path, flags).map_err(|e| failure::explain(&place, &e));
+        match Self::prepare(open()?, place.clone()) {
+            Err(error) if failure::is_of_full_disk(&error) => {
+                // Without room for the index of the log beside the file, the index is in memory. Other processes wait then.
+                let connection = open()?;
+                let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");
+                alone.map_err(|e| failure::explain(&place, &e))?;
+                Self::prepare(connection, place)
+            }
+            prepared => prepared,
+        }
     }
 
     /// Opens a file that this process may not write. If it has a write-ahead log, the log is read

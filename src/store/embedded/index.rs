@@ -13,11 +13,11 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
-use super::indexed::{AllEntries, COLLATION, HIDDEN, Indexed, Indexes, PARTIAL, decay};
+use super::indexed::{AllEntries, HIDDEN, Indexed, Indexes, PARTIAL, decay, of_ids};
 use super::{Embedded, body};
 use crate::query::index::{Entries, Pattern};
-use crate::query::{Filter, QueryError, text};
-use crate::store::{Index, Namespace, StoreError, index, metadata};
+use crate::query::{Collation, Filter, QueryError, text};
+use crate::store::{Index, Modifiers, Namespace, StoreError, TakenKey, index, metadata};
 
 /// MongoDB's code for an index that is there with other options.
 const OPTIONS_CONFLICT: i32 = 85;
@@ -25,7 +25,7 @@ const OPTIONS_CONFLICT: i32 = 85;
 const KEYS_CONFLICT: i32 = 86;
 /// Options of geospatial indexes, and those that every index may have.
 const OPTIONS: [&str; 8] =
-    ["2dsphereIndexVersion", "bits", "min", "max", "wildcardProjection", PARTIAL, HIDDEN, COLLATION];
+    ["2dsphereIndexVersion", "bits", "min", "max", "wildcardProjection", PARTIAL, HIDDEN, index::COLLATION];
 /// MongoDB's code for an index that cannot be made.
 const CANNOT_CREATE: i32 = 67;
 /// MongoDB's code for an index that has to stay, or cannot be.
@@ -197,14 +197,18 @@ impl Embedded {
         self.indexes_of(collection)
     }
 
-    /// Makes an index, where there is none like it; returns whether it is new.
+    /// Makes an index, where there is none like it; returns whether it is new. One that says nothing of collation has
+    /// that of the collection.
     pub(super) fn create(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
-        let index = &stored(index)?;
+        check(index)?;
         self.write(|| {
             let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
-            match conflict(index, &self.indexes_of(collection)?)? {
+            let present = self.indexes_of(collection)?;
+            let collation = of_ids(&present).and_then(|ids| ids.pattern.collation());
+            let index = &stored(&index.clone().inheriting(collation))?;
+            match conflict(index, &present)? {
                 true => Ok(false),
-                false if self.indexes_of(collection)?.len() + 1 >= MOST_INDEXES => {
+                false if self.list_indexes(ns)?.len() >= MOST_INDEXES => {
                     let message = format!("a collection has at most {MOST_INDEXES} indexes");
                     Err(QueryError::invalid(CANNOT_CREATE, message).into())
                 }
@@ -213,7 +217,38 @@ impl Embedded {
         })
     }
 
-    fn make_index(&self, ns: &Namespace, collection: Collection, index: &Index) -> Result<(), StoreError> {
+    /// Makes an empty collection, whose strings compare by a collation, where there is none; returns whether it is new.
+    pub(super) fn create_collection(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
+        self.write(|| {
+            if self.collection(ns)?.is_some() {
+                return Ok(false);
+            }
+            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            if let Some(collation) = collation.filter(|collation| !collation.is_simple()) {
+                let ids = Index { unique: true, ..Index::of_collated_ids(collation) };
+                self.make_index(ns, collection, &ids)?;
+            }
+            Ok(true)
+        })
+    }
+
+    /// How strings compare in an operation: as it says itself, else as in its collection.
+    pub(super) fn collation(
+        &self,
+        collection: Option<Collection>,
+        modifiers: &Modifiers,
+    ) -> Result<Option<Collation>, StoreError> {
+        match (&modifiers.collation, collection) {
+            (Some(own), _) => Ok(Some(own.clone())),
+            (None, None) => Ok(None),
+            (None, Some(collection)) => {
+                let indexes = self.indexes_of(collection)?;
+                Ok(of_ids(&indexes).and_then(|ids| ids.pattern.collation().cloned()))
+            }
+        }
+    }
+
+    pub(super) fn make_index(&self, ns: &Namespace, collection: Collection, index: &Index) -> Result<(), StoreError> {
         let definition = RawDocumentBuf::try_from(&index.definition()).map_err(QueryError::from)?;
         self.connection
             .prepare_cached("INSERT INTO indexes (collection, name, definition) VALUES (?, ?, ?)")
@@ -309,7 +344,8 @@ impl Embedded {
     pub(super) fn list_indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
         let Some(collection) = self.collection(ns)? else { return Ok(Vec::new()) };
         let indexes = self.indexes_of(collection)?;
-        Ok([Index::of_ids()].into_iter().chain(indexes.iter().map(|index| index.definition.clone())).collect())
+        let others = indexes.iter().filter(|index| !index.is_of_ids()).map(|index| index.definition.clone());
+        Ok([ids(&indexes)].into_iter().chain(others).collect())
     }
 }
 
@@ -345,7 +381,12 @@ pub(super) fn check(index: &Index) -> Result<(), QueryError> {
     if index.expire_after.is_some() && index.keys.len() != 1 {
         return Err(QueryError::invalid(67, "an index by which documents expire has one key"));
     }
-    let is_plain = index.is_like(&Index::of_ids()) && index.expire_after.is_none();
+    let is_plain = match index.collation() {
+        // Whether it is that of the collection is found out where it is made.
+        Some(collation) => index.is_like(&Index::of_collated_ids(&collation)),
+        None => index.clone().inheriting(None).is_like(&Index::of_ids()),
+    };
+    let is_plain = is_plain && index.expire_after.is_none();
     if index.keys.len() == 1 && index.keys.contains_key("_id") && !is_plain {
         let message = "the index on _id is there already, and takes no options";
         return Err(QueryError::invalid(INVALID, message));
@@ -405,6 +446,8 @@ fn check_plain(filter: &Document) -> Result<(), QueryError> {
             return Err(QueryError::invalid(CANNOT_CREATE, message));
         }
         let inner: Vec<&Document> = match value {
+            // What is in these is a place.
+            Bson::Document(_) if matches!(name.as_str(), "$geoIntersects" | "$geoWithin") => Vec::new(),
             Bson::Document(inner) if is_operators(inner) => vec![inner],
             Bson::Array(items) if matches!(name.as_str(), "$and" | "$or") => {
                 items.iter().filter_map(Bson::as_document).collect()
@@ -440,15 +483,27 @@ fn check_hidable(name: &str) -> Result<(), QueryError> {
     }
 }
 
+/// The index on `_id`, as it is listed.
+fn ids(indexes: &[Indexed]) -> Index {
+    match of_ids(indexes) {
+        Some(index) => Index { unique: false, ..index.definition.clone() },
+        None => Index::of_ids(),
+    }
+}
+
 /// Whether the index is there already.
 ///
 /// # Errors
 /// Where one is there that only differs in its name or in its options.
 fn conflict(wanted: &Index, present: &[Indexed]) -> Result<bool, QueryError> {
-    let ids = Index::of_ids();
-    let mut all = present.iter().map(|index| &index.definition).chain([&ids]);
+    let ids = ids(present);
+    let others = present.iter().filter(|index| !index.is_of_ids()).map(|index| &index.definition);
+    let mut all = others.chain([&ids]);
     if wanted.is_like(&ids) {
         return Ok(true);
+    }
+    if wanted.has_keys(&ids.keys) {
+        return Err(QueryError::bad_value("the index on _id must have the collation of its collection"));
     }
     if let Some(same) = all.clone().find(|index| index.name == wanted.name) {
         return match same.is_same(wanted) {
@@ -479,8 +534,10 @@ fn conflict(wanted: &Index, present: &[Indexed]) -> Result<bool, QueryError> {
 
 fn taken_key(ns: &Namespace, index: &Indexed, body: &RawDocument, key: &[u8]) -> StoreError {
     let values = index.pattern.values(body, key);
-    let values: Vec<String> = values.iter().map(|(path, value)| format!("{path}: {value}")).collect();
-    let key = format!("{} (unique index {})", values.join(", "), index.definition.name);
+    let key = match index.is_of_ids() {
+        true => TakenKey::on(values),
+        false => TakenKey::of_index(&index.definition.name, values),
+    };
     StoreError::Duplicate { namespace: ns.clone(), key, stored: Vec::new() }
 }
 

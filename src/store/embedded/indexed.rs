@@ -28,8 +28,6 @@ pub(super) struct Indexed {
 pub(super) const PARTIAL: &str = "partialFilterExpression";
 /// The option of an index that queries do not use.
 pub(super) const HIDDEN: &str = "hidden";
-/// The option of an index whose strings do not compare byte by byte.
-pub(super) const COLLATION: &str = "collation";
 
 /// The indexes of one collection.
 pub(super) type Indexes = Arc<Vec<Indexed>>;
@@ -90,6 +88,12 @@ impl Indexed {
         self.partial.is_none()
     }
 
+    /// Whether it is the index on `_id` of a collection with a collation: it is kept beside the documents' table, whose
+    /// keys compare byte by byte, and its collation is that of the collection.
+    pub(super) fn is_of_ids(&self) -> bool {
+        self.definition.name == index::ID
+    }
+
     /// Whether it is hidden from queries.
     pub(super) fn is_hidden(&self) -> bool {
         self.definition.other.get(HIDDEN) == Some(&bson::Bson::Boolean(true))
@@ -110,6 +114,11 @@ impl Indexed {
 
 /// The keys of a document in all indexes, in their order.
 pub(super) type AllEntries = Vec<Entries>;
+
+/// The index on `_id` where the collection has a collation.
+pub(super) fn of_ids(indexes: &[Indexed]) -> Option<&Indexed> {
+    indexes.iter().find(|index| index.is_of_ids())
+}
 
 /// The index on the dates by which documents decay.
 pub(super) fn decay(indexes: &[Indexed]) -> Option<&Indexed> {

@@ -5,8 +5,7 @@
 
 use std::rc::Rc;
 
-use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
-use rusqlite::OptionalExtension as _;
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::Embedded;
 use super::catalog::Collection;
@@ -14,7 +13,7 @@ use super::indexed::Indexed;
 use super::pipeline::named;
 use super::scan::Found;
 use crate::query::{Filter, Merge, Output, QueryError, Update, WhenMatched, WhenNotMatched, key};
-use crate::store::{ChangeKind, Namespace, StoreError, document};
+use crate::store::{ChangeKind, Namespace, StoreError, TakenKey, document};
 
 /// MongoDB's code where `$merge` finds no unique index on the fields of `on`.
 const NO_UNIQUE_INDEX: i32 = 51_183;
@@ -86,24 +85,10 @@ impl Embedded {
 
     /// The document that a result belongs to.
     fn found_for(&self, target: &Target<'_>, result: &Document) -> Result<Option<Found>, StoreError> {
-        let Some(index) = target.index else { return self.with_id_of(target.collection, result) };
-        let entries = index.entries(&RawDocumentBuf::try_from(result).map_err(QueryError::from)?)?;
-        let documents = target.collection.table();
-        let sql = format!(
-            "SELECT {documents}.position, body FROM {0} JOIN {documents} ON {documents}.position = {0}.position \
-             WHERE {0}.key = ? LIMIT 1",
-            index.table()
-        );
-        for key in &entries.keys {
-            let row = self.connection.prepare_cached(&sql).and_then(|mut statement| {
-                let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Vec<u8>>(1)?));
-                statement.query_row([key], row).optional()
-            });
-            if let Some((position, bytes)) = row.map_err(|e| self.explain(&e))? {
-                return Ok(Some(Found { position, body: self.opened(target.collection, &bytes)? }));
-            }
+        match target.index {
+            Some(index) => self.with_key_of(target.collection, index, result),
+            None => self.with_id_of(target.collection, result),
         }
-        Ok(None)
     }
 
     fn merge_one(&self, target: &Target<'_>, merge: &Merge, result: Document, now: DateTime) -> Result<(), StoreError> {
@@ -112,12 +97,17 @@ impl Embedded {
         let has_id = result.contains_key("_id");
         let (id, body) = document::settle(result)?;
         let mut result = Document::try_from(&*body).map_err(QueryError::from)?;
-        let values = if values.is_empty() { format!("_id: {id}") } else { values };
+        let values = if values.is_empty() {
+            doc! { "_id": &id }
+        } else {
+            values
+        };
         let Some(found) = self.found_for(target, &result)? else {
             return match merge.when_not_matched {
                 WhenNotMatched::Insert => self.add(ns, collection, &id, &made(merge, &id, &result, body)?),
                 WhenNotMatched::Discard => Ok(()),
                 WhenNotMatched::Fail => {
+                    let values = TakenKey::on(values);
                     Err(QueryError::invalid(NO_MATCH, format!("$merge found no document with {values} in {ns}")).into())
                 }
             };
@@ -129,7 +119,11 @@ impl Embedded {
         let update = match &merge.when_matched {
             WhenMatched::KeepExisting => return Ok(()),
             WhenMatched::Fail => {
-                return Err(StoreError::Duplicate { namespace: ns.clone(), key: values, stored: Vec::new() });
+                return Err(StoreError::Duplicate {
+                    namespace: ns.clone(),
+                    key: TakenKey::on(values),
+                    stored: Vec::new(),
+                });
             }
             WhenMatched::Replace => Update::parse(&result, &[])?,
             WhenMatched::Merge => Update::parse(&bson::doc! { "$set": result }, &[])?,
@@ -182,8 +176,8 @@ fn unique_on<'a>(indexes: &'a [Indexed], merge: &Merge) -> Result<Option<&'a Ind
 }
 
 /// The values that a result is merged on, for messages; nothing where that is an `_id` that it does not have yet.
-fn on_values(merge: &Merge, result: &Document) -> Result<String, QueryError> {
-    let mut values = Vec::new();
+fn on_values(merge: &Merge, result: &Document) -> Result<Document, QueryError> {
+    let mut values = Document::new();
     for field in &merge.on {
         let mut steps = field.split('.');
         let mut value = steps.next().and_then(|step| result.get(step));
@@ -204,10 +198,10 @@ fn on_values(merge: &Merge, result: &Document) -> Result<String, QueryError> {
                 let message = format!("the field '{field}' that $merge is on cannot be an array");
                 return Err(QueryError::invalid(ARRAY_ON, message));
             }
-            Some(value) => values.push(format!("{field}: {value}")),
+            Some(value) => drop(values.insert(field, value)),
         }
     }
-    Ok(values.join(", "))
+    Ok(values)
 }
 
 fn id_of(body: &RawDocument) -> Result<Bson, QueryError> {

@@ -11,7 +11,7 @@ use super::catalog::Collection;
 use super::place::Place;
 use super::{Embedded, body, failure, history};
 use crate::query::QueryError;
-use crate::store::{Index, Namespace, StoreError, document};
+use crate::store::{Index, Namespace, StoreError, document, index};
 
 /// What a repair did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -112,14 +112,23 @@ impl Embedded {
         }
         for definition in definitions(source, id) {
             let index = definition.ok_or_else(|| "a definition cannot be read".to_owned());
-            let made =
-                index.and_then(|index| self.create(ns, &index).map_err(|error| format!("{}: {error}", index.name)));
+            let made = index.and_then(|index| {
+                self.salvage_index(ns, collection, &index).map_err(|error| format!("{}: {error}", index.name))
+            });
             match made {
                 Ok(made) => done.indexes += u64::from(made),
                 Err(error) => done.lost.push(format!("{ns}: an index: {error}")),
             }
         }
         Ok(())
+    }
+
+    /// Makes an index as it is defined. That on `_id` is the first one, and says what collation the collection has.
+    fn salvage_index(&self, ns: &Namespace, collection: Collection, index: &Index) -> Result<bool, StoreError> {
+        match index.name == index::ID {
+            true => self.make_index(ns, collection, index).map(|()| true),
+            false => self.create(ns, &index.clone().standing_alone()),
+        }
     }
 
     /// Copies one document; the error says what is lost.

@@ -32,6 +32,11 @@ impl Embedded {
         Deleting(self)
     }
 
+    /// Whether what is written makes room.
+    pub(super) fn is_deleting(&self) -> bool {
+        self.is_deleting.get()
+    }
+
     /// Whether the disk is nearly full, so that a write should be small.
     pub(super) fn is_crowded(&self) -> bool {
         self.is_crowded.get()
@@ -49,31 +54,33 @@ impl Embedded {
         };
         // Another process may read the log; then it is cut another time.
         let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
+        if self.is_deleting() {
+            return Ok(());
+        }
         let (room, size) = room_of(&self.place).unwrap_or((room, u64::MAX));
         self.spare_reserve(room, size)
     }
 
-    /// Refuses a write that would leave less than the reserve. Before its commit.
+    /// Refuses a write that would leave less than the reserve, unless it deletes. Before its commit.
     pub(super) fn keep_room(&self) -> Result<(), StoreError> {
         let little = room_of(&self.place).filter(|(room, _)| *room < LITTLE);
         self.is_crowded.set(little.is_some());
-        let Some((room, size)) = little else { return Ok(()) };
+        let Some((room, size)) = little.filter(|_| !self.is_deleting()) else { return Ok(()) };
         let length = |path: Option<PathBuf>| path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
         let grown = self.bytes("PRAGMA page_count").saturating_sub(length(self.place.file()));
         let without_log = room.saturating_add(length(self.place.log()));
         // While the log is folded into the file, new pages are in both. Were there no room for that, the log would
         // stay, and with it no room to delete anything.
-        if grown > 0 && !self.is_deleting.get() && without_log.saturating_sub(grown * 2) < reserve_of(size) {
+        if grown > 0 && without_log.saturating_sub(grown * 2) < reserve_of(size) {
             return Err(failure::disk_full(&self.place));
         }
         self.spare_reserve(without_log.saturating_sub(grown), size)
     }
 
-    /// Refuses to take from the reserve, unless it is for deleting. `room` bytes of a file system of `size` are free, and so
+    /// Refuses to take from the reserve. `room` bytes of a file system of `size` are free, and so
     /// are the pages of the file that hold nothing.
     fn spare_reserve(&self, room: u64, size: u64) -> Result<(), StoreError> {
-        let free = || room.saturating_add(self.bytes("PRAGMA freelist_count"));
-        match self.is_deleting.get() || free() >= reserve_of(size) {
+        match room.saturating_add(self.bytes("PRAGMA freelist_count")) >= reserve_of(size) {
             true => Ok(()),
             false => Err(failure::disk_full(&self.place)),
         }

@@ -8,6 +8,7 @@ use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::catalog::Collection;
 use super::change_log::Noted;
+use super::snapshot::Snapshot;
 use super::{Embedded, busy, failure, file};
 use crate::query::Collation;
 use crate::query::collation::during;
@@ -26,25 +27,33 @@ impl Store for Embedded {
     }
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let collation = find.modifiers.collation.as_ref();
-        Ok(collated(during(collation, || self.answer(ns, find))?, collation))
+        self.find_at(self.moment()?, ns, find)
+    }
+
+    fn find_chosen(
+        &self,
+        ns: &Namespace,
+        choose: &mut dyn FnMut() -> Result<Option<Find>, StoreError>,
+    ) -> Result<Option<Documents<'_>>, StoreError> {
+        let moment = self.moment()?;
+        choose()?.map(|find| self.find_at(moment, ns, &find)).transpose()
     }
 
     fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        during(find.modifiers.collation.as_ref(), || self.explained(ns, find))
+        self.explained(ns, find)
     }
 
     fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
-        during(query.modifiers.collation.as_ref(), || self.tally(ns, query))
+        self.tally(ns, query)
     }
 
     fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
-        during(query.modifiers.collation.as_ref(), || self.distinct_values(ns, field, query))
+        self.distinct_values(ns, field, query)
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
-        let collation = pipeline.modifiers.collation.as_ref();
-        Ok(collated(during(collation, || self.run_pipeline(ns, pipeline))?, collation))
+        let collation = self.collation(self.collection(ns)?, pipeline.modifiers)?;
+        Ok(collated(during(collation.as_ref(), || self.run_pipeline(ns, pipeline))?, collation))
     }
 
     fn update(
@@ -53,12 +62,14 @@ impl Store for Embedded {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        during(update.modifiers.collation.as_ref(), || self.change(ns, update, timestamp))
+        let collation = self.collation(self.collection(ns)?, &update.modifiers)?;
+        during(collation.as_ref(), || self.change(ns, update, timestamp))
     }
 
     fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
         let _deleting = self.deleting();
-        during(query.modifiers.collation.as_ref(), || self.remove(ns, query, first_only))
+        let collation = self.collation(self.collection(ns)?, query.modifiers)?;
+        during(collation.as_ref(), || self.remove(ns, query, first_only))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
@@ -127,12 +138,8 @@ impl Store for Embedded {
         self.watch_names()
     }
 
-    fn create(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        self.write(|| {
-            let is_new = self.collection(ns)?.is_none();
-            Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
-            Ok(is_new)
-        })
+    fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
+        self.create_collection(ns, collation)
     }
 
     fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
@@ -215,14 +222,23 @@ impl Store for Embedded {
 }
 
 /// Documents that are computed with the collation of their operation in effect.
-fn collated<'a>(mut documents: Documents<'a>, collation: Option<&Collation>) -> Documents<'a> {
-    match collation.cloned() {
+pub(super) fn collated(mut documents: Documents<'_>, collation: Option<Collation>) -> Documents<'_> {
+    match collation {
         None => documents,
         Some(collation) => Box::new(std::iter::from_fn(move || during(Some(&collation), || documents.next()))),
     }
 }
 
 impl Embedded {
+    /// A moment at which several things are read.
+    fn moment(&self) -> Result<Snapshot<'_>, StoreError> {
+        Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))
+    }
+
+    fn find_at(&self, moment: Snapshot<'_>, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        self.answer(moment, ns, find)
+    }
+
     /// Runs `work` in a write transaction: all of it is kept, or, where it fails, nothing.
     /// Within [`Store::atomically`] there is one already, of which it is a step.
     pub(super) fn write<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
@@ -284,6 +300,9 @@ impl Embedded {
             if failure::is_of_full_disk(error) {
                 // The log is folded into the file and cut, so that there is room to delete something.
                 let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
+                if self.is_deleting() {
+                    return Err(failure::no_room_to_delete(&self.place));
+                }
             }
         }
         result
@@ -341,5 +360,24 @@ mod tests {
         });
         assert!(within.is_ok());
         assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 2);
+    }
+
+    #[test]
+    fn what_chooses_a_query_and_its_answer_are_of_one_moment() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        let (store, other) = (Embedded::open(&path).unwrap(), Embedded::open(&path).unwrap());
+        let ns = Namespace::parse("a.b").unwrap();
+        store.insert(&ns, vec![doc! { "_id": 1 }]).unwrap();
+        let found = store.find_chosen(&ns, &mut || {
+            assert_eq!(store.count(&ns, (&doc! {}).into())?, 1);
+            other.insert(&ns, vec![doc! { "_id": 2 }])?;
+            Ok(Some(Find::default()))
+        });
+        assert_eq!(found.unwrap().unwrap().count(), 1);
+        assert!(store.connection.is_autocommit(), "the moment is over");
+        assert_eq!(store.find(&ns, &Find::default()).unwrap().count(), 2);
+        assert!(store.find_chosen(&ns, &mut || Ok(None)).unwrap().is_none());
+        assert!(store.connection.is_autocommit());
     }
 }

@@ -4,7 +4,7 @@ use bson::Bson;
 use mongodb::error::{Error, ErrorKind, WriteFailure};
 
 use crate::query::QueryError;
-use crate::store::{Namespace, StoreError};
+use crate::store::{Namespace, StoreError, TakenKey};
 
 /// The server's code for a taken unique key.
 const DUPLICATE: i32 = 11000;
@@ -136,7 +136,7 @@ pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error:
         return coded(address, first.code, &first.message).stopped(stored, ids.len());
     }
     let key = match ids.get(first.index) {
-        Some(id) if first.message.contains("index: _id_ ") => format!("_id: {id}"),
+        Some(id) if first.message.contains("index: _id_ ") => TakenKey::id(id),
         _ => key(&first.message),
     };
     StoreError::Duplicate { namespace: ns.clone(), key, stored }
@@ -169,14 +169,14 @@ fn failed(address: &str, reason: String) -> StoreError {
 
 /// `_id: 7` out of `E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: 7 }`;
 /// another index is named.
-fn key(message: &str) -> String {
+fn key(message: &str) -> TakenKey {
     let behind = message.split_once("dup key: {").map_or(message, |(_, behind)| behind);
     let key = behind.trim();
     let key = key.strip_suffix('}').unwrap_or(key).trim();
     let index = message.split_once("index: ").and_then(|(_, behind)| behind.split_once(" dup key"));
     match index {
-        Some((name, _)) if name != "_id_" => format!("{key} (unique index {name})"),
-        _ => key.to_owned(),
+        Some((name, _)) if name != "_id_" => TakenKey::spelled(Some(name), key),
+        _ => TakenKey::spelled(None, key),
     }
 }
 
@@ -214,8 +214,9 @@ mod tests {
     #[test]
     fn the_key_is_found_in_the_servers_message() {
         let message = "E11000 duplicate key error collection: a.b index: name_1 dup key: { name: \"x}\" }";
-        assert_eq!(key(message), "name: \"x}\" (unique index name_1)");
-        assert_eq!(key("E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: {} }"), "_id: {}");
+        assert_eq!(key(message).to_string(), "name: \"x}\" (unique index name_1)");
+        let id = key("E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: {} }");
+        assert_eq!(id.to_string(), "_id: {}");
     }
 
     #[test]

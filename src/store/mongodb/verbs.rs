@@ -46,6 +46,10 @@ macro_rules! modified {
 const INTERNAL: [&str; 3] = ["admin", "config", "local"];
 
 impl Store for MongoDb {
+    fn expires_by_itself(&self) -> bool {
+        true
+    }
+
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
         self.recorded(ns, |inserted: &Inserted| Made::inserts(&inserted.ids), || self.insert_all(ns, documents))
     }
@@ -172,8 +176,13 @@ impl Store for MongoDb {
         self.watch_names()
     }
 
-    fn create(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        match self.client().database(&ns.database).create_collection(&ns.collection).run() {
+    fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
+        let database = self.client().database(&ns.database);
+        let mut action = database.create_collection(&ns.collection);
+        if let Some(collation) = collation.filter(|collation| !collation.is_simple()) {
+            action = action.collation(of_driver(collation)?);
+        }
+        match action.run() {
             Ok(()) => Ok(true),
             Err(error) if failure::code(&error) == Some(48) => Ok(false),
             Err(error) => Err(self.explain(&error)),

@@ -9,7 +9,7 @@ use bson::{Bson, Document};
 
 use crate::formats::mongodump::Damage;
 use crate::memory::dump::read::{Log, ReadError};
-use crate::query::{QueryError, key};
+use crate::query::{Collation, QueryError, key};
 use crate::store::{Index, Namespace};
 
 /// Databases of the server; what happens there is no change of documents.
@@ -25,7 +25,7 @@ pub(super) enum Operation {
     /// The document with this `_id` was removed.
     Delete(Bson),
     /// A collection was made.
-    Create,
+    Create(Option<Collation>),
     /// A collection was removed.
     Drop,
     /// The collection got another name, in place of one that had it.
@@ -151,7 +151,10 @@ impl<'a> Operations<'a> {
                 self.left_out.push(format!("{ns}: a view is not made"));
                 return Ok(());
             }
-            "create" => Operation::Create,
+            "create" => Operation::Create(match object.get_document("collation") {
+                Ok(spec) => Some(Collation::parse(spec).map_err(|error| error.message)?),
+                Err(_) => None,
+            }),
             "drop" => Operation::Drop,
             "dropDatabase" => Operation::DropDatabase,
             "renameCollection" => {

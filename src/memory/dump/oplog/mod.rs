@@ -96,8 +96,9 @@ fn one(memory: &Memory, ns: &Namespace, operation: Operation, without: &mut Vec<
             }
         }
         Operation::Delete(id) => drop(memory.delete(ns, &doc! { "_id": { "$eq": id } }, true)?),
-        // A collection is there once it has a document or an index.
-        Operation::Create => {}
+        // A collection without a collation is there once it has a document or an index.
+        Operation::Create(None) => {}
+        Operation::Create(Some(collation)) => drop(memory.create_collection(ns, Some(&collation))?),
         Operation::Drop => drop(memory.drop_collection(ns)?),
         Operation::DropDatabase => {
             for found in memory.collections_beside(ns)?.iter().filter(|found| found.database == ns.database) {

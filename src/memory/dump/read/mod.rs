@@ -21,7 +21,8 @@ use bson::{Document, RawDocumentBuf};
 use super::world_file::{Identities, WorldError, WorldFile};
 use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, CollectionKind, Damage, MAGIC, Metadata, decode_document};
-use crate::query::{QueryError, key};
+use crate::input::decode;
+use crate::query::{Collation, QueryError, key};
 use crate::store::{Index, Namespace, document};
 use file::{entries, is_oplog, metadata_of, namespace, read_metadata, stem, unpacked};
 
@@ -53,6 +54,8 @@ pub struct Part {
     pub namespace: Namespace,
     /// Its indexes, but the one on `_id`; `None` where the dump has no indexes.
     pub indexes: Option<Vec<Index>>,
+    /// How its strings compare, where that is not byte by byte; `None` where the dump does not say so.
+    pub collation: Option<Option<Collation>>,
     content: Content,
     /// Whether documents without an `_id` get one.
     adds_ids: bool,
@@ -76,6 +79,9 @@ impl Dump {
         if path.is_dir() {
             return Self::folder(path);
         }
+        if path.exists() && !path.is_file() {
+            return Self::stream(&path.display().to_string(), unpacked(path)?);
+        }
         let mut file = unpacked(path)?;
         let head = file.fill_buf().map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
         // The fourth byte of a BSON document below 2^25 bytes is 0 or 1, which no text has.
@@ -97,12 +103,28 @@ impl Dump {
         Ok(Self::of(path, world.map_err(|error| error.hinted(hint))?))
     }
 
+    /// Reads a world file of a pipe, which can be read only once, into memory; `name` is for messages.
+    ///
+    /// # Errors
+    /// Where it cannot be read, or is no world file: the other dumps are read several times.
+    pub fn stream(name: &str, mut stream: impl BufRead) -> Result<Self, ReadError> {
+        let mut bytes = Vec::new();
+        let read = stream.read_to_end(&mut bytes);
+        read.map_err(|source| ReadError::Read { path: name.into(), source })?;
+        if bytes.get(3).is_some_and(|byte| *byte <= 1) || bytes.starts_with(&MAGIC) {
+            let reason = "a dump of mongodump is read several times, which a pipe cannot be; write it to a file first";
+            return Err(ReadError::Name { path: name.into(), reason: reason.to_owned() });
+        }
+        let wrong = |source| WorldError::Text { name: name.to_owned(), source };
+        Self::world(&decode(name, bytes).map_err(wrong)?)
+    }
+
     /// Reads a world file that is in memory.
     ///
     /// # Errors
     /// Where the text is not one.
     pub fn world(source: &Source) -> Result<Self, ReadError> {
-        let hint = || other_reader(source.text(), "-");
+        let hint = || other_reader(source.text(), Some(source.name()).filter(|name| *name != "<stdin>").unwrap_or("-"));
         let wrong = |error| WorldError::Text { name: source.name().to_owned(), source: error }.hinted(hint());
         Ok(Self::of(Path::new(source.name()), WorldFile::parse(source).map_err(wrong)?))
     }
@@ -114,6 +136,7 @@ impl Dump {
     fn of(path: &Path, world: WorldFile) -> Self {
         let world = Rc::new(world);
         let part = |(namespace, count): (&Namespace, u64)| Part {
+            collation: None,
             namespace: namespace.clone(),
             indexes: None,
             content: Content::WorldFile(Rc::clone(&world), namespace.clone(), count),
@@ -206,8 +229,16 @@ impl Dump {
                 }
             }
         }
+        let collation = metadata.map(|metadata| match metadata.collation.as_ref().map(Collation::parse) {
+            None => None,
+            Some(Ok(collation)) => Some(collation).filter(|collation| !collation.is_simple()),
+            Some(Err(error)) => {
+                self.notes.push(format!("the collation of {namespace} is not restored: {}", error.message));
+                None
+            }
+        });
         let parts = if is_own { &mut self.own } else { &mut self.parts };
-        parts.push(Part { namespace, indexes, content, adds_ids: false });
+        parts.push(Part { namespace, indexes, collation, content, adds_ids: false });
     }
 
     /// Sends the one collection of the dump to another namespace. One of the server's own is the one where there is

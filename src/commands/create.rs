@@ -1,0 +1,49 @@
+//! `rmem create NS`: make an empty collection, whose strings may compare by a collation.
+
+use bson::doc;
+use clap::Args;
+
+use super::modifiers::CollationArgs;
+use super::{Context, formats};
+use crate::error::Result;
+use crate::exit::Exit;
+use crate::store::Namespace;
+
+/// What stands below the help of `create`.
+const HELP: &str = "\
+Examples:
+  rmem create robmem.objects --collation '{locale: \"en\", strength: 2}'
+
+A collection is made with its first document, too; it has no collation then. The collation of a collection is that of \
+all operations on it, and of its indexes, that have none of their own: {locale: \"simple\"} compares byte by byte. It \
+cannot be changed.";
+
+/// Create an empty collection
+#[derive(Debug, Args)]
+#[command(after_help = HELP, arg = formats::argument(&formats::TEXT))]
+pub struct CreateArgs {
+    /// Collection, as DATABASE.COLLECTION
+    #[arg(value_name = "NS")]
+    pub namespace: Namespace,
+    /// How the strings of the collection compare.
+    #[command(flatten)]
+    pub collation: CollationArgs,
+}
+
+pub(super) fn run(args: &CreateArgs, context: &mut Context<'_>) -> Result<Exit> {
+    context.format(&formats::TEXT)?;
+    let collation = args.collation.read()?.filter(|collation| !collation.is_simple());
+    let (namespace, memory) = (&args.namespace, context.memory()?);
+    let made = memory.create_collection(namespace, collation.as_ref())?;
+    let is_other = !made && memory.collation(namespace)? != collation;
+    context.print_report([], doc! { "ns": namespace.to_string(), "created": made })?;
+    if is_other {
+        let text = format!("{namespace} exists with another collation, which cannot be changed; drop it first");
+        context.output.warn(&text);
+        return Ok(Exit::No);
+    }
+    if !made {
+        context.output.note(&format!("{namespace} exists already"));
+    }
+    Ok(Exit::Done)
+}

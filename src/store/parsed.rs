@@ -1,0 +1,73 @@
+//! A query whose parts are read, and the answer to it over documents that a store, or a list, gives.
+
+use std::rc::Rc;
+
+use bson::DateTime;
+
+use super::{Documents, Find, StoreError};
+use crate::query::text::{self, asks_for_score};
+use crate::query::{Filter, Projection, QueryError, Sort, Spill, constants};
+
+/// The parts of a query.
+pub(crate) struct Parsed {
+    pub(crate) filter: Rc<Filter>,
+    pub(crate) sort: Sort,
+    projection: Option<Projection>,
+    skip: usize,
+    /// At most so many documents.
+    limit: usize,
+    /// Whether documents have to carry the score of a search.
+    pub(crate) is_scored: bool,
+}
+
+impl Parsed {
+    /// Reads a query.
+    ///
+    /// # Errors
+    /// Where a part of it is wrong.
+    pub(crate) fn of(find: &Find) -> Result<Self, QueryError> {
+        let constants = constants(&find.modifiers.variables)?;
+        let filter = Rc::new(Filter::parse_with_constants(&find.filter, &constants)?);
+        let sort = Sort::parse(&find.sort)?;
+        let projection = match find.projection.is_empty() {
+            true => None,
+            false => Some(Projection::parse_with(&find.projection, &constants)?),
+        };
+        let is_scored = asks_for_score(&find.projection) || asks_for_score(&find.sort);
+        if is_scored && filter.search().is_none() {
+            return Err(text::no_score());
+        }
+        let limit = if find.limit == 0 { usize::MAX } else { count(find.limit) };
+        Ok(Self { filter, sort, projection, skip: count(find.skip), limit, is_scored })
+    }
+
+    /// How many documents are looked at, where they come in the order of the sort.
+    pub(crate) fn most(&self) -> usize {
+        self.skip.saturating_add(self.limit)
+    }
+
+    /// The answer, made of all that match.
+    ///
+    /// # Errors
+    /// Where the matches cannot be sorted.
+    pub(crate) fn answer(self, matches: Documents<'_>, is_sorted: bool) -> Result<Documents<'_>, StoreError> {
+        let most = self.most();
+        let ordered: Documents<'_> = match is_sorted {
+            true => matches,
+            false => {
+                let sorted = self.sort.sort(matches, (most < usize::MAX).then_some(most), &Spill::default())?;
+                Box::new(sorted.map(|document| Ok(document?)))
+            }
+        };
+        let chosen = ordered.skip(self.skip).take(self.limit);
+        let (now, filter) = (DateTime::now(), self.filter);
+        Ok(match self.projection {
+            None => Box::new(chosen),
+            Some(projection) => Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))),
+        })
+    }
+}
+
+fn count(number: u64) -> usize {
+    usize::try_from(number).unwrap_or(usize::MAX)
+}
