@@ -38,6 +38,35 @@ pub fn documents(source: &Source) -> impl Iterator<Item = Result<Document, Diagn
     })
 }
 
+/// Returns the texts in the sequence that is the value of a key of the first document, each with the suffix of its tag: a tag of
+/// an application, which [`documents`] passes over. Texts that are no YAML have none.
+pub fn tagged_texts(source: &Source, key: &str) -> Vec<(Option<String>, String)> {
+    let mut parser = Parser::new_from_str(source.text());
+    let mut next = || parser.next_event().and_then(Result::ok).map(|(event, _)| event);
+    let (mut found, mut depth, mut is_key, mut is_wanted) = (Vec::new(), 0, true, false);
+    while let Some(event) = next() {
+        match event {
+            Event::MappingStart(..) | Event::SequenceStart(..) => depth += 1,
+            Event::MappingEnd | Event::SequenceEnd => {
+                depth -= 1;
+                is_key |= depth == 1;
+                is_wanted &= depth > 1;
+            }
+            Event::Scalar(text, ..) if depth == 1 && is_key => {
+                is_wanted = text == key;
+                is_key = false;
+            }
+            Event::Scalar(..) | Event::Alias(_) if depth == 1 => is_key = true,
+            Event::Scalar(text, _, _, tag) if depth == 2 && is_wanted => {
+                found.push((tag.map(|tag| tag.suffix.clone()), text.into_owned()));
+            }
+            Event::DocumentEnd => break,
+            _ => {}
+        }
+    }
+    found
+}
+
 struct Reader<'a> {
     source: &'a Source,
     parser: Parser<'a, StrInput<'a>>,
@@ -356,6 +385,14 @@ mod tests {
         let text = "%TAG ! tag:robots.example,2026/\n---\nurl: !url http://localhost/x\nn: !count 3\nt: !text '3'\nm: !pose {x: !m 1.5}\nl: !list [1]\n";
         let wanted = doc! { "url": "http://localhost/x", "n": 3, "t": "3", "m": { "x": 1.5 }, "l": [1] };
         assert_eq!(read(text), Ok(vec![wanted]));
+    }
+
+    #[test]
+    fn the_texts_of_a_sequence_are_there_with_their_tags() {
+        let text = "%TAG ! tag:robots.example,2026/\n---\nb: [x, {include: [y]}]\nc: z\ninclude:\n- !maybe a/\n- b.yaml\nd: [q]\n---\ninclude: [n]\n";
+        let wanted = [(Some("maybe".to_owned()), "a/".to_owned()), (None, "b.yaml".to_owned())];
+        assert_eq!(tagged_texts(&Source::new("x.yaml", text), "include"), wanted);
+        assert_eq!(tagged_texts(&Source::new("x.yaml", "include: x\n- ]"), "include"), []);
     }
 
     #[test]

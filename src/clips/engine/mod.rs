@@ -15,6 +15,7 @@ mod model;
 mod native;
 mod planning;
 mod program;
+pub mod robot_configuration;
 mod search_path;
 mod session;
 mod state;

@@ -7,21 +7,55 @@ use std::path::{Path, PathBuf};
 pub(super) struct SearchPath {
     folders: RefCell<Vec<PathBuf>>,
     substitutions: RefCell<Vec<(String, String)>>,
+    /// The files that are being loaded, each by a command in the one before it.
+    open: RefCell<Vec<PathBuf>>,
+}
+
+/// At most so many files load one another.
+pub(super) const MOST_OPEN: usize = 64;
+/// The longest name of a folder.
+const LONGEST: usize = 4096;
+
+/// A file that is being loaded.
+pub(super) struct Open<'a>(&'a SearchPath);
+
+impl Drop for Open<'_> {
+    fn drop(&mut self) {
+        self.0.open.borrow_mut().pop();
+    }
 }
 
 impl SearchPath {
     /// These folders.
     pub(super) fn new(folders: &[PathBuf]) -> Self {
-        Self { folders: RefCell::new(folders.to_vec()), substitutions: RefCell::default() }
+        Self { folders: RefCell::new(folders.to_vec()), substitutions: RefCell::default(), open: RefCell::default() }
     }
 
-    /// Adds a folder behind the others.
-    pub(super) fn add(&self, folder: &str) {
+    /// Adds a folder behind the others; returns whether its name can be that of one.
+    pub(super) fn add(&self, folder: &str) -> bool {
         let mut folder = folder.to_owned();
         for (what, by) in self.substitutions.borrow().iter().filter(|(what, _)| !what.is_empty()) {
+            if folder.len() > LONGEST {
+                break;
+            }
             folder = folder.replace(what, by);
         }
-        self.folders.borrow_mut().push(PathBuf::from(folder));
+        let is_short = folder.len() <= LONGEST;
+        if is_short {
+            self.folders.borrow_mut().push(PathBuf::from(folder));
+        }
+        is_short
+    }
+
+    /// Notes that a file is being loaded; `None` where it is already, or too many are.
+    pub(super) fn open(&self, path: &Path) -> Option<Open<'_>> {
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let mut open = self.open.borrow_mut();
+        if open.len() >= MOST_OPEN || open.contains(&path) {
+            return None;
+        }
+        open.push(path);
+        Some(Open(self))
     }
 
     /// Lets a text in the names of folders that are added from now on stand for another.

@@ -1,6 +1,6 @@
 //! What one engine knows of the world model that executives (CX) keep in common: facts `wm-fact`, a document each.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 
 use bson::{DateTime, Document};
@@ -23,6 +23,8 @@ pub(super) struct WmFacts {
     pub(super) prefixes: RefCell<Vec<Vec<String>>>,
     /// By `id`.
     pub(super) known: RefCell<HashMap<String, Known>>,
+    /// Whether the missing identity was reported.
+    pub(super) is_told: Cell<bool>,
 }
 
 impl WmFacts {

@@ -76,7 +76,14 @@ impl WmFacts {
                 present.insert(found.id, found.content);
             }
         }
-        let Some(identity) = identity else { return };
+        let Some(identity) = identity else {
+            if !present.is_empty() && !self.is_told.replace(true) {
+                clips.complain(
+                    "[RMEM4] wm-robmem-sync: nothing is shared until a wm-fact with the id \"/cx/identity\" says who this is",
+                );
+            }
+            return;
+        };
         let now = DateTime::now();
         let removed = |(id, known): (&String, &super::wm_facts::Known)| {
             (known.content.is_some() && !present.contains_key(id)).then(|| id.clone())

@@ -114,7 +114,7 @@ fn check_unique(keys: &[String], texts: &Texts, documents: &Found) -> Result<(),
         }
         let Some(identity) = identity(keys, document) else { continue };
         if let Some(first) = seen.insert(canonical::encode_value(&identity), *span) {
-            let place = texts.place(first.start);
+            let place = texts.place_beside(first.start, span.start);
             let message = format!("another fact has the key {}", named(keys, document));
             return Err(texts.complain(*span, message).hint(format!("the other fact is at {place}")));
         }

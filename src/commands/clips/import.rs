@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use bson::{Document, doc};
+use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::schema;
@@ -12,7 +12,7 @@ use crate::commands::{Context, UsageError, WrongInput, conflict, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::clips::{self, Body, Fact, Item, Reader, Slot};
-use crate::formats::{Diagnostic, Source, Span, Texts, nearest, shell};
+use crate::formats::{Diagnostic, Source, Span, Texts, nearest};
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
 
@@ -99,18 +99,30 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
 /// The error for a unique key that is taken, at the fact that was to have it, with the document that has it.
 fn taken(error: StoreError, found: &Found, texts: &Texts, memory: &Memory) -> Error {
     let StoreError::Duplicate { key, .. } = &error else { return error.into() };
-    let values = key.rsplit_once(" (unique index ").map_or(key.as_str(), |(values, _)| values);
-    let wanted = shell::parse_document(&Source::new("<key>", format!("{{{values}}}"))).unwrap_or_default();
-    let is_wanted = |document: &Document| wanted.iter().all(|(key, value)| document.get(key) == Some(value));
-    let fact = found.iter().find(|(_, document)| !wanted.is_empty() && is_wanted(document));
-    let holder = conflict::holder(&error, memory).map(|id| format!(": that with _id {id}")).unwrap_or_default();
-    let message = match fact {
-        Some((span, _)) => {
-            let (source, place) = texts.locate(*span);
-            let (line, column) = source.position(place.start);
-            format!("{}:{line}:{column}: {error}{holder}; nothing was imported", source.name())
+    let has = |document: &Document, (path, wanted): (&String, &Bson)| match document.get(path) {
+        Some(Bson::Array(values)) => values.contains(wanted),
+        value => value.unwrap_or(&Bson::Null) == wanted,
+    };
+    let holder = conflict::holder(&error, memory);
+    // A fact that takes the place of the document that has the key is no other document.
+    let is_other = |document: &Document| holder.is_none() || document.get("_id") != holder.as_ref();
+    let mut facts = found.iter().filter(|(_, document)| {
+        !key.values().is_empty() && key.values().iter().all(|wanted| has(document, wanted)) && is_other(document)
+    });
+    let place = |span: &Span| {
+        let (source, place) = texts.locate(*span);
+        let (line, column) = source.position(place.start);
+        format!("{}:{line}:{column}", source.name())
+    };
+    let stored = holder.as_ref().map(conflict::named).unwrap_or_default();
+    let message = match (facts.next(), facts.next()) {
+        (Some((first, _)), Some((second, _))) if holder.is_none() => {
+            let (first, second) = (place(first), place(second));
+            let what = format!("{second}: the fact at {first} has the same {key}; nothing was imported");
+            return StoreError::Held { what }.into();
         }
-        None => format!("{error}{holder}; nothing was imported"),
+        (Some((fact, _)), _) => format!("{}: {error}{stored}; nothing was imported", place(fact)),
+        _ => format!("{error}{stored}; nothing was imported"),
     };
     Error::from(error).context(message)
 }

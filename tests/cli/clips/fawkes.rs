@@ -326,6 +326,16 @@ const WM: &str = "(deftemplate wm-fact (slot id (type STRING)) (multislot key (t
 (defrule enable (declare (salience 10)) => (wm-robmem-sync-enable \"/domain/\" \"/order/\"))\n";
 
 #[test]
+fn an_executive_that_does_not_say_who_it_is_is_told_that_it_shares_nothing() {
+    let lab = lab();
+    let nameless = WM.replace("/cx/identity", "/cx/other").replace("cx identity", "cx other");
+    let facts = "(deffacts f (wm-fact (id \"/domain/x\") (key domain x) (type SYMBOL) (value y)))\n";
+    let run = run(&lab, &[("wm.clp", &nameless), ("facts.clp", facts)], &["--timeout", "1s"]);
+    let told = run.stderr.lines().filter(|line| line.contains("\"/cx/identity\" says who this is")).count();
+    assert_eq!(told, 1, "{run}");
+}
+
+#[test]
 fn facts_of_an_executive_are_documents_that_others_may_change() {
     let lab = lab();
     let first = "(deffacts f
@@ -374,4 +384,92 @@ fn facts_of_an_executive_are_documents_that_others_may_change() {
     assert_eq!(lines, wanted);
     // The last change of this engine is earlier than that of the other one.
     assert!(query(&lab).contains("\"source\":\"R2\",\"type\":\"BOOL\",\"is-list\":false,\"value\":true"));
+}
+
+#[test]
+fn a_configuration_includes_other_files() {
+    let lab = lab();
+    lab.write("cfg/config.yaml", "%YAML 1.2\n%TAG ! tag:fawkesrobotics.org,cfg/\n---\ninclude:\n  - !ignore-missing none.d/\n  - conf.d/\n  - !host-specific host.yaml\n---\nplugins/memory/database: robmem\n");
+    lab.write("cfg/conf.d/memory.yaml", "doc-url: !url http://localhost/x\n---\nplugins/memory:\n  port: 1\n");
+    lab.write("cfg/host.yaml", "plugins:\n  memory: {database: robmem2}\n");
+    let program = "(deffacts f (init))\n(defrule load (init) => (printout t (config-load FILE) crlf))
+(defrule show (confval (path ?p) (value ?v)) => (printout t ?p \" \" ?v crlf))\n";
+    let template = "(deftemplate confval (slot path (type STRING)) (slot type (type SYMBOL)) (slot value) (slot is-list (default FALSE)) (multislot list-value))\n";
+    for (call, values) in [("\"/\"", &["--values", "cfg/config.yaml"][..]), ("\"cfg/config.yaml\" \"/plugins\"", &[])] {
+        let program = program.replace("FILE", call);
+        let shown = run(&lab, &[("t.clp", template), ("p.clp", &program)], values).success();
+        assert_eq!(shown, "2\n/plugins/memory/port 1\n/plugins/memory/database robmem2\n");
+    }
+    lab.write("cfg/config.yaml", "include: [config.yaml, absent.yaml]\n---\na: 1\n");
+    assert_run!(lab.rmem(&["clips", "run", "t.clp", "--values", "cfg/config.yaml"]), @r"
+    ------- stderr -------
+    error: cannot read cfg/absent.yaml: there is no such file or folder
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn odd_files_are_refused_and_files_that_load_themselves_end() {
+    let lab = lab();
+    lab.write("folder.clp/x", "");
+    lab.write("bytes.clp", "");
+    std::fs::write(lab.path().join("bytes.clp"), [0x28, 0xff, 0xfe, 0x00]).unwrap();
+    lab.write("self.clp", "(path-load self.clp)\n(printout t \"once\" crlf)\n");
+    lab.write("a.clp", "(path-load folder.clp/b.clp)\n");
+    lab.write("folder.clp/b.clp", "(path-load folder.clp/../a.clp)\n");
+    let mut program = String::from(
+        "(path-load self.clp)\n(path-load a.clp)\n(path-add-subst a aaaaaaaaaaaaaaaaaaaa)\n(path-add-subst aa aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa)\n",
+    );
+    for name in ["folder.clp", "bytes.clp", "", "..", "/", "/dev/zero", "~", "a/../../../../../../etc/hostname", "-"] {
+        program += &format!("(printout t \"{name}: \" (resolve-file \"{name}\") \" \" (path-load \"{name}\") crlf)\n");
+    }
+    for _ in 0..6 {
+        program += "(path-add-subst aaa aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa)\n";
+    }
+    program +=
+        "(printout t (path-add aaaaaaaaaaaaaaa) crlf)\n(printout t (config-load /dev/zero /) (config-load . /) crlf)\n";
+    assert_run!(run(&lab, &[("p.clp", &program)], &[]), @r"
+    once
+    folder.clp: FALSE FALSE
+    bytes.clp: bytes.clp FALSE
+    : FALSE FALSE
+    ..: FALSE FALSE
+    /: FALSE FALSE
+    /dev/zero: FALSE FALSE
+    ~: FALSE FALSE
+    a/../../../../../../etc/hostname: FALSE FALSE
+    -: FALSE FALSE
+    FALSE
+    FALSEFALSE
+    ------- stderr -------
+    [RMEM5] Function 'path-load': self.clp is being loaded already, or files load one another more than 64 deep
+    [RMEM5] Function 'path-load': folder.clp/../a.clp is being loaded already, or files load one another more than 64 deep
+    [RMEM5] Function 'path-load': no file folder.clp in ./; --path names other folders
+    [RMEM5] Function 'path-load': bytes.clp:1:2: expected UTF-8 text, found invalid UTF-8
+    [RMEM5] Function 'path-load': no file  in ./; --path names other folders
+    [RMEM5] Function 'path-load': no file .. in ./; --path names other folders
+    [RMEM5] Function 'path-load': no file / in ./; --path names other folders
+    [RMEM5] Function 'path-load': no file /dev/zero in ./; --path names other folders
+    [RMEM5] Function 'path-load': no file ~ in ./; --path names other folders
+    [RMEM5] Function 'path-load': no file a/../../../../../../etc/hostname in ./; --path names other folders
+    [RMEM5] Function 'path-load': no file - in ./; --path names other folders
+    [RMEM5] Function 'path-add': the name of the folder aaaaaaaaaaaaaaa is too long
+    [RMEM5] Function 'config-load': cannot read /dev/zero: it is not a file
+    [RMEM5] Function 'config-load': cannot read .: it is not a file
+    [exit code: 0]
+    ");
+}
+
+#[test]
+fn features_of_the_memory_are_there_when_they_are_requested() {
+    let lab = lab();
+    let program = "(deffacts f (init))\n(defrule ask (init) => (printout t (ff-feature-request \"robot_memory\") (ff-feature-request \"tf\") crlf))
+(defrule have (ff-feature-loaded ?name) => (printout t ?name crlf))\n";
+    assert_run!(run(&lab, &[("p.clp", program)], &[]), @r"
+    TRUEFALSE
+    robot_memory
+    ------- stderr -------
+    [RMEM5] Function 'ff-feature-request': there is no feature tf, only config, redefine-warning, robot_memory; define its functions in a file of your own
+    [exit code: 0]
+    ");
 }

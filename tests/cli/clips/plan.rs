@@ -64,22 +64,25 @@ fn a_present_day_ff_has_no_fixed_sizes_in_clips_either() {
 }
 
 #[test]
-fn a_plan_that_was_not_simulated_is_a_warning_in_clips_too() {
+fn a_plan_that_was_not_wholly_checked_is_a_warning_in_clips_too() {
     let lab = lab();
-    lab.write("problem.pddl", &PROBLEM.replace("(:goal (lit a))", "(:goal (lit a)) (:constraints (sometime (lit a)))"));
+    lab.write(
+        "problem.pddl",
+        &PROBLEM.replace("(:goal (lit a))", "(:goal (lit a)) (:constraints (sometime (always (lit a))))"),
+    );
     let command = "command = [\"/bin/sh\", \"-c\", \"printf '(light a)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]";
     lab.write("rmem.toml", &format!("[planner.sure]\n{command}\noutput = \"downward\"\n"));
     assert_run!(lab.rmem(&["plan", "-d", "domain.pddl", "-p", "problem.pddl", "--planner", "sure"]), @r"
     (light a)
     ; cost = 1 (unit cost)
     ------- stderr -------
-    warning: the plan was not simulated: constraints are not simulated
+    warning: the plan was not wholly checked: the constraint (sometime (always (lit a))) is not simulated
     stored in robmem.plans as [ID]
     [exit code: 0]
     ");
     assert_run!(run(&lab, "(printout t (neq FALSE (rm-plan \"domain.pddl\" \"problem.pddl\" sure)))"), @r"
     TRUE------- stderr -------
-    warning: the plan was not simulated: constraints are not simulated
+    warning: the plan was not wholly checked: the constraint (sometime (always (lit a))) is not simulated
     [exit code: 0]
     ");
 }

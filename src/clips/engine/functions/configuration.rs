@@ -7,9 +7,8 @@ use super::failure::Failure;
 use super::function::{Function, function};
 use super::operation;
 use crate::clips::engine::native::{Environment, Value};
+use crate::clips::engine::robot_configuration;
 use crate::clips::engine::state::State;
-use crate::formats::yaml;
-use crate::input::{decode, unreadable};
 
 pub(super) const FUNCTIONS: &[Function] = &[function(&["config-load", "load-config"], 1, 2, load)];
 
@@ -28,13 +27,16 @@ fn load(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Res
             return Err(Failure::Declined("there is no configuration; --values names its YAML files".to_owned()));
         }
         None => (state.job.configuration.clone(), arguments.text(1)?),
-        Some(_) => (read(arguments.text(1)?)?, arguments.text(2)?),
+        Some(_) => {
+            let read = robot_configuration::read(arguments.text(1)?);
+            (read.map_err(Failure::declined)?, arguments.text(2)?)
+        }
     };
     if clips.template(NAME).is_none() && (state.is_loading() || !clips.load(TEMPLATE)) {
         return Err(Failure::Declined(format!("there is no deftemplate `{NAME}`")));
     }
     let mut values = Document::new();
-    documents.into_iter().for_each(|document| merge(&mut values, document));
+    documents.into_iter().for_each(|document| merge(&mut values, nested(document)));
     let mut facts = Vec::new();
     flatten("", Bson::Document(values), &mut facts);
     let prefix: Vec<&str> = parts(prefix).collect();
@@ -49,14 +51,24 @@ fn load(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Res
     Ok(operation::number(count))
 }
 
-fn parts(path: &str) -> impl Iterator<Item = &str> {
+fn parts(path: &str) -> impl DoubleEndedIterator<Item = &str> {
     path.split('/').filter(|part| !part.is_empty())
 }
 
-fn read(path: &str) -> Result<Vec<Document>, Failure> {
-    let bytes = std::fs::read(path).map_err(|error| Failure::declined(unreadable(path, &error)))?;
-    let source = decode(path, bytes).map_err(Failure::declined)?;
-    yaml::documents(&source).collect::<Result<_, _>>().map_err(Failure::declined)
+/// A document whose keys that are paths (`a/b: 1`) are documents in one another.
+fn nested(document: Document) -> Document {
+    let mut all = Document::new();
+    for (key, value) in document {
+        let value = match value {
+            Bson::Document(inner) => Bson::Document(nested(inner)),
+            value => value,
+        };
+        let mut names = parts(&key).rev();
+        let last = names.next().unwrap_or(&key).to_owned();
+        let whole = names.fold(bson::doc! { last: value }, |inner, name| bson::doc! { name: inner });
+        merge(&mut all, whole);
+    }
+    all
 }
 
 /// Adds values; those that are there already are changed.

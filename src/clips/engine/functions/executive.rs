@@ -17,6 +17,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
     function(&["wm-robmem-sync-restore-prefix"], 1, 1, |state, clips, arguments| {
         restore(&key(arguments.text(1)?), state, clips).map(operation::number)
     }),
+    function(&["ff-feature-request"], 1, 1, request),
     function(&["wm-robmem-flush"], 0, 0, |state, _, _| {
         state.wm_facts.flush(state).map(operation::number).map_err(|error| Failure::chained(&error))
     }),
@@ -24,6 +25,21 @@ pub(super) const FUNCTIONS: &[Function] = &[
 
 fn restore(prefix: &[String], state: &State<'_>, clips: &Environment) -> Result<u64, Failure> {
     state.wm_facts.restore(prefix, state, clips).map_err(|error| Failure::chained(&error))
+}
+
+/// The features of Fawkes whose functions are always there.
+const FEATURES: [&str; 3] = ["config", "redefine-warning", "robot_memory"];
+
+/// `(ff-feature-request NAME)`: as in Fawkes, TRUE and a fact `(ff-feature-loaded NAME)` for a feature that is there.
+fn request(_: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
+    let name = arguments.text(1)?;
+    if !FEATURES.contains(&name) {
+        let known = FEATURES.join(", ");
+        let message = format!("there is no feature {name}, only {known}; define its functions in a file of your own");
+        return Err(Failure::Declined(message));
+    }
+    clips.assert_text(&format!("(ff-feature-loaded {name})"));
+    Ok(Value::truth(true))
 }
 
 /// `(wm-robmem-sync-enable PREFIX…)`

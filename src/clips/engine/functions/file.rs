@@ -5,8 +5,9 @@ use super::failure::Failure;
 use super::function::{Function, function, open};
 use crate::clips::engine::load;
 use crate::clips::engine::native::{Environment, Value};
+use crate::clips::engine::search_path::MOST_OPEN;
 use crate::clips::engine::state::State;
-use crate::input::{decode, unreadable};
+use crate::input::{decode, read_file};
 
 pub(super) const FUNCTIONS: &[Function] = &[
     function(&["path-load", "path-load*", "path-batch", "path-batch*"], 1, 1, load),
@@ -19,7 +20,9 @@ pub(super) const FUNCTIONS: &[Function] = &[
             let (Value::Text(folder) | Value::Symbol(folder)) = folder else {
                 return Err(Failure::wrong("expected names of folders"));
             };
-            state.search.add(folder);
+            if !state.search.add(folder) {
+                return Err(Failure::Declined(format!("the name of the folder {folder} is too long")));
+            }
         }
         Ok(Value::truth(true))
     }),
@@ -43,8 +46,12 @@ fn load(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Res
         return Err(Failure::Declined(format!("no file {name} in {folders}; --path names other folders")));
     };
     let shown = path.display().to_string();
-    let bytes = std::fs::read(&path).map_err(|error| Failure::declined(unreadable(&shown, &error)))?;
+    let bytes = read_file(&path).map_err(Failure::declined)?;
     let program = decode(&shown, bytes).map_err(Failure::declined)?;
+    let Some(_opened) = state.search.open(&path) else {
+        let message = format!("{shown} is being loaded already, or files load one another more than {MOST_OPEN} deep");
+        return Err(Failure::Declined(message));
+    };
     let loaded = load::program(&program, clips, state);
     for complaint in &loaded.complaints {
         clips.complain(complaint.to_string().trim_end());

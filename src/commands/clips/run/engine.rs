@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use bson::Document;
 
 use super::args::{RunArgs, WORLD};
-use crate::clips::engine::{self, Ended, Job, Message, Sender};
+use crate::clips::engine::{self, Ended, Job, Message, Sender, robot_configuration};
 use crate::commands::{Context, lock};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
-use crate::formats::{Source, yaml};
+use crate::formats::Source;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::planner::Host;
 use crate::store::Namespace;
@@ -74,10 +74,7 @@ fn folders(args: &RunArgs) -> Vec<PathBuf> {
 fn configuration(args: &RunArgs, context: &mut Context<'_>) -> Result<Vec<Document>> {
     let mut all = Vec::new();
     for path in &args.values {
-        let source = context.read(path)?;
-        for document in yaml::documents(&source) {
-            all.push(document?);
-        }
+        all.extend(robot_configuration::documents(&context.read(path)?)?);
     }
     Ok(all)
 }
