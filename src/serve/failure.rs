@@ -4,7 +4,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::code;
 use crate::query::QueryError;
-use crate::store::StoreError;
+use crate::store::{StoreError, TakenKey};
 
 /// The codes that commands fail with by themselves.
 pub(super) mod codes {
@@ -146,19 +146,14 @@ fn computed(source: &(dyn std::error::Error + 'static)) -> Option<i32> {
     query.or_else(|| source.source().and_then(computed))
 }
 
-/// A taken key in MongoDB's words; drivers and programs look for them. The key is as stores write it:
-/// `_id: 7`, or `name: "x" (unique index name_1)`.
-fn duplicate(ns: &str, key: &str) -> Failure {
-    let (key, index) = match key.rsplit_once(" (unique index ") {
-        Some((key, index)) => (key, index.strip_suffix(')').unwrap_or(index)),
-        None => (key, crate::store::index::ID),
-    };
-    let message = format!("E11000 duplicate key error collection: {ns} index: {index} dup key: {{ {key} }}");
+/// A taken key in MongoDB's words; drivers and programs look for them.
+fn duplicate(ns: &str, key: &TakenKey) -> Failure {
+    let (index, values) = (key.index().unwrap_or(crate::store::index::ID), key.text());
+    let message = format!("E11000 duplicate key error collection: {ns} index: {index} dup key: {{ {values} }}");
     let mut failure = Failure::new(codes::DUPLICATE, message);
-    if let Ok(value) = crate::formats::shell::parse_document(&crate::formats::Source::new("key", format!("{{{key}}}")))
-    {
-        let pattern: Document = value.keys().map(|name| (name.clone(), Bson::Int32(1))).collect();
-        *failure.details = doc! { "keyPattern": pattern, "keyValue": value };
+    if !key.values().is_empty() {
+        let pattern: Document = key.values().keys().map(|name| (name.clone(), Bson::Int32(1))).collect();
+        *failure.details = doc! { "keyPattern": pattern, "keyValue": key.values() };
     }
     failure
 }
@@ -170,14 +165,14 @@ mod tests {
 
     #[test]
     fn a_taken_key_is_told_in_the_words_of_mongodb() {
-        let taken = |key: &str| {
+        let taken = |key: TakenKey| {
             let namespace = Namespace::parse("a.b").unwrap();
-            Failure::from(StoreError::Duplicate { namespace, key: key.to_owned(), stored: Vec::new() })
+            Failure::from(StoreError::Duplicate { namespace, key, stored: Vec::new() })
         };
-        let id = taken("_id: 7");
+        let id = taken(TakenKey::id(&7.into()));
         assert_eq!(id.message, "E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: 7 }");
         assert_eq!(*id.details, doc! { "keyPattern": { "_id": 1 }, "keyValue": { "_id": 7 } });
-        let name = taken("name: \"x\" (unique index name_1)");
+        let name = taken(TakenKey::of_index("name_1", doc! { "name": "x" }));
         assert!(name.message.ends_with("index: name_1 dup key: { name: \"x\" }"), "{}", name.message);
     }
 

@@ -217,16 +217,17 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// A number without a fraction as `i64`; with one, without it, as MongoDB takes it.
+/// A number as the `i64` that MongoDB takes it as: a double without its fraction, a decimal rounded to the even neighbour, what is none
+/// as 0, and what is too large as the largest.
 pub(super) fn whole(value: &Bson) -> Option<i64> {
     match value {
         Bson::Int32(number) => Some((*number).into()),
         Bson::Int64(number) => Some(*number),
         #[expect(clippy::cast_possible_truncation, reason = "MongoDB cuts numbers that are too large, too")]
-        Bson::Double(number) if number.is_finite() => Some(*number as i64),
+        Bson::Double(number) => Some(*number as i64),
         #[expect(clippy::cast_possible_truncation, reason = "as above")]
         Bson::Decimal128(number) => {
-            number.to_string().parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| number as i64)
+            number.to_string().parse::<f64>().ok().map(|number| number.round_ties_even() as i64)
         }
         _ => None,
     }
@@ -272,6 +273,17 @@ mod tests {
         assert_eq!(fields.whole("c").unwrap_err().code, codes::TYPE_MISMATCH);
         assert_eq!(fields.size("d").unwrap_err().code, 51_024);
         assert_eq!(fields.size("e").unwrap(), None);
+        let decimal = |text: &str| Bson::Decimal128(text.parse().unwrap());
+        for (value, whole) in [
+            (decimal("1.5"), 2),
+            (decimal("2.5"), 2),
+            (decimal("NaN"), 0),
+            (decimal("Infinity"), i64::MAX),
+            (f64::NAN.into(), 0),
+            (f64::INFINITY.into(), i64::MAX),
+        ] {
+            assert_eq!(super::whole(&value), Some(whole), "{value}");
+        }
     }
 
     #[test]

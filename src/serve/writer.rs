@@ -27,7 +27,7 @@ use crate::store::Namespace;
 const MOST: usize = 512;
 /// … and none waits longer for others to be done than about so long.
 const LONGEST: Duration = Duration::from_millis(20);
-/// How often what is kept for change streams is looked after.
+/// How often what is kept for change streams is looked after, and what is due removed.
 const BEAT: Duration = Duration::from_secs(15);
 /// How long what a session did last is remembered.
 const MEMORY: Duration = Duration::from_secs(30 * 60);
@@ -130,6 +130,7 @@ impl Desk<'_> {
         let _ = self.server.scopes.look_after(memory);
         if !self.server.options.read_only {
             let _ = retry::sweep(memory);
+            let _ = memory.expire_due();
         }
         self.server.expire_streams();
     }

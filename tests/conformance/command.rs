@@ -119,10 +119,10 @@ pub(crate) fn whole(command: &Document, name: &str) -> Result<Option<i64>, Failu
         None | Some(Bson::Null) => Ok(None),
         Some(Bson::Int32(value)) => Ok(Some((*value).into())),
         Some(Bson::Int64(value)) => Ok(Some(*value)),
-        Some(Bson::Double(value)) if value.is_finite() => Ok(Some(*value as i64)),
+        Some(Bson::Double(value)) => Ok(Some(*value as i64)),
         Some(Bson::Decimal128(value)) => match value.to_string().parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(Some(value as i64)),
-            _ => Err(Failure::Failed(format!("{name} must be finite"))),
+            Ok(value) => Ok(Some(value.round_ties_even() as i64)),
+            _ => Err(Failure::Failed(format!("{name} must be a number"))),
         },
         Some(_) => Err(Failure::Failed(format!("{name} must be a number"))),
     }

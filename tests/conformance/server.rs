@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
+use rmem::query::Collation;
 use rmem::store::{Aggregation, Embedded, Find, Index, Namespace, Query, Store as _, StoreError};
 
 use crate::command::{Answer, Failure, document, documents, flag, known, modifiers, refuse_options, unsigned, whole};
@@ -38,12 +39,10 @@ impl Server {
         let ns = Namespace { database, collection };
         match name.as_str() {
             "drop" => self.store.drop(&ns).map(|_| doc! {}).map_err(Into::into),
-            "create" if document(command, "collation")?.is_some_and(|collation| !is_simple(collation)) => {
-                Err(Failure::Refused("collation of a collection".to_owned()))
-            }
             "create" => {
                 refuse_options(command)?;
-                self.store.create(&ns).map(|_| doc! {}).map_err(Into::into)
+                let collation = document(command, "collation")?.map(Collation::parse).transpose()?;
+                self.store.create(&ns, collation.as_ref()).map(|_| doc! {}).map_err(Into::into)
             }
             "createIndexes" => self.create_indexes(&ns, command),
             "insert" => self.insert(&ns, command),
@@ -237,10 +236,6 @@ fn take_host(found: &mut [Document], recorded: &Document) {
 pub(crate) fn recorded_host(recorded: &Document) -> Option<&str> {
     let batch = recorded.get_document("cursor").and_then(|cursor| cursor.get_array("firstBatch"));
     batch.ok().and_then(|batch| batch.first()?.as_document()?.get_str("host").ok())
-}
-
-fn is_simple(collation: &Document) -> bool {
-    collation.get_str("locale").is_ok_and(|locale| locale == "simple")
 }
 
 /// The collection of a pipeline that brings its own documents.

@@ -4,13 +4,13 @@ use bson::{Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
 use crate::memory::Memory;
-use crate::query::Filter;
+use crate::query::{Collation, Filter};
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::namespace;
-use crate::store::{Namespace, index};
+use crate::store::{Index, Namespace};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::write("create", create).transactional(),
@@ -20,10 +20,11 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::read("listCollections", list),
 ];
 
-/// The options of `create` that make no difference here.
-const TAKEN: [&str; 8] = [
+/// The options of `create` that are taken, or make no difference here.
+const TAKEN: [&str; 9] = [
     "autoIndexId",
     "changeStreamPreAndPostImages",
+    "collation",
     "flags",
     "idIndex",
     "indexOptionDefaults",
@@ -33,10 +34,9 @@ const TAKEN: [&str; 8] = [
 ];
 
 /// What this rmem has no word for.
-const REFUSED: [&str; 11] = [
+const REFUSED: [&str; 10] = [
     "capped",
     "clusteredIndex",
-    "collation",
     "encryptedFields",
     "expireAfterSeconds",
     "max",
@@ -50,7 +50,8 @@ const REFUSED: [&str; 11] = [
 fn create(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     fields.check(&TAKEN, &REFUSED)?;
-    if !memory.create_collection(&ns)? {
+    let collation = fields.document("collation")?.map(Collation::parse).transpose()?;
+    if !memory.create_collection(&ns, collation.as_ref())? {
         let message = format!("Collection {ns} already exists.");
         return Err(Failure::new(codes::NAMESPACE_EXISTS, message));
     }
@@ -138,10 +139,12 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let database = namespace(&call.request.database, "x")?.database;
     let (filter, name_only) = (Filter::parse(&fields.document_or_empty("filter")?)?, fields.flag("nameOnly")?);
     let mut documents = Vec::new();
-    let mut names = call.access(host.memory()?).collections()?;
+    let memory = host.memory()?;
+    let mut names = call.access(memory).collections()?;
     names.retain(|ns| ns.database == database);
     for ns in names {
-        let listed = RawDocumentBuf::try_from(&described(&ns))?;
+        let collation = if name_only { None } else { memory.collation(&ns)? };
+        let listed = RawDocumentBuf::try_from(&described(&ns, collation.as_ref()))?;
         if filter.matches(&listed)? {
             let short = doc! { "name": &ns.collection, "type": "collection" };
             documents.push(Ok(if name_only { RawDocumentBuf::try_from(&short)? } else { listed }));
@@ -153,12 +156,14 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     host.answer(&place, call.request.session.as_ref(), Box::new(documents.into_iter()), batch)
 }
 
-fn described(ns: &Namespace) -> Document {
+fn described(ns: &Namespace, collation: Option<&Collation>) -> Document {
+    let options = collation.map(|collation| doc! { "collation": collation.definition().clone() });
+    let ids = collation.map_or_else(Index::of_ids, Index::of_collated_ids);
     doc! {
         "name": &ns.collection,
         "type": "collection",
-        "options": {},
+        "options": options.unwrap_or_default(),
         "info": { "readOnly": false },
-        "idIndex": { "v": 2, "key": { "_id": 1 }, "name": index::ID },
+        "idIndex": ids.definition(),
     }
 }

@@ -83,12 +83,24 @@ fn count(host: &mut Host<'_>, call: &Call) -> Answer {
     let memory = host.memory()?;
     let (filter, modifiers) = (fields.document_or_empty("query")?, fields.modifiers()?);
     let all = call.access(memory).count(&ns, Query { filter: &filter, modifiers: &modifiers })?;
+    check_limit(fields)?;
     let rest = all.saturating_sub(fields.size("skip")?.unwrap_or(0));
     let n = match limit(fields)?.0 {
         0 => rest,
         limit => rest.min(limit),
     };
     raw(&doc! { "n": i32::try_from(n).map_or_else(|_| Bson::Int64(n.cast_signed()), Bson::Int32) })
+}
+
+/// Refuses a limit of `count` that is not whole: there, MongoDB does not round it.
+fn check_limit(fields: Fields<'_>) -> Result<(), Failure> {
+    let (given, whole) = (fields.document.get("limit"), fields.whole("limit")?);
+    match given.zip(whole) {
+        Some((given, whole)) if !crate::query::compare_values(given, &Bson::Int64(whole)).is_eq() => {
+            Err(Failure::new(codes::FAILED_TO_PARSE, format!("Expected an integer: limit: {given}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn distinct(host: &mut Host<'_>, call: &Call) -> Answer {

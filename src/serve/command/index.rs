@@ -25,7 +25,7 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     if definitions.is_empty() {
         return Err(Failure::new(codes::BAD_VALUE, "Must specify at least one index to create"));
     }
-    let made = memory.create_collection(&ns)?;
+    let made = memory.create_collection(&ns, None)?;
     let before = shown(memory, call, &ns)?.len();
     for definition in definitions {
         memory.create_index(&ns, &read(definition)?)?;

@@ -199,7 +199,7 @@ fn refusals() -> Result<(), Failed> {
     let mut wire = Wire::connect(served.address())?;
     for (command, word) in [
         (doc! { "find": "c", "tailable": true }, "tailable"),
-        (doc! { "create": "c", "collation": { "locale": "de" } }, "collation"),
+        (doc! { "create": "c", "capped": true, "size": 1000 }, "capped"),
         (doc! { "create": "c", "capped": true, "size": 1000 }, "capped"),
         (doc! { "create": "c", "viewOn": "d" }, "viewOn"),
         (doc! { "aggregate": 1, "pipeline": [{ "$listLocalSessions": {} }], "cursor": {} }, "$listLocalSessions"),
@@ -254,6 +254,16 @@ fn modifiers() -> Result<(), Failed> {
     assert_eq!(failed.get_i32("code")?, 2, "{failed}");
     let failed = run(doc! { "find": "c", "collation": { "strength": 2 } })?;
     assert_eq!(failed.get_i32("code")?, 40_414, "{failed}");
+    // A collection has one that its operations inherit.
+    let collation = doc! { "locale": "en", "strength": 2 };
+    assert!(is_fine(&run(doc! { "create": "d", "collation": collation })?));
+    run(doc! { "insert": "d", "documents": [{ "_id": "b" }] })?;
+    assert_eq!(ids(&run(doc! { "find": "d", "filter": { "_id": "B" } })?)?, ["b"]);
+    let listed = run(doc! { "listCollections": 1, "filter": { "name": "d" } })?;
+    let listed = listed.get_document("cursor")?.get_array("firstBatch")?.first().and_then(bson::Bson::as_document);
+    let listed = listed.cloned().unwrap_or_default();
+    assert_eq!(listed.get_document("options")?.get_document("collation")?.get_i32("strength")?, 2);
+    assert_eq!(listed.get_document("idIndex")?.get_document("collation")?.get_str("locale")?, "en");
     Ok(())
 }
 
