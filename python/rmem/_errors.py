@@ -8,14 +8,16 @@ class RmemError(Exception):
 
     Attributes:
         code: the exit code of the program.
-        message: what it printed on stderr.
+        message: the error that it printed, without what it said before.
+        stderr: all that it printed on stderr.
     """
 
     code: int = 1
 
-    def __init__(self, message: str, code: int | None = None) -> None:
+    def __init__(self, message: str, code: int | None = None, stderr: str | None = None) -> None:
         super().__init__(message)
         self.message = message
+        self.stderr = message if stderr is None else stderr
         if code is not None:
             self.code = code
 
@@ -116,6 +118,9 @@ _BY_CODE: dict[int, type[RmemError]] = {
 
 
 def error_of(code: int, message: str) -> RmemError:
-    """Returns the exception for an exit code."""
+    """Returns the exception for an exit code; ``message`` is all of stderr."""
     kind = _BY_CODE.get(code, RmemError)
-    return kind(message.strip() or f"rmem ended with exit code {code}", code)
+    lines = message.splitlines(keepends=True)
+    first = next((index for index, line in enumerate(lines) if line.startswith("error: ")), 0)
+    error = "".join(lines[first:]).strip()
+    return kind(error or f"rmem ended with exit code {code}", code, message)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import threading
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from typing import IO, Any, Iterable, Iterator, Mapping, Sequence, Union
 
 from ._documents import Document, ObjectId, decode, encode
@@ -142,20 +143,21 @@ class Memory:
         limit: int | None = None,
         skip: int | None = None,
         fields: Query | None = None,
+        at: str | datetime | None = None,
     ) -> list[dict[str, Any]]:
-        """Returns the documents that match."""
+        """Returns the documents that match; with ``at``, those that did at a time (where a history is kept)."""
         words = ["query", ns, _text(query), "--format", "jsonl"]
         words += _option("--sort", sort) + _option("--limit", limit)
-        words += _option("--skip", skip) + _option("--fields", fields)
+        words += _option("--skip", skip) + _option("--fields", fields) + _at(at)
         return _lines(self._run(words))
 
     def find_one(self, ns: str, query: Query = "{}", *, sort: Query | None = None) -> dict[str, Any] | None:
         """Returns the first document that matches, or None."""
         return next(iter(self.query(ns, query, sort=sort, limit=1)), None)
 
-    def count(self, ns: str, query: Query = "{}") -> int:
-        """Returns how many documents match."""
-        return int(self._run(["count", ns, _text(query), "--format", "jsonl"]))
+    def count(self, ns: str, query: Query = "{}", *, at: str | datetime | None = None) -> int:
+        """Returns how many documents match, or did ``at`` a time."""
+        return int(self._run(["count", ns, _text(query), "--format", "jsonl", *_at(at)]))
 
     def distinct(self, ns: str, key: str, query: Query = "{}") -> list[Any]:
         """Returns the distinct values of a key."""
@@ -190,10 +192,11 @@ class Memory:
         goal: str | None = None,
         parameters: Mapping[str, Any] | None = None,
         strict: bool = False,
+        at: str | datetime | None = None,
     ) -> str:
-        """Returns the PDDL problem that a template makes of the memory."""
+        """Returns the PDDL problem that a template makes of the memory, as it is or was ``at`` a time."""
         words = ["gen-problem", "--template", os.fspath(template), *_task(domain, goal, parameters)]
-        return self._run(words + (["--strict"] if strict else []))
+        return self._run(words + (["--strict"] if strict else []) + _at(at))
 
     def plan(
         self,
@@ -205,10 +208,11 @@ class Memory:
         parameters: Mapping[str, Any] | None = None,
         planner: str | Sequence[str] | None = None,
         timeout: str | None = None,
+        anytime: bool = False,
         into: str | None = None,
         store: bool = True,
     ) -> Plan:
-        """Finds a plan, stores it and returns it.
+        """Finds a plan, stores it and returns it; with ``anytime``, the best that is found within ``timeout``.
 
         Raises:
             NoPlan: there is none; the subclass says why.
@@ -217,24 +221,36 @@ class Memory:
         words += _option("--template", template) + _option("--problem", problem)
         for name in [planner] if isinstance(planner, str) else planner or []:
             words += ["--planner", name]
-        words += _option("--timeout", timeout) + _option("--into", into)
+        words += _option("--timeout", timeout) + _option("--into", into) + (["--anytime"] if anytime else [])
         return _plan(decode(self._run(words + ([] if store else ["--no-store"]))))
 
-    def step(self, plan: str, step: int | str, status: str, *, namespace: str | None = None) -> None:
+    def step(
+        self,
+        plan: str | Plan,
+        step: int | str | Step,
+        status: str,
+        *,
+        out_of_order: bool = False,
+        namespace: str | None = None,
+    ) -> None:
         """Notes how the execution of a step went.
 
         Args:
-            plan: the plan's id, or ``last``.
-            step: its number from 1, or ``next``.
-            status: ``started``, ``done`` or ``failed``.
+            plan: the plan, its id, or ``last``.
+            step: the step, its number from 1, or ``next``.
+            status: ``started``, ``done``, ``failed`` or ``open``.
+            out_of_order: whether a step that has to come before may be open.
         """
-        if status not in ("started", "done", "failed"):
-            raise ValueError(f"a step is started, done or failed, not {status!r}")
-        self._run(["plan", "step", plan, str(step), f"--{status}", *_option("--in", namespace)])
+        if status not in ("started", "done", "failed", "open"):
+            raise ValueError(f"a step is started, done, failed or open, not {status!r}")
+        number = step.index if isinstance(step, Step) else step
+        words = ["plan", "step", _id(plan), str(number), f"--{status}", *(["--out-of-order"] if out_of_order else [])]
+        self._run(words + _option("--in", _namespace(plan, namespace)))
 
-    def check(self, plan: str = "last", *, problem: Path | None = None, namespace: str | None = None) -> Check:
+    def check(self, plan: str | Plan = "last", *, problem: Path | None = None, namespace: str | None = None) -> Check:
         """Returns whether the rest of a stored plan still reaches its goal from the memory as it is now."""
-        words = ["plan", "check", plan, "--format", "json", *_option("--problem", problem), *_option("--in", namespace)]
+        words = ["plan", "check", _id(plan), "--format", "json", *_option("--problem", problem)]
+        words += _option("--in", _namespace(plan, namespace))
         code, stdout, stderr = self._call(words, None)
         if code not in (0, 1) or not stdout.strip():
             raise error_of(code, stderr)
@@ -280,8 +296,26 @@ class Memory:
         return done.returncode, done.stdout, done.stderr
 
 
+def _id(plan: str | Plan) -> str:
+    if not isinstance(plan, Plan):
+        return plan
+    if plan.id is None:
+        raise ValueError("the plan is not stored; plan(…, store=True) stores it")
+    return plan.id
+
+
+def _namespace(plan: str | Plan, namespace: str | None) -> str | None:
+    return namespace or (plan.namespace if isinstance(plan, Plan) else None)
+
+
 def _text(value: Any) -> str:
     return value if isinstance(value, str) else encode(value)
+
+
+def _at(time: str | datetime | None) -> list[str]:
+    if isinstance(time, datetime):
+        time = time.astimezone(timezone.utc).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    return _option("--at", time)
 
 
 def _object(document: Document) -> str:

@@ -93,11 +93,31 @@ def test_a_plan_is_found_stepped_and_checked(blocks: Memory) -> None:
     assert (plan.steps[0].action, plan.steps[0].args) == ("stack", {"x": "B", "y": "C"})
     assert blocks.check(plan.id)
     blocks.step(plan.id, 1, "started")
-    blocks.delete(NS, {"relation": "holding"})
+    blocks.delete(NS, {"relation": "clear", "object": "D"})
     check = blocks.check(plan.id)
     assert not check and check.report
     with pytest.raises(ValueError):
         blocks.step(plan.id, 1, "finished")
+
+
+def test_plans_and_steps_are_arguments_themselves(blocks: Memory) -> None:
+    plan = blocks.plan(BLOCKS, template=TEMPLATE, goal="(and (on A B) (on B C))", anytime=True, timeout="1s", into="a.plans")
+    blocks.step(plan, plan.steps[0], "started")
+    blocks.step(plan, plan.steps[0], "open")
+    assert blocks.check(plan)
+    blocks.step(plan, plan.steps[2], "done", out_of_order=True)
+    with pytest.raises(ValueError, match="not stored"):
+        blocks.check(blocks.plan(BLOCKS, template=TEMPLATE, goal="(on A B)", store=False))
+
+
+def test_the_message_of_an_exception_is_the_error_alone(blocks: Memory) -> None:
+    with pytest.raises(rmem.Unsolvable) as raised:
+        blocks.plan(BLOCKS, template=TEMPLATE, goal="(on A A)")
+    assert raised.value.message.startswith("error: ") and "stored in" in raised.value.stderr
+
+
+def test_the_module_has_the_version_of_the_program(blocks: Memory) -> None:
+    assert rmem.__version__ == blocks.run("--version").split()[-1]
 
 
 def test_a_problem_is_generated_and_why_there_is_no_plan_is_an_exception(blocks: Memory) -> None:
