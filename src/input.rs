@@ -44,6 +44,26 @@ pub(crate) fn unreadable(name: &str, error: &std::io::Error) -> WrongInput {
     WrongInput::new(format!("cannot read {name}: {}", plain::words(&error.to_string())))
 }
 
+/// The most bytes of a file that a program names.
+#[cfg(feature = "clips-engine")]
+const MOST_BYTES: u64 = 256 << 20;
+
+/// Returns the bytes of a file that a program or a configuration names.
+#[cfg(feature = "clips-engine")]
+pub(crate) fn read_file(path: &std::path::Path) -> Result<Vec<u8>, WrongInput> {
+    let name = path.display().to_string();
+    let unread = |error| unreadable(&name, &error);
+    // A device or a pipe may have no end.
+    let found = std::fs::metadata(path).map_err(unread)?;
+    if !found.is_file() {
+        return Err(WrongInput::new(format!("cannot read {name}: it is not a file")));
+    }
+    if found.len() > MOST_BYTES {
+        return Err(WrongInput::new(format!("cannot read {name}: it has more than {} MiB", MOST_BYTES >> 20)));
+    }
+    std::fs::read(path).map_err(unread)
+}
+
 /// Returns the text that bytes spell; an error has the line and column of the first that is not UTF-8.
 pub(crate) fn decode(name: &str, bytes: Vec<u8>) -> Result<Source, Diagnostic> {
     String::from_utf8(bytes).map(|text| Source::new(name, text)).map_err(|error| {

@@ -103,10 +103,17 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
     let started = match admin.started() {
         Ok(started) => started,
         Err(AdminError::Silent(_)) => {
-            let reason = format!(
-                "the port {} is taken by something that does not answer as mongod does; give another port",
-                backend.port
-            );
+            let reason = match noted(data).filter(|pid| is_mongod_of(*pid, data)) {
+                Some(pid) => format!(
+                    "its mongod, process {pid}, listens on port {} and does not answer: it is suspended or overloaded; \
+                     `kill -CONT {pid}` lets a suspended process go on",
+                    backend.port
+                ),
+                None => format!(
+                    "the port {} is taken by something that does not answer as mongod does; give another port",
+                    backend.port
+                ),
+            };
             return Err(failed(backend, reason));
         }
         Err(AdminError::Refused { .. }) => {

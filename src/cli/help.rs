@@ -17,6 +17,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "find-and-modify",
             "delete",
             "index",
+            "create",
             "collections",
             "schema",
             "drop",

@@ -8,28 +8,22 @@ use crate::formats::mongosh;
 use crate::store::Namespace;
 
 /// Words of mongosh, SQL, Unix and planners, and the command of rmem for each.
-const TIPS: [(&[&str], &str); 27] = [
-    (&["find", "get", "select", "search", "findone"], "'rmem query NS [QUERY]' prints documents"),
+const TIPS: [(&[&str], &str); 22] = [
+    (&["get", "select", "search"], "'rmem query NS [QUERY]' prints documents"),
     (&["save", "write"], "'rmem dump' writes collections, 'rmem clips export' writes CLIPS facts"),
     (
         &["import", "load"],
         "'rmem restore' reads dumps and world files, 'rmem insert --file' documents, 'rmem clips import' CLIPS facts, and 'rmem import-problem' PDDL problems",
     ),
-    (&["remove", "rm", "del", "deleteone", "deletemany"], "'rmem delete NS QUERY' removes documents"),
-    (
-        &["replace", "upsert", "set", "updateone", "updatemany", "replaceone"],
-        "'rmem update NS QUERY UPDATE [--replace] [--upsert]' changes documents",
-    ),
-    (
-        &["add", "put", "store", "create", "insertone", "insertmany", "createcollection"],
-        "'rmem insert NS DOC' stores documents",
-    ),
+    (&["rm", "del"], "'rmem delete NS QUERY' removes documents"),
+    (&["replace", "upsert", "set"], "'rmem update NS QUERY UPDATE [--replace] [--upsert]' changes documents"),
+    (&["add", "put", "store"], "'rmem insert NS DOC' stores documents"),
     (&["ls", "list", "show", "tables", "databases"], "'rmem collections' lists collections, 'rmem plan list' plans"),
     (&["solve", "search-plan", "planner"], "'rmem plan' finds a plan"),
     (&["generate", "render", "problem", "template"], "'rmem gen-problem' generates a PDDL problem"),
     (&["check", "val", "simulate", "parse"], "'rmem validate' checks PDDL files and plans"),
     (&["listen", "subscribe", "tail", "trigger", "monitor"], "'rmem watch NS [QUERY]' prints changes as they happen"),
-    (&["createindex", "ensureindex", "indexes", "getindexes"], "'rmem index NS [KEYS]' creates and lists indexes"),
+    (&["indexes"], "'rmem index NS [KEYS]' creates and lists indexes"),
     (&["group", "pipeline"], "'rmem aggregate NS PIPELINE' runs a pipeline"),
     (&["log", "changes", "audit"], "'rmem history NS' prints what changed, 'rmem watch NS' what changes"),
     (
@@ -43,14 +37,6 @@ const TIPS: [(&[&str], &str); 27] = [
         "'rmem plan rerun last' plans again, 'rmem plan step' notes execution, 'rmem clips run' runs CLIPS",
     ),
     (&["use", "db"], TIP_OF_USE),
-    (
-        &["findoneandupdate", "findandmodify", "findoneandreplace"],
-        "'rmem update NS QUERY UPDATE' changes the first match",
-    ),
-    (&["bulkwrite"], "'rmem insert', 'rmem update' and 'rmem delete' write one kind of change each"),
-    (&["dropdatabase"], "'rmem collections' lists collections, and 'rmem drop NS' removes one"),
-    (&["dropindex", "dropindexes"], "'rmem index NS KEYS --drop' removes an index"),
-    (&["runcommand", "admincommand"], "'rmem serve' takes commands from MongoDB's drivers"),
     (&["describe", "stats", "fields"], "'rmem schema NS' prints the fields of documents"),
     (&["why", "explain"], "'rmem plan why' says where a plan is from, 'rmem gen-problem --explain ATOM' an atom"),
     (&["settings", "status", "info", "env"], "'rmem config' prints the settings, 'rmem doctor' checks them"),
@@ -81,8 +67,11 @@ pub(super) fn with_tip(mut error: Error, database: &str) -> Error {
     let tip = mongosh::command(word, database).map(|command| format!("write: {command}"));
     let tip = tip.or_else(|| mongosh::advice(word, database));
     let tip = tip.or_else(|| lower.starts_with("use ").then(|| TIP_OF_USE.to_owned()));
+    let method = || is_command.then(|| mongosh::advice_on_method(word, database)).flatten();
+    let files = || is_command.then(|| of_domain(word, &error)).flatten();
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
-    if let Some(tip) = feature.or(tip).or_else(|| known().map(|(_, tip)| (*tip).to_owned())).or_else(documents) {
+    let known = || known().map(|(_, tip)| (*tip).to_owned());
+    if let Some(tip) = feature.or(tip).or_else(known).or_else(method).or_else(files).or_else(documents) {
         error.remove(value);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
@@ -90,14 +79,17 @@ pub(super) fn with_tip(mut error: Error, database: &str) -> Error {
 }
 
 /// Options of mongosh and MongoDB's tools, and what rmem has for each.
-const OPTIONS: [(&[&str], &str); 4] = [
+const OPTIONS: [(&[&str], &str); 7] = [
     (&["--projection", "--project"], "'--fields PROJECTION' selects fields"),
+    (&["-n"], "'--limit N' limits how many are printed"),
     (&["--pretty"], "'--format' has other formats; see the help of the command"),
     (&["--db", "--database"], TIP_OF_USE),
     (
         &["--nsInclude", "--nsFrom", "--nsTo"],
         "'rmem dump NS' writes one collection, 'rmem restore --into NS' reads one",
     ),
+    (&["--port", "--bind", "--bind_ip", "--host"], "'rmem serve --listen HOST:PORT' listens there, as :27017"),
+    (&["--dbpath", "--replSet"], "'--memory file:PATH' names the memory; for several robots, see 'rmem backend up'"),
 ];
 
 /// Adds a tip to the error for an argument that a command does not have.
@@ -117,6 +109,12 @@ fn with_option(mut error: Error) -> Error {
         number if number.strip_prefix('-').is_some_and(|n| n.parse::<u64>().is_ok()) && is_of("query") => {
             Some("all documents are printed without '--limit'".to_owned())
         }
+        "--query" | "--filter" | "--where" if usage.contains("QUERY") => {
+            Some("the query stands behind the collection, without an option: NS '{name: 1}'".to_owned())
+        }
+        "--explain" if is_of("plan") => {
+            Some("'rmem gen-problem --explain ATOM' explains an atom, and 'rmem plan why' a plan".to_owned())
+        }
         _ => known().map(|(_, tip)| (*tip).to_owned()),
     };
     if let Some(tip) = tip {
@@ -126,11 +124,26 @@ fn with_option(mut error: Error) -> Error {
     error
 }
 
-/// The tip for a collection in the place of a command.
-fn of_namespace(word: &str, error: &Error) -> Option<String> {
-    word.parse::<Namespace>().ok()?;
+/// The tip for the files of a task behind `plan`, as planners take them.
+fn of_domain(file: &str, error: &Error) -> Option<String> {
     let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
-    Some(match usage.contains("rmem export") {
+    let is_file = [".pddl", ".j2", ".tmpl"].iter().any(|end| file.ends_with(end));
+    let file = word(file);
+    (is_file && usage.contains("rmem plan"))
+        .then(|| format!("write: rmem plan --domain {file} --problem FILE, or --template FILE for one with queries"))
+}
+
+/// The tip for a collection or a database in the place of a command.
+fn of_namespace(word: &str, error: &Error) -> Option<String> {
+    let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
+    let is_export = usage.contains(" export ");
+    if is_export && format!("{word}.x").parse::<Namespace>().is_ok_and(|namespace| namespace.database == word) {
+        return Some(format!(
+            "'rmem dump {word}.COLLECTION -o FILE.json' and 'rmem clips export {word}.COLLECTION' write documents, and 'rmem dump --all -o FOLDER' all"
+        ));
+    }
+    word.parse::<Namespace>().ok()?;
+    Some(match is_export {
         true => format!("'rmem dump {word} -o FILE.json' and 'rmem clips export {word}' write its documents"),
         false => format!("'rmem query {word}' prints its documents"),
     })
@@ -144,6 +157,12 @@ mod tests {
     fn a_tip_names_commands_and_is_given_for_no_command() {
         let command = crate::cli::command();
         for (words, tip) in TIPS {
+            // These words mean something else outside of mongosh.
+            let is_method = |word: &&&str| mongosh::advice_on_method(word, "lab").is_some();
+            assert!(
+                words.iter().filter(is_method).all(|word| ["save", "stats", "explain"].contains(word)),
+                "{words:?}"
+            );
             assert!(words.iter().all(|word| command.find_subcommand(word).is_none()), "{words:?}");
             for name in tip.split("'rmem ").skip(1).map(|rest| rest.split([' ', '\'']).next().unwrap_or_default()) {
                 assert!(command.find_subcommand(name).is_some(), "{name}");

@@ -37,7 +37,7 @@ pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exi
     let memory = context.memory()?;
     memory.show_computed(args.computed);
     if args.strict {
-        missing::refuse(&args.namespace, &memory)?;
+        missing::refuse(&args.namespace, &memory, context)?;
     }
     let texts = [("<pipeline>", args.pipeline.as_str())];
     let documents = memory

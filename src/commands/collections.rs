@@ -1,18 +1,37 @@
 //! `rmem collections`: the collections of the memory, sorted.
 
+use bson::doc;
 use clap::Args;
 
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::formats::shell;
 
 /// List the collections
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem collections", arg = formats::argument(&formats::TEXT))]
-pub struct CollectionsArgs {}
+pub struct CollectionsArgs {
+    /// Print the options of each collection, too: its collation
+    #[arg(long)]
+    pub options: bool,
+}
 
-pub(super) fn run(_: &CollectionsArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let names = context.memory()?.collections()?.into_iter().map(|namespace| namespace.to_string());
-    context.print_lines(names.map(|name| (name.clone(), name.into())))?;
+pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<Exit> {
+    let memory = context.memory()?;
+    let names = memory.collections()?;
+    if !args.options {
+        let names = names.into_iter().map(|namespace| namespace.to_string());
+        context.print_lines(names.map(|name| (name.clone(), name.into())))?;
+        return Ok(Exit::Done);
+    }
+    let mut described = Vec::with_capacity(names.len());
+    for name in names {
+        let collation = memory.collation(&name)?.map(|collation| doc! { "collation": collation.definition().clone() });
+        let options = collation.unwrap_or_default();
+        let line = format!("{name} {}", shell::relaxed(&options));
+        described.push((line, doc! { "ns": name.to_string(), "options": options }.into()));
+    }
+    context.print_lines(described)?;
     Ok(Exit::Done)
 }

@@ -40,7 +40,7 @@ pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = args.past.memory(context)?;
     memory.show_computed(args.computed);
     if args.strict {
-        missing::refuse(&args.namespace, &memory)?;
+        missing::refuse(&args.namespace, &memory, context)?;
     }
     let count = memory.count(&args.namespace, Query { filter: &filter, modifiers: &args.modifiers.read()? });
     let count = count.map_err(|error| blame(error, &[("<query>", &args.query)]))?;

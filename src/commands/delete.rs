@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::store::{Find, Namespace, Query};
+use crate::store::{Find, Namespace, Query, StoreError};
 
 /// What stands below the help of `delete`.
 const HELP: &str = "\
@@ -83,8 +83,11 @@ pub(super) fn others(
     let all = Find { filter, projection: doc! { "_id": 1 }, modifiers, ..Find::default() };
     let two = Find { limit: 2, ..all.clone() };
     // A query that is refused is reported where it is executed.
-    let Ok(first) = memory.stored(namespace, &two).and_then(Iterator::collect::<Result<Vec<_>, _>>) else {
-        return Ok(None);
+    let first = match memory.stored(namespace, &two).and_then(Iterator::collect::<Result<Vec<_>, _>>) {
+        Ok(first) => first,
+        // A server that does not answer is waited for once.
+        Err(error @ StoreError::Unreachable { .. }) => return Err(error.into()),
+        Err(_) => return Ok(None),
     };
     Ok(if first.len() < 2 { None } else { Some(memory.stored(namespace, &all)?.count() as u64) })
 }

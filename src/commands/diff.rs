@@ -6,6 +6,7 @@ use bson::{Bson, Document, doc};
 use clap::Args;
 
 use super::context::memory_at;
+use super::restore::stdin;
 use super::{Context, WrongInput, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
@@ -62,7 +63,7 @@ fn side(text: &str, context: &mut Context<'_>) -> Result<Side> {
             }
             Side::Memory(memory_at(uri)?)
         }
-        "-" => Side::Dump(Dump::world(&context.read(Path::new(text))?)?),
+        "-" => Side::Dump(stdin(context)?),
         path => Side::Dump(Dump::open(Path::new(path))?),
     })
 }

@@ -39,7 +39,7 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
     let memory = context.memory()?;
     memory.show_computed(args.computed);
     if args.strict {
-        missing::refuse(&args.namespace, &memory)?;
+        missing::refuse(&args.namespace, &memory, context)?;
     }
     let modifiers = args.modifiers.read()?;
     let query = Query { filter: &filter, modifiers: &modifiers };

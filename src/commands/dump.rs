@@ -8,10 +8,11 @@ use super::at::AtArgs;
 use super::{Context, UsageError, missing};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::memory::Memory;
 use crate::memory::dump::world_file::WorldDumpError;
 use crate::memory::dump::{world_file, write};
 use crate::output::amount;
-use crate::store::Namespace;
+use crate::store::{Index, Namespace, index};
 
 /// What stands below the help of `dump`.
 const HELP: &str = "\
@@ -24,7 +25,8 @@ A PATH that ends in .json, and -, is a world file: Extended JSON to read, compar
 folder with DATABASE/COLLECTION.bson and .metadata.json, as mongodump writes it; it must not exist yet, and appears \
 whole or not at all.
 
-Folders and archives keep the metadata of documents; a world file leaves out the dates of insertion and update. \
+Folders and archives keep indexes and the metadata of documents; a world file leaves out indexes, and the dates of \
+insertion and update. \
 Documents of computables are never dumped.";
 
 /// Write collections to a world file or a mongodump folder
@@ -76,6 +78,7 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
             Err(WorldDumpError::Write(error)) => Err(error.into()),
             written => Ok(written?),
         })?;
+        warn_of_indexes(&memory, &namespaces, context)?;
         return Ok(Exit::Done);
     }
     let dump = if args.archive { write::write_archive } else { write::write_folder };
@@ -83,4 +86,29 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
         context.output.note(&format!("{namespace}: {}", amount(count, "document")));
     }
     Ok(Exit::Done)
+}
+
+/// Says which indexes and collations a world file has no place for.
+fn warn_of_indexes(memory: &Memory, namespaces: &[Namespace], context: &mut Context<'_>) -> Result<()> {
+    let mut left_out = Vec::new();
+    for namespace in namespaces {
+        let made = memory.indexes(namespace)?;
+        left_out
+            .extend(made.iter().filter(|index| is_made(index)).map(|index| format!("{} of {namespace}", index.name)));
+        if index::collation(&made).is_some() {
+            left_out.push(format!("the collation of {namespace}"));
+        }
+    }
+    if !left_out.is_empty() {
+        let list = left_out.join(", ");
+        context.output.warn(&format!(
+            "a world file keeps neither indexes nor collations; left out: {list}; -o FOLDER keeps them"
+        ));
+    }
+    Ok(())
+}
+
+/// Whether a user created the index.
+fn is_made(index: &Index) -> bool {
+    !matches!(index.name.as_str(), "_id_" | index::DECAY)
 }

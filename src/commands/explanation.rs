@@ -37,6 +37,9 @@ fn missing(atom: &str, generated: &Generated, context: &mut Context<'_>) -> Resu
     let name = atom.split(|c: char| c.is_whitespace() || "()".contains(c)).find(|word| !word.is_empty());
     let name = name.ok_or_else(|| WrongInput::new("expected an atom like `(on A B)`, or an object"))?;
     context.output.error(&format!("`{atom}` is not in the problem"));
+    if name.parse::<f64>().is_ok() {
+        return Ok(Exit::No);
+    }
     let writers = generated.writers(name);
     if writers.is_empty() {
         context.output.note(&format!("no line of {} writes `({name} …)`", generated.template().name()));
@@ -61,10 +64,21 @@ fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> R
         format!("{}: {part}, line {line} of the problem", names::readable(text)),
         format!("  {place}: {}", origin.written),
     ];
-    if let Some(section) = asked(explanation, generated, memory)? {
-        lines.push(format!("  {}", section.sentence()));
+    let mut sentences: Vec<String> = Vec::new();
+    let mut note = |section: Option<&SectionReport>, lines: &mut Vec<String>| {
+        let sentence = section.map(|section| format!("  {}", section.sentence()));
+        if let Some(sentence) = sentence.filter(|sentence| !sentences.contains(sentence)) {
+            lines.push(sentence.clone());
+            sentences.push(sentence);
+        }
+    };
+    if documents.is_empty() {
+        note(asked(explanation, None, generated, memory)?.map(|(section, _)| section), &mut lines);
     }
-    for (namespace, id) in documents {
+    for (index, (namespace, id)) in documents.iter().enumerate() {
+        let section = asked(explanation, Some((namespace, id)), generated, memory)?;
+        // A call in the text, like `find_one`, is not among the queries of sections.
+        note(section.filter(|(_, is_sure)| *is_sure || index == 0).map(|(section, _)| section), &mut lines);
         let document = document(namespace, id, memory)?;
         lines.push(match document {
             Some(document) => format!("  {} in {namespace}", shell::relaxed(&document)),
@@ -74,14 +88,15 @@ fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> R
     Ok(lines)
 }
 
-/// The query whose answer was written there: the last one before that has the document in its answer.
+/// The query whose answer was written there: the last one before that has the document in its answer, and whether
+/// that is sure.
 fn asked<'g>(
     explanation: &Explanation,
+    document: Option<(&Namespace, &Bson)>,
     generated: &'g Generated,
     memory: &Memory,
-) -> Result<Option<&'g SectionReport>> {
+) -> Result<Option<(&'g SectionReport, bool)>> {
     let is_value = ["{{", "<<"].iter().any(|mark| explanation.origin.written.contains(mark));
-    let document = explanation.documents.first();
     let part = Some(&explanation.origin.name).filter(|name| *name != generated.template().name());
     // What a template is included by asks before it.
     let is_before = |section: &SectionReport| match section.part.as_ref() == part {
@@ -93,17 +108,20 @@ fn asked<'g>(
     before.sort_by_key(|section| std::cmp::Reverse(section.line));
     let Some((namespace, id)) = document else {
         // What no document is behind comes from distinct values, or from no query at all.
-        return Ok(before.into_iter().find(|section| section.query.contains_key("distinct")));
+        return Ok(before
+            .into_iter()
+            .find(|section| section.query.contains_key("distinct"))
+            .map(|section| (section, true)));
     };
     before.retain(|section| section.namespace == *namespace);
     for section in &before {
         let is_filter = !section.query.contains_key("pipeline") && !section.query.contains_key("distinct");
         let filter = doc! { "$and": [section.query.clone(), { "_id": id.clone() }] };
         if is_filter && memory.count(namespace, &filter).unwrap_or_default() > 0 {
-            return Ok(Some(section));
+            return Ok(Some((section, true)));
         }
     }
-    Ok(before.into_iter().next())
+    Ok(before.into_iter().next().map(|section| (section, false)))
 }
 
 fn document(namespace: &Namespace, id: &Bson, memory: &Memory) -> Result<Option<Document>> {

@@ -4,7 +4,7 @@ use bson::DateTime;
 use clap::Args;
 
 use super::query::{argument, blame};
-use super::{Context, at, formats};
+use super::{Context, at, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::history::{HistoryState, Selection, listed};
@@ -89,10 +89,14 @@ pub(super) fn run(args: &HistoryArgs, context: &mut Context<'_>) -> Result<Exit>
         HistoryState::None | HistoryState::Kept => {}
     }
     let listed = entries.map(|entry| Ok(listed(&selection.namespace, &entry?, args.meta)?));
-    match args.limit {
-        None => context.print_documents(listed)?,
-        Some(most) => context.print_documents(last(listed, most).into_iter())?,
+    let printed = match args.limit {
+        // A table of changes is one list in order of time, whatever each of them has.
+        None => context.print_rows(listed)?,
+        Some(most) => context.print_rows(last(listed, most).into_iter())?,
     };
+    if printed == 0 {
+        missing::warn_of_nearest(ns, &memory, context);
+    }
     Ok(Exit::Done)
 }
 

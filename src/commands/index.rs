@@ -25,7 +25,7 @@ Examples:
 
 Prints the name of the created index. With --unique, a document whose key another one has is refused (exit code 5), \
 and the index is not created if two documents have the same key. Documents that --ttl expires are removed by the next \
-write or by rmem expire; on MongoDB, by the server. Dates are compared with the clock at that time: if it is set \
+write, by rmem expire, or by a running rmem serve; on MongoDB, by the server. Dates are compared with the clock at that time: if it is set \
 forward, documents are removed earlier.";
 
 /// Create, remove or list indexes
@@ -126,7 +126,7 @@ fn weigh(error: Diagnostic) -> Diagnostic {
 /// The index that the arguments describe.
 fn index(args: &IndexArgs, keys: &str) -> Result<Index> {
     let mut index = Index::on(fields("<keys>", "", keys)?);
-    if let Some(collation) = args.collation.read()?.filter(|collation| !collation.is_simple()) {
+    if let Some(collation) = args.collation.read()? {
         index.other.insert("collation", collation.definition().clone());
     }
     if let Some(partial) = &args.partial {

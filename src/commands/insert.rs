@@ -102,6 +102,12 @@ pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> 
         return Ok(Exit::Interrupted);
     }
     context.output.note(&format!("{} stored in {}", batch.stored, args.namespace));
+    if batch.has_world {
+        context.output.warn(
+            "a document has collections as keys, like a world file; `rmem restore FILE` stores the documents of a \
+             world file in their collections",
+        );
+    }
     Ok(Exit::Done)
 }
 
@@ -175,6 +181,16 @@ fn reader(args: &InsertArgs) -> Option<ReadDocuments> {
     })
 }
 
+/// Whether a document is what a world file has: collections with their documents.
+fn is_world(document: &Document) -> bool {
+    let is_collection = |(name, value): (&String, &Bson)| {
+        let documents = value.as_array().filter(|documents| !documents.is_empty());
+        name.parse::<Namespace>().is_ok()
+            && documents.is_some_and(|documents| documents.iter().all(|document| document.as_document().is_some()))
+    };
+    !document.is_empty() && document.iter().all(is_collection)
+}
+
 /// The error with how many documents were stored before it, behind the reason.
 fn after(error: Error, stored: usize) -> Error {
     let before = match stored {
@@ -215,6 +231,8 @@ struct Batch<'a> {
     format: Format,
     /// The ids of stored documents, where they are printed as one array.
     ids: Vec<Bson>,
+    /// Whether one of the documents looks like a world file.
+    has_world: bool,
 }
 
 impl<'a> Batch<'a> {
@@ -230,6 +248,7 @@ impl<'a> Batch<'a> {
             stored: 0,
             format,
             ids: Vec::new(),
+            has_world: false,
         }
     }
 
@@ -243,6 +262,7 @@ impl<'a> Batch<'a> {
         if self.documents.is_empty() {
             self.began = Instant::now();
         }
+        self.has_world |= is_world(&document);
         self.documents.push(shell::with_regexes(document));
         self.places.push((Rc::clone(&self.name), line));
         if self.documents.len() >= self.size || self.began.elapsed() > FLUSH_INTERVAL {
@@ -291,7 +311,7 @@ fn place(name: &str, line: Option<usize>, number: usize) -> String {
 
 /// The error for a unique key that is taken, with the place of the document that was to have it, and the one that has it.
 fn taken(error: StoreError, place: String, memory: &Memory) -> Error {
-    let holder = conflict::holder(&error, memory).map(|id| format!(": that with _id {id}")).unwrap_or_default();
+    let holder = conflict::holder(&error, memory).as_ref().map(conflict::named).unwrap_or_default();
     if place.is_empty() && holder.is_empty() {
         return error.into();
     }

@@ -63,8 +63,11 @@ pub struct HolderOptions {
 const LONGEST: Duration = Duration::from_secs(36_500 * 86_400);
 
 fn ttl(text: &str) -> Result<Duration, String> {
-    let ttl = quantity::duration(text)?;
-    if ttl <= LONGEST { Ok(ttl) } else { Err(format!("{text} is too long; expected at most 36500d")) }
+    match quantity::duration(text)? {
+        Duration::ZERO => Err("a lock with --ttl 0s ends at once; expected more than 0s".to_owned()),
+        ttl if ttl <= LONGEST => Ok(ttl),
+        _ => Err(format!("{text} is too long; expected at most 36500d")),
+    }
 }
 
 /// The collection of mutexes, in its database.

@@ -6,8 +6,8 @@ use crate::memory::Memory;
 use crate::store::Namespace;
 
 /// Refuses a collection that does not exist, for `--strict`.
-pub(super) fn refuse(namespace: &Namespace, memory: &Memory) -> Result<(), WrongInput> {
-    match message(namespace, memory) {
+pub(super) fn refuse(namespace: &Namespace, memory: &Memory, context: &Context<'_>) -> Result<(), WrongInput> {
+    match message(namespace, memory, context) {
         Some(message) => Err(WrongInput::new(message)),
         None => Ok(()),
     }
@@ -15,20 +15,20 @@ pub(super) fn refuse(namespace: &Namespace, memory: &Memory) -> Result<(), Wrong
 
 /// Warns, after an empty result, if the collection does not exist; returns whether it does not.
 pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> bool {
-    let message = message(namespace, memory);
+    let message = message(namespace, memory, context);
     message.iter().for_each(|message| context.output.warn(message));
     message.is_some()
 }
 
 /// The same where a collection of a similar name exists: another may be there later.
 pub(super) fn warn_of_nearest(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> bool {
-    let message = message(namespace, memory).filter(|message| message.ends_with('?'));
+    let message = message(namespace, memory, context).filter(|message| message.ends_with('?'));
     message.iter().for_each(|message| context.output.warn(message));
     message.is_some()
 }
 
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
-pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> {
+pub(super) fn message(namespace: &Namespace, memory: &Memory, context: &Context<'_>) -> Option<String> {
     // A hint is not worth an error.
     if memory.computables().ok()?.0.iter().any(|computable| computable.definition.namespace == *namespace) {
         return None;
@@ -39,7 +39,7 @@ pub(super) fn message(namespace: &Namespace, memory: &Memory) -> Option<String> 
     if names.contains(&name) {
         return None;
     }
-    if let Some(command) = mongosh::command(&name, mongosh::DATABASE) {
+    if let Some(command) = mongosh::command(&name, &context.settings.collection.value.database) {
         return Some(format!("no collection {name}; write: {command}"));
     }
     let known = || names.iter().map(String::as_str);

@@ -13,6 +13,7 @@ mod computables;
 mod config;
 mod conflict;
 mod count;
+mod create;
 mod delete;
 mod diff;
 mod distinct;
@@ -88,6 +89,7 @@ pub enum Command {
     Delete(delete::DeleteArgs),
     Index(index::IndexArgs),
     Collections(collections::CollectionsArgs),
+    Create(create::CreateArgs),
     Drop(drop::DropArgs),
     History(history::HistoryArgs),
     Undo(undo::UndoArgs),
@@ -146,6 +148,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Computables(args) => computables::run(args, context),
         Command::Config(args) => config::run(args, context),
         Command::Count(args) => count::run(args, context),
+        Command::Create(args) => create::run(args, context),
         Command::Delete(args) => delete::run(args, context),
         Command::Diff(args) => diff::run(args, context),
         Command::Distinct(args) => distinct::run(args, context),

@@ -75,7 +75,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Option<(f64, f64)>,
     /// Write to FILE, .svg or .png; - is stdout
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = picture_or_stdout)]
     pub output: PathBuf,
 }
 
@@ -122,7 +122,7 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     let chart = chart.positive();
     if chart.series.is_empty() {
         // What is not there has no fields either.
-        missing::refuse(&args.namespace, &memory)?;
+        missing::refuse(&args.namespace, &memory, context)?;
         return Err(WrongInput::new(format!(
             "no document of {} has what is drawn; see the fields with rmem schema {0}",
             args.namespace
@@ -141,6 +141,11 @@ pub(super) fn picture_file(text: &str) -> Result<PathBuf, String> {
         Some("svg" | "png") => Ok(path),
         _ => Err("a picture is SVG or PNG; expected a name that ends in .svg or .png".to_owned()),
     }
+}
+
+/// The same, or `-` for stdout.
+pub(super) fn picture_or_stdout(text: &str) -> Result<PathBuf, String> {
+    if text == "-" { Ok(PathBuf::from(text)) } else { picture_file(text) }
 }
 
 /// Writes a picture in the format of the file's name.

@@ -8,8 +8,9 @@ use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::fault::{AtFault as _, Fault};
-use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::formats::{Diagnostic, Source, Span, nearest, shell};
 use crate::memory::{Diagnosis, Memory};
+use crate::query::known_names;
 use crate::store::{Find, Namespace, StoreError};
 
 /// What stands below the help of `query`.
@@ -87,7 +88,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = args.past.memory(context)?;
     memory.show_computed(args.computed);
     if args.strict {
-        missing::refuse(&args.namespace, &memory)?;
+        missing::refuse(&args.namespace, &memory, context)?;
     }
     if args.why {
         let diagnosis = memory.diagnose(&args.namespace, &find.filter).map_err(|error| blame(error, &given))?;
@@ -135,14 +136,22 @@ fn why(diagnosis: &Diagnosis, memory: &Memory, context: &mut Context<'_>) -> Res
 /// in front.
 pub(super) fn fields(name: &'static str, option: &str, text: &str) -> Result<bson::Document, Diagnostic> {
     argument(name, text).map_err(|error| {
-        let names: Vec<&str> = text.split([',', ' ']).filter(|name| !name.is_empty()).collect();
-        let is_name = |name: &&str| name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'));
+        // A sign in front is how others write a direction, or that a field is left out.
+        let signed = |name| match str::strip_prefix(name, '-') {
+            Some(name) if option.contains("--fields") => (name, "0"),
+            Some(name) => (name, "-1"),
+            None => (name.strip_prefix('+').unwrap_or(name), "1"),
+        };
+        let names: Vec<(&str, &str)> = text.split([',', ' ']).filter(|name| !name.is_empty()).map(signed).collect();
+        let is_name = |(name, _): &(&str, &str)| {
+            !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'))
+        };
         if names.is_empty() || !names.iter().all(is_name) {
             return error;
         }
-        let fields = names.iter().map(|name| match name.contains(['.', '-']) {
-            true => format!("\"{name}\": 1"),
-            false => format!("{name}: 1"),
+        let fields = names.iter().map(|(name, value)| match name.contains(['.', '-']) {
+            true => format!("\"{name}\": {value}"),
+            false => format!("{name}: {value}"),
         });
         error.without_hints().hint(format!("write {option}'{{{}}}'", fields.collect::<Vec<_>>().join(", ")))
     })
@@ -174,7 +183,10 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
     match (place, texts.as_slice()) {
         (Some(((name, text), place)), _) => {
             let source = Source::new(*name, *text);
-            Diagnostic::new(&source, Span::new(place.start, place.end), query.message.clone()).into()
+            let written = text.get(place.start..place.end).unwrap_or_default().trim_matches(['"', '\'']);
+            let meant = nearest(written, known_names(&query.message).iter().copied());
+            let error = Diagnostic::new(&source, Span::new(place.start, place.end), query.message.clone());
+            meant.into_iter().fold(error, |error, meant| error.hint(format!("did you mean `{meant}`?"))).into()
         }
         (None, [(name, text)]) => {
             let source = Source::new(*name, *text);

@@ -5,9 +5,12 @@ use std::path::{Path, PathBuf};
 use bson::{Document, doc};
 use clap::Args;
 
+use super::context::STDIN;
 use super::{Context, UsageError, conflict, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
+use crate::formats::mongodump;
+use crate::input::unreadable;
 use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::Dump;
 use crate::memory::dump::restore::{RestoreOptions, Restored, restore};
@@ -58,7 +61,7 @@ pub struct RestoreArgs {
 
 pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut dump = match args.path == Path::new("-") {
-        true => Dump::world(&context.read(&args.path)?)?,
+        true => stdin(context)?,
         false => Dump::open(&args.path)?,
     };
     if let Some(namespace) = &args.into {
@@ -94,8 +97,7 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
         }
         Err(RestoreError::Store { which, source }) => {
             // Of two in a dump that replaces the collection, none is there.
-            let holder =
-                conflict::holder(&source, &memory).filter(|_| !args.drop).map(|id| format!(": that with _id {id}"));
+            let holder = conflict::holder(&source, &memory).filter(|_| !args.drop).as_ref().map(conflict::named);
             let message = holder.map(|holder| format!("cannot restore {which}: {source}{holder}"));
             let error = Error::from(RestoreError::Store { which, source });
             return Err(message.into_iter().fold(error, Error::context));
@@ -120,6 +122,12 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
         context.output.note("nothing was changed: --dry-run");
     }
     Ok(Exit::Done)
+}
+
+/// The world file on stdin, which may be packed.
+pub(super) fn stdin(context: &mut Context<'_>) -> Result<Dump> {
+    let stdin = mongodump::unpack(context.take_stdin()?).map_err(|error| unreadable("stdin", &error))?;
+    Ok(Dump::stream(STDIN, stdin)?)
 }
 
 /// What was done for a collection.

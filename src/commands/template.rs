@@ -200,7 +200,7 @@ pub(super) fn report(asked: &Asked<'_>, memory: &Memory, context: &mut Context<'
         if !is_warned && context.output.shows_notes() {
             why(section, memory, context);
         }
-        if missing::message(&section.namespace, memory).is_some() {
+        if missing::message(&section.namespace, memory, context).is_some() {
             warned.push(&section.namespace);
         }
     }
@@ -232,7 +232,7 @@ const DIAGNOSED: u64 = 10_000;
 
 /// Explains why a section matched nothing: the collection does not exist, or which condition no document meets.
 fn why(section: &SectionReport, memory: &Memory, context: &mut Context<'_>) {
-    if let Some(message) = missing::message(&section.namespace, memory) {
+    if let Some(message) = missing::message(&section.namespace, memory, context) {
         context.output.note(&format!("  {message}"));
         return;
     }

@@ -1,6 +1,6 @@
 //! `rmem undo NS [QUERY]`: changes taken back.
 
-use bson::{Bson, Document, doc};
+use bson::{Document, doc};
 use clap::Args;
 
 use super::history::ChangesArgs;
@@ -14,7 +14,7 @@ use crate::memory::Memory;
 use crate::memory::history::Selection;
 use crate::memory::undo::{DEFAULT_LAST, Restoration, UndoPlan};
 use crate::output::amount;
-use crate::store::{Entry, StoreError};
+use crate::store::{Entry, StoreError, metadata};
 
 /// What stands below the help of `undo`.
 const HELP: &str = "\
@@ -50,6 +50,9 @@ pub struct UndoArgs {
     /// Print what would be done, and do nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Show the metadata of documents, under `_robmem_info`
+    #[arg(long, requires = "dry_run")]
+    pub meta: bool,
 }
 
 pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
@@ -68,7 +71,7 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
     let last = last(args);
     let plan = memory.plan_undo(&selection, last).map_err(|error| blame(error, &query))?;
     if args.dry_run {
-        plan.documents.iter().for_each(|document| context.output.note(&described(document)));
+        plan.documents.iter().for_each(|document| context.output.note(&described(document, args.meta)));
     } else {
         if let Some(what) = conflicts(&plan).filter(|_| !args.force) {
             return Err(StoreError::Held { what }.into());
@@ -150,12 +153,16 @@ fn later(entry: &Entry) -> String {
     format!("{}{by} at {time} UTC (position {})", entry.change.kind.name(), entry.change.position)
 }
 
-fn described(document: &Restoration) -> String {
+fn described(document: &Restoration, meta: bool) -> String {
     let id = shell::relaxed_value(&document.id);
     let conflict = if document.is_conflict() { " (overwrites later changes)" } else { "" };
     match &document.target {
         Some(target) => {
-            format!("{id} would become {}{conflict}", shell::relaxed_value(&Bson::Document(target.clone())))
+            let mut target = target.clone();
+            if !meta {
+                target.remove(metadata::INFO);
+            }
+            format!("{id} would become {}{conflict}", shell::relaxed(&target))
         }
         None => format!("{id} would be removed{conflict}"),
     }

@@ -18,6 +18,7 @@ use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{nearest, quantity};
+use crate::memory::Memory;
 use crate::memory::watch::{Trigger, Watch, event};
 use crate::output::Format;
 use crate::settings::Origin;
@@ -156,6 +157,9 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         None => drop(missing::warn_of_nearest(namespace, &memory, context)),
     }
     context.output.note(&format!("watching {namespace}"));
+    if let Some(message) = computed(args, namespace, &filter, &memory)? {
+        context.output.warn(&message);
+    }
     let session = Session {
         args,
         namespace,
@@ -182,6 +186,24 @@ fn new_file(context: &Context<'_>) -> Option<String> {
     let files: Vec<String> = files.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
     let meant = nearest(&name, files.iter().map(String::as_str)).map(|file| format!("; did you mean {file}?"));
     Some(format!("{} did not exist yet{}", path.display(), meant.unwrap_or_default()))
+}
+
+/// Says which computables answer the query, for what they give is no change of the memory.
+fn computed(
+    args: &WatchArgs,
+    namespace: &Namespace,
+    filter: &Document,
+    memory: &Memory,
+) -> Result<Option<String>, StoreError> {
+    let needed = memory.needed(namespace, filter)?;
+    let names: Vec<String> = needed.iter().map(|computable| format!("`{}`", computable.definition.name)).collect();
+    let (noun, verb) = if names.len() == 1 { ("computable", "answers") } else { ("computables", "answer") };
+    let seen = match args.when {
+        Some(_) => format!("--when counts what is computed as well, whenever {namespace} changes, and only then"),
+        None if args.computed => return Ok(None),
+        None => "watch delivers changes of stored documents only".to_owned(),
+    };
+    Ok((!names.is_empty()).then(|| format!("the {noun} {} {verb} this query: {seen}", names.join(", "))))
 }
 
 /// Lists the names of watches.

@@ -93,6 +93,13 @@ impl Extraction {
         Scene { name: None, frame: Some(frame.to_owned()), objects }
     }
 
+    /// Whether there is no object, and nothing but that a frame is not known keeps documents from being one.
+    #[must_use]
+    pub fn is_nothing_for_want_of(&self, frame: &str) -> bool {
+        let is_want = |invalid: &Invalid| invalid.reason.starts_with(&format!("the frame `{frame}` is not known"));
+        self.objects.is_empty() && self.invalid.iter().all(is_want)
+    }
+
     /// The objects by name.
     #[must_use]
     pub fn by_name(&self) -> HashMap<&str, &Located> {

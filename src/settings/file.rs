@@ -63,6 +63,7 @@ pub struct File {
 #[serde(deny_unknown_fields)]
 struct PlannerTable {
     command: Spanned<Vec<String>>,
+    #[serde(default)]
     output: DialectName,
     /// PDDL requirements that it cannot handle.
     #[serde(default)]
@@ -70,9 +71,10 @@ struct PlannerTable {
 }
 
 /// The format of a planner's plans, as it is named in the file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum DialectName {
+    #[default]
     Auto,
     /// As FF prints them.
     Ff,

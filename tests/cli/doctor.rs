@@ -42,7 +42,7 @@ fn doctor_tries_planners_and_computables() {
         "computable sum: there is no file sum.sh in ",
         "computable gone: the program `./gone` is not there",
         "computable wrong: ",
-        "computable right: ok, its pipeline gives 1 documents",
+        "computable right: ok, its pipeline gives 1 document\n",
     ] {
         assert!(found.stdout.contains(line), "{line}: {found}");
     }
@@ -134,4 +134,20 @@ fn a_program_whose_answers_its_query_does_not_find_is_a_mistake() {
     let found = lab.rmem(&["doctor"]);
     let wanted = "computable scan: does not answer {\"typ\":\"scan\"}: of the 1 that it prints, the query finds none: {\"type\":\"scan\"}";
     assert!(found.stdout.contains(wanted), "{found}");
+}
+
+#[test]
+fn doctor_counts_actions_with_and_without_duration() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :durative-actions) (:predicates (p)) (:action a :parameters () :effect (p))
+         (:durative-action b :parameters () :duration (= ?duration 1) :condition (at start (p)) :effect (at end (p))))",
+    );
+    lab.write("e.pddl", "(define (domain e) (:predicates (p)) (:action a :parameters () :effect (p)))");
+    let found = lab.rmem(&["doctor", "--domain", "d.pddl", "--domain", "e.pddl"]).stdout;
+    assert!(
+        found.contains("domain d.pddl: ok, 2 actions\n") && found.contains("domain e.pddl: ok, 1 action\n"),
+        "{found}"
+    );
 }

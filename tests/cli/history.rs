@@ -136,8 +136,12 @@ fn undo_takes_the_last_command_back_and_undo_again_takes_that_back() {
     let before = lab.rmem(&["query", NS, "--meta"]).success();
     lab.rmem(&["update", NS, "{}", "{$set: {n: 2}}", "--many"]).success();
     let dry = lab.rmem(&["undo", NS, "--dry-run"]).exits(0);
-    assert!(dry.stderr.contains("1 would become {\"_id\":1,\"n\":1"), "{dry}");
+    assert!(dry.stderr.contains("1 would become {\"_id\":1,\"n\":1}\n"), "{dry}");
+    let whole = lab.rmem(&["undo", NS, "--dry-run", "--meta"]).exits(0);
+    assert!(whole.stderr.contains("1 would become {\"_id\":1,\"n\":1,\"_robmem_info\":{"), "{whole}");
     assert_eq!(lab.rmem(&["count", NS, "{n: 2}"]).success(), "3\n");
+    let misspelt = lab.rmem(&["history", &NS[..NS.len() - 1]]).exits(0);
+    assert!(misspelt.stderr.contains(&format!("did you mean {NS}?")), "{misspelt}");
     assert_eq!(lab.rmem(&["undo", NS]).success(), "{\"changes\":3,\"restored\":3,\"removed\":0}\n");
     assert_eq!(lab.rmem(&["query", NS, "--meta"]).success(), before, "with the metadata it had");
     assert_eq!(lab.rmem(&["undo", NS]).success(), "{\"changes\":3,\"restored\":3,\"removed\":0}\n");
@@ -315,4 +319,16 @@ fn a_history_that_does_not_reach_back_says_when_it_begins() {
     // What was not typed is not pointed at.
     let none = with_settings("").rmem(&["history", NS]).exits(2).stderr;
     assert!(!none.contains("{}"), "{none}");
+}
+
+#[test]
+fn a_table_of_changes_is_one_list_in_order_of_time() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, at: 'A'}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'C'}}"]).success();
+    lab.rmem(&["insert", NS, "{_id: 2, at: 'B'}"]).success();
+    lab.rmem(&["delete", NS, "{_id: 1}"]).success();
+    let table = lab.rmem(&["history", NS, "--format", "table"]).success();
+    let operations: Vec<&str> = table.lines().skip(1).map(|line| line.split_whitespace().nth(4).unwrap()).collect();
+    assert_eq!(operations, ["insert", "update", "insert", "delete"], "{table}");
 }

@@ -201,3 +201,10 @@ fn expired_locks_are_released_and_the_others_stay() {
     lab.rmem(&["lock", "door", "--owner", "r2"]).success();
     lab.rmem(&["unlock"]).exits(2);
 }
+
+#[test]
+fn a_lock_of_no_time_is_refused() {
+    let lab = Lab::new();
+    let refused = lock(&lab, "r1", &["--ttl", "0s"]).exits(2);
+    assert!(refused.stderr.contains("a lock with --ttl 0s ends at once; expected more than 0s"), "{refused}");
+}

@@ -394,7 +394,7 @@ fn a_method_of_mongosh_without_a_command_of_its_own_has_a_tip() {
     ------- stderr -------
     error: invalid value 'db.dropDatabase()' for '<NS>': it is not a namespace: it has a `(`; expected DATABASE.COLLECTION, like robmem.worldmodel
 
-      tip: 'rmem collections' lists the collections of robmem, and 'rmem drop NS' removes one of them
+      tip: 'rmem drop --database robmem' removes all collections of robmem, and 'rmem drop NS' one of them
 
     For more information, try '--help'.
     [exit code: 2]
@@ -402,13 +402,21 @@ fn a_method_of_mongosh_without_a_command_of_its_own_has_a_tip() {
     lab.write("rmem.toml", "collection = \"lab.world\"\n");
     assert!(lab.rmem(&["query", "db.world.stats()"]).exits(2).stderr.contains("rmem schema lab.world"));
     assert!(lab.rmem(&["bulkWrite"]).exits(2).stderr.contains("rmem insert"));
+    assert!(lab.rmem(&["dropDatabase"]).exits(2).stderr.contains("'rmem drop --database lab'"));
+    let bare = lab.rmem(&["query", "db.world.find"]).exits(0);
+    assert!(bare.stderr.contains("no collection db.world.find; write: rmem query lab.world"), "{bare}");
+    let counted = lab.rmem(&["count", "db.world.count", "--collection", "shop.x"]).exits(0);
+    assert!(counted.stderr.contains("write: rmem count shop.world"), "{counted}");
+    assert!(lab.rmem(&["export", "lab"]).exits(2).stderr.contains("'rmem dump lab.COLLECTION -o FILE.json'"));
 }
 
 #[test]
 fn mistakes_in_arguments_are_shown_at_their_places() {
     let lab = three_documents();
-    let commands: [&[&str]; 9] = [
+    let commands: [&[&str]; 11] = [
         &["query", "robmem.worldmodel", "--sort", "name"],
+        &["query", "robmem.worldmodel", "--sort", "n,-at.x"],
+        &["query", "robmem.worldmodel", "--fields", "name,-_id"],
         &["find-and-modify", "robmem.worldmodel", "{}", "{$set: {n: 2}}", "--sort", "n,at.x"],
         &["index", "robmem.worldmodel", "name"],
         &["query", "robmem.worldmodel", "{}", "--sort", "{n: 1, name: 5}"],
@@ -426,6 +434,22 @@ fn mistakes_in_arguments_are_shown_at_their_places() {
     1 | name
       | ^^^^
       = hint: write --sort '{name: 1}'
+    [exit code: 3]
+    $ rmem query robmem.worldmodel --sort n,-at.x
+    ------- stderr -------
+    error: <sort>:1:1: expected a value, found `n`
+      |
+    1 | n,-at.x
+      | ^
+      = hint: write --sort '{n: 1, "at.x": -1}'
+    [exit code: 3]
+    $ rmem query robmem.worldmodel --fields name,-_id
+    ------- stderr -------
+    error: <fields>:1:1: expected a value, found `name`
+      |
+    1 | name,-_id
+      | ^^^^
+      = hint: write --fields '{name: 1, _id: 0}'
     [exit code: 3]
     $ rmem find-and-modify robmem.worldmodel '{}' '{$set: {n: 2}}' --sort n,at.x
     ------- stderr -------
@@ -538,11 +562,15 @@ fn a_taken_key_says_which_document_of_the_file_and_which_of_the_memory() {
     lab.write("f.csv", "_id,name\n3,C\n4,A\n");
     lab.write("f.clp", "(machine (name D))\n(machine (name A))\n");
     lab.write("w.json", "{'a.b': [{_id: 9, name: 'A'}]}");
-    let commands: [&[&str]; 5] = [
+    lab.write("g.clp", "(machine (name E))\n(machine (name F) (tags x y))\n");
+    lab.write("h.clp", "\n(machine (name E) (n 1))\n");
+    let commands: [&[&str]; 7] = [
         &["insert", "a.b", "--file", "f.jsonl"],
         &["insert", "a.b", "--file", "f.csv"],
         &["insert", "a.b", "{_id: 5, name: 'A'}"],
         &["clips", "import", "f.clp", "--into", "a.b"],
+        &["clips", "import", "g.clp", "h.clp", "--into", "a.b"],
+        &["clips", "import", "g.clp", "h.clp", "--into", "a.b", "--key", "name"],
         &["restore", "w.json"],
     ];
     assert_run!(lab.transcript(&commands), @r#"
@@ -566,6 +594,18 @@ fn a_taken_key_says_which_document_of_the_file_and_which_of_the_memory() {
     ------- stderr -------
     error: f.clp:2:1: a.b already has a document with name: "A" (unique index name_1): that with _id 7; nothing was imported
     [exit code: 5]
+    $ rmem clips import g.clp h.clp --into a.b
+    ------- stderr -------
+    error: h.clp:2:1: the fact at g.clp:1:1 has the same name: "E" (unique index name_1); nothing was imported
+    [exit code: 5]
+    $ rmem clips import g.clp h.clp --into a.b --key name
+    ------- stderr -------
+    error: h.clp:2:1: another fact has the key `name` "E"
+      |
+    2 | (machine (name E) (n 1))
+      | ^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: the other fact is at g.clp:1:1
+    [exit code: 3]
     $ rmem restore w.json
     ------- stderr -------
     error: cannot restore a.b; nothing was changed: a.b already has a document with name: "A" (unique index name_1): that with _id 7
@@ -590,4 +630,117 @@ fn what_restore_does_not_read_has_the_command_that_does() {
         assert_eq!(run.stderr.contains("`rmem "), hint.is_some(), "{run}");
     }
     assert!(lab.rmem_with(&["restore", "-"], "{a: 1}").exits(3).stderr.contains("rmem insert NS --file -"));
+}
+
+#[test]
+fn misspelt_operators_and_options_of_other_tools_have_a_hint() {
+    let lab = three_documents();
+    for (args, code, hint) in [
+        (&["query", "robmem.worldmodel", "{name: {$exits: true}}"][..], 3, "= hint: did you mean `$exists`?"),
+        (&["query", "robmem.worldmodel", "{$orr: [{n: 1}]}"], 3, "= hint: did you mean `$or`?"),
+        (&["update", "robmem.worldmodel", "{}", "{'$sett': {n: 1}}"], 3, "= hint: did you mean `$set`?"),
+        (&["aggregate", "robmem.worldmodel", "[{$mach: {n: 1}}]"], 3, "= hint: did you mean `$match`?"),
+        (&["count", "robmem.worldmodel", "--query", "{}"], 2, "tip: the query stands behind the collection"),
+        (&["query", "robmem.worldmodel", "-n", "3"], 2, "tip: '--limit N'"),
+        (&["plan", "--explain", "(on A B)"], 2, "tip: 'rmem gen-problem --explain ATOM'"),
+    ] {
+        let run = lab.rmem(args).exits(code);
+        assert!(run.stderr.contains(hint), "{run}");
+    }
+    let unknown = lab.rmem(&["query", "robmem.worldmodel", "{name: {$dance: true}}"]).exits(3);
+    assert!(!unknown.stderr.contains("did you mean"), "{unknown}");
+}
+
+#[test]
+fn slips_in_expressions_of_templates_have_a_hint() {
+    let lab = three_documents();
+    for (expression, hint) in [
+        ("query('robmem.worldmodel').name", "take its first document with find_one(…), or loop over it"),
+        ("query('robmem.worldmodel' '{}')", "a comma is missing between the arguments"),
+        ("find_one('robmem.worldmodel')[name]", "a key is written in quotes, find_one('robmem.worldmodel')[\"name\"]"),
+    ] {
+        lab.write(
+            "t.j2",
+            &format!("(define (problem p) (:domain d) (:init (a {{{{ {expression} }}}})) (:goal (and)))"),
+        );
+        let run = lab.rmem(&["gen-problem", "--template", "t.j2"]).exits(3);
+        assert!(run.stderr.contains(hint), "{run}");
+    }
+}
+
+#[test]
+fn files_behind_plan_have_a_tip() {
+    let lab = lab();
+    assert_run!(lab.transcript(&[&["plan", "domain.pddl", "problem.pddl"], &["plan", "domain.pddl", "my problem.pddl.j2"]]), @r"
+    $ rmem plan domain.pddl problem.pddl
+    ------- stderr -------
+    error: unrecognized subcommand 'domain.pddl'
+
+      tip: write: rmem plan --domain domain.pddl --problem FILE, or --template FILE for one with queries
+
+    Usage: rmem plan [OPTIONS] --domain <FILE> <--problem <FILE>|--template <FILE>>
+           rmem plan [OPTIONS] <COMMAND>
+
+    For more information, try '--help'.
+    [exit code: 2]
+    $ rmem plan domain.pddl 'my problem.pddl.j2'
+    ------- stderr -------
+    error: unrecognized subcommand 'domain.pddl'
+
+      tip: write: rmem plan --domain domain.pddl --problem FILE, or --template FILE for one with queries
+
+    Usage: rmem plan [OPTIONS] --domain <FILE> <--problem <FILE>|--template <FILE>>
+           rmem plan [OPTIONS] <COMMAND>
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+}
+
+#[test]
+fn a_world_file_that_is_inserted_is_a_warning() {
+    let lab = lab();
+    lab.write("world.json", "{\"a.b\": [{\"_id\": 1}, {\"_id\": 2}]}");
+    let stored = lab.rmem(&["insert", "c.d", "--file", "world.json"]).exits(0);
+    assert!(stored.stderr.contains("`rmem restore FILE` stores the documents of a world file"), "{stored}");
+    for document in ["{'a.b': []}", "{'a.b': [1]}", "{a: [{b: 1}]}", "{}", "{'a.b': [{}], c: 1}"] {
+        let stored = lab.rmem(&["insert", "c.d", document]).exits(0);
+        assert!(!stored.stderr.contains("restore"), "{document}: {stored}");
+    }
+}
+
+#[test]
+fn a_picture_of_another_format_is_refused() {
+    let lab = lab();
+    let refused = lab.rmem(&["plot", "c.d", "--x", "a", "--y", "b", "-o", "x.jpg"]).exits(2);
+    assert!(refused.stderr.contains("expected a name that ends in .svg or .png"), "{refused}");
+    let refused = lab.rmem(&["scene", "show", "-o", "x.jpg"]).exits(2);
+    assert!(refused.stderr.contains("expected a name that ends in .svg or .png"), "{refused}");
+}
+
+#[test]
+fn a_goal_with_names_in_single_quotes_gets_a_hint() {
+    let lab = Lab::new();
+    let task = ["gen-problem", "-t", "templates/blocksworld/problem.pddl.j2", "-d", "domains/blocksworld/domain.pddl"];
+    let goal = ["--load", "fixtures/blocksworld.json", "--goal", "(on 'box 1' 'A')"];
+    let refused = lab.rmem(&[&task[..], &goal].concat()).exits(3);
+    assert!(refused.stderr.contains("names of several words are written in double quotes"), "{refused}");
+}
+
+#[test]
+fn a_planner_without_output_is_read_as_what_it_prints() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "memory = 'file:robot.rmem'\n[planner.liar]\ncommand = ['echo', 'ff: goal can be simplified to FALSE. No plan will solve it']\n");
+    let plan = [
+        "plan",
+        "-d",
+        "domains/blocksworld/domain.pddl",
+        "-t",
+        "templates/blocksworld/problem.pddl.j2",
+        "--goal",
+        "(on A B)",
+    ];
+    let claimed =
+        lab.rmem(&[&plan[..], &["--load", "fixtures/blocksworld.json", "--planner", "liar"]].concat()).exits(11);
+    assert!(claimed.stderr.contains("why: liar claims it, and rmem has no proof of it"), "{claimed}");
 }

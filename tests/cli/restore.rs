@@ -158,6 +158,42 @@ fn a_world_file_is_restored_and_skipped_again() {
 }
 
 #[test]
+fn a_world_file_is_read_from_a_pipe() {
+    let lab = lab();
+    lab.rmem(&["dump", "--all", "-o", "world.json"]).success();
+    let piped = ["cat world.json | rmem restore /dev/stdin", "gzip -c world.json | rmem restore /dev/stdin"];
+    let others = ["gzip -c world.json | rmem restore -", "mkfifo fifo; cat world.json > fifo & rmem restore fifo"];
+    for line in piped.iter().chain(&others) {
+        assert_run!(lab.shell(line), @r#"
+        {"namespace":"other.a.b/c","inserted":0,"replaced":0,"skipped":1}
+        {"namespace":"robmem.blocks","inserted":0,"replaced":0,"skipped":2}
+        ------- stderr -------
+        [exit code: 0]
+        "#);
+    }
+    assert_run!(lab.shell("cat world.json | rmem diff /dev/stdin world.json"), @r"
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    lab.rmem(&["dump", "robmem.blocks", "-o", "dump"]).success();
+    assert_run!(lab.shell("cat dump/robmem/blocks.bson | rmem restore /dev/stdin --into a.b"), @r"
+    ------- stderr -------
+    error: /dev/stdin: a dump of mongodump is read several times, which a pipe cannot be; write it to a file first
+    [exit code: 3]
+    ");
+    assert_run!(lab.shell("printf '{a: 1}' | rmem restore /dev/stdin"), @r"
+    ------- stderr -------
+    error: /dev/stdin is not a world file
+      caused by: /dev/stdin:1:5: expected an array of documents `[…]`, found `1`
+      |
+    1 | {a: 1}
+      |     ^
+      = hint: `rmem insert NS --file /dev/stdin` reads documents, such as JSON lines
+    [exit code: 3]
+    ");
+}
+
+#[test]
 fn a_damaged_file_is_named_with_its_place_and_changes_nothing() {
     for packed in [false, true] {
         let lab = dumped(if packed { &["--gzip"] } else { &[] });
@@ -359,4 +395,21 @@ fn the_indexes_of_a_collection_without_documents_are_restored() {
     "#);
     assert_eq!(lab.rmem(&["index", "robmem.objects"]).success(), listed);
     assert_eq!(lab.rmem(&["count", "robmem.objects"]).success(), "0\n");
+}
+
+#[test]
+fn documents_that_a_collation_takes_for_one_are_a_conflict_and_nothing_is_replaced() {
+    let lab = Lab::new();
+    lab.rmem(&["create", "m.c", "--collation", "{locale: 'en', strength: 2}"]).success();
+    lab.rmem(&["insert", "m.c", "{_id: 'A', keep: 'me'}"]).success();
+    lab.write("one.json", r#"{"m.c": [{"_id": "a", "v": 1}]}"#);
+    lab.write("two.json", r#"{"m.c": [{"_id": "b"}, {"_id": "B"}]}"#);
+    for world in ["one.json", "two.json"] {
+        for how in [&["--dry-run"][..], &[]] {
+            lab.rmem(&[&["restore", world][..], how].concat()).exits(5);
+        }
+    }
+    assert_eq!(lab.rmem(&["query", "m.c"]).success(), "{\"_id\":\"A\",\"keep\":\"me\"}\n");
+    lab.rmem(&["dump", "m.c", "-o", "same.json"]).success();
+    lab.rmem(&["restore", "same.json"]).success();
 }

@@ -335,6 +335,7 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
       |
     1 | {n: {$nope: 1}}
       |      ^^^^^
+      = hint: did you mean `$ne`?
     [exit code: 3]
     $ rmem watch a.b --count 0
     ------- stderr -------
@@ -418,4 +419,36 @@ fn a_watch_of_what_is_not_there_yet_names_what_may_be_meant() {
         "warning: robto.rmem did not exist yet; did you mean robot.rmem?\nwatching robmem.worldmodel\n"
     );
     assert_eq!(watch("file:robto.rmem", "robmem.worldmodel"), "watching robmem.worldmodel\n");
+}
+
+#[test]
+fn what_a_computable_gives_is_counted_and_where_changes_of_it_are_not_seen_a_warning() {
+    let lab = Lab::new();
+    lab.write(
+        "rmem.toml",
+        "memory = 'file:robot.rmem'\n[[computable]]\nname = 'low'\ncollection = 'a.b'\nspec = '{kind: \"low\"}'\n\
+         pipeline = '[{$match: {battery: {$lt: 10}}}, {$project: {_id: 0, kind: \"low\", name: 1}}]'\n",
+    );
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 1, name: 'r', battery: 5}"]).success();
+    let watched = ["watch", "a.b", "{kind: 'low'}"];
+    let when = |condition: &str| {
+        let more = ["--when", condition, "--count", "1", "--timeout", "1m", "--exec", "cut -d , -f 1-4"];
+        lab.rmem(&[&watched[..], &more].concat())
+    };
+    assert_run!(when("count == 1"), @r#"
+    {"operation":"count","ns":"a.b","count":1,"when":"count == 1"
+    ------- stderr -------
+    watching a.b
+    warning: the computable `low` answers this query: --when counts what is computed as well, whenever a.b changes, and only then
+    [exit code: 0]
+    "#);
+    let watch = start(&lab, &["a.b", "{kind: 'low'}", "--when", "count == 0"]);
+    lab.rmem(&["update", "-q", "a.b", "{_id: 1}", "{$set: {battery: 50}}"]).success();
+    assert!(watch.next().starts_with(r#"{"operation":"count","ns":"a.b","count":0,"#));
+    assert_run!(lab.rmem(&[&watched[..], &["--timeout", "1ms"]].concat()), @r"
+    ------- stderr -------
+    watching a.b
+    warning: the computable `low` answers this query: watch delivers changes of stored documents only
+    [exit code: 1]
+    ");
 }

@@ -22,6 +22,7 @@ const CASES: &[(&str, Case)] = &[
     ("backend::what_runs_stays_as_it_is_and_strangers_are_left_alone", stay),
     ("backend::the_log_arguments_and_data_are_as_the_settings_say", configured),
     ("backend::a_program_that_does_not_do_as_mongod_does_is_not_waited_for", misbehave),
+    ("backend::a_mongod_that_is_suspended_is_named_and_nothing_waits_for_it", suspended),
 ];
 
 /// The names of the tests, all of which need a mongod.
@@ -441,6 +442,36 @@ fn misbehave(mongod: &Path) -> Result<(), Failed> {
     assert_eq!((&up[0]["started"], &up[0]["state"]), (&true.into(), &"PRIMARY".into()));
     robots.ends(0, &["insert", "robmem.x", "{_id: 1}"], 0)?;
     assert_eq!(robots.ends(0, &["backend", "down", "local"], 0)?[0]["did"], "stopped");
+    Ok(())
+}
+
+/// A mongod that takes connections, and answers nothing.
+fn suspended(mongod: &Path) -> Result<(), Failed> {
+    let robots = Robots::new(mongod, 1)?;
+    robots.settle(0, 1)?;
+    robots.ends(0, &["backend", "up", "local"], 0)?;
+    robots.ends(0, &["insert", "robmem.x", "{_id: 1}"], 0)?;
+    let pid = robots.pid(0, "local")?;
+    let signal = |name: &str| Command::new("kill").args([name, &pid]).status();
+    signal("-STOP")?;
+    let asked: [&[&str]; 5] = [
+        &["query", "robmem.x"],
+        &["count", "robmem.x"],
+        &["insert", "robmem.x", "{_id: 2}"],
+        &["update", "robmem.x", "{}", "{$set: {n: 1}}"],
+        &["delete", "robmem.x", "{}", "--all"],
+    ];
+    let said: Vec<Output> = asked.iter().map(|args| robots.run(0, args)).collect::<Result<_, _>>()?;
+    let status = robots.run(0, &["backend", "status"])?;
+    signal("-CONT")?;
+    let address = format!("cannot reach mongodb://127.0.0.1:{}: no server answers", robots.ports[0].0);
+    let suspended = format!("its mongod, process {pid}, listens on port {} and does not answer", robots.ports[0].0);
+    let wanted = said.iter().map(|output| (output, &address)).chain([(&status, &suspended)]);
+    for (output, wanted) in wanted {
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(4) && message.contains(wanted), "{output:?}");
+    }
+    assert_eq!(robots.ends(0, &["count", "robmem.x"], 0)?, [Value::from(1)], "nothing was written");
     Ok(())
 }
 

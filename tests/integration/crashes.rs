@@ -115,7 +115,7 @@ fn prepare(store: &Embedded) -> Result<(), Failed> {
     }
     // From this write on, every process keeps the history.
     store.keep_history(&[HistoryRule { scope: Scope::All, age: Duration::from_secs(86_400), size: 1 << 30 }]);
-    store.create(&ns())?;
+    store.create(&ns(), None)?;
     Ok(())
 }
 

@@ -64,7 +64,7 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
 
     let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
     let state = match context.memory().and_then(|memory| Ok(memory.collections()?.len())) {
-        Ok(count) => format!("ok, {count} collections"),
+        Ok(count) => format!("ok, {}", amount(count as u64, "collection")),
         Err(error) => {
             healthy = false;
             format!("{error:#}")

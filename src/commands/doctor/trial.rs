@@ -133,7 +133,7 @@ fn computable(
             }
             let count = memory.aggregate(from, stages).and_then(|found| found.collect::<Result<Vec<_>, _>>());
             count
-                .map(|found| format!("its pipeline gives {} documents", found.len()))
+                .map(|found| format!("its pipeline gives {}", amount(found.len() as u64, "document")))
                 .map_err(|error| error.to_string())
         }
     }
@@ -184,8 +184,10 @@ pub(super) fn files(
 ) -> Result<Vec<Trial>> {
     let mut trials = Vec::new();
     for path in domains {
-        let read = read_domain(path, options.lenient, context)
-            .map(|domain| format!("{} actions", domain.tree().actions.len()));
+        let read = read_domain(path, options.lenient, context).map(|domain| {
+            let tree = domain.tree();
+            amount((tree.actions.len() + tree.durative_actions.len()) as u64, "action")
+        });
         trials.push(Trial::of(&format!("domain {}", path.display()), read.map_err(|error| format!("{error:#}"))));
     }
     for path in templates {

@@ -96,7 +96,7 @@ pub(super) fn run(args: &McapArgs, context: &mut Context<'_>) -> Result<Exit> {
         }
     }
     if written.documents == 0 {
-        missing::refuse(&args.namespace, &memory)?;
+        missing::refuse(&args.namespace, &memory, context)?;
         let field = &args.time;
         return Err(WrongInput::new(format!("no document of {name} has a date or seconds under `{field}`")).into());
     }

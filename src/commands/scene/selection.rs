@@ -123,6 +123,9 @@ impl More {
     ) -> Result<Extraction> {
         let frames = self.tree(sources, memory, context)?;
         let found = extract(memory, sources, &frames, frame, Reading::All).map_err(|error| blame(error, given))?;
+        if frames.has_any() && !frames.knows(frame) && found.is_nothing_for_want_of(frame) {
+            return Err(WrongInput::new(format!("--frame {frame}: no such frame; {}", frames.known())).into());
+        }
         if found.objects.is_empty() {
             for (namespace, _) in &sources.queries {
                 missing::warn(namespace, memory, context);

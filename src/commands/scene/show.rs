@@ -33,7 +33,7 @@ pub struct ShowArgs {
     #[arg(long, value_name = "WxH", default_value = "800x700", value_parser = plot::size)]
     size: (f64, f64),
     /// Write to FILE, .svg or .png; - is stdout
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = plot::picture_or_stdout)]
     output: PathBuf,
 }
 

@@ -70,7 +70,7 @@ impl Counting<'_> {
     /// Counts the documents; returns the event where the condition begins to hold.
     pub(super) fn event(&mut self, namespace: &Namespace) -> Result<Option<Document>, StoreError> {
         self.changed = None;
-        let count = self.memory.count_stored(namespace, self.filter)?;
+        let count = self.memory.count(namespace, self.filter)?;
         let held = std::mem::replace(&mut self.held, self.condition.holds(count));
         Ok((self.held && !held).then(|| {
             doc! {

@@ -13,6 +13,8 @@ pub struct Metadata {
     pub kind: CollectionKind,
     /// The definitions of its indexes, but the one on `_id`.
     pub indexes: Vec<Document>,
+    /// How its strings compare, where that is not byte by byte.
+    pub collation: Option<Document>,
 }
 
 /// What a collection is.
@@ -28,7 +30,12 @@ impl Metadata {
     /// The metadata of a plain collection.
     #[must_use]
     pub fn plain(collection: &str) -> Self {
-        Self { collection: Some(collection.to_owned()), kind: CollectionKind::Collection, indexes: Vec::new() }
+        Self {
+            collection: Some(collection.to_owned()),
+            kind: CollectionKind::Collection,
+            indexes: Vec::new(),
+            collation: None,
+        }
     }
 
     /// Reads metadata; older ones lack name and type.
@@ -47,19 +54,27 @@ impl Metadata {
         let indexes = document.get_array("indexes").map(Vec::as_slice).unwrap_or_default();
         let definitions = indexes.iter().filter_map(Bson::as_document);
         let indexes = definitions.filter(|index| index.get_str("name").ok() != Some("_id_")).cloned().collect();
-        Ok(Self { collection: text("collectionName"), kind, indexes })
+        let options = document.get_document("options");
+        let collation = options.and_then(|options| options.get_document("collation")).ok().cloned();
+        Ok(Self { collection: text("collectionName"), kind, indexes, collation })
     }
 
     /// The text for a collection.
     #[must_use]
     pub fn write(&self) -> String {
-        let mut indexes = vec![doc! { "v": 2, "key": { "_id": 1 }, "name": "_id_" }];
-        indexes.extend(self.indexes.iter().cloned());
-        shell::canonical(&doc! {
+        let mut ids = doc! { "v": 2, "key": { "_id": 1 }, "name": "_id_" };
+        let mut metadata = Document::new();
+        if let Some(collation) = &self.collation {
+            ids.insert("collation", collation.clone());
+            metadata.insert("options", doc! { "collation": collation.clone() });
+        }
+        let indexes: Vec<Document> = std::iter::once(ids).chain(self.indexes.iter().cloned()).collect();
+        metadata.extend(doc! {
             "indexes": indexes,
             "collectionName": self.collection.clone().unwrap_or_default(),
             "type": "collection",
-        })
+        });
+        shell::canonical(&metadata)
     }
 }
 
@@ -76,6 +91,8 @@ mod tests {
         let indexed =
             Metadata { indexes: vec![doc! { "v": 2, "key": { "n": -1 }, "name": "n" }], ..Metadata::plain("x") };
         assert_eq!(parse(&indexed.write()), indexed);
+        let collated = Metadata { collation: Some(doc! { "locale": "en", "strength": 2 }), ..indexed.clone() };
+        assert_eq!(parse(&collated.write()), collated);
         let metadata = Metadata::plain("a.b");
         assert_eq!(parse(&metadata.write()), metadata);
         assert_eq!(
@@ -93,7 +110,8 @@ mod tests {
             Metadata {
                 collection: None,
                 kind: CollectionKind::Collection,
-                indexes: vec![doc! { "key": { "n": 1 }, "name": "n_1" }]
+                indexes: vec![doc! { "key": { "n": 1 }, "name": "n_1" }],
+                collation: None,
             }
         );
         assert_eq!(parse(r#"{"options":{"viewOn":"x"},"indexes":[]}"#).kind, CollectionKind::Other("view".to_owned()));

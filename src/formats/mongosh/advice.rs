@@ -12,20 +12,32 @@ pub fn advice(line: &str, database: &str) -> Option<String> {
     for_collection(method, &namespace)
 }
 
+/// Returns which commands do what a method of mongosh does, by its name alone.
+#[must_use]
+pub fn advice_on_method(method: &str, database: &str) -> Option<String> {
+    for_collection(method, "NS").or_else(|| for_database(method, database))
+}
+
 fn for_database(method: &str, database: &str) -> Option<String> {
-    Some(match method {
-        "dropDatabase" => {
-            format!("'rmem collections' lists the collections of {database}, and 'rmem drop NS' removes one of them")
+    Some(match method.to_ascii_lowercase().as_str() {
+        "dropdatabase" => {
+            format!(
+                "'rmem drop --database {database}' removes all collections of {database}, and 'rmem drop NS' one of them"
+            )
         }
-        "runCommand" | "adminCommand" => {
+        "runcommand" | "admincommand" => {
             "rmem has a command for each, which 'rmem --help' lists; 'rmem serve' takes commands from MongoDB's drivers"
                 .to_owned()
         }
-        "createCollection" => "a collection is made with its first document: 'rmem insert NS DOC'".to_owned(),
-        "createView" => {
+        "createcollection" => {
+            "a collection is made with its first document: 'rmem insert NS DOC'; 'rmem create NS --collation COLLATION' \
+             makes an empty one"
+                .to_owned()
+        }
+        "createview" => {
             "'rmem aggregate NS PIPELINE' answers a pipeline; a computable of rmem.toml is like a view".to_owned()
         }
-        "stats" | "serverStatus" | "hostInfo" | "version" | "getName" => {
+        "stats" | "serverstatus" | "hostinfo" | "version" | "getname" => {
             "'rmem collections' lists the collections, 'rmem doctor' checks the memory, and 'rmem config' names it"
                 .to_owned()
         }
@@ -36,50 +48,52 @@ fn for_database(method: &str, database: &str) -> Option<String> {
 }
 
 fn for_collection(method: &str, ns: &str) -> Option<String> {
-    Some(match method {
-        "bulkWrite" | "initializeOrderedBulkOp" | "initializeUnorderedBulkOp" => {
+    Some(match method.to_ascii_lowercase().as_str() {
+        "bulkwrite" | "initializeorderedbulkop" | "initializeunorderedbulkop" => {
             format!(
                 "'rmem insert {ns} DOC…', 'rmem update {ns} QUERY UPDATE' and 'rmem delete {ns} QUERY' write one kind of change each"
             )
         }
-        "find" | "findOne" => {
-            format!("'rmem query {ns} [QUERY]' has --sort, --skip, --limit, --fields and more; see its help")
+        "find" | "findone" => {
+            format!("'rmem query {ns} [QUERY]' prints documents, with --sort, --skip, --limit, --fields and more")
         }
-        "insert" | "insertOne" | "insertMany" | "save" => format!("'rmem insert {ns} DOC…' stores documents"),
-        "update" | "updateOne" | "updateMany" | "replaceOne" => {
-            format!("'rmem update {ns} QUERY UPDATE' has --many, --upsert, --replace and --array-filter")
+        "insert" | "insertone" | "insertmany" | "save" => format!("'rmem insert {ns} DOC…' stores documents"),
+        "update" | "updateone" | "updatemany" | "replaceone" => {
+            format!(
+                "'rmem update {ns} QUERY UPDATE' changes documents, with --many, --upsert, --replace and --array-filter"
+            )
         }
-        "remove" | "deleteOne" | "deleteMany" => {
+        "remove" | "deleteone" | "deletemany" => {
             format!(
                 "'rmem delete {ns} QUERY' removes the first document, with --many all that match, and 'rmem delete {ns} --all' all"
             )
         }
-        "findAndModify" | "findOneAndUpdate" | "findOneAndReplace" | "findOneAndDelete" => {
+        "findandmodify" | "findoneandupdate" | "findoneandreplace" | "findoneanddelete" => {
             format!("'rmem find-and-modify {ns} QUERY UPDATE' has --new, --upsert, --replace, --sort and --remove")
         }
-        "count" | "countDocuments" | "estimatedDocumentCount" => format!("'rmem count {ns} [QUERY]' counts documents"),
+        "count" | "countdocuments" | "estimateddocumentcount" => format!("'rmem count {ns} [QUERY]' counts documents"),
         "distinct" => format!("'rmem distinct {ns} FIELD [QUERY]' prints the values of a field"),
         "aggregate" => format!("'rmem aggregate {ns} PIPELINE' runs a pipeline"),
-        "mapReduce" => format!("'rmem map-reduce {ns} --map FUNCTION --reduce FUNCTION' runs functions"),
-        "createIndex" | "createIndexes" | "ensureIndex" | "reIndex" => {
+        "mapreduce" => format!("'rmem map-reduce {ns} --map FUNCTION --reduce FUNCTION' runs functions"),
+        "createindex" | "createindexes" | "ensureindex" | "reindex" => {
             format!("'rmem index {ns} KEYS' has --unique, --ttl, --sparse, --partial and --name")
         }
-        "getIndexes" | "getIndices" | "getIndexKeys" => format!("'rmem index {ns}' lists the indexes"),
-        "dropIndex" | "dropIndexes" => format!("'rmem index {ns} KEYS --drop' removes an index"),
-        "stats" | "dataSize" | "storageSize" | "totalSize" | "totalIndexSize" | "latencyStats" => {
+        "getindexes" | "getindices" | "getindexkeys" => format!("'rmem index {ns}' lists the indexes"),
+        "dropindex" | "dropindexes" => format!("'rmem index {ns} KEYS --drop' removes an index"),
+        "stats" | "datasize" | "storagesize" | "totalsize" | "totalindexsize" | "latencystats" => {
             format!(
                 "'rmem aggregate {ns} \"[{{\\$collStats: {{storageStats: {{}}}}}}]\"' says how large it is, and 'rmem schema {ns}' what is in it"
             )
         }
         "watch" => format!("'rmem watch {ns} [QUERY]' prints changes as they happen"),
         "drop" => format!("'rmem drop {ns}' removes the collection"),
-        "renameCollection" => {
+        "renamecollection" => {
             format!(
                 "'rmem dump {ns} -o FILE.json' and 'rmem restore FILE.json --into NS' copy it, and 'rmem drop {ns}' removes it"
             )
         }
         "explain" => format!("'rmem query {ns} [QUERY] --explain' says how it is answered"),
-        "exists" | "isCapped" | "validate" => "'rmem collections' lists the collections".to_owned(),
+        "exists" | "iscapped" | "validate" => "'rmem collections' lists the collections".to_owned(),
         _ => return None,
     })
 }
@@ -97,7 +111,7 @@ mod tests {
             ("robmem.orders.stats()", "rmem aggregate robmem.orders"),
             ("db.orders.updateOne({a: 1}, {$set: {b: 1}}, {arrayFilters: [{x: 1}]})", "--array-filter"),
             ("db.orders.explain().find({a: 1})", "rmem query lab.orders"),
-            ("db.dropDatabase()", "rmem drop NS"),
+            ("db.dropDatabase()", "rmem drop --database lab"),
             ("db.runCommand({ping: 1})", "rmem serve"),
             ("db.getSiblingDB('x').adminCommand({ping: 1})", "rmem serve"),
         ] {

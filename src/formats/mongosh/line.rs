@@ -62,7 +62,8 @@ pub(super) fn of_database(line: &str) -> Option<&str> {
 
 /// Whether a method is one that is called without arguments, and hardly the name of a collection.
 fn is_bare(name: &str) -> bool {
-    ["find", "findOne", "countDocuments", "estimatedDocumentCount", "getIndexes", "drop", "watch"].contains(&name)
+    ["find", "findOne", "count", "countDocuments", "estimatedDocumentCount", "getIndexes", "drop", "watch"]
+        .contains(&name)
 }
 
 fn namespace(database: Option<String>, path: &[String], home: &str) -> Option<String> {

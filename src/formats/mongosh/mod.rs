@@ -5,7 +5,7 @@ mod call;
 mod command;
 mod line;
 
-pub use advice::advice;
+pub use advice::{advice, advice_on_method};
 pub use call::call;
 pub use command::command;
 pub use line::DATABASE;

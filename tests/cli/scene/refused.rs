@@ -93,6 +93,8 @@ fn frames_that_a_format_cannot_name_are_refused_before_anything_is_written() {
         ("a\u{7}", "urdf", "which XML cannot express"),
         ("", "json", "a value is required"),
     ] {
+        let known = format!("{{frame: {frame:?}, parent: 'map', translation: [0, 0, 1], rotation: [0, 0, 0, 1]}}");
+        kitchen.rmem(&["insert", "robmem.frames", &known.replace("\\u{7}", "\\u0007")]).success();
         let args = ["scene", "export", OBJECTS, "--frame", frame, "--format", format, "--skip-invalid", "-o", "out"];
         let refused = kitchen.rmem(&args).exits(2);
         assert!(refused.stderr.contains(words), "{frame}\n{refused}");
@@ -200,4 +202,21 @@ fn poses_in_another_frame_and_other_formats_are_refused() {
     [exit code: 3]
     ");
     kitchen.rmem(&["scene", "export", OBJECTS, "--frame", "map", "--format", "csv"]).exits(2);
+}
+
+#[test]
+fn a_frame_that_there_is_not_is_named_and_not_the_documents() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.things", &object("cup", "static: true")]).success();
+    lab.rmem(&[
+        "insert",
+        "robmem.frames",
+        "{frame: 'table', parent: 'map', translation: [0, 0, 1], rotation: [0, 0, 0, 1]}",
+    ])
+    .success();
+    for command in ["export", "check"] {
+        let refused = lab.rmem(&["scene", command, "robmem.things", "--frame", "robot", "--skip-invalid"]).exits(3);
+        assert_eq!(refused.stderr, "error: --frame robot: no such frame; robmem.frames has map, table\n");
+    }
+    lab.rmem(&["scene", "export", "robmem.things", "--frame", "table"]).success();
 }
