@@ -64,3 +64,4 @@ pub use sort::Sort;
 pub use spill::{Spill, Spool};
 pub use update::{Update, prepare};
 pub use variables::constants;
+pub use view::type_name;

@@ -391,6 +391,12 @@ impl View<'_> {
     }
 }
 
+/// MongoDB's name of the type of a value, as `$type` gives it.
+#[must_use]
+pub fn type_name(value: &Bson) -> &'static str {
+    View::from(value).type_name()
+}
+
 /// Names of types with their codes.
 pub(super) const TYPE_NAMES: [(&str, i32); 21] = [
     ("double", 1),

@@ -3,7 +3,7 @@
 use bson::{Bson, Document, Timestamp};
 
 use super::failure::{Failure, codes};
-use crate::query::Collation;
+use crate::query::{Collation, type_name};
 use crate::store::{Hint, Modifiers};
 
 /// Fields that every command may have.
@@ -110,7 +110,7 @@ impl<'a> Fields<'a> {
     }
 
     fn wrong(self, name: &str, value: &Bson, expected: &str) -> Failure {
-        let found = kind(value);
+        let found = type_name(value);
         let message =
             format!("BSON field '{}.{name}' is the wrong type '{found}', expected type '{expected}'", self.of);
         Failure::new(codes::TYPE_MISMATCH, message)
@@ -190,7 +190,7 @@ impl<'a> Fields<'a> {
             Some(Bson::Boolean(value)) => Ok(*value),
             Some(other) => {
                 let message =
-                    format!("Field '{}.{name}' should be a boolean value, but found: {}", self.of, kind(other));
+                    format!("Field '{}.{name}' should be a boolean value, but found: {}", self.of, type_name(other));
                 Err(Failure::new(codes::TYPE_MISMATCH, message))
             }
         }
@@ -230,33 +230,6 @@ pub(super) fn whole(value: &Bson) -> Option<i64> {
             number.to_string().parse::<f64>().ok().map(|number| number.round_ties_even() as i64)
         }
         _ => None,
-    }
-}
-
-/// What MongoDB calls the type of a value.
-fn kind(value: &Bson) -> &'static str {
-    match value {
-        Bson::Double(_) => "double",
-        Bson::String(_) => "string",
-        Bson::Array(_) => "array",
-        Bson::Document(_) => "object",
-        Bson::Boolean(_) => "bool",
-        Bson::Null => "null",
-        Bson::RegularExpression(_) => "regex",
-        Bson::JavaScriptCode(_) => "javascript",
-        Bson::JavaScriptCodeWithScope(_) => "javascriptWithScope",
-        Bson::Int32(_) => "int",
-        Bson::Int64(_) => "long",
-        Bson::Timestamp(_) => "timestamp",
-        Bson::Binary(_) => "binData",
-        Bson::ObjectId(_) => "objectId",
-        Bson::DateTime(_) => "date",
-        Bson::Symbol(_) => "symbol",
-        Bson::Decimal128(_) => "decimal",
-        Bson::Undefined => "undefined",
-        Bson::MaxKey => "maxKey",
-        Bson::MinKey => "minKey",
-        Bson::DbPointer(_) => "dbPointer",
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use bson::{Bson, Document, doc};
 
 use crate::formats::shell;
-use crate::query::compare_values as compare;
+use crate::query::{compare_values as compare, type_name};
 
 /// So many different values of a field are told apart; beyond them there are only "more".
 const DISTINCT: usize = 10_000;
@@ -136,33 +136,6 @@ impl Field {
         shown
             .map(|(_, (value, count))| doc! { "value": value, "count": i64::try_from(*count).unwrap_or(i64::MAX) })
             .collect()
-    }
-}
-
-/// The name of a value's type in MongoDB's `$type`.
-fn type_name(value: &Bson) -> &'static str {
-    match value {
-        Bson::Double(_) => "double",
-        Bson::String(_) => "string",
-        Bson::Document(_) => "object",
-        Bson::Array(_) => "array",
-        Bson::Binary(_) => "binData",
-        Bson::Undefined => "undefined",
-        Bson::ObjectId(_) => "objectId",
-        Bson::Boolean(_) => "bool",
-        Bson::DateTime(_) => "date",
-        Bson::Null => "null",
-        Bson::RegularExpression(_) => "regex",
-        Bson::DbPointer(_) => "dbPointer",
-        Bson::JavaScriptCode(_) => "javascript",
-        Bson::Symbol(_) => "symbol",
-        Bson::JavaScriptCodeWithScope(_) => "javascriptWithScope",
-        Bson::Int32(_) => "int",
-        Bson::Timestamp(_) => "timestamp",
-        Bson::Int64(_) => "long",
-        Bson::Decimal128(_) => "decimal",
-        Bson::MinKey => "minKey",
-        Bson::MaxKey => "maxKey",
     }
 }
 

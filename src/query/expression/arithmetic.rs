@@ -2,7 +2,7 @@
 
 use bson::{Bson, DateTime};
 
-use super::operator::{ANY, Operator, at, is_null, is_nullish, type_of, wrong_type};
+use super::operator::{ANY, Operator, at, is_null, is_nullish, type_name, wrong_type};
 use super::value::Value;
 use crate::query::arithmetic::{Overflow, add, multiply, subtract};
 use crate::query::compare::compare_values;
@@ -73,7 +73,7 @@ fn size(values: &[Value]) -> Result<Value> {
 
 fn numeric(operator: &str, value: &Bson) -> Result<Number> {
     Number::of(value).ok_or_else(|| {
-        QueryError::type_mismatch(format!("{operator} only supports numeric types, not {}", type_of(value)))
+        QueryError::type_mismatch(format!("{operator} only supports numeric types, not {}", type_name(value)))
     })
 }
 
@@ -140,7 +140,7 @@ fn difference(values: &[Value]) -> Result<Value> {
         }
         (a, b) => match (Number::of(a), Number::of(b)) {
             (Some(a), Some(b)) => Ok(Some(subtract(a, b, Overflow::Double)?.into())),
-            _ => Err(QueryError::type_mismatch(format!("can't $subtract {} from {}", type_of(b), type_of(a)))),
+            _ => Err(QueryError::type_mismatch(format!("can't $subtract {} from {}", type_name(b), type_name(a)))),
         },
     }
 }

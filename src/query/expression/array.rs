@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_nullish, type_of, wrong_type};
+use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_nullish, type_name, wrong_type};
 use super::value::Value;
 use crate::query::compare::{compare_values, equal_values};
 use crate::query::error::{QueryError, Result};
@@ -305,7 +305,7 @@ fn take(arguments: &Arguments, which: Take) -> Result<Value> {
             QueryError::invalid(5_787_902, format!("{} needs a positive integral 'n'", arguments.operator))
         })?;
     let Bson::Array(items) = arguments.get(0) else {
-        let found = type_of(arguments.get(0));
+        let found = type_name(arguments.get(0));
         return Err(QueryError::invalid(5_788_200, format!("{} needs an array, not {found}", arguments.operator)));
     };
     let mut items = items.clone();

@@ -4,7 +4,7 @@ use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Decimal128};
 
 use super::date::{object_id_millis, parse_iso};
-use super::operator::{Arguments, Named, Operator, at, is_null, type_of};
+use super::operator::{Arguments, Named, Operator, at, is_null, type_name};
 use super::value::Value;
 use crate::calendar::{Civil, iso_text};
 use crate::query::decimal::Decimal;
@@ -102,7 +102,7 @@ fn target(value: &Bson) -> Result<Target> {
 }
 
 fn failure(value: &Bson, why: &str) -> QueryError {
-    QueryError::invalid(FAILURE, format!("cannot convert {} {value}: {why}", type_of(value)))
+    QueryError::invalid(FAILURE, format!("cannot convert {} {value}: {why}", type_name(value)))
 }
 
 fn converted(value: &Bson, target: Target) -> Result<Bson> {

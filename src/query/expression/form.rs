@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use bson::{Bson, Document};
 
-use super::operator::{is_nullish, is_true, type_of};
+use super::operator::{is_nullish, is_true, type_name};
 use super::parse::Reader;
 use super::scope::{Environment, check_name};
 use super::tree::{Expression, constant};
@@ -286,7 +286,7 @@ fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
         Some(Bson::Array(items)) => Ok(Some(items)),
         None | Some(Bson::Null | Bson::Undefined) => Ok(None),
         Some(other) => {
-            Err(QueryError::invalid(code, format!("input to {operator} must be an array, not {}", type_of(&other))))
+            Err(QueryError::invalid(code, format!("input to {operator} must be an array, not {}", type_name(&other))))
         }
     }
 }

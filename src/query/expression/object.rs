@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_true, type_of, wrong_type};
+use super::operator::{ANY, Arguments, Named, Operator, at, is_null, is_true, type_name, wrong_type};
 use super::value::Value;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
@@ -10,7 +10,7 @@ use crate::query::view::View;
 
 pub(super) const OPERATORS: [Operator; 6] = [
     Operator { name: "$mergeObjects", arity: (0, ANY), call: merged },
-    Operator { name: "$type", arity: (1, 1), call: type_name },
+    Operator { name: "$type", arity: (1, 1), call: name_of_type },
     Operator { name: "$isNumber", arity: (1, 1), call: |v| Ok(Some(Bson::Boolean(Number::of(at(v, 0)).is_some()))) },
     Operator { name: "$not", arity: (1, 1), call: |v| Ok(Some(Bson::Boolean(!is_true(v.first().unwrap_or(&None))))) },
     Operator { name: "$tsSecond", arity: (1, 1), call: |v| timestamp("$tsSecond", v, |t| t.time) },
@@ -36,7 +36,7 @@ fn timestamp(operator: &str, values: &[Value], part: fn(&bson::Timestamp) -> u32
     }
 }
 
-fn type_name(values: &[Value]) -> Result<Value> {
+fn name_of_type(values: &[Value]) -> Result<Value> {
     let name = values.first().and_then(Option::as_ref).map_or("missing", |value| View::from(value).type_name());
     Ok(Some(Bson::String(name.to_owned())))
 }
@@ -62,7 +62,7 @@ fn name(arguments: &Arguments) -> Result<&str> {
         Bson::String(name) => Ok(name),
         other => Err(QueryError::invalid(
             3_041_704,
-            format!("{} requires 'field' to evaluate to type String, not {}", arguments.operator, type_of(other)),
+            format!("{} requires 'field' to evaluate to type String, not {}", arguments.operator, type_name(other)),
         )),
     }
 }

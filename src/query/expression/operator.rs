@@ -5,6 +5,7 @@ use bson::{Bson, Document};
 use super::value::Value;
 use crate::query::error::{QueryError, Result};
 use crate::query::view::View;
+pub(super) use crate::query::view::type_name;
 
 /// An operator with positional arguments, all evaluated.
 #[derive(Debug)]
@@ -87,14 +88,9 @@ pub(super) fn at(arguments: &[Value], index: usize) -> &Bson {
     arguments.get(index).and_then(Option::as_ref).unwrap_or(&Bson::Null)
 }
 
-/// Returns the name of a type, for messages.
-pub(super) fn type_of(value: &Bson) -> &'static str {
-    View::from(value).type_name()
-}
-
 /// The error for an argument of the wrong type.
 pub(super) fn wrong_type(code: i32, operator: &str, wanted: &str, found: &Bson) -> QueryError {
-    QueryError::invalid(code, format!("{operator} needs {wanted}, not {}", type_of(found)))
+    QueryError::invalid(code, format!("{operator} needs {wanted}, not {}", type_name(found)))
 }
 
 /// Returns a document of the given fields; for results of operators.

@@ -3,7 +3,7 @@
 use bson::Bson;
 
 use super::convert::{short_double_text, text_of};
-use super::operator::{ANY, Arguments, Named, Operator, any_null, at, is_null, type_of, wrong_type};
+use super::operator::{ANY, Arguments, Named, Operator, any_null, at, is_null, type_name, wrong_type};
 use super::value::Value;
 use crate::calendar::Civil;
 use crate::query::decimal::Rounding;
@@ -148,7 +148,7 @@ fn split(values: &[Value]) -> Result<Value> {
 /// Returns a number cut to an integer.
 fn integer(code: i32, operator: &str, value: &Bson) -> Result<i64> {
     let number = Number::of(value).ok_or_else(|| {
-        QueryError::invalid(code, format!("{operator}: bounds must be numeric (is BSON type {})", type_of(value)))
+        QueryError::invalid(code, format!("{operator}: bounds must be numeric (is BSON type {})", type_name(value)))
     })?;
     match number {
         Number::Double(double) => double_to_long(double)

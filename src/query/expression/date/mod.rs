@@ -6,7 +6,7 @@ mod scan;
 use bson::{Bson, DateTime};
 
 use super::boundary::{Unit, date_bin, date_difference, date_step};
-use super::operator::{Arguments, Named, Operator, document, is_null, type_of, wrong_type};
+use super::operator::{Arguments, Named, Operator, document, is_null, type_name, wrong_type};
 use super::value::Value;
 use crate::calendar::{Civil, iso_date};
 use crate::query::error::{QueryError, Result};
@@ -198,7 +198,7 @@ fn from_parts(arguments: &Arguments) -> Result<Value> {
             _ if !arguments.given(index) => default,
             value if is_null(value) => return Ok(Some(Bson::Null)),
             value => Number::of(value).and_then(Number::integral).ok_or_else(|| {
-                QueryError::invalid(40_515, format!("$dateFromParts needs integers, not {}", type_of(value)))
+                QueryError::invalid(40_515, format!("$dateFromParts needs integers, not {}", type_name(value)))
             })?,
         };
     }
