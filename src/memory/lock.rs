@@ -162,7 +162,7 @@ impl Mutex {
     }
 
     fn read(&self, memory: &Memory) -> Result<Option<Document>, StoreError> {
-        let find = Find { filter: doc! { "_id": &self.name }, ..Find::default() };
+        let find = Find { filter: doc! { "_id": &self.name }, current: true, ..Find::default() };
         match memory.find(&self.namespace, &find)?.next() {
             Some(document) => Ok(Some(Document::try_from(&*document?).map_err(QueryError::from)?)),
             None => Ok(None),

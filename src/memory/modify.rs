@@ -153,7 +153,7 @@ impl Asked<'_> {
     }
 
     fn first(&self, filter: Document) -> Result<Option<RawDocumentBuf>, StoreError> {
-        let find = Find { filter, sort: self.sort.clone(), limit: 1, ..Find::default() };
+        let find = Find { filter, sort: self.sort.clone(), limit: 1, current: true, ..Find::default() };
         self.memory.stored(self.ns, &find)?.next().transpose()
     }
 }

@@ -111,7 +111,7 @@ impl Memory {
             let message = format!("the history of {ns} has not what the document with _id {id} was before");
             return Err(QueryError::bad_value(message).into());
         }
-        let find = Find { filter: doc! { "_id": { "$eq": &id } }, limit: 1, ..Find::default() };
+        let find = Find { filter: doc! { "_id": { "$eq": &id } }, limit: 1, current: true, ..Find::default() };
         let now: Option<RawDocumentBuf> = self.routes.reading(ns)?.find(ns, &find)?.next().transpose()?;
         let target = first.change.before;
         if now == target {

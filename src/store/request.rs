@@ -71,6 +71,9 @@ pub struct Find {
     pub projection: Document,
     /// Collation, variables, and the index to be read.
     pub modifiers: Modifiers,
+    /// Whether the primary of a replica set is read, whatever the URI says of reads: for what a write depends on, since other
+    /// members may be behind.
+    pub current: bool,
 }
 
 /// Operators (or a replacement, which is a document without them), or a pipeline.

@@ -10,7 +10,9 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use bson::doc;
 use libtest_mimic::{Failed, Trial};
+use mongodb::sync::Client;
 use serde_json::Value;
 
 use crate::mongod::Mongod;
@@ -22,6 +24,7 @@ const CASES: &[(&str, Case)] = &[
     ("backend::what_runs_stays_as_it_is_and_strangers_are_left_alone", stay),
     ("backend::the_log_arguments_and_data_are_as_the_settings_say", configured),
     ("backend::a_program_that_does_not_do_as_mongod_does_is_not_waited_for", misbehave),
+    ("backend::a_write_meets_what_a_member_that_is_behind_has_not_yet", behind),
     ("backend::a_mongod_that_is_suspended_is_named_and_nothing_waits_for_it", suspended),
 ];
 
@@ -413,6 +416,50 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
         let down = robots.ends(robot, &["backend", "down"], 0)?;
         assert!(down.iter().all(|row| row["did"] == "stopped"), "{down:?}");
         assert!([local, shared].iter().all(|pid| ended(pid)));
+    }
+    Ok(())
+}
+
+/// One of three members is an hour behind. Reads may go there, writes and what they read may not.
+fn behind(mongod: &Path) -> Result<(), Failed> {
+    let robots = Robots::new(mongod, 3)?;
+    (0..3).try_for_each(|robot| robots.settle(robot, 3))?;
+    robots.together(&[0, 1, 2], &["backend", "up", "--wait", "90s"])?;
+    let rows = robots.until(0, healthy)?;
+    let primary = rows.iter().find(|row| row["backend"] == "shared" && row["state"] == "PRIMARY");
+    let primary = primary.and_then(|row| row["member"].as_str()).ok_or("there is no primary")?.to_owned();
+    let client = Client::with_uri_str(format!("mongodb://{primary}/?directConnection=true"))?;
+    let admin = client.database("admin");
+    let mut config = admin.run_command(doc! { "replSetGetConfig": 1 }).run()?.get_document("config")?.clone();
+    config.insert("version", config.get_i32("version")? + 1);
+    let members = config.get_array_mut("members")?;
+    let last = members.iter_mut().filter_map(|member| member.as_document_mut());
+    let last =
+        last.filter(|member| member.get_str("host").ok() != Some(primary.as_str())).last().ok_or("no secondary")?;
+    last.extend(doc! { "priority": 0, "secondaryDelaySecs": 3_600 });
+    admin.run_command(doc! { "replSetReconfig": config }).run()?;
+
+    for nth in 0..12 {
+        let (id, name) = (format!("{{_id: {nth}}}"), format!("n{nth}"));
+        let query = format!("{{name: '{name}'}}");
+        robots.ends(0, &["insert", "syncedrobmem.x", &format!("{{_id: {nth}, name: '{name}', list: [1]}}")], 0)?;
+        let matched = |arguments: &[&str]| -> Result<(), Failed> {
+            let done = robots.ends(0, &[&["update", "syncedrobmem.x"], arguments].concat(), 0)?;
+            if done[0]["matched"] == 1 { Ok(()) } else { Err(format!("{arguments:?}: {done:?}").into()) }
+        };
+        for change in
+            ["{$set: {a: 1}}", "{$inc: {n: 1}}", "{$addToSet: {list: 2}}", "[{$set: {sum: {$add: ['$a', '$n']}}}]"]
+        {
+            matched(&[&query, change])?;
+        }
+        matched(&[&query, "{$unset: {a: 1}}", "--many"])?;
+        let found = robots.ends(0, &["find-and-modify", "syncedrobmem.x", &id, "{$inc: {n: 1}}", "--new"], 0)?;
+        assert_eq!(
+            (&found[0]["sum"], &found[0]["n"], &found[0]["list"]),
+            (&2.into(), &2.into(), &serde_json::json!([1, 2]))
+        );
+        robots.ends(0, &["lock", &name, "--owner", "r1"], 0)?;
+        robots.ends(0, &["unlock", &name, "--owner", "r1"], 0)?;
     }
     Ok(())
 }

@@ -61,6 +61,7 @@ const CASES: &[(&str, Case)] = cases![
     a_stamped_update_says_when,
     a_stamped_replacement_keeps_when_it_was_inserted,
     a_stamped_update_that_changes_nothing_is_no_modification,
+    a_stamped_update_compares_values_and_their_types,
     what_the_memory_notes_cannot_be_changed,
     a_pipeline_cannot_lose_when_a_document_was_inserted,
     putting_replaces_by_id,
@@ -724,6 +725,68 @@ fn a_stamped_update_that_changes_nothing_is_no_modification(store: &dyn Store, n
     let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$addToSet": { "a": 2 } }) };
     assert_eq!(store.update(ns, &request, Some(instant(6))).unwrap(), changed(3, 2));
     assert_eq!(ids(store, ns, doc! { "_robmem_info.updated": instant(6) }), [1, 3]);
+}
+
+fn a_stamped_update_compares_values_and_their_types(store: &dyn Store, ns: &Namespace) {
+    let collation = Collation::parse(&doc! { "locale": "en", "strength": 1 });
+    store.create(ns, collation.ok().as_ref()).unwrap();
+    let now = bson::DateTime::now();
+    let values = [
+        Bson::Null,
+        1_i32.into(),
+        1_i64.into(),
+        1.0.into(),
+        0.0.into(),
+        (-0.0).into(),
+        f64::NAN.into(),
+        "a".into(),
+        "A".into(),
+        "ab".into(),
+        "".into(),
+        "$a".into(),
+        true.into(),
+        now.into(),
+        bson::oid::ObjectId::from_bytes([7; 12]).into(),
+        bson::bson!([1]),
+        bson::bson!(["a"]),
+        bson::bson!({ "a": 1 }),
+    ];
+    insert(store, ns, [doc! { "_id": 1, "_robmem_info": { "inserted": instant(1) } }]);
+    let (mut millis, mut last) = (1, String::new());
+    let mut set = |value: &Bson| {
+        millis += 1;
+        let change = update(doc! { "_id": 1 }, doc! { "$set": { "v": value.clone() } });
+        let updated = store.update(ns, &change, Some(instant(millis))).unwrap();
+        let stored = all(store, ns).remove(0);
+        let date = stored.get_document("_robmem_info").unwrap().get_datetime("updated");
+        let shown = format!("{value:?}");
+        let expected = shown != last;
+        assert_eq!(updated, changed(1, u64::from(expected)), "{last} becomes {shown}");
+        assert_eq!(date.ok() == Some(&instant(millis)), expected, "{last} becomes {shown}: {stored}");
+        assert_eq!(format!("{:?}", stored.get("v").unwrap()), shown);
+        last = shown;
+    };
+    for before in &values {
+        for after in &values {
+            set(before);
+            set(after);
+        }
+    }
+    // Fields that are new come in the order of their names, those that look like numbers in that of numbers.
+    let fields = doc! { "b": 1, "a": "x", "c": 2.5, "10": 1, "9": 1 };
+    for fields in [doc! { "b": 1, "a": "x", "c": 2.5 }, fields] {
+        store.delete(ns, (&doc! {}).into(), false).unwrap();
+        insert(store, ns, [doc! { "_id": 1 }]);
+        store.update(ns, &update(doc! {}, doc! { "$set": fields.clone() }), Some(instant(9))).unwrap();
+        let stored = all(store, ns).remove(0);
+        let names: Vec<&str> = stored.keys().map(String::as_str).filter(|name| fields.contains_key(*name)).collect();
+        let expected: &[&str] = if fields.len() == 3 { &["a", "b", "c"] } else { &["9", "10", "a", "b", "c"] };
+        assert_eq!(names, expected, "{stored}");
+    }
+    let sure = doc! { "$push": { "l": 1 }, "$inc": { "n": 1 }, "$set": { "a": "x" } };
+    assert_eq!(store.update(ns, &update(doc! { "a": "x" }, sure), Some(instant(12))).unwrap(), changed(1, 1));
+    assert_eq!(ids(store, ns, doc! { "_robmem_info.updated": instant(12), "l": [1], "n": 1 }), [1]);
+    assert_eq!(code(store.update(ns, &update(doc! {}, doc! { "$inc": { "a": 1 } }), Some(instant(13)))), 14);
 }
 
 fn what_the_memory_notes_cannot_be_changed(store: &dyn Store, ns: &Namespace) {

@@ -16,10 +16,10 @@ const SET: &str = "engine::three_engines_on_a_replica_set_keep_one_world_model";
 const CHANGES: &str = "RMEM_TEST_ENGINE_CHANGES";
 /// How long what has to come may take.
 const TIMEOUT: Duration = Duration::from_secs(180);
-/// How long nothing happens before the fact bases are compared.
-const QUIET: Duration = Duration::from_secs(3);
+/// The last change of the world.
+const END: &str = "{_id: 1, relation: 'thing', name: 'the end', n: 0, share: 0.5, tag: 'end', list: [], 'sync-id': 1}";
 
-/// An engine that changes the world at random, and saves its facts when it is reported to end.
+/// An engine that changes the world at random, and saves its facts when it receives the last change.
 const PROGRAM: &str = r#"
 (deftemplate thing
   (slot name) (slot n (type INTEGER)) (slot share (type FLOAT)) (slot tag) (multislot list)
@@ -32,7 +32,6 @@ const PROGRAM: &str = r#"
   =>
   (seed SEED)
   (rm-trigger-register syncedrobmem.control "{go: 1}" go)
-  (rm-trigger-register syncedrobmem.control "{stop: 1}" stop)
   (save-facts "ready"))
 
 (defrule step
@@ -58,7 +57,8 @@ const PROGRAM: &str = r#"
   (rm-insert syncedrobmem.control "{done: 1}"))
 
 (defrule end
-  (stop)
+  (declare (salience 50))
+  (thing (sync-id 1))
   =>
   (save-facts "saved")
   (exit 0))
@@ -158,8 +158,8 @@ impl Engines<'_> {
         fs::write(self.folders[2].join("go.txt"), "(go)\n")?;
         self.running[2] = self.start(2, 9, &["--facts", "go.txt"])?;
         until(|| Ok(self.count("{done: 1}")? >= 3))?;
-        std::thread::sleep(QUIET);
-        self.rmem(0, &["insert", "syncedrobmem.control", "{stop: 1}"])?;
+        // All receive the changes in one order, this one behind those of the engines.
+        self.rmem(0, &["insert", "syncedrobmem.clipswm", END])?;
         for (nth, child) in self.running.iter_mut().enumerate() {
             let mut code = None;
             until(|| {

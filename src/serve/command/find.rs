@@ -65,6 +65,7 @@ pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
         limit: limit(fields)?.0,
         projection: fields.document_or_empty("projection")?,
         modifiers: fields.modifiers()?,
+        current: false,
     })
 }
 

@@ -4,7 +4,9 @@ use std::sync::{Mutex, mpsc};
 use std::time::Duration;
 
 use bson::RawDocumentBuf;
-use mongodb::options::{Acknowledgment, ClientOptions, ReadPreference, SelectionCriteria, WriteConcern};
+use mongodb::options::{
+    Acknowledgment, ClientOptions, CollectionOptions, ReadConcern, ReadPreference, SelectionCriteria, WriteConcern,
+};
 use mongodb::sync::{Client, Collection};
 
 use super::{MongoDb, failure};
@@ -33,6 +35,15 @@ impl MongoDb {
 
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {
         self.client.database(&ns.database).collection(&ns.collection)
+    }
+
+    /// The collection as the primary has it, whatever the URI says of reads.
+    pub(super) fn on_primary<T: Send + Sync>(&self, ns: &Namespace) -> Collection<T> {
+        let options = CollectionOptions::builder()
+            .selection_criteria(SelectionCriteria::ReadPreference(ReadPreference::Primary))
+            .read_concern(ReadConcern::local())
+            .build();
+        self.client.database(&ns.database).collection_with_options(&ns.collection, options)
     }
 
     pub(super) fn client(&self) -> &Client {

@@ -250,10 +250,12 @@ impl MongoDb {
         if let Some(rule) = self.rule(ns) {
             self.catch_up(ns, &rule, LULL, u64::MAX)?;
         }
+        // What was written a moment ago is a part of it; the other members may be behind the primary.
+        let current = self.rule(ns).is_some();
         let after = after.unwrap_or(DateTime::from_millis(i64::MIN));
         let filter = doc! { "ns": ns.to_string(), "time": { "$gt": after }, "computed": { "$ne": true } };
         let place = Namespace { database: ns.database.clone(), collection: ENTRIES.to_owned() };
-        let find = Find { filter, sort: doc! { "_id": 1 }, ..Find::default() };
+        let find = Find { filter, sort: doc! { "_id": 1 }, current, ..Find::default() };
         let found: Documents<'_> = self.find(&place, &find)?;
         let entries = found.map(|document| read(&document?).map_err(StoreError::from));
         Ok(Some(History { since, entries: Box::new(entries) }))
@@ -261,7 +263,8 @@ impl MongoDb {
 
     pub(super) fn rewound(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
         // The documents first: what is changed from here on is in the history.
-        let now: Vec<RawDocumentBuf> = self.find(ns, &Find::default())?.collect::<Result<_, _>>()?;
+        let now: Vec<RawDocumentBuf> =
+            self.find(ns, &Find { current: self.rule(ns).is_some(), ..Find::default() })?.collect::<Result<_, _>>()?;
         let history = self.past(ns, Some(at))?.ok_or_else(|| not_kept(ns, &self.keeping().rules))?;
         if at < history.since {
             return Err(too_old(ns, at, history.since));

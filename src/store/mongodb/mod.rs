@@ -15,6 +15,7 @@ mod index;
 mod keeping;
 mod position;
 mod raw;
+mod single_step;
 mod update;
 mod verbs;
 mod watch;

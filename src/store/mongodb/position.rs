@@ -40,7 +40,8 @@ pub(super) struct Position {
 impl Position {
     /// Takes the name. The token is where to go on; none where the name is new.
     pub(super) fn take(store: &MongoDb, ns: &Namespace, name: &str) -> Result<(Self, Option<ResumeToken>), StoreError> {
-        let names = store.client().database(&ns.database).collection(COLLECTION);
+        let place = Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() };
+        let names = store.on_primary(&place);
         let myself = Holder::myself().to_string();
         let mut position = Self { names, name: name.to_owned(), myself, token: None, heartbeat: Instant::now() };
         loop {
@@ -129,7 +130,8 @@ impl Position {
 impl MongoDb {
     /// Forgets a name; returns whether there was one.
     pub(super) fn forget_name(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
-        let names: Collection<Document> = self.client().database(&ns.database).collection(COLLECTION);
+        let place = Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() };
+        let names: Collection<Document> = self.on_primary(&place);
         let found = names.find_one(doc! { "_id": name }).run().map_err(|e| self.explain(&e))?;
         let Some(found) = found else { return Ok(false) };
         check_namespace(&found, ns, name)?;

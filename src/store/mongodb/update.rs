@@ -1,7 +1,8 @@
 //! Updates that write their metadata only to documents that change.
 //!
-//! The server has no update that sets a field only where another field changes. So the
-//! matching documents are read first, and rmem predicts which of them the update changes.
+//! The server has no update that sets a field only where another field changes. Where one request cannot carry both
+//! (`single_step`), the matching documents are read first, from the primary since other members may be behind it,
+//! and rmem predicts which of them the update changes.
 //! The server updates those with their metadata in the same step, and the others without,
 //! since another client may have changed them meanwhile. Each document is changed in one
 //! atomic step, and no update of another client is lost. Only where nothing can be
@@ -15,7 +16,7 @@ use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
-use super::MongoDb;
+use super::{MongoDb, single_step};
 use crate::interrupt::stops_work;
 use crate::query::{Filter, QueryError, Update};
 use crate::store::document::with_id_first;
@@ -38,21 +39,34 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         metadata::check_update(&request.update)?;
-        let done = if request.many { self.update_all(ns, request, at)? } else { self.update_first(ns, request, at)? };
+        let done = match single_step::with_metadata(request, at)? {
+            Some(update) => self.apply(ns, &UpdateRequest { update, upsert: false, ..request.clone() })?,
+            None => self.update_what_is_read(ns, request, at)?,
+        };
         if done.matched > 0 || !request.upsert {
-            // An update of nothing is checked by the server, too.
-            if done.matched == 0 {
-                self.apply(ns, &UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
-            }
             return Ok(done);
         }
         self.apply(ns, &UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() })
     }
 
+    fn update_what_is_read(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        at: DateTime,
+    ) -> Result<Updated, StoreError> {
+        let done = if request.many { self.update_all(ns, request, at)? } else { self.update_first(ns, request, at)? };
+        if done.matched == 0 && !request.upsert {
+            // An update of nothing is checked by the server, too.
+            self.apply(ns, &UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
+        }
+        Ok(done)
+    }
+
     fn update_first(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
         for _ in 0..ATTEMPTS {
             let modifiers = request.modifiers.clone();
-            let find = Find { filter: request.filter.clone(), limit: 1, modifiers, ..Find::default() };
+            let find = Find { filter: request.filter.clone(), limit: 1, modifiers, current: true, ..Find::default() };
             let before = with_ids(self.find(ns, &find)?)?;
             if before.is_empty() {
                 break;
@@ -69,7 +83,7 @@ impl MongoDb {
         let chunk = if makes_new_documents(&request.update) { 1 } else { CHUNK };
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
         let (projection, modifiers) = (doc! { "_id": 1 }, request.modifiers.clone());
-        let find = Find { filter: request.filter.clone(), projection, modifiers, ..Find::default() };
+        let find = Find { filter: request.filter.clone(), projection, modifiers, current: true, ..Find::default() };
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
         let mut done = Updated::default();
         for ids in matches.chunks(chunk) {
@@ -78,7 +92,7 @@ impl MongoDb {
             }
             let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": ids } }] };
             let modifiers = request.modifiers.clone();
-            let before = with_ids(self.find(ns, &Find { filter, modifiers, ..Find::default() })?)?;
+            let before = with_ids(self.find(ns, &Find { filter, modifiers, current: true, ..Find::default() })?)?;
             if !before.is_empty() {
                 add(&mut done, &self.update_chunk(ns, request, before, at)?);
             }
@@ -144,7 +158,7 @@ impl MongoDb {
 
     /// The `_id`s of the documents that are not as they were.
     fn different(&self, ns: &Namespace, these: Document, before: &Before) -> Result<Vec<Bson>, StoreError> {
-        let after = with_ids(self.find(ns, &Find { filter: these, ..Find::default() })?)?;
+        let after = with_ids(self.find(ns, &Find { filter: these, current: true, ..Find::default() })?)?;
         let known: HashMap<Vec<u8>, &RawDocumentBuf> =
             before.iter().map(|(id, body)| (crate::query::key::encode_value(id), body)).collect();
         let is_new = |(id, body): &(Bson, RawDocumentBuf)| {
@@ -329,7 +343,7 @@ fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError>
 }
 
 /// Adds a date to the fields of an operator.
-fn add_field(update: &mut Document, operator: &str, key: &str, at: DateTime) -> Result<(), QueryError> {
+pub(super) fn add_field(update: &mut Document, operator: &str, key: &str, at: DateTime) -> Result<(), QueryError> {
     match update.entry(operator.to_owned()).or_insert_with(|| Bson::Document(Document::new())) {
         Bson::Document(fields) => {
             fields.insert(path(key), at);

@@ -60,7 +60,7 @@ impl Store for MongoDb {
     }
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let collection = self.collection(ns);
+        let collection = if find.current { self.on_primary(ns) } else { self.collection(ns) };
         let mut action = collection.find(find.filter.clone());
         if !find.sort.is_empty() {
             action = action.sort(find.sort.clone());

@@ -224,7 +224,11 @@ impl Stream<'_> {
 
     fn look_up(&self, id: &Bson) -> Result<Option<RawDocumentBuf>, StoreError> {
         let filter = doc! { "_id": { "$eq": id } };
-        self.store.collection(&self.namespace).find_one(filter).run().map_err(|e| self.store.explain(&e))
+        self.store
+            .on_primary::<RawDocumentBuf>(&self.namespace)
+            .find_one(filter)
+            .run()
+            .map_err(|e| self.store.explain(&e))
     }
 
     fn explain(&self, error: &mongodb::error::Error) -> StoreError {
