@@ -141,7 +141,7 @@ use std::ffi::OsString;
 use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 
-use clap::error::{ContextKind, ContextValue};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use commands::{Context, report};
 use exit::Exit;
 use formats::mongosh::DATABASE;
@@ -266,6 +266,11 @@ fn default_database(given: &[String], environment: &Environment, directory: &Pat
 /// Help and version go to stdout; mistakes, to stderr.
 fn explain(error: &clap::Error, output: &mut Output<'_>) -> Exit {
     let text = error.render();
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        // The help is what is missing.
+        output.pass_on(text.to_string().as_bytes());
+        return Exit::Usage;
+    }
     if error.use_stderr() {
         let mut text = text.to_string();
         if let (Some(ContextValue::String(line)), Some(_)) =

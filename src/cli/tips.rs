@@ -112,6 +112,7 @@ fn with_option(mut error: Error) -> Error {
         "--query" | "--filter" | "--where" if usage.contains("QUERY") => {
             Some("the query stands behind the collection, without an option: NS '{name: 1}'".to_owned())
         }
+        file if is_of("gen-problem") && is_of_task(file) => Some(format!("write: --template {}", word(file))),
         "--explain" if is_of("plan") => {
             Some("'rmem gen-problem --explain ATOM' explains an atom, and 'rmem plan why' a plan".to_owned())
         }
@@ -124,10 +125,15 @@ fn with_option(mut error: Error) -> Error {
     error
 }
 
+/// Whether an argument is the name of a domain, a problem or a template.
+fn is_of_task(file: &str) -> bool {
+    [".pddl", ".j2", ".tmpl"].iter().any(|end| file.ends_with(end))
+}
+
 /// The tip for the files of a task behind `plan`, as planners take them.
 fn of_domain(file: &str, error: &Error) -> Option<String> {
     let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
-    let is_file = [".pddl", ".j2", ".tmpl"].iter().any(|end| file.ends_with(end));
+    let is_file = is_of_task(file);
     let file = word(file);
     (is_file && usage.contains("rmem plan"))
         .then(|| format!("write: rmem plan --domain {file} --problem FILE, or --template FILE for one with queries"))

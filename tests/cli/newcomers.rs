@@ -669,6 +669,27 @@ fn slips_in_expressions_of_templates_have_a_hint() {
 }
 
 #[test]
+fn what_stands_in_the_place_of_an_option_has_a_tip() {
+    let lab = lab();
+    let run = lab.rmem(&["gen-problem", "problem.pddl.j2", "--domain", "d.pddl"]).exits(2);
+    assert!(run.stderr.contains("tip: write: --template problem.pddl.j2"), "{run}");
+    lab.write("facts.txt", "(a 1)");
+    let run = lab.rmem(&["clips", "import", "lab.facts", "facts.txt"]).exits(2);
+    assert!(run.stderr.contains("rmem clips import --into lab.facts FILE"), "{run}");
+    lab.write("lab.facts", "(b 1)");
+    lab.rmem(&["clips", "import", "lab.facts", "facts.txt"]).exits(0);
+}
+
+#[test]
+fn a_command_without_its_subcommand_prints_its_help_and_no_error() {
+    let lab = lab();
+    for command in [&[][..], &["clips"], &["export"]] {
+        let run = lab.rmem(command).exits(2);
+        assert!(run.stdout.is_empty() && run.stderr.contains("Usage: rmem") && !run.stderr.contains("error:"), "{run}");
+    }
+}
+
+#[test]
 fn files_behind_plan_have_a_tip() {
     let lab = lab();
     assert_run!(lab.transcript(&[&["plan", "domain.pddl", "problem.pddl"], &["plan", "domain.pddl", "my problem.pddl.j2"]]), @r"

@@ -54,6 +54,7 @@ const INSTANCES: &str = "definstances";
 const NO_INSTANCES: &str = "instances of classes cannot be imported, only facts";
 
 pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> {
+    refuse_namespace(args)?;
     let mut schema = schema::read(&args.deftemplates, context)?;
     let progress = context.output.progress("importing facts");
     let sources = args.files.iter().map(|file| context.read(file)).collect::<Result<Vec<Source>>>()?;
@@ -94,6 +95,19 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     remarks.report(&schema, args, context);
     Ok(Exit::Done)
+}
+
+/// Refuses a collection before the files, as most commands have it.
+fn refuse_namespace(args: &ImportArgs) -> Result<()> {
+    let Some((first, [_, ..])) = args.files.split_first() else { return Ok(()) };
+    let name = first.to_string_lossy();
+    match name.parse::<Namespace>() {
+        Ok(namespace) if args.into.is_none() && !first.exists() => Err(UsageError::new(format!(
+            "there is no file {name}; the collection is given by an option: rmem clips import --into {namespace} FILE"
+        ))
+        .into()),
+        _ => Ok(()),
+    }
 }
 
 /// The error for a unique key that is taken, at the fact that was to have it, with the document that has it.
