@@ -747,9 +747,22 @@ fn a_stamped_update_compares_values_and_their_types(store: &dyn Store, ns: &Name
         true.into(),
         now.into(),
         bson::oid::ObjectId::from_bytes([7; 12]).into(),
+        bson::bson!([]),
         bson::bson!([1]),
+        bson::bson!([1.0]),
+        bson::bson!([1, 0.0]),
+        bson::bson!([1, -0.0]),
         bson::bson!(["a"]),
+        bson::bson!(["A"]),
+        bson::bson!([[1]]),
+        bson::bson!({}),
         bson::bson!({ "a": 1 }),
+        bson::bson!({ "A": 1 }),
+        bson::bson!({ "a": 1.0 }),
+        bson::bson!({ "a": 1, "b": 2 }),
+        bson::bson!({ "b": 2, "a": 1 }),
+        bson::bson!({ "a": { "b": [1, "$x"] } }),
+        bson::bson!([{ "a": 1 }, { "a": 2 }]),
     ];
     insert(store, ns, [doc! { "_id": 1, "_robmem_info": { "inserted": instant(1) } }]);
     let (mut millis, mut last) = (1, String::new());

@@ -2,7 +2,7 @@
 //!
 //! The metadata may be written only where a document changes. For two kinds of updates that needs no look at
 //! the document: those that change whatever they meet, and those that set fields of the document itself to
-//! plain values, which the server can compare in a pipeline.
+//! values that the server can compare in a pipeline.
 
 use bson::{Bson, DateTime, Document, doc};
 
@@ -48,59 +48,88 @@ fn plain_values(update: &Document) -> Option<Vec<(&str, &Bson)>> {
             && !name.starts_with(|c: char| c.is_ascii_digit())
             && !name.contains(['.', '$'])
     };
-    if operator != "$set" || fields.is_empty() || !fields.iter().all(|(name, value)| is_name(name) && is_plain(value)) {
+    if operator != "$set" || fields.is_empty() || !fields.keys().all(|name| is_name(name)) {
         return None;
     }
+    fields.values().try_fold(0, |sum, value| Some(sum + count(value)?)).filter(|count| *count <= MOST_VALUES)?;
     let mut values: Vec<_> = fields.iter().map(|(name, value)| (name.as_str(), value)).collect();
     values.sort_unstable_by_key(|(name, _)| *name);
     Some(values)
 }
 
-/// Whether two values of this type that are equal for an expression are the same for an update.
-fn is_plain(value: &Bson) -> bool {
+/// How many values the server compares to see whether a document changes, at most.
+const MOST_VALUES: usize = 32;
+
+/// How many values there are to compare; nothing where one is of a type for which the server has no exact comparison.
+fn count(value: &Bson) -> Option<usize> {
     match value {
-        // Zero has two signs.
-        Bson::Double(number) => *number != 0.0 && !number.is_nan(),
-        Bson::String(_) | Bson::Int32(_) | Bson::Int64(_) | Bson::Boolean(_) | Bson::Null => true,
-        Bson::DateTime(_) | Bson::ObjectId(_) => true,
-        _ => false,
+        Bson::Double(number) => (!number.is_nan()).then_some(1),
+        Bson::String(_) | Bson::Int32(_) | Bson::Int64(_) | Bson::Boolean(_) | Bson::Null => Some(1),
+        Bson::DateTime(_) | Bson::ObjectId(_) => Some(1),
+        Bson::Array(values) => values.iter().try_fold(1, |sum, value| Some(sum + count(value)?)),
+        Bson::Document(fields) => fields.values().try_fold(1, |sum, value| Some(sum + 1 + count(value)?)),
+        _ => None,
     }
 }
 
 /// The stages that set fields, and the date of the change where one of them is another than before.
 fn compared(values: Vec<(&str, &Bson)>, at: DateTime) -> Vec<Document> {
-    let differences: Vec<Bson> = values.iter().map(|(name, value)| differs(name, value).into()).collect();
-    let mut set = Document::new();
+    let differences: Vec<Bson> = values.iter().map(|(name, value)| differs(format!("${name}"), value).into()).collect();
     let info = format!("${INFO}");
-    set.insert(
-        INFO,
-        doc! { "$cond": [
-            { "$or": differences },
-            { "$mergeObjects": [&info, { UPDATED: at }] },
-            &info,
-        ] },
-    );
+    let dated = doc! { "$mergeObjects": [&info, { UPDATED: at }] };
     let mut fields = Document::new();
     for (name, value) in values {
         fields.insert(name, doc! { "$literal": value.clone() });
     }
-    vec![doc! { "$set": set }, doc! { "$set": fields }]
+    vec![doc! { "$set": { INFO: { "$cond": [{ "$or": differences }, dated, &info] } } }, doc! { "$set": fields }]
 }
 
-/// Whether a field has another value, or one of another type. Texts are compared byte by byte: for `$ne`, those that
-/// the collation of the collection equates are equal.
-fn differs(name: &str, value: &Bson) -> Document {
-    let field = format!("${name}");
+/// Whether an expression gives another value, or one of another type.
+fn differs(found: impl Into<Bson>, value: &Bson) -> Document {
+    let found = found.into();
+    let element = |list: &Bson, nth: usize| doc! { "$arrayElemAt": [list.clone(), whole(nth)] };
     let differs = match value {
-        Bson::String(text) => {
-            let is_there = doc! { "$eq": [{ "$indexOfBytes": [&field, { "$literal": text }] }, 0] };
-            let is_as_long =
-                doc! { "$eq": [{ "$strLenBytes": &field }, i64::try_from(text.len()).unwrap_or(i64::MAX)] };
-            doc! { "$not": [{ "$and": [is_as_long, is_there] }] }
+        Bson::String(text) => differs_in_bytes(&found, text),
+        Bson::Double(zero) if *zero == 0.0 => {
+            let sign = if zero.is_sign_negative() { 0 } else { -1 };
+            let has_sign = doc! { "$eq": [{ "$indexOfBytes": [{ "$toString": &found }, "-"] }, sign] };
+            doc! { "$not": [{ "$and": [{ "$eq": [&found, 0.0] }, has_sign] }] }
         }
-        other => doc! { "$ne": [&field, { "$literal": other.clone() }] },
+        Bson::Array(values) => {
+            let of_elements = values.iter().enumerate().map(|(nth, value)| differs(element(&found, nth), value).into());
+            let others = doc! { "$ne": [{ "$size": &found }, whole(values.len())] };
+            any(others, of_elements)
+        }
+        Bson::Document(fields) => {
+            let (names, values) = (Bson::from("$$fields.k"), Bson::from("$$fields.v"));
+            let of_fields = fields.iter().enumerate().flat_map(|(nth, (name, value))| {
+                let name = differs_in_bytes(&element(&names, nth).into(), name);
+                [name.into(), differs(element(&values, nth), value).into()]
+            });
+            let others = doc! { "$ne": [{ "$size": "$$fields" }, whole(fields.len())] };
+            doc! { "$let": { "vars": { "fields": { "$objectToArray": &found } }, "in": any(others, of_fields) } }
+        }
+        other => doc! { "$ne": [&found, { "$literal": other.clone() }] },
     };
-    doc! { "$cond": [{ "$eq": [{ "$type": &field }, type_name(value)] }, differs, true] }
+    doc! { "$cond": [{ "$eq": [{ "$type": found }, type_name(value)] }, differs, true] }
+}
+
+/// Whether one of the conditions holds.
+fn any(first: Document, others: impl Iterator<Item = Bson>) -> Document {
+    let all: Vec<Bson> = std::iter::once(first.into()).chain(others).collect();
+    doc! { "$or": all }
+}
+
+/// Whether a text is another one, byte by byte: `$ne` takes texts for one that the collation of the collection equates.
+fn differs_in_bytes(found: &Bson, text: &str) -> Document {
+    let found = doc! { "$ifNull": [found, ""] };
+    let is_there = doc! { "$eq": [{ "$indexOfBytes": [&found, { "$literal": text }] }, 0] };
+    let is_as_long = doc! { "$eq": [{ "$strLenBytes": found }, whole(text.len())] };
+    doc! { "$not": [{ "$and": [is_as_long, is_there] }] }
+}
+
+fn whole(number: usize) -> i64 {
+    i64::try_from(number).unwrap_or(i64::MAX)
 }
 
 #[cfg(test)]
@@ -124,7 +153,10 @@ mod tests {
         ] {
             assert_eq!(kind(sure.clone()), "sure", "{sure}");
         }
-        for compared in [doc! { "$set": { "a": 1, "b": "x" } }, doc! { "$set": { "a": Bson::Null } }] {
+        for compared in [
+            doc! { "$set": { "a": 1, "b": "x" } },
+            doc! { "$set": { "a": Bson::Null, "position": [0.0, 1.5, 2], "pose": { "frame": "map", "x": 1.0 } } },
+        ] {
             assert_eq!(kind(compared.clone()), "compared", "{compared}");
         }
         for read in [
@@ -133,8 +165,8 @@ mod tests {
             doc! { "$set": {} },
             doc! { "$set": { "_id": 1 } },
             doc! { "$set": { "a.b": 1 } },
-            doc! { "$set": { "a": [1] } },
-            doc! { "$set": { "a": 0.0 } },
+            doc! { "$set": { "a": vec![1; 32] } },
+            doc! { "$set": { "a": [f64::NAN] } },
             doc! { "$set": { "1": 1 } },
             doc! { "$set": { "a": 1 }, "$unset": { "b": 1 } },
             doc! { "$inc": { "n": 0 } },
