@@ -271,7 +271,7 @@ impl<'a> Reader<'a> {
             "NOW" => Ok(Expression::Path(Source::Now, path)),
             "REMOVE" => Ok(Expression::Constant(None)),
             "KEEP" | "PRUNE" | "DESCEND" if self.scope.redacting => Ok(Expression::Constant(marker(name))),
-            "CLUSTER_TIME" => Err(QueryError::unsupported("$$CLUSTER_TIME")),
+            "CLUSTER_TIME" => Ok(Expression::Path(Source::ClusterTime, path)),
             _ => {
                 let starts = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || !c.is_ascii());
                 let message = if starts { "use of undefined variable" } else { "not a valid name of a variable" };

@@ -30,6 +30,8 @@ pub(in crate::query) enum Source {
     Root,
     /// The time of the operation.
     Now,
+    /// `$$CLUSTER_TIME`: the same as a timestamp.
+    ClusterTime,
     /// A variable.
     Slot(usize),
 }
@@ -137,8 +139,15 @@ fn at_path(source: Source, path: &[String], environment: &Environment<'_>) -> Va
     match source {
         Source::Root => in_fields(environment.root, path),
         Source::Now => path.is_empty().then_some(Bson::DateTime(environment.now)),
+        Source::ClusterTime => path.is_empty().then_some(Bson::Timestamp(cluster_time(environment.now))),
         Source::Slot(slot) => environment.variable(slot).and_then(|value| in_value(value.into(), path)),
     }
+}
+
+/// The time of the only member: the second that it is.
+fn cluster_time(now: bson::DateTime) -> bson::Timestamp {
+    let seconds = now.timestamp_millis().div_euclid(1_000);
+    bson::Timestamp { time: u32::try_from(seconds.max(0)).unwrap_or(u32::MAX), increment: 1 }
 }
 
 /// Returns the value at a path; through an array, the array of the values in its elements.
@@ -163,4 +172,20 @@ fn in_value(mut value: View<'_>, mut path: &[String]) -> Value {
         path = rest;
     }
     Some(value.to_bson())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cluster_time_is_the_second_of_the_operation() {
+        let expression = Expression::parse(&"$$CLUSTER_TIME".into()).unwrap();
+        let (none, empty) = (Variables::default(), Document::new());
+        for (millis, time) in [(5_999, 5), (-1, 0), (i64::MAX, u32::MAX)] {
+            let now = bson::DateTime::from_millis(millis);
+            let value = expression.evaluate(&Environment::new((&empty).into(), &none, now)).unwrap();
+            assert_eq!(value, Some(Bson::Timestamp(bson::Timestamp { time, increment: 1 })));
+        }
+    }
 }
