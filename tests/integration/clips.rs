@@ -104,7 +104,7 @@ fn saved_facts_survive() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let folder = folder.path();
     let program = "(deftemplate t (slot a) (multislot m))
-        (deffacts d (t (a \"x\") (m [i] \"y z\" y -1 1.5)) (t (a [j]) (m)) (o \"x\" x 3 3.0 \"3\" nil \"nil\" \"TRUE\" TRUE <Fact-1> (sym-cat \"=\")))\n";
+        (deffacts d (t (a \"x\") (m [i] \"y z\" y -1 1.5)) (t (a [j]) (m)) (o \"x\" x 3 3.0 \"3\" nil \"nil\" \"TRUE\" TRUE <Fact-1> =a :))\n";
     fs::write(folder.join("p.clp"), program)?;
     clips(folder, "(load \"p.clp\")\n(reset)\n(save-facts \"saved.txt\")")?;
     rmem(folder, &["clips", "import", "saved.txt", "--into", "a.b"])?;

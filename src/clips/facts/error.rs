@@ -40,6 +40,9 @@ impl FactError {
         self.remedy.map(|remedy| match remedy {
             Remedy::Flatten => "--nested flatten makes slots of nested keys, --nested json writes a string",
             Remedy::Json => "--nested json writes a string",
+            Remedy::Form => {
+                "--as assert or --as deffacts NAME writes it as (sym-cat \"=\"); in a slot of type STRING it is a string"
+            }
             Remedy::Query => "the query {relation: {$type: 'string'}} leaves out documents without a template",
         })
     }
@@ -52,6 +55,8 @@ pub(super) enum Remedy {
     Flatten,
     /// Writing the value as JSON.
     Json,
+    /// Another form of the facts.
+    Form,
     /// A query that leaves the document out.
     Query,
 }

@@ -133,6 +133,24 @@ impl Exporter<'_> {
     }
 }
 
+/// Checks that `(load-facts)` reads a fact as it is written: CLIPS takes the symbol `=` for the start of a function call.
+///
+/// # Errors
+/// Naming the slot with that symbol.
+pub fn loadable(fact: &Fact) -> Result<(), FactError> {
+    let has_equals = |values: &[Value]| values.iter().any(|value| matches!(value, Value::Symbol(text) if text == "="));
+    let slot = match &fact.body {
+        Body::Ordered(values) => has_equals(values).then_some(VALUES),
+        Body::Slots(slots) => slots.iter().find(|slot| has_equals(&slot.values)).map(|slot| slot.name.as_str()),
+    };
+    match slot {
+        Some(key) => {
+            Err(FactError::new(key, "has the symbol `=`, which (load-facts) cannot read").remedy(Remedy::Form))
+        }
+        None => Ok(()),
+    }
+}
+
 /// The name of the template.
 fn relation(document: &Document) -> Result<&str, FactError> {
     let wrong = |message: String| Err(FactError::new(RELATION, message));

@@ -31,7 +31,7 @@ mod trigger;
 
 pub use equal::{remove_repeated, remove_stored};
 pub use error::FactError;
-pub use export::Exporter;
+pub use export::{Exporter, loadable};
 pub use import::{Importer, Misfit};
 pub use key::{RELATION, VALUES};
 pub use keyed::{Found, KeyError, give_ids, spelled};

@@ -6,7 +6,7 @@ use bson::Document;
 use clap::{Args, ValueEnum};
 
 use super::schema;
-use crate::clips::facts::{Exporter, FactError, Nested};
+use crate::clips::facts::{Exporter, FactError, Nested, loadable};
 use crate::commands::query::{argument, owned};
 use crate::commands::{Context, UsageError, WrongInput, formats, missing};
 use crate::error::{Error, Result};
@@ -98,7 +98,7 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
         }
         let source = context.read(path)?;
         for (span, document) in shell::parse_documents(&source)? {
-            match exporter.fact(&document) {
+            match form.fact(&exporter, &document) {
                 Ok(fact) => form.write(&fact, &mut text),
                 Err(error) => {
                     skip(complain(&source, span, &error).into(), context)?;
@@ -118,7 +118,7 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
         let mut is_empty = true;
         for document in memory.find_with_metadata(&namespace, &Find { filter, ..Find::default() })? {
             let document = document.and_then(owned)?;
-            match exporter.fact(&document) {
+            match form.fact(&exporter, &document) {
                 Ok(fact) => form.write(&fact, &mut text),
                 Err(error) => {
                     skip(refuse(&namespace, &document, &error).into(), context)?;
@@ -167,6 +167,15 @@ impl<'a> Form<'a> {
         match arguments.get(2) {
             Some(extra) => Err(UsageError::new(format!("unexpected argument `{extra}`; expected NS and QUERY only"))),
             None => Ok((form, arguments)),
+        }
+    }
+
+    /// The fact of a document, if this form can have it.
+    fn fact(&self, exporter: &Exporter<'_>, document: &Document) -> Result<Fact, FactError> {
+        let fact = exporter.fact(document)?;
+        match self {
+            Self::Facts => loadable(&fact).map(|()| fact),
+            Self::Deffacts(_) | Self::Assert => Ok(fact),
         }
     }
 

@@ -49,7 +49,7 @@ fn facts_are_written_as_deffacts_and_assertions() {
     assert_eq!(lab.rmem(&["clips", "export", "a.b", "{}", "--as", "deffacts", "world"]).success(), deffacts);
     assert_eq!(lab.rmem(&["clips", "export", "--as", "assert", "a.b", "{x: 1}"]).success(), "(assert (t (x 1)))\n");
     lab.rmem_with(&["clips", "import", "-", "--into", "a.c"], deffacts).success();
-    assert_eq!(lab.rmem(&["clips", "export", "a.c"]).success(), "(on = b)\n(t (x 1))\n");
+    assert_eq!(lab.rmem(&["clips", "export", "a.c", "--as", "deffacts", "world"]).success(), deffacts);
     assert_run!(lab.rmem(&["clips", "export", "a.b", "--as", "deffacts"]), @r"
     ------- stderr -------
     error: expected --as deffacts NAME, the name a symbol
@@ -60,6 +60,27 @@ fn facts_are_written_as_deffacts_and_assertions() {
     error: expected --as facts, --as deffacts NAME, or --as assert
     [exit code: 2]
     ");
+}
+
+#[test]
+fn a_symbol_that_load_facts_cannot_read_is_refused_by_name() {
+    let lab = lab();
+    lab.write("t.clp", "(deftemplate t (slot op (type STRING)))");
+    let documents = "{_id: 1, relation: 't', op: '='}\n{_id: 2, relation: 'on', values: ['a', '=']}\n{_id: 3, relation: 't', op: '=='}";
+    lab.rmem_with(&["insert", "a.b", "-"], documents).success();
+    assert_run!(lab.rmem(&["clips", "export", "a.b"]), @r#"
+    ------- stderr -------
+    error: a.b, document 1: the key `op` has the symbol `=`, which (load-facts) cannot read
+      = hint: --as assert or --as deffacts NAME writes it as (sym-cat "="); in a slot of type STRING it is a string
+    [exit code: 3]
+    "#);
+    let left = lab.rmem(&["clips", "export", "a.b", "--skip-invalid"]);
+    assert!(
+        left.to_string().starts_with("(t (op ==))\n") && left.to_string().contains("the key `values` has"),
+        "{left}"
+    );
+    let with = ["clips", "export", "a.b", "{relation: 't'}", "--deftemplates", "t.clp"];
+    assert_eq!(lab.rmem(&with).success(), "(t (op \"=\"))\n(t (op \"==\"))\n");
 }
 
 #[test]

@@ -301,6 +301,21 @@ fn facts_are_documents_and_documents_facts() {
 }
 
 #[test]
+fn strings_of_facts_come_back_by_notes_or_types_and_other_texts_as_symbols() {
+    let lab = lab();
+    let program = r#"(deftemplate t (slot a) (slot s (type STRING)) (slot y (type SYMBOL)) (multislot m))
+        (deffunction kinds (?f) (printout t (class (fact-slot-value ?f a)) " " (class (fact-slot-value ?f s)) " "
+           (class (fact-slot-value ?f y)) " " (implode$ (fact-slot-value ?f m)) crlf))
+        (defrule go => (bind ?f (assert (t (a "x") (s "x") (y x) (m "x" y)))) (bind ?d (rm-structured-fact-to-bson ?f))
+           (retract ?f) (bind ?f (rm-assert-from-bson ?d)) (kinds ?f) (retract ?f)
+           (bind ?e (bson-create)) (bson-append ?e relation t)
+           (progn$ (?key (create$ a s y)) (bson-append ?e ?key (bson-get ?d ?key)))
+           (printout t (class (bson-get ?e a)) crlf) (kinds (rm-assert-from-bson ?e)))"#;
+    let text = run(&lab, program, &[]).success();
+    assert_eq!(text, "STRING STRING SYMBOL \"x\" y\nSTRING\nSYMBOL STRING SYMBOL \n");
+}
+
+#[test]
 fn changes_of_the_memory_are_facts() {
     let lab = lab();
     let program = r#"(defglobal ?*t* = nil)
