@@ -86,6 +86,7 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
         let problem = generated.check(domain, dialect).map_err(Diagnostics)?;
         warn(&generated.explain(problem.warnings().to_vec()), context);
     }
+    warn(&problem::unchecked(&generated), context);
     if args.options.strict {
         require(&generated.sections)?;
     }

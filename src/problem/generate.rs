@@ -1,7 +1,7 @@
 //! The way from a request to a problem: which syntax the template has, and the module that renders it.
 
 use super::request::{ProblemError, Request, Syntax};
-use super::{Generated, Streamed, empty_goal, goal, marker, minijinja};
+use super::{Generated, Streamed, empty_goal, goal, marker, minijinja, unchecked};
 use crate::formats::pddl::Dialect;
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
@@ -38,10 +38,11 @@ pub fn stream(
 ) -> Result<Option<Streamed>, ProblemError> {
     match read(request)? {
         (_, Syntax::Marker) => Ok(None),
+        _ if unchecked::may_have_slashes(request) => Ok(None),
         (goal, _) => {
             let streamed = minijinja::stream(request, goal.as_deref(), memory, domain, dialect)?;
-            // Where its goal is empty, a remark says where and why.
-            Ok(streamed.and_then(|mut streamed| (!streamed.has_empty_goal()).then_some(streamed)))
+            // Where its goal or metric is empty, a remark says where and why.
+            Ok(streamed.and_then(|mut streamed| (!streamed.has_empty_part()).then_some(streamed)))
         }
     }
 }

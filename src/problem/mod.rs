@@ -23,6 +23,7 @@ mod parts;
 mod request;
 mod stream;
 mod taken;
+mod unchecked;
 mod usage;
 
 pub use explain::{Explanation, Part, Writer};
@@ -31,4 +32,5 @@ pub use origin::{Generated, Origin};
 pub use parts::read_parts;
 pub use request::{ProblemError, Request, SectionReport, Syntax, TemplatePart};
 pub use stream::Streamed;
+pub use unchecked::unchecked;
 pub use usage::{check_use, takes_goal};

@@ -11,7 +11,7 @@ use std::thread::{self, JoinHandle};
 use tempfile::{SpooledTempFile, spooled_tempfile_in};
 
 use super::assembly::Assembler;
-use super::{SectionReport, empty_goal};
+use super::{SectionReport, empty_goal, unchecked};
 use crate::formats::Span;
 use crate::formats::Texts;
 use crate::formats::pddl::Dialect;
@@ -50,16 +50,21 @@ impl Streamed {
         io::copy(&mut self.file, out).map(|_| ())
     }
 
-    /// Whether a section matched nothing and the goal, if it is near the end, is empty.
-    pub(super) fn has_empty_goal(&mut self) -> bool {
+    /// Whether the metric, or where a section matched nothing the goal, is near the end and empty.
+    pub(super) fn has_empty_part(&mut self) -> bool {
         let mut tail = Vec::new();
         let mut read = || -> io::Result<usize> {
             let length = self.file.seek(SeekFrom::End(0))?;
             self.file.seek(SeekFrom::Start(length.saturating_sub(empty_goal::TAIL as u64)))?;
             self.file.read_to_end(&mut tail)
         };
-        let is_read = self.sections.iter().any(|section| section.matched == 0) && read().is_ok();
-        is_read && empty_goal::find(&String::from_utf8_lossy(&tail)).is_some()
+        if read().is_err() {
+            return false;
+        }
+        let tail = String::from_utf8_lossy(&tail);
+        let is_goal_empty = || empty_goal::find(&tail).is_some();
+        let is_unmatched = self.sections.iter().any(|section| section.matched == 0);
+        is_unmatched && is_goal_empty() || unchecked::empty_metric(&tail).is_some()
     }
 }
 

@@ -1077,6 +1077,39 @@ fn a_goal_that_no_document_fills_is_a_warning() {
 }
 
 #[test]
+fn what_is_not_pddl_has_a_warning_also_where_no_domain_checks_it() {
+    let lab = Lab::new().env("RMEM_MEMORY", "mem:");
+    let metric = "(:metric minimize {% for r in query('a.b') %}{{ r.n }}{% endfor %})";
+    lab.write("t.j2", &format!("(define (problem p) (:domain d) // one\n (:goal (x))\n {metric})"));
+    lab.write(
+        "t.tmpl",
+        "(define (problem p) (:domain d) ; http://one // two\n (:metric minimize <<#N|{n: 1}>><<n>><</N>>))",
+    );
+    lab.write("d.pddl", "(define (domain d) (:predicates (x)))");
+    let warnings = |args: &[&str]| {
+        let text = lab.rmem(&[&["gen-problem", "-o", "p.pddl"], args].concat()).exits(0).to_string();
+        let lines = text.lines().filter(|line| line.starts_with("warning: t.") || line.contains("hint: "));
+        lines.map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(
+        warnings(&["-t", "t.j2"]),
+        [
+            "warning: t.j2:3:2: the metric is empty, which is not PDDL",
+            "  = hint: this is written (:metric minimize EXPRESSION); leave all of it out where there is no expression",
+            "  = hint: it became line 3 of the problem: (:metric minimize ))",
+            "warning: t.j2:1:33: the problem has a comment that begins with `//`, which is not PDDL",
+            "  = hint: comments begin with `;`; rmem reads `//` with --lenient, planners and other programs do not",
+            "  = hint: it became line 1 of the problem: (define (problem p) (:domain d) // one",
+        ]
+    );
+    assert_eq!(warnings(&["-t", "t.tmpl"]).len(), 3);
+    lab.write("t.j2", "(define (problem p) (:domain d) // one\n (:init) (:goal (x)))");
+    assert_eq!(warnings(&["-t", "t.j2", "-d", "d.pddl", "--lenient"]).len(), 3);
+    lab.write("t.j2", "(define (problem p) (:domain d) ; one // two\n (:init) (:goal (x)))");
+    assert_eq!(warnings(&["-t", "t.j2"]), [""; 0]);
+}
+
+#[test]
 fn a_problem_does_not_replace_what_it_is_made_from() {
     let lab = lab();
     lab.write("t.j2", "(define (problem p) (:domain d) (:init {% include 'part.j2' %}) (:goal (and)))");
