@@ -6,6 +6,7 @@ use super::Context;
 use super::query::{argument, blame};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
+use crate::query::collation::during;
 use crate::query::{MapReduce, Merging};
 use crate::store::{Find, Namespace};
 
@@ -59,7 +60,8 @@ pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> Result<Exi
     let texts = [("<query>", args.query.as_str()), ("<sort>", args.sort.as_str())];
     let memory = context.memory()?;
     let documents = memory.find(&args.namespace, &find).map_err(|error| blame(error, &texts))?;
-    let results = functions.run(documents).map_err(|error| blame(error, &texts))?;
+    let collation = memory.collation(&args.namespace)?;
+    let results = during(collation.as_ref(), || functions.run(documents)).map_err(|error| blame(error, &texts))?;
     match &args.out {
         Some(out) => {
             let stages = Merging::Replace.stages(&out.database, &out.collection, results);

@@ -10,7 +10,8 @@ use bson::{Bson, DateTime, Document};
 
 use super::watch::event;
 use super::{Memory, unseen};
-use crate::query::{Filter, QueryError};
+use crate::query::collation::during;
+use crate::query::{Collation, Filter, QueryError};
 use crate::store::history::{Entry, HistoryRule, not_kept};
 use crate::store::{Change, ChangeKind, Namespace, StoreError, metadata};
 
@@ -107,7 +108,8 @@ impl Memory {
         selection: &Selection,
     ) -> Result<impl Iterator<Item = Result<Entry, StoreError>> + '_, StoreError> {
         let ns = &selection.namespace;
-        let filter = Filter::parse(&unseen::in_filter(&selection.filter))?;
+        let collation = self.collation(ns)?;
+        let filter = during(collation.as_ref(), || Filter::parse(&unseen::in_filter(&selection.filter)))?;
         let history = self.routes.reading(ns)?.history(ns, selection.since)?;
         let rules = self.routes.histories(ns);
         let entries = match history {
@@ -116,7 +118,7 @@ impl Memory {
             None if HistoryRule::of(&rules, ns).is_some() => Box::new(std::iter::empty()),
             None => return Err(not_kept(ns, &rules)),
         };
-        let wanted = Wanted { filter, selection: selection.clone() };
+        let wanted = Wanted { filter, selection: selection.clone(), collation };
         Ok(entries.filter_map(move |entry| match entry {
             Ok(entry) => match wanted.wants(&entry) {
                 Ok(true) => Some(Ok(entry)),
@@ -130,6 +132,8 @@ impl Memory {
 
 struct Wanted {
     filter: Filter,
+    /// How strings compare in the collection now.
+    collation: Option<Collation>,
     selection: Selection,
 }
 
@@ -141,7 +145,7 @@ impl Wanted {
             return Ok(false);
         }
         match entry.change.after.as_ref().or(entry.change.before.as_ref()) {
-            Some(document) => self.filter.matches(document),
+            Some(document) => during(self.collation.as_ref(), || self.filter.matches(document)),
             None => Ok(filter.is_empty() || entry.change.kind == ChangeKind::Delete),
         }
     }

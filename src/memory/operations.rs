@@ -136,7 +136,7 @@ impl Memory {
             return Ok(found);
         }
         self.answer(&[(ns, &find.filter)], true, |view| {
-            if let Some(extended) = self.extended(&[(ns, &find.filter)], view)? {
+            if let Some(extended) = self.extended(&[(ns, &find.filter)], &find.modifiers, view)? {
                 let find = Find { filter: unseen::in_filter(&find.filter), ..find.clone() };
                 return Ok(ready(extended.find(ns, &find)?));
             }
@@ -179,9 +179,12 @@ impl Memory {
     pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
         let mut explanation = self.answer(&[(ns, &find.filter)], true, |view| {
             let chosen = self.choosing(ns, &find.filter, view)?;
-            if let (Some(extended), Some(chosen)) = (self.extended(&[(ns, &find.filter)], view)?, chosen) {
+            if let (Some(extended), Some(chosen)) =
+                (self.extended(&[(ns, &find.filter)], &find.modifiers, view)?, chosen)
+            {
                 // The store chooses the documents; the query is answered, and sorted, over a copy with the added keys.
-                let choose = Find { filter: chosen, ..Find::default() };
+                let modifiers = find.modifiers.without_hint();
+                let choose = Find { filter: chosen, modifiers, ..Find::default() };
                 let mut explanation = self.routes.reading(ns)?.explain(ns, &choose)?;
                 let returned = extended.find(ns, find)?;
                 explanation.insert("returned", i64::try_from(returned.len()).unwrap_or(i64::MAX));
@@ -204,7 +207,7 @@ impl Memory {
     pub fn count<'q>(&self, ns: &Namespace, query: impl Into<Query<'q>>) -> Result<u64, StoreError> {
         let query = query.into();
         self.answer(&[(ns, query.filter)], true, |view| {
-            if let Some(extended) = self.extended(&[(ns, query.filter)], view)? {
+            if let Some(extended) = self.extended(&[(ns, query.filter)], query.modifiers, view)? {
                 let filter = unseen::in_filter(query.filter);
                 return extended.count(ns, Query { filter: &filter, ..query });
             }
@@ -228,7 +231,7 @@ impl Memory {
     pub fn values<'q>(&self, ns: &Namespace, field: &str, query: impl Into<Query<'q>>) -> Result<Values, StoreError> {
         let query = query.into();
         self.answer(&[(ns, query.filter)], true, |view| {
-            if let Some(extended) = self.extended(&[(ns, query.filter)], view)? {
+            if let Some(extended) = self.extended(&[(ns, query.filter)], query.modifiers, view)? {
                 let filter = unseen::in_filter(query.filter);
                 return extended.values(ns, field, Query { filter: &filter, ..query });
             }
@@ -284,7 +287,7 @@ impl Memory {
         let work = |view: &View| {
             let stages = computables::visible_stages(ns, pipeline.stages, view, shows_metadata);
             let pipeline = Aggregation { stages: &stages, ..pipeline };
-            if let Some(extended) = if writes { None } else { self.extended(&questions, view)? } {
+            if let Some(extended) = if writes { None } else { self.extended(&questions, pipeline.modifiers, view)? } {
                 return Ok(ready(extended.aggregate(ns, pipeline)?));
             }
             let start = Instant::now();

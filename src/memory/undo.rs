@@ -9,7 +9,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::Memory;
 use super::history::Selection;
-use crate::query::{QueryError, key};
+use crate::query::{Collation, QueryError, key};
 use crate::store::history::Entry;
 use crate::store::{ChangeKind, Find, Namespace, StoreError};
 
@@ -38,6 +38,8 @@ pub struct UndoPlan {
     pub newest: Option<Entry>,
     /// What becomes of the documents, in the order of their first change.
     pub documents: Vec<Restoration>,
+    /// How strings compared in the collection, where it was dropped and that was not byte by byte.
+    pub collation: Option<Collation>,
 }
 
 impl Restoration {
@@ -82,8 +84,12 @@ impl Memory {
         let mut changes: BTreeMap<Vec<u8>, Changes> = BTreeMap::new();
         let mut waiting = selected.iter().peekable();
         let count = selected.len();
+        let mut collation = None;
         for (order, entry) in self.history(&whole)?.enumerate() {
             let entry = entry?;
+            if entry.change.kind == ChangeKind::Drop {
+                collation.clone_from(&entry.collation);
+            }
             let Some(id) = &entry.change.id else { continue };
             let key = key::encode_value(id);
             let is_selected = waiting.peek().is_some_and(|next| next.change.position == entry.change.position);
@@ -100,7 +106,7 @@ impl Memory {
         ordered.sort_by_key(|changes| changes.order);
         let documents = ordered.into_iter().filter_map(|changes| self.restoration(ns, changes).transpose());
         let documents = documents.collect::<Result<_, _>>()?;
-        Ok(UndoPlan { changes: count, newest: selected.pop(), documents })
+        Ok(UndoPlan { changes: count, newest: selected.pop(), documents, collation })
     }
 
     /// What becomes of a document; nothing where it stays as it is.
@@ -158,7 +164,12 @@ impl Memory {
                 for gone in plan.documents.iter().filter(|document| document.target.is_none()) {
                     store.delete(ns, (&doc! { "_id": { "$eq": &gone.id } }).into(), true)?;
                 }
-                let back = plan.documents.iter().filter_map(|document| document.target.clone()).collect();
+                let back: Vec<Document> =
+                    plan.documents.iter().filter_map(|document| document.target.clone()).collect();
+                if let (false, Some(collation)) = (back.is_empty(), &plan.collation) {
+                    // One that is there stays as it is.
+                    store.create(ns, Some(collation))?;
+                }
                 store.put(ns, back, None).map(drop)
             })
         };

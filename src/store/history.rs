@@ -8,6 +8,7 @@ use super::error::StoreError;
 use super::namespace::Namespace;
 use super::watch::{Change, Scope};
 use crate::calendar::day_and_time;
+use crate::query::Collation;
 
 /// How long, and how much of, the history of a scope is kept. Of several rules for a collection, that
 /// of the smallest scope counts.
@@ -32,6 +33,8 @@ pub struct Entry {
     pub author: Option<String>,
     /// What the changes of one run of a command have in common.
     pub run: Option<i64>,
+    /// How strings compared in a collection that was dropped, where that was not byte by byte.
+    pub collation: Option<Collation>,
 }
 
 /// The kept changes of a collection.

@@ -665,3 +665,30 @@ fn mistakes_in_what_is_added_are_shown_at_their_place() {
         assert!(run.stderr.contains(&format!("rmem.toml:3:14: {message}")), "{run}");
     }
 }
+
+#[test]
+fn documents_that_get_keys_are_chosen_and_worked_on_as_the_collection_or_the_query_compares() {
+    let lab = Lab::new();
+    // Two names that differ only in case are one group.
+    let body = "[{$group: {_id: '$name', all: {$push: '$_id'}}}, {$unwind: '$all'}, {$group: {_id: '$all', group: {$first: '$_id'}}}, \
+                {$project: {first: {$eq: ['$group', 'cup']}}}]";
+    lab.write(
+        "rmem.toml",
+        &format!(
+            "memory = 'file:robot.rmem'\n[[computable]]\nname = 'first'\ncollection = 'a.objects'\n\
+             spec = \"{{first: {{$exists: true}}}}\"\nadds = ['first']\npipeline = \"{body}\"\n"
+        ),
+    );
+    let count = |more: &[&str]| {
+        let query = ["count", "a.objects", "{name: 'CUP', first: true}"];
+        lab.rmem(&[&query[..], more].concat()).success()
+    };
+    let objects = ["insert", "a.objects", "{_id: 1, name: 'cup'}", "{_id: 2, name: 'Cup'}", "{_id: 3, name: 'jar'}"];
+    lab.rmem(&objects).success();
+    let ignore_case = ["--collation", "{locale: 'en', strength: 2}"];
+    assert_eq!([count(&[]), count(&ignore_case)], ["0\n", "1\n"]);
+    lab.rmem(&["drop", "a.objects"]).success();
+    lab.rmem(&[&["create", "a.objects"][..], &ignore_case].concat()).success();
+    lab.rmem(&objects).success();
+    assert_eq!([count(&[]), count(&["--collation", "{locale: 'simple'}"])], ["2\n", "0\n"]);
+}

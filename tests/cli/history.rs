@@ -332,3 +332,23 @@ fn a_table_of_changes_is_one_list_in_order_of_time() {
     let operations: Vec<&str> = table.lines().skip(1).map(|line| line.split_whitespace().nth(4).unwrap()).collect();
     assert_eq!(operations, ["insert", "update", "insert", "delete"], "{table}");
 }
+
+#[test]
+fn a_collection_that_undo_brings_back_has_its_collation_and_its_history_is_asked_by_it() {
+    let lab = lab();
+    let collation = "{locale: 'en', strength: 2}";
+    lab.rmem(&["create", NS, "--collation", collation]).success();
+    lab.rmem(&["insert", NS, "{_id: 'Cup', at: 'A'}"]).success();
+    let asked = |filter| lab.rmem(&["history", NS, filter]).success().lines().count();
+    assert_eq!([asked("{_id: 'cup'}"), asked("{at: 'a'}"), asked("{at: 'b'}")], [1, 1, 0]);
+    lab.rmem(&["drop", NS]).success();
+    lab.rmem(&["undo", NS]).success();
+    assert_eq!(lab.rmem(&["count", NS, "{_id: 'CUP', at: 'a'}"]).success(), "1\n");
+    // One without a collation comes back without.
+    lab.rmem(&["drop", NS]).success();
+    lab.rmem(&["insert", NS, "{_id: 'Jar', at: 'A'}"]).success();
+    lab.rmem(&["drop", NS]).success();
+    lab.rmem(&["undo", NS]).success();
+    assert_eq!(lab.rmem(&["count", NS, "{at: 'a'}"]).success(), "0\n");
+    assert_eq!(lab.rmem(&["count", NS, "{at: 'A'}"]).success(), "1\n");
+}

@@ -206,3 +206,39 @@ fn a_collection_with_a_collation_is_repaired_with_it() {
     let count = ["--memory", "file:saved.rmem", "count", "robmem.boxes", "{_id: 'A'}"];
     assert_eq!(lab.rmem(&count).success(), "1\n");
 }
+
+#[test]
+fn a_dry_run_of_a_restore_says_what_the_restore_says_of_collations() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let error = |run: crate::lab::Finished| run.exits(5).stderr;
+    lab.rmem(&["create", "robmem.boxes", "--collation", IGNORE_CASE]).success();
+    lab.write("alike.json", "{'robmem.boxes': [{_id: 'A'}, {_id: 'a'}]}");
+    for restore in [&["restore", "alike.json", "--drop"][..], &["restore", "alike.json"]] {
+        let foreseen = error(lab.rmem(&[restore, &["--dry-run"]].concat()));
+        assert_eq!(foreseen, error(lab.rmem(restore)), "{restore:?}");
+        assert!(foreseen.contains("robmem.boxes already has a document with _id: \"a\""), "{foreseen}");
+    }
+    lab.write("other.json", "{'robmem.boxes': [{_id: 'A'}, {_id: 'b'}]}");
+    lab.rmem(&["restore", "other.json", "--drop", "--dry-run"]).success();
+    lab.rmem(&["restore", "other.json", "--drop"]).success();
+    lab.rmem(&["dump", "robmem.boxes", "-o", "dump"]).success();
+    lab.rmem(&["drop", "robmem.boxes"]).success();
+    let warning = "warning: robmem.boxes: the collation of the collection is not restored: it exists with another one; --drop \
+                   replaces it\n";
+    assert_eq!(lab.rmem(&["-q", "restore", "dump", "--dry-run"]).exits(0).stderr, "");
+    lab.rmem(&["insert", "-q", "robmem.boxes", "{_id: 'c'}"]).success();
+    for restore in [&["restore", "dump", "--dry-run"][..], &["restore", "dump"]] {
+        assert!(lab.rmem(restore).exits(0).stderr.contains(warning), "{restore:?}");
+    }
+    assert!(!lab.rmem(&["restore", "dump", "--dry-run", "--drop"]).exits(0).stderr.contains("warning"));
+}
+
+#[test]
+fn values_are_reduced_by_key_as_the_collection_compares() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["create", "robmem.boxes", "--collation", IGNORE_CASE]).success();
+    lab.rmem(&["insert", "-q", "robmem.boxes", "{_id: 1, k: 'a'}", "{_id: 2, k: 'A'}", "{_id: 3, k: 'b'}"]).success();
+    let functions = ["--map", "function() { emit(this.k, 1) }", "--reduce", "(key, values) => Array.sum(values)"];
+    let printed = lab.rmem(&[&["map-reduce", "robmem.boxes"][..], &functions].concat()).success();
+    assert_eq!(printed, "{\"_id\":\"a\",\"value\":2.0}\n{\"_id\":\"b\",\"value\":1.0}\n");
+}

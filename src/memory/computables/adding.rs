@@ -17,7 +17,7 @@ use crate::formats::shell;
 use crate::memory::Memory;
 use crate::memory::journal::Operation;
 use crate::query::{QueryError, field, key};
-use crate::store::{Find, Namespace, StoreError, document, metadata};
+use crate::store::{Find, Modifiers, Namespace, StoreError, document, metadata};
 
 /// What is asked of a collection, and the computables that add keys to its documents.
 #[derive(Default)]
@@ -27,13 +27,15 @@ struct Part<'a> {
 }
 
 impl Memory {
-    /// The documents that the questions may match, with the keys that computables add to them; nothing where none does.
+    /// The documents that the questions, asked with these modifiers, may match, with the keys that computables add to them;
+    /// nothing where none does.
     pub(in crate::memory) fn extended(
         &self,
         questions: &[(&Namespace, &Document)],
+        modifiers: &Modifiers,
         view: &View,
     ) -> Result<Option<Extended<'_>>, StoreError> {
-        self.copied(questions, view, false)
+        self.copied(questions, modifiers, view, false)
     }
 
     /// All documents of a collection, with the keys that computables add to them for a query; nothing where none does.
@@ -43,7 +45,7 @@ impl Memory {
         query: &Document,
         view: &View,
     ) -> Result<Option<Extended<'_>>, StoreError> {
-        self.copied(&[(ns, query)], view, true)
+        self.copied(&[(ns, query)], Modifiers::none(), view, true)
     }
 
     /// The query that chooses the documents which computables add keys to; none where none does.
@@ -60,6 +62,7 @@ impl Memory {
     fn copied(
         &self,
         questions: &[(&Namespace, &Document)],
+        modifiers: &Modifiers,
         view: &View,
         is_whole: bool,
     ) -> Result<Option<Extended<'_>>, StoreError> {
@@ -77,7 +80,7 @@ impl Memory {
         }
         let mut collections = Vec::new();
         for (ns, part) in parts {
-            collections.push((ns.clone(), self.with_added(ns, &part, view, is_whole)?));
+            collections.push((ns.clone(), self.with_added(ns, &part, modifiers, view, is_whole)?));
         }
         Ok(Some(Extended::new(self, collections)))
     }
@@ -97,6 +100,7 @@ impl Memory {
         &self,
         ns: &Namespace,
         part: &Part<'_>,
+        modifiers: &Modifiers,
         view: &View,
         is_whole: bool,
     ) -> Result<Vec<RawDocumentBuf>, StoreError> {
@@ -104,7 +108,7 @@ impl Memory {
             [query] if !is_whole => without(query, &added(&part.wanted)),
             _ => Document::new(),
         };
-        let find = Find { filter: view.filter(&filter), ..Find::default() };
+        let find = Find { filter: view.filter(&filter), modifiers: modifiers.without_hint(), ..Find::default() };
         let mut documents = self.routes.reading(ns)?.find(ns, &find)?.collect::<Result<Vec<_>, _>>()?;
         for wanted in &part.wanted {
             let start = Instant::now();

@@ -18,7 +18,7 @@ use crate::formats::shell;
 use crate::memory::journal::Operation;
 use crate::memory::operations::Memory;
 use crate::query::{QueryError, field, key, object_id};
-use crate::store::{Documents, Find, Namespace, Store, StoreError, metadata};
+use crate::store::{Aggregation, Documents, Find, Modifiers, Namespace, Store, StoreError, metadata};
 
 /// How often an answer is made from shared computations; where they were replaced meanwhile each time, the next one
 /// computes for its query alone.
@@ -85,7 +85,9 @@ impl Source for Memory {
             && wanted.is_empty()
         {
             let stages = visible_stages(ns, pipeline, &self.computables.view(self.clock.now()), false);
-            if let Some(results) = extended::run((&stages[..]).into(), documents)? {
+            let modifiers = Modifiers { collation: self.collation(ns)?, ..Modifiers::default() };
+            let aggregation = Aggregation { stages: &stages, modifiers: &modifiers };
+            if let Some(results) = extended::run(aggregation, documents)? {
                 return Ok(Box::new(results.into_iter().map(|document| Ok(metadata::hide_within(document)?))));
             }
         }

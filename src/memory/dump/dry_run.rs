@@ -29,11 +29,12 @@ pub(super) fn check_keys(memory: &Memory, dump: &Dump, drop: bool, temporary: &P
             (true, dump) => (Vec::new(), dump.unwrap_or(present)),
             (false, dump) => (present, dump.unwrap_or_default()),
         };
-        if !before.is_empty() || !after.is_empty() {
-            let collation = match &part.collation {
-                Some(collation) if drop => collation.clone(),
-                _ => memory.collation(&part.namespace).map_err(failed)?.or_else(|| part.collation.clone().flatten()),
-            };
+        let collation = match &part.collation {
+            Some(collation) if drop => collation.clone(),
+            _ => memory.collation(&part.namespace).map_err(failed)?.or_else(|| part.collation.clone().flatten()),
+        };
+        // By a collation, two documents of the dump may have the same `_id`.
+        if !before.is_empty() || !after.is_empty() || collation.is_some() {
             let plan = RestorePlan { part, collation, present: (!drop).then_some(memory), before, after };
             TrialStore::new(&part.namespace, temporary)?.run(&plan)?;
         }
@@ -122,7 +123,12 @@ impl<'a> TrialStore<'a> {
             }
         }
         for batch in batches(plan.part.documents()?) {
-            self.store.put(self.namespace, undated(batch?), None).map_err(failed)?;
+            let batch = undated(batch?);
+            let stored = match plan.present {
+                Some(_) => self.store.put(self.namespace, batch, None).map(drop),
+                None => self.store.insert(self.namespace, batch).map(drop),
+            };
+            stored.map_err(failed)?;
         }
         self.index(&plan.after)
     }

@@ -95,7 +95,12 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
             false => put(memory, dump, true, true, None)?,
         };
         for (restored, part) in foreseen.iter_mut().zip(&dump.parts) {
-            restored.without = dry_run::refused(memory, part)?;
+            if !options.drop {
+                restored
+                    .without
+                    .extend(other_collation(memory, part).map_err(|source| unchanged(&part.namespace, source))?);
+            }
+            restored.without.extend(dry_run::refused(memory, part)?);
         }
         foreseen
     } else {
@@ -175,8 +180,15 @@ fn put(
 /// Makes the collection of a dump with its collation; returns a note where it exists with another one.
 fn prepare(memory: &Memory, part: &Part) -> Result<Option<String>, StoreError> {
     let Some(Some(collation)) = &part.collation else { return Ok(None) };
-    let made = memory.create_collection(&part.namespace, Some(collation))?;
-    let is_other = !made && memory.collation(&part.namespace)?.as_ref() != Some(collation);
+    memory.create_collection(&part.namespace, Some(collation))?;
+    other_collation(memory, part)
+}
+
+/// A note where the collection exists with another collation than the dump has.
+fn other_collation(memory: &Memory, part: &Part) -> Result<Option<String>, StoreError> {
+    let Some(Some(collation)) = &part.collation else { return Ok(None) };
+    let indexes = memory.indexes(&part.namespace)?;
+    let is_other = !indexes.is_empty() && index::collation(&indexes).as_ref() != Some(collation);
     let note = "the collation of the collection is not restored: it exists with another one; --drop replaces it";
     Ok(is_other.then(|| note.to_owned()))
 }

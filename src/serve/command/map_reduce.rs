@@ -4,6 +4,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, Run};
 use crate::memory::Memory;
+use crate::query::collation::during;
 use crate::query::{MapReduce, Merging};
 use crate::serve::access::Access;
 use crate::serve::call::Call;
@@ -110,14 +111,20 @@ fn read(fields: Fields<'_>) -> Result<MapReduce, Failure> {
 
 fn results(call: &Call, access: Access<'_>, functions: &MapReduce) -> Result<Vec<Document>, Failure> {
     let fields = call.request.fields();
+    let ns = call.request.readable()?;
+    let collation = match fields.modifiers()?.collation {
+        Some(own) => Some(own),
+        None => access.memory.collation(&ns)?,
+    };
     let find = Find {
         filter: fields.document_or_empty("query")?,
         sort: fields.document_or_empty("sort")?,
         limit: fields.size("limit")?.unwrap_or(0),
-        modifiers: Modifiers { collation: fields.modifiers()?.collation, ..Modifiers::default() },
+        modifiers: Modifiers { collation: collation.clone(), ..Modifiers::default() },
         ..Find::default()
     };
-    let found = functions.run(access.find(&call.request.readable()?, &find)?)?;
+    let documents = access.find(&ns, &find)?;
+    let found = during(collation.as_ref(), || functions.run(documents))?;
     call.request.check_time()?;
     Ok(found)
 }

@@ -48,8 +48,9 @@ impl<'a> Noted<'a> {
         Self { kind: ChangeKind::Delete, before: Some(before), after: None, place, of_history: false }
     }
 
-    pub(super) fn drop() -> Self {
-        Self { kind: ChangeKind::Drop, before: None, after: None, place: None, of_history: false }
+    /// A drop; `collation` is the definition of that of the collection, for the history.
+    pub(super) fn drop(collation: Option<&'a RawDocument>) -> Self {
+        Self { kind: ChangeKind::Drop, before: collation, after: None, place: None, of_history: false }
     }
 
     /// The same, for the history.

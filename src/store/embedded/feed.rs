@@ -14,7 +14,7 @@ use super::place::Place;
 use super::watcher::{self, State, Taken, Watcher};
 use super::{Embedded, body, change_log};
 use crate::query::QueryError;
-use crate::store::{Change, Changes, Name, Namespace, Next, StoreError};
+use crate::store::{Change, ChangeKind, Changes, Name, Namespace, Next, StoreError};
 
 /// At most so many changes are read at once …
 const PAGE: usize = 256;
@@ -259,6 +259,8 @@ pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError
     };
     let kind: i64 = row.get("kind")?;
     let kind = change_log::kind(kind).ok_or_else(|| rusqlite::Error::IntegralValueOutOfRange(1, kind))?;
+    // A drop has no document there, but the collation of the collection.
+    let before = before.filter(|_| kind != ChangeKind::Drop);
     let change = Change {
         kind,
         id: id.map_err(QueryError::from)?,

@@ -5,7 +5,7 @@
 
 use std::rc::Rc;
 
-use bson::Document;
+use bson::{Document, RawDocumentBuf};
 use rusqlite::Connection;
 
 use super::catalog::Collection;
@@ -14,8 +14,8 @@ use super::place::Place;
 use super::scan::Scan;
 use super::transaction::Watched;
 use super::{Embedded, history, notifier, watcher};
-use crate::query::Filter;
-use crate::store::{Namespace, StoreError};
+use crate::query::{Filter, QueryError};
+use crate::store::{Modifiers, Namespace, StoreError};
 
 /// The watchers of a collection.
 #[derive(Clone, Copy)]
@@ -46,15 +46,17 @@ impl Embedded {
 
     /// Appends the changes of a drop, before it is done: for the history, the documents that go.
     pub(super) fn note_drop(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
-        let Some(most) = self.wanted(ns)?.by_history else { return self.note(ns, Noted::drop()) };
+        let Some(most) = self.wanted(ns)?.by_history else { return self.note(ns, Noted::drop(None)) };
         if collection.bytes(&self.connection).map_err(|e| self.explain(&e))? > most {
-            return self.note(ns, Noted::drop().of_history());
+            return self.note(ns, Noted::drop(None).of_history());
         }
         for found in Scan::new(self, collection, &mut Rc::new(Filter::parse(&Document::new())?))? {
             let found = found?;
             self.note(ns, Noted::delete(&found.body, found.position).of_history())?;
         }
-        self.note(ns, Noted::drop())
+        let collation = self.collation(Some(collection), Modifiers::none())?;
+        let definition = collation.map(|collation| RawDocumentBuf::try_from(collation.definition())).transpose();
+        self.note(ns, Noted::drop(definition.map_err(QueryError::from)?.as_deref()))
     }
 
     /// Appends the changes of a rename: a drop of the old name, and for watchers of the new

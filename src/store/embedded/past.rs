@@ -2,14 +2,14 @@
 
 use std::collections::{BTreeMap, HashSet, VecDeque};
 
-use bson::{DateTime, RawDocument, RawDocumentBuf};
+use bson::{DateTime, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{Connection, params};
 
 use super::history::{self, Kept};
 use super::page::PageError;
 use super::snapshot::Snapshot;
 use super::{Embedded, change_log, feed};
-use crate::query::key;
+use crate::query::{Collation, key};
 use crate::store::history::{not_kept, too_old};
 use crate::store::{ChangeKind, Entry, History, Namespace, StoreError};
 
@@ -150,6 +150,13 @@ impl Iterator for Entries<'_> {
     }
 }
 
+/// The collation that a dropped collection had.
+fn collation(row: &rusqlite::Row<'_>) -> rusqlite::Result<Option<Collation>> {
+    let definition: Option<Vec<u8>> = row.get("before")?;
+    let definition = definition.and_then(|bytes| Document::from_reader(&bytes[..]).ok());
+    Ok(definition.and_then(|definition| Collation::parse(&definition).ok()))
+}
+
 /// An entry with its number, and the place of its document.
 type Row = (i64, Entry, Option<i64>);
 
@@ -168,7 +175,9 @@ fn page(connection: &Connection, ns: &Namespace, mut behind: i64) -> Result<Vec<
             // The changes of computables are for watches.
             if !history::is_computed(change.after.as_deref().or(change.before.as_deref())) {
                 let dropped = change_log::is_of_history(row.get("kind")?);
-                let entry = Entry { change, dropped, author: row.get("author")?, run: row.get("run")? };
+                let (author, run) = (row.get("author")?, row.get("run")?);
+                let collation = if change.kind == ChangeKind::Drop { collation(row)? } else { None };
+                let entry = Entry { change, dropped, author, run, collation };
                 page.push((sequence, entry, row.get("place")?));
             }
         }

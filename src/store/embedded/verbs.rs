@@ -94,7 +94,7 @@ impl Store for Embedded {
                     self.note_drop(to, present)?;
                     self.erase_collection(present)?;
                 }
-                None => self.note(to, Noted::drop())?,
+                None => self.note(to, Noted::drop(None))?,
             }
             self.note_rename(collection, from, to)?;
             collection.rename(&self.connection, to).map_err(|e| self.explain(&e))

@@ -381,5 +381,5 @@ fn read(document: &RawDocument) -> Result<Entry, QueryError> {
         time,
         position: text("_id").unwrap_or_default(),
     };
-    Ok(Entry { change, dropped: false, author: text("by"), run: document.get_i64("run").ok() })
+    Ok(Entry { change, dropped: false, author: text("by"), run: document.get_i64("run").ok(), collation: None })
 }
