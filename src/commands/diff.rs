@@ -10,16 +10,18 @@ use super::restore::stdin;
 use super::{Context, WrongInput, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
-use crate::formats::shell;
+use crate::formats::{nearest, shell};
 use crate::memory::dump::diff::{Difference, Side, compare};
 use crate::memory::dump::read::Dump;
 use crate::output::Format;
+use crate::store::Namespace;
 
 /// What stands below the help of `diff`.
 const HELP: &str = "\
 Examples:
   rmem diff world.json file:robot.rmem
   rmem diff before.json after.json --format json
+  rmem diff world.json file:robot.rmem --only robmem.worldmodel
 
 Prints a line for each document that is only in A (-), only in B (+), or different (~). Exits with 0 if there is no \
 difference, else with 1. Documents are paired by namespace and _id; metadata is not compared.";
@@ -34,13 +36,17 @@ pub struct DiffArgs {
     /// The same, to compare with
     #[arg(value_name = "B")]
     pub second: String,
+    /// Compare only this collection (can be repeated)
+    #[arg(long, value_name = "NS")]
+    pub only: Vec<Namespace>,
 }
 
 pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> Result<Exit> {
     let (first, second) = (side(&args.first, context)?, side(&args.second, context)?);
+    refuse_unknown(&args.only, &[&first, &second])?;
     let is_json = context.format(&formats::TEXT)? == Format::Json;
     let mut differences = Vec::new();
-    let count = compare(&first, &second, |namespace, difference| {
+    let count = compare(&first, &second, &args.only, |namespace, difference| {
         if is_json {
             differences.push(Bson::Document(document(&namespace.to_string(), difference)));
             return Ok::<_, Error>(());
@@ -51,6 +57,22 @@ pub(super) fn run(args: &DiffArgs, context: &mut Context<'_>) -> Result<Exit> {
         context.output.line(&shell::pretty(&Bson::Array(differences)))?;
     }
     Ok(if count == 0 { Exit::Done } else { Exit::No })
+}
+
+/// Refuses a collection that neither side has: its name is misspelt.
+fn refuse_unknown(only: &[Namespace], sides: &[&Side]) -> Result<()> {
+    if only.is_empty() {
+        return Ok(());
+    }
+    let mut known = Vec::new();
+    for side in sides {
+        known.extend(side.namespaces()?);
+    }
+    let Some(unknown) = only.iter().find(|namespace| !known.contains(namespace)) else { return Ok(()) };
+    let names: Vec<String> = known.iter().map(ToString::to_string).collect();
+    let hint = nearest(&unknown.to_string(), names.iter().map(String::as_str));
+    let hint = hint.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
+    Err(WrongInput::new(format!("neither A nor B has a collection {unknown}{hint}")).into())
 }
 
 fn side(text: &str, context: &mut Context<'_>) -> Result<Side> {

@@ -45,6 +45,7 @@ mod plot;
 mod print;
 mod query;
 mod record;
+mod rename;
 mod repair;
 mod restore;
 mod scene;
@@ -90,6 +91,7 @@ pub enum Command {
     Index(index::IndexArgs),
     Collections(collections::CollectionsArgs),
     Create(create::CreateArgs),
+    Rename(rename::RenameArgs),
     Drop(drop::DropArgs),
     History(history::HistoryArgs),
     Undo(undo::UndoArgs),
@@ -171,6 +173,7 @@ pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
         Command::Plan(args) => plan::run(args, context),
         Command::Query(args) => query::run(args, context),
         Command::Record(args) => record::run(args, context),
+        Command::Rename(args) => rename::run(args, context),
         Command::Repair(args) => repair::run(args, context),
         Command::Restore(args) => restore::run(args, context),
         Command::Plot(args) => plot::run(args, context),

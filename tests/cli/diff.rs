@@ -1,6 +1,6 @@
 //! diff.
 
-use crate::lab::assert_run;
+use crate::lab::{Lab, assert_run};
 use crate::restore::{changed, dumped};
 
 #[test]
@@ -45,5 +45,21 @@ fn differences_are_a_line_a_document() {
     ------- stderr -------
     error: `mem:` takes no path; for a file write file:PATH
     [exit code: 2]
+    ");
+}
+
+#[test]
+fn only_the_named_collections_are_compared() {
+    let lab = Lab::new();
+    lab.write("a.json", "{'a.b': [{_id: 1}], 'a.c': [{_id: 1}], 'a.d': []}");
+    lab.write("b.json", "{'a.b': [{_id: 1, n: 1}], 'a.c': [{_id: 1}], 'x.y': [{_id: 1}]}");
+    let diff = |more: &[&'static str]| lab.rmem(&[&["diff", "a.json", "b.json"], more].concat());
+    assert_eq!(diff(&["--only", "a.c"]).success(), "");
+    assert_eq!(diff(&["--only", "x.y"]).exits(1).stdout, "+ x.y {\"_id\":1}\n");
+    assert_eq!(diff(&["--only", "a.c", "--only", "a.b"]).exits(1).stdout, "~ a.b 1 {} -> {\"n\":1}\n");
+    assert_run!(diff(&["--only", "x.z"]), @r"
+    ------- stderr -------
+    error: neither A nor B has a collection x.z; did you mean x.y?
+    [exit code: 3]
     ");
 }

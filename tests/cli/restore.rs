@@ -413,3 +413,18 @@ fn documents_that_a_collation_takes_for_one_are_a_conflict_and_nothing_is_replac
     lab.rmem(&["dump", "m.c", "-o", "same.json"]).success();
     lab.rmem(&["restore", "same.json"]).success();
 }
+
+#[test]
+fn a_collection_without_documents_is_restored_too() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.write("w.json", "{'a.empty': [], 'a.full': [{_id: 1}]}");
+    let both = "a.empty\na.full\n";
+    lab.rmem(&["restore", "w.json"]).success();
+    assert_eq!(lab.rmem(&["collections"]).success(), both);
+    lab.rmem(&["insert", "-q", "a.empty", "{_id: 1}"]).success();
+    lab.rmem(&["restore", "w.json", "--drop"]).success();
+    assert_eq!(lab.rmem(&["collections"]).success(), both);
+    assert_eq!(lab.rmem(&["count", "a.empty"]).success(), "0\n");
+    lab.rmem(&["dump", "--all", "-o", "again.json"]).success();
+    assert!(lab.read("again.json").contains("\"a.empty\": []"), "{}", lab.read("again.json"));
+}

@@ -121,7 +121,7 @@ fn documents() -> Vec<Document> {
 /// How many differences there are between a memory and a dump.
 fn differences(memory: Memory, path: &Path, ns: &Namespace) -> Result<u64, Failed> {
     let mut of_namespace = 0;
-    compare(&Side::Memory(memory), &Side::Dump(Dump::open(path)?), |found, _| {
+    compare(&Side::Memory(memory), &Side::Dump(Dump::open(path)?), &[], |found, _| {
         of_namespace += u64::from(found == ns);
         Ok::<_, DiffError>(())
     })?;

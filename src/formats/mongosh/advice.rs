@@ -88,9 +88,7 @@ fn for_collection(method: &str, ns: &str) -> Option<String> {
         "watch" => format!("'rmem watch {ns} [QUERY]' prints changes as they happen"),
         "drop" => format!("'rmem drop {ns}' removes the collection"),
         "renamecollection" => {
-            format!(
-                "'rmem dump {ns} -o FILE.json' and 'rmem restore FILE.json --into NS' copy it, and 'rmem drop {ns}' removes it"
-            )
+            format!("'rmem rename {ns} NS' gives it another name")
         }
         "explain" => format!("'rmem query {ns} [QUERY] --explain' says how it is answered"),
         "exists" | "iscapped" | "validate" => "'rmem collections' lists the collections".to_owned(),

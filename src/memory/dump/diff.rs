@@ -67,19 +67,22 @@ type Keyed = (Vec<u8>, RawDocumentBuf);
 type Pair = (Option<RawDocumentBuf>, Option<RawDocumentBuf>);
 type Ordered<'a> = Peekable<Box<dyn Iterator<Item = Result<Keyed, DiffError>> + 'a>>;
 
-/// Reports each difference, in the order of namespaces and `_id`s; returns how many there are.
+/// Reports each difference, in the order of namespaces and `_id`s; returns how many there are. Where `only` names
+/// collections, no others are compared.
 ///
 /// # Errors
 /// Where one of the two cannot be read, or `report` fails.
 pub fn compare<E: From<DiffError>>(
     first: &Side,
     second: &Side,
+    only: &[Namespace],
     mut report: impl FnMut(&Namespace, Difference) -> Result<(), E>,
 ) -> Result<u64, E> {
     let mut namespaces = first.namespaces()?;
     namespaces.extend(second.namespaces()?);
     namespaces.sort();
     namespaces.dedup();
+    namespaces.retain(|ns| only.is_empty() || only.contains(ns));
     let mut count = 0;
     for ns in &namespaces {
         let (mut first, mut second) = (first.documents(ns)?, second.documents(ns)?);
@@ -119,7 +122,11 @@ fn difference(pair: Pair) -> Result<Option<Difference>, QueryError> {
 }
 
 impl Side {
-    fn namespaces(&self) -> Result<Vec<Namespace>, DiffError> {
+    /// The collections.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn namespaces(&self) -> Result<Vec<Namespace>, DiffError> {
         match self {
             Self::Dump(dump) => Ok(dump.parts.iter().map(|part| part.namespace.clone()).collect()),
             Self::Memory(memory) => Ok(memory.collections()?),

@@ -177,10 +177,10 @@ fn put(
     Ok(done)
 }
 
-/// Makes the collection of a dump with its collation; returns a note where it exists with another one.
+/// Makes the collection of a dump, also one without documents, with its collation; returns a note where it exists with
+/// another one.
 fn prepare(memory: &Memory, part: &Part) -> Result<Option<String>, StoreError> {
-    let Some(Some(collation)) = &part.collation else { return Ok(None) };
-    memory.create_collection(&part.namespace, Some(collation))?;
+    memory.create_collection(&part.namespace, part.collation.as_ref().and_then(Option::as_ref))?;
     other_collation(memory, part)
 }
 
@@ -321,8 +321,6 @@ fn size(memory: &Memory, ns: &Namespace) -> Result<u64, RestoreError> {
 struct Staged {
     name: Namespace,
     restored: Restored,
-    /// Whether it has neither documents nor indexes, and was not made.
-    is_empty: bool,
 }
 
 /// Stages all collections, then swaps them in, and does what comes behind that.
@@ -337,7 +335,7 @@ fn replace<T>(
     let mut staged = Vec::with_capacity(dump.parts.len());
     for part in &dump.parts {
         let name = staging::name(&part.namespace);
-        staged.push(Staged { name, restored: Restored::nothing(&part.namespace), is_empty: true });
+        staged.push(Staged { name, restored: Restored::nothing(&part.namespace) });
         let stored = match staged.last_mut() {
             Some(last) => stage(memory, part, last, stop),
             None => Ok(()),
@@ -359,13 +357,9 @@ fn replace<T>(
 /// Returns the staged collections their names, one after the other.
 fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restored>, RestoreError> {
     let mut done: Vec<Restored> = Vec::with_capacity(staged.len());
-    for Staged { name, restored, is_empty } in staged {
+    for Staged { name, restored } in staged {
         let ns = &restored.namespace;
-        let swapped = match is_empty {
-            true => memory.drop_collection(ns).map(|_| ()),
-            false => memory.rename_collection(&name, ns),
-        };
-        if let Err(source) = swapped {
+        if let Err(source) = memory.rename_collection(&name, ns) {
             let before: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
             let state = match before.as_slice() {
                 some @ [_, ..] if !whole => format!("only {} is restored", some.join(", ")),
@@ -386,9 +380,8 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
         // A dump that says nothing of it keeps the existing one.
         None => memory.collation(&part.namespace).map_err(failed)?,
     };
-    if collation.is_some() {
-        memory.create_collection(&staged.name, collation.as_ref()).map_err(failed)?;
-    }
+    // One without documents is made, too.
+    memory.create_collection(&staged.name, collation.as_ref()).map_err(failed)?;
     for batch in batches(part.documents()?) {
         if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
             return Err(nothing_done());
@@ -403,7 +396,6 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
         None => memory.indexes(&part.namespace).map_err(failed)?,
     };
     let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();
-    staged.is_empty = staged.restored.inserted == 0 && own.is_empty() && collation.is_none();
     staged.restored.without = index(memory, &staged.name, &own).map_err(failed)?;
     Ok(())
 }
