@@ -1,7 +1,7 @@
 //! The name that a misspelt one was probably meant to be.
 
-/// Returns the candidate most like `wanted`, ignoring case: at most a third of its letters differ, and at most three.
-/// Names of one letter are like no other.
+/// Returns the candidate most like `wanted`, ignoring case: at most a third of its letters differ, and at most three; of up to
+/// four letters, without a `$` in front, one. Names of one letter are like no other.
 #[must_use]
 pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let candidates: Vec<&str> = candidates.into_iter().collect();
@@ -22,8 +22,8 @@ pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) 
 /// The candidate that differs in the fewest letters.
 fn likest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = wanted.to_lowercase();
-    let letters = lower.chars().count();
-    let limit = letters.div_ceil(3).min(3).min(letters.saturating_sub(1));
+    let letters = lower.trim_start_matches('$').chars().count();
+    let limit = if letters > 4 { letters.div_ceil(3).min(3) } else { letters.saturating_sub(1).min(1) };
     candidates
         .into_iter()
         .filter(|candidate| *candidate != wanted && candidate.len().abs_diff(lower.len()) <= 4 * limit)
@@ -47,6 +47,8 @@ mod tests {
         assert_eq!(nearest("robmem.objects", names), None);
         assert_eq!(nearest("", names), None);
         assert_eq!(nearest("robmem.few", ["robmem.bom", "robmen.few"]), Some("robmen.few"));
+        assert_eq!(nearest("$nope", ["$ne", "$not", "$near"]), None);
+        assert_eq!(nearest("$nee", ["$ne", "$not", "$near"]), Some("$ne"));
         assert_eq!(nearest("pose.y", ["pose", "pose.x"]), Some("pose.x"));
     }
 }

@@ -201,10 +201,11 @@ impl Generated {
         let mut explained: Vec<(Diagnostic, usize)> = Vec::new();
         for complaint in &complaints {
             let complaint = self.at_template(complaint, whole);
+            let is_quoted = |of: &Diagnostic| of.hints().iter().any(|hint| hint == SINGLE_QUOTES);
             let same = |(other, _): &&mut (Diagnostic, usize)| {
                 other.name() == complaint.name()
                     && other.span() == complaint.span()
-                    && other.message() == complaint.message()
+                    && (other.message() == complaint.message() || is_quoted(other) && is_quoted(&complaint))
             };
             match explained.iter_mut().find(same) {
                 Some((_, more)) => *more += 1,
@@ -262,9 +263,7 @@ impl Generated {
                 match self.unquoted(&goal) {
                     Some(name) => diagnostic
                         .hint(format!("a name of several words is written in quotes: {}", names::written(&name))),
-                    None if goal.contains('\'') => {
-                        diagnostic.hint("names of several words are written in double quotes, not in single ones")
-                    }
+                    None if goal.contains('\'') => diagnostic.hint(SINGLE_QUOTES),
                     None => diagnostic,
                 }
             }
@@ -307,6 +306,9 @@ impl Generated {
         Some(start + before.map(char::len_utf8).sum::<usize>())
     }
 }
+
+/// The hint on a goal with names in single quotes, each of which is wrong in the same way.
+const SINGLE_QUOTES: &str = "names of several words are written in double quotes, not in single ones";
 
 /// The start of a text that may be long, on one line.
 fn excerpt(text: &str) -> String {

@@ -746,6 +746,94 @@ fn a_goal_with_names_in_single_quotes_gets_a_hint() {
     let goal = ["--load", "fixtures/blocksworld.json", "--goal", "(on 'box 1' 'A')"];
     let refused = lab.rmem(&[&task[..], &goal].concat()).exits(3);
     assert!(refused.stderr.contains("names of several words are written in double quotes"), "{refused}");
+    // Each name is wrong in the same way, which is said once.
+    let goal = ["--load", "fixtures/blocksworld.json", "--goal", "(and (on 'X' 'Y') (on 'Y' 'Z'))"];
+    let refused = lab.rmem(&[&task[..], &goal].concat()).exits(3);
+    assert_eq!(refused.stderr.matches("error: ").count(), 1, "{refused}");
+    assert!(refused.stderr.contains("and from 3 more places"), "{refused}");
+}
+
+#[test]
+fn a_collection_is_renamed_in_its_database() {
+    let lab = lab();
+    lab.rmem(&["insert", "-q", "robmem.others", "{_id: 1}"]).success();
+    lab.rmem(&["index", "robmem.orders", "{team: 1}", "-q"]).success();
+    let commands: [&[&str]; 6] = [
+        &["rename", "robmem.orders", "lab.orders"],
+        &["rename", "robmem.orders", "robmem.orders"],
+        &["rename", "robmem.ordres", "robmem.things"],
+        &["rename", "robmem.orders", "robmem.others"],
+        &["rename", "robmem.orders", "robmem.others", "--drop-target"],
+        &["rename", "robmem.others", "robmem.orders", "--format", "json"],
+    ];
+    assert_run!(lab.transcript(&commands), @r#"
+    $ rmem rename robmem.orders lab.orders
+    ------- stderr -------
+    error: robmem.orders and lab.orders are of two databases; write: rmem dump robmem.orders -o FILE.json, then rmem restore FILE.json --into lab.orders
+    [exit code: 2]
+    $ rmem rename robmem.orders robmem.orders
+    ------- stderr -------
+    error: robmem.orders has that name already
+    [exit code: 2]
+    $ rmem rename robmem.ordres robmem.things
+    ------- stderr -------
+    error: no collection robmem.ordres; did you mean robmem.orders?
+    [exit code: 3]
+    $ rmem rename robmem.orders robmem.others
+    ------- stderr -------
+    error: robmem.others exists already; --drop-target replaces it, with all its documents
+    [exit code: 3]
+    $ rmem rename robmem.orders robmem.others --drop-target
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem rename robmem.others robmem.orders --format json
+    {
+      "ns": "robmem.others",
+      "renamed": "robmem.orders"
+    }
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    assert_eq!(lab.rmem(&["collections"]).success(), "robmem.orders\n");
+    assert_eq!(lab.rmem(&["count", "robmem.orders"]).success(), "3\n");
+    assert!(lab.rmem(&["index", "robmem.orders"]).success().contains("team_1"));
+}
+
+#[test]
+fn mistakes_in_dates_pipelines_and_operators_say_what_to_write() {
+    let lab = lab();
+    let hints = |args: &[&str]| {
+        let refused = lab.rmem(args).exits(3).stderr;
+        let is_wanted = |line: &&str| line.starts_with("error: ") || line.contains("hint: ");
+        refused.lines().filter(is_wanted).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let date = |text: &str| hints(&["query", "robmem.orders", &format!("{{at: {text}}}")]);
+    let local = "(JavaScript counts months from 0, and means local time)";
+    assert_eq!(
+        date("new Date(2026, 10, 1)"),
+        [format!("error: <query>:1:6: `Date` takes a date as one string; write ISODate(\"2026-11-01\") {local}")]
+    );
+    assert_eq!(
+        date("new Date(2026, 0, 31, 13, 5)"),
+        [format!(
+            "error: <query>:1:6: `Date` takes a date as one string; write ISODate(\"2026-01-31T13:05:00Z\") {local}"
+        )]
+    );
+    for wrong in ["new Date(2026, 1, 30)", "new Date(2026, 12, 1)", "new Date('2026', 1)"] {
+        let like = "error: <query>:1:6: `Date` takes a date as one string, like ISODate(\"2026-11-01\")";
+        assert_eq!(date(wrong), [like], "{wrong}");
+    }
+    let pipeline = |text: &str| hints(&["aggregate", "robmem.orders", text]);
+    assert_eq!(
+        pipeline("{$match: {team: 'CYAN'}}, {$count: 'n'}"),
+        [
+            "error: <pipeline>:1:25: expected the end of the text, found `,`",
+            "  = hint: several stages are written in brackets: [{$match: {…}}, {$group: {…}}]",
+        ]
+    );
+    assert_eq!(pipeline("{$match: {}} x").len(), 1);
+    assert_eq!(hints(&["query", "robmem.orders", "{rings: {$nope: 1}}"]).len(), 1);
+    assert!(hints(&["query", "robmem.orders", "{rings: {$gtt: 1}}"])[1].ends_with("did you mean `$gt`?"));
 }
 
 #[test]

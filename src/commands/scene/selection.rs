@@ -192,7 +192,7 @@ impl More {
         self.report(&invalid, context)?;
         for (what, names) in lost {
             let name = spelling.name;
-            context.output.warn(&format!("{name} has no {what}, which are left out: {}", shortened(&names)));
+            context.output.warn(&format!("{name} has no {what}; written without them: {}", shortened(&names)));
         }
         Ok(fitting)
     }

@@ -158,7 +158,7 @@ impl Spelling {
         [
             (!limits.attachment && object.attachment.is_some(), "attachments"),
             (object.mass.is_some() && !self.weighs(object), "masses"),
-            (!limits.fixed && object.fixed, "static objects"),
+            (!limits.fixed && object.fixed, "`static` flags"),
             (!limits.subframes && !object.subframes.is_empty(), "subframes"),
             (limits.color == Color::Object && colors(), "colours of single shapes"),
         ]

@@ -34,6 +34,9 @@ pub(super) fn call(name: &str, arguments: &[Bson]) -> Result<Bson, String> {
         return literal::regex(pattern, options);
     }
     make(arguments).ok_or_else(|| {
+        if let ("Date", [_, _, ..]) = (name, arguments) {
+            return of_parts(arguments);
+        }
         let text = arguments.first().and_then(Bson::as_str).filter(|_| name.ends_with("Date"));
         let wrong = text.and_then(super::date::wrong);
         wrong.unwrap_or_else(|| format!("`{name}` takes {takes}"))
@@ -77,6 +80,37 @@ fn date(arguments: &[Bson]) -> Option<Bson> {
         [] => Some(Bson::DateTime(DateTime::now())),
         [value] => extended::date(value),
         _ => None,
+    }
+}
+
+/// What to write for `Date(2026, 10, 1)`, which counts months from 0, and whose time is that of the time zone that the
+/// program happens to run in.
+fn of_parts(arguments: &[Bson]) -> String {
+    const RANGES: [(i64, i64); 7] = [(0, 9999), (0, 11), (1, 31), (0, 23), (0, 59), (0, 59), (0, 999)];
+    let parts: Vec<i64> = arguments.iter().filter_map(extended::whole).collect();
+    let is_date = parts.len() == arguments.len()
+        && parts.len() <= RANGES.len()
+        && parts.iter().zip(RANGES).all(|(part, (least, most))| (least..=most).contains(part));
+    let part = |nth: usize, default: i64| parts.get(nth).copied().unwrap_or(default);
+    let text = match is_date {
+        true => format!(
+            "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z",
+            part(0, 0),
+            part(1, 0) + 1,
+            part(2, 1),
+            part(3, 0),
+            part(4, 0),
+            part(5, 0),
+            part(6, 0)
+        ),
+        false => String::new(),
+    };
+    let text = text.replace(".000Z", "Z").replace("T00:00:00Z", "");
+    match is_date && super::date::wrong(&text).is_none() {
+        true => format!(
+            "`Date` takes a date as one string; write ISODate(\"{text}\") (JavaScript counts months from 0, and means local time)"
+        ),
+        false => "`Date` takes a date as one string, like ISODate(\"2026-11-01\")".to_owned(),
     }
 }
 

@@ -27,7 +27,16 @@ pub fn parse_document(source: &Source) -> Result<Document, Diagnostic> {
 
 /// Reads an aggregation pipeline: an array of documents, or one document as a pipeline of one stage.
 pub fn parse_pipeline(source: &Source) -> Result<Vec<Document>, Diagnostic> {
-    Ok(parse_documents_of(source, "an aggregation stage")?.into_iter().map(|(_, document)| document).collect())
+    let stages = parse_documents_of(source, "an aggregation stage").map_err(|error| {
+        let start = scanner::skip(source.text(), 0, b"");
+        let is_row = source.text().as_bytes().get(start) == Some(&b'{') && parse_sequence(source).is_ok();
+        if is_row {
+            error.hint("several stages are written in brackets: [{$match: {…}}, {$group: {…}}]")
+        } else {
+            error
+        }
+    })?;
+    Ok(stages.into_iter().map(|(_, document)| document).collect())
 }
 
 /// Reads the part of a text in `span` as one document.

@@ -120,8 +120,8 @@ fn what_a_format_cannot_say_is_left_out_with_a_warning() {
     0
     .
     ------- stderr -------
-    warning: moveit has no masses, which are left out: blue-cup, red-cup
-    warning: moveit has no static objects, which are left out: counter, table
+    warning: moveit has no masses; written without them: blue-cup, red-cup
+    warning: moveit has no `static` flags; written without them: counter, table
     [exit code: 0]
     ");
 }
