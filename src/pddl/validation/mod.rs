@@ -13,6 +13,8 @@ mod change;
 mod derive;
 mod error;
 mod happening;
+mod index;
+mod join;
 mod preference;
 mod record;
 mod repair;

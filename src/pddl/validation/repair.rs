@@ -6,8 +6,8 @@
 
 use std::fmt;
 
-use super::derive::Join;
 use super::error::EvaluationError;
+use super::join::Join;
 use super::simulation::verify;
 use super::state::{Bindings, Ground, History, State, UNBOUND};
 use super::truth::at_moment;
@@ -288,7 +288,7 @@ impl<'s> Scene<'s> {
         let slots: Vec<u32> = (0_u32..).take(action.variables.len()).collect();
         let index = self.state.index_of(condition).ok()?;
         let join = Join::bounded(self.state, &index, EFFORT);
-        join.first(condition, &slots, kinds, objects.clone()).ok().flatten()
+        join.first(condition, &slots, &kinds, objects.clone()).ok().flatten()
     }
 
     /// A call of an action, with the names of its variables for objects that are not known.

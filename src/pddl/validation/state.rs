@@ -1,9 +1,10 @@
 //! What is true, what has which value, and the objects there are.
 
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
+use super::derive::Program;
 use super::error::EvaluationError;
 use super::record::{Pending, Violations, counts_violations};
 use super::stratum::{compares, predicates};
@@ -33,6 +34,8 @@ pub(in crate::pddl) struct State<'a> {
     pub(super) values: HashMap<Ground, f64>,
     /// What the rules derive from the facts, where a condition has asked.
     pub(super) derived: RefCell<Option<HashSet<Ground>>>,
+    /// The rules as they are applied.
+    pub(super) program: OnceCell<Result<Rc<Program>, EvaluationError>>,
     /// The predicates that rules look at.
     pub(super) looked_at: HashSet<u32>,
     /// Whether rules look at numbers.
@@ -84,6 +87,7 @@ impl<'a> State<'a> {
             facts: problem.start.facts.iter().cloned().collect(),
             values,
             derived: RefCell::new(None),
+            program: OnceCell::new(),
             deriving: Cell::new(false),
             members: RefCell::new(HashMap::new()),
             duration: None,

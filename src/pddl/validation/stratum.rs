@@ -1,6 +1,6 @@
 //! What rules look at, and the order in which they can be completed.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::error::EvaluationError;
 use crate::pddl::model::{Arg, Formula, Number, Rule};
@@ -97,69 +97,77 @@ fn number_slots(number: &Number, note: &mut dyn FnMut(&Arg)) {
 
 /// The first rule whose predicate depends on a negation of itself, so that the rules have no least model.
 pub(in crate::pddl) fn negative_cycle(rules: &[Rule]) -> Option<usize> {
-    let mut uses: HashMap<u32, Vec<(u32, bool)>> = HashMap::new();
-    for rule in rules {
-        let used = uses.entry(rule.predicate).or_default();
-        predicates(&rule.condition, &mut |predicate, negated| {
-            if !used.contains(&(predicate, negated)) {
-                used.push((predicate, negated));
-            }
-        });
-    }
-    let reaches = |from: u32, to: u32| {
-        let (mut seen, mut todo) = (vec![from], vec![from]);
-        while let Some(predicate) = todo.pop() {
-            if predicate == to {
-                return true;
-            }
-            for (next, _) in uses.get(&predicate).into_iter().flatten() {
-                if uses.contains_key(next) && !seen.contains(next) {
-                    seen.push(*next);
-                    todo.push(*next);
-                }
-            }
-        }
-        false
-    };
+    let components = components(rules);
     rules.iter().position(|rule| {
         let mut found = false;
         predicates(&rule.condition, &mut |predicate, negated| {
-            found |= negated && uses.contains_key(&predicate) && reaches(predicate, rule.predicate);
+            found |= negated && components.get(&predicate) == components.get(&rule.predicate);
         });
         found
     })
 }
 
-/// The rules in the order in which they can be completed.
-pub(super) fn strata<'r>(rules: &'r [Rule], derived: &[u32]) -> Result<Vec<Vec<&'r Rule>>, EvaluationError> {
-    let mut levels: HashMap<u32, usize> = derived.iter().map(|predicate| (*predicate, 0)).collect();
-    let bound = levels.len();
-    loop {
-        let mut changed = false;
-        for rule in rules {
-            let mut level = levels.get(&rule.predicate).copied().unwrap_or_default();
-            let before = level;
-            predicates(&rule.condition, &mut |predicate, negated| {
-                if let Some(below) = levels.get(&predicate) {
-                    level = level.max(below + usize::from(negated));
-                }
-            });
-            if level > bound {
-                let reason = "a derived predicate depends on its own absence";
-                return Err(EvaluationError::Unchecked(reason.to_owned()));
-            }
-            changed |= level != before;
-            levels.insert(rule.predicate, level);
-        }
-        if !changed {
-            break;
-        }
+/// The rules in the order in which they can be completed; those whose predicates depend on each other are together.
+pub(super) fn strata(rules: &[Rule]) -> Result<Vec<Vec<&Rule>>, EvaluationError> {
+    if negative_cycle(rules).is_some() {
+        let reason = "a derived predicate depends on its own absence";
+        return Err(EvaluationError::Unchecked(reason.to_owned()));
     }
-    let mut strata: Vec<Vec<&Rule>> = vec![Vec::new(); bound + 1];
+    let components = components(rules);
+    let count = components.values().max().map_or(0, |last| last + 1);
+    let mut strata: Vec<Vec<&Rule>> = vec![Vec::new(); count];
     for rule in rules {
-        if let Some(stratum) = levels.get(&rule.predicate).and_then(|level| strata.get_mut(*level)) {
+        if let Some(stratum) = components.get(&rule.predicate).and_then(|number| strata.get_mut(*number)) {
             stratum.push(rule);
         }
     }
     Ok(strata)
+}
+
+/// The derived predicates, those that depend on each other with the same number, and what they depend on with lower ones.
+fn components(rules: &[Rule]) -> HashMap<u32, usize> {
+    let mut uses: HashMap<u32, Vec<u32>> = rules.iter().map(|rule| (rule.predicate, Vec::new())).collect();
+    let mut used_by = uses.clone();
+    for rule in rules {
+        predicates(&rule.condition, &mut |predicate, _| {
+            if let Some(users) = used_by.get_mut(&predicate) {
+                users.push(rule.predicate);
+                uses.entry(rule.predicate).or_default().push(predicate);
+            }
+        });
+    }
+    // Two searches in depth, the second against the direction of the first (Sharir, 1981).
+    let users: Vec<u32> = finished(rules.iter().map(|rule| rule.predicate), &used_by).concat();
+    let components = finished(users.into_iter().rev(), &uses);
+    let numbered = components.into_iter().enumerate();
+    numbered.flat_map(|(number, predicates)| predicates.into_iter().map(move |predicate| (predicate, number))).collect()
+}
+
+/// What a search in depth finishes, in that order, for each start that was not met before.
+fn finished(starts: impl Iterator<Item = u32>, edges: &HashMap<u32, Vec<u32>>) -> Vec<Vec<u32>> {
+    let (mut seen, mut all) = (HashSet::new(), Vec::new());
+    for start in starts {
+        let (mut finished, mut path) = (Vec::new(), Vec::new());
+        if seen.insert(start) {
+            path.push((start, 0));
+        }
+        while let Some((node, place)) = path.last_mut() {
+            match edges.get(node).and_then(|next| next.get(*place)) {
+                Some(next) => {
+                    *place += 1;
+                    if seen.insert(*next) {
+                        path.push((*next, 0));
+                    }
+                }
+                None => {
+                    finished.push(*node);
+                    path.pop();
+                }
+            }
+        }
+        if !finished.is_empty() {
+            all.push(finished);
+        }
+    }
+    all
 }
