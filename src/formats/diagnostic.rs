@@ -37,6 +37,7 @@ struct Inner {
     message: String,
     hints: Vec<String>,
     is_unsupported: bool,
+    is_missing: bool,
 }
 
 /// The part of the source line that is shown, and where the caret goes in it.
@@ -63,6 +64,7 @@ impl Diagnostic {
                 message: message.into(),
                 hints: Vec::new(),
                 is_unsupported: false,
+                is_missing: false,
             }),
         }
     }
@@ -80,6 +82,7 @@ impl Diagnostic {
                 message: message.into(),
                 hints: Vec::new(),
                 is_unsupported: false,
+                is_missing: false,
             }),
         }
     }
@@ -109,6 +112,19 @@ impl Diagnostic {
     #[must_use]
     pub fn is_unsupported(&self) -> bool {
         self.inner.is_unsupported
+    }
+
+    /// Says that the text names something that is not there.
+    #[must_use]
+    pub fn missing(mut self) -> Self {
+        self.inner.is_missing = true;
+        self
+    }
+
+    /// Whether the text names something that is not there.
+    #[must_use]
+    pub fn is_missing(&self) -> bool {
+        self.inner.is_missing
     }
 
     /// What to do, line by line.

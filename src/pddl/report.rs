@@ -40,6 +40,13 @@ impl<'a> Report<'a> {
         }
     }
 
+    /// Something that is not there, with a hint unless that is empty.
+    pub(super) fn missing(&mut self, span: Span, message: impl Into<String>, hint: String) {
+        if !self.is_full() {
+            self.errors.push(with_hint(Diagnostic::new(self.source, span, message), hint).missing());
+        }
+    }
+
     pub(super) fn warning(&mut self, span: Span, message: impl Into<String>) {
         if self.warnings.len() < LIMIT {
             self.warnings.push(Diagnostic::new(self.source, span, message));

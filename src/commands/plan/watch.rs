@@ -10,7 +10,7 @@ use crate::exit::Exit;
 use crate::fault::Fault;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::planning::{Monitor, PlanRequest, PlanState};
+use crate::planning::{Monitor, PlanRequest, PlanState, PlanningError};
 use crate::store::Namespace;
 
 pub(super) fn run(
@@ -70,10 +70,13 @@ fn plan_of(found: Found) -> Result<Option<String>, Exit> {
 /// Whether the plan still reaches its goal; otherwise reports why not.
 fn still_holds(current: Option<&str>, plans: &Namespace, memory: &Memory, context: &mut Context<'_>) -> Result<bool> {
     let Some(id) = current else { return Ok(false) };
-    match PlanState::of(id, plans, memory)? {
-        PlanState::Holds => return Ok(true),
-        PlanState::Broken(check) => check.lines().iter().for_each(|line| context.output.note(line)),
-        PlanState::Gone(error) => context.output.note(&error.to_string()),
+    match PlanState::of(id, plans, memory) {
+        Ok(PlanState::Holds) => return Ok(true),
+        Ok(PlanState::Broken(check)) => check.lines().iter().for_each(|line| context.output.note(line)),
+        Ok(PlanState::Gone(error)) => context.output.note(&error.to_string()),
+        // What is wrong with the problem is said where it is planned for again.
+        Err(PlanningError::Pddl { .. }) => {}
+        Err(error) => return Err(error.into()),
     }
     Ok(false)
 }

@@ -121,7 +121,7 @@ impl Resolver<'_, '_, '_> {
         } else {
             suggestion(self.objects.nearest(name.as_str()))
         };
-        self.report.error_with(name.span(), format!("object `{name}` is not declared"), hint);
+        self.report.missing(name.span(), format!("object `{name}` is not declared"), hint);
     }
 
     pub(super) fn object_fluent(&mut self, atom: &Atom) -> (Arg, Option<TypeSet>) {

@@ -6,7 +6,7 @@ mod report;
 use bson::Bson;
 
 use super::{PlanningError, PlanningTask};
-use crate::formats::Source;
+use crate::formats::{Diagnostic, Source};
 use crate::memory::Memory;
 use crate::pddl::{Cause, Repair, Step, Validation, repair_rest, validate_rest};
 use crate::plan::{Input, Record, Status, Stored, TaskSource, spelled};
@@ -35,7 +35,8 @@ pub struct Check {
 /// is running has begun: see [`validate_rest`].
 ///
 /// # Errors
-/// Where the plan does not say what it was made from, or is not a plan; a store that fails.
+/// Where the plan does not say what it was made from, or is not a plan; where the problem is wrong, other than that objects are
+/// gone; a store that fails.
 pub fn check(record: &Record, now: Option<Source>, memory: &Memory) -> Result<Check, PlanningError> {
     let mut source = record.source().map_err(|error| PlanningError::NoSource { id: record.id(), error })?;
     let is_from_file = now.is_none() && !source.is_template();
@@ -76,7 +77,8 @@ fn simulate(
     let domain = &source.read_domain()?;
     let task = match PlanningTask::instantiate(source, None, domain, memory) {
         Ok(task) => task,
-        Err(PlanningError::Pddl { wrong, .. }) => {
+        // Objects of the goal or of facts that are gone.
+        Err(PlanningError::Pddl { wrong, .. }) if wrong.0.iter().all(Diagnostic::is_missing) => {
             let message = format!("the problem cannot be instantiated any more:\n{wrong}");
             return Ok(Verdict::Broken(Fault { message, ..Fault::default() }));
         }

@@ -269,3 +269,23 @@ fn a_file_that_was_changed_since_is_named_once() {
         assert_eq!(run.matches("warning: p.j2 was changed since").count(), 1, "{run}");
     }
 }
+
+#[test]
+fn a_text_where_a_number_has_to_be_is_an_error_of_the_input() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :fluents) (:predicates (done)) (:functions (fuel))
+         (:action go :parameters () :precondition (> (fuel) 1) :effect (done)))",
+    );
+    lab.write(
+        "p.j2",
+        "(define (problem p) (:domain d)\n (:init\n{% for tank in query('lab.tanks') %}\n(= (fuel) {{ tank.fuel }})\n{% endfor %})\n (:goal (done)))",
+    );
+    lab.rmem(&["insert", "lab.tanks", "{_id: 1, fuel: 3}"]).success();
+    lab.rmem(&["plan", "-q", "-d", "d.pddl", "-t", "p.j2"]).success();
+    lab.rmem(&["update", "lab.tanks", "{_id: 1}", "{$set: {fuel: 'much'}}"]).success();
+    let check = lab.rmem(&["plan", "check", "last"]).exits(3);
+    assert_eq!(check.stdout, "");
+    assert!(check.stderr.starts_with("error: p.j2:4:11: "), "{}", check.stderr);
+}
