@@ -265,7 +265,10 @@ fn check_announced(requirements: &[Name], features: &[Use], report: &mut Report<
         if !announced
             && !matches!(
                 feature,
-                Feature::ActionVariables | Feature::ChangingDerivedPredicates | Feature::DurationsAtEnd
+                Feature::ActionVariables
+                    | Feature::ChangingDerivedPredicates
+                    | Feature::DurationsAtEnd
+                    | Feature::TimedPreferences
             )
         {
             let requirement = feature.requirement();

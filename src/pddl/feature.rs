@@ -45,6 +45,8 @@ pub enum Feature {
     TimedInitialLiterals,
     /// `preference`.
     Preferences,
+    /// `preference` in the condition of a durative action.
+    TimedPreferences,
     /// `:constraints`.
     Constraints,
     /// `:vars` of an action.
@@ -53,7 +55,7 @@ pub enum Feature {
 
 impl Feature {
     /// All of them.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::Typing,
         Self::Equality,
         Self::NegativePreconditions,
@@ -73,6 +75,7 @@ impl Feature {
         Self::ContinuousEffects,
         Self::TimedInitialLiterals,
         Self::Preferences,
+        Self::TimedPreferences,
         Self::Constraints,
         Self::ActionVariables,
     ];
@@ -102,7 +105,7 @@ impl Feature {
             Self::DurationInequalities | Self::DurationsAtEnd => "duration-inequalities",
             Self::ContinuousEffects => "continuous-effects",
             Self::TimedInitialLiterals => "timed-initial-literals",
-            Self::Preferences => "preferences",
+            Self::Preferences | Self::TimedPreferences => "preferences",
             Self::Constraints => "constraints",
             Self::ActionVariables => "action-variables",
         }
@@ -139,6 +142,7 @@ impl fmt::Display for Feature {
         match self {
             Self::DurationsAtEnd => f.write_str("durations that are checked at the end of an action"),
             Self::TimedConditionalEffects => f.write_str("effects under conditions of other moments"),
+            Self::TimedPreferences => f.write_str("preferences in conditions of durative actions"),
             Self::ChangingDerivedPredicates => f.write_str("derived predicates over facts that actions change"),
             _ => f.write_str(&self.requirement().replace('-', " ")),
         }

@@ -52,6 +52,9 @@ impl Resolver<'_, '_, '_> {
             ConditionKind::Timed(moment, inner) => Formula::Timed(*moment, Box::new(self.condition(inner, negated))),
             ConditionKind::Preference(name, inner) => {
                 self.uses.note(Feature::Preferences, span);
+                if self.durative {
+                    self.uses.note(Feature::TimedPreferences, span);
+                }
                 self.preferences.extend(name.clone());
                 let name = name.as_ref().map(Name::shared);
                 Formula::Preference(name, Box::new(self.condition(inner, negated)))

@@ -41,12 +41,13 @@ pub use solver::{child, solve};
 const ENGINE: &str = "ferroplan 0.30.0";
 
 /// What the engine does not read, or refuses.
-const LACKS: [Feature; 5] = [
+const LACKS: [Feature; 6] = [
     Feature::ObjectFluents,
     Feature::ContinuousEffects,
     Feature::ActionVariables,
     Feature::DurationsAtEnd,
     Feature::TimedConditionalEffects,
+    Feature::TimedPreferences,
 ];
 
 /// What a temporal task may use for the engine only.

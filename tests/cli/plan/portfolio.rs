@@ -607,6 +607,9 @@ fn what_the_engine_does_not_read_of_durative_actions_is_refused_at_its_line_or_r
     );
     let refused = plan("(= ?duration 3)", "(when (at start (p)) (at end (g)))").exits(34).stderr;
     assert!(refused.contains("d.pddl:5:11: the planner `builtin` cannot handle effects under conditions"), "{refused}");
+    let refused = plan("(= ?duration 3)", "(at end (g))\n  :condition (preference x (at start (p)))").exits(34).stderr;
+    let message = "d.pddl:6:14: the planner `builtin` cannot handle preferences in conditions of durative actions";
+    assert!(refused.contains(message), "{refused}");
     for (duration, effect) in [
         ("(at start (= ?duration 3))", "(at end (g))"),
         ("(and (at start (>= ?duration 2)) (at start (<= ?duration 3)))", "(at end (g))"),
