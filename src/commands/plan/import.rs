@@ -52,7 +52,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let text = Source::new(file.name(), names::spell_plan(file.text()));
     let found = read_plan(&text)?;
     let is_printed = found.is_printed;
-    let plan = Plan::from(found);
+    let plan = Plan::from(found).timed_as(&domain);
     let memory = context.memory()?;
     let task = PlanningTask::instantiate(&source, None, &domain, &memory);
     let sections = SectionCounts::from(&args.task.options);

@@ -3,6 +3,7 @@
 mod spacing;
 mod spelling;
 
+use super::domain::Domain;
 use crate::formats::plan::{Action, PlanFile};
 
 /// One ground action of a plan, as a planner or a file named it.
@@ -42,6 +43,17 @@ impl Plan {
 }
 
 impl Plan {
+    /// The same plan without durations of actions that take no time, which some planners print.
+    #[must_use]
+    pub fn timed_as(mut self, domain: &Domain) -> Self {
+        for step in &mut self.steps {
+            if domain.action(&step.action).is_some_and(|action| !action.is_durative()) {
+                step.duration = step.duration.map(|_| 0.0);
+            }
+        }
+        self
+    }
+
     /// Returns when the last action ends, for a plan with times.
     #[must_use]
     pub fn makespan(&self) -> Option<f64> {

@@ -82,3 +82,23 @@ fn a_temporal_plan_from_a_file_is_stored_and_drawn() {
     assert!(lab.rmem(&["plan", "show", "last", "--format", "svg"]).success().contains("<rect"));
     lab.rmem(&["plan", "check", "last"]).exits(0);
 }
+
+#[test]
+fn an_action_that_takes_no_time_ends_when_it_starts() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :durative-actions) (:predicates (p) (q))
+         (:durative-action wait :parameters () :duration (= ?duration 5) :effect (at end (p)))
+         (:action press :parameters () :effect (q)))",
+    );
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (q)))");
+    lab.write("t.plan", "0.5: (press) [1.0]\n");
+    let task = ["-d", "d.pddl", "-p", "p.pddl"];
+    let json = lab.rmem(&[&["-q", "plan", "import", "t.plan", "--format", "json"], &task[..]].concat()).success();
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((&report["cost"], &report["makespan"]), (&0.5.into(), &0.5.into()));
+    assert_eq!(report["steps"][0]["duration"], 0);
+    let verdict = lab.rmem(&["validate", "d.pddl", "p.pddl", "t.plan"]).success();
+    assert_eq!(verdict, "the plan is valid, makespan 0.5\n");
+}
