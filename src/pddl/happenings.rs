@@ -1,4 +1,4 @@
-//! How far the other steps of a plan with times have to be when a step ends.
+//! How far the other steps of a plan with times have to be when a step begins or ends.
 //!
 //! A durative step happens twice: at its start and at its end. A happening waits for those before it that give what it
 //! needs, need what it takes, or change the same facts in opposite ways (Bäckström 1998, deordering; the happenings
@@ -32,10 +32,10 @@ struct Event {
 }
 
 impl Domain {
-    /// Returns how far each step has to be before one of them, counted from 0, can have ended; none for those that it
-    /// does not wait for.
+    /// Returns how far each step has to be before one of them, counted from 0, can have begun or have ended; none for
+    /// those that it does not wait for.
     #[must_use]
-    pub fn waits(&self, steps: &[Step], step: usize) -> Vec<Option<Reach>> {
+    pub fn waits(&self, steps: &[Step], step: usize, reach: Reach) -> Vec<Option<Reach>> {
         let events = events(steps);
         let ground: Vec<Ground> =
             events.iter().filter_map(|event| Some(self.ground(steps.get(event.step)?, event.moment))).collect();
@@ -46,10 +46,11 @@ impl Domain {
         let mut has_ended = vec![false; steps.len()];
         for (index, event) in events.iter().enumerate().rev() {
             let is_own = event.step == step;
+            let is_aim = is_own && (reach == Reach::Ended || event.moment != Some(Moment::End));
             let is_begun = has_ended.get(event.step) == Some(&true);
             let leads = order.iter().any(|(first, last)| *first == index && is_before.get(*last) == Some(&true));
             if let Some(before) = is_before.get_mut(index) {
-                *before = is_own || leads || is_begun;
+                *before = is_aim || leads || is_begun;
             }
             if let Some(ended) = has_ended.get_mut(event.step) {
                 *ended |= leads;
@@ -109,10 +110,16 @@ mod tests {
         let steps =
             [step(0.0, "burn", 12.0), step(0.01, "mend f", 5.0), step(5.02, "mend g", 5.0), step(10.03, "show g", 0.0)];
         let (begun, ended) = (Some(Reach::Begun), Some(Reach::Ended));
-        assert_eq!(domain.waits(&steps, 1), [begun, None, None, None]);
-        assert_eq!(domain.waits(&steps, 2), [begun, ended, None, None], "one hand mends one fuse");
-        assert_eq!(domain.waits(&steps, 3), [begun, ended, ended, None]);
-        assert_eq!(domain.waits(&steps, 0), [None, ended, ended, None], "the light is needed to the end");
-        assert_eq!(domain.waits(&steps, 9), [None; 4]);
+        let to_end = |step| domain.waits(&steps, step, Reach::Ended);
+        assert_eq!(to_end(1), [begun, None, None, None]);
+        assert_eq!(to_end(2), [begun, ended, None, None], "one hand mends one fuse");
+        assert_eq!(to_end(3), [begun, ended, ended, None]);
+        assert_eq!(to_end(0), [None, ended, ended, None], "the light is needed to the end");
+        assert_eq!(to_end(9), [None; 4]);
+        let to_start = |step| domain.waits(&steps, step, Reach::Begun);
+        assert_eq!(to_start(0), [None; 4]);
+        assert_eq!(to_start(1), [begun, None, None, None], "the light that it needs is still burning");
+        assert_eq!(to_start(2), [begun, ended, None, None]);
+        assert_eq!(to_start(3), to_end(3));
     }
 }

@@ -121,12 +121,8 @@ fn check_order(number: usize, args: &StepArgs, plan: &Record) -> Result<(), Usag
         return Ok(());
     }
     let timed = timed(plan);
-    let mut waits = waits(index, timed.as_deref(), plan);
-    if let (Some(steps), true) = (&timed, args.state.started) {
-        // Those that end later may run beside it.
-        let is_before = |other: usize| ends_before(other, index, steps);
-        waits.iter_mut().enumerate().filter(|(other, _)| !is_before(*other)).for_each(|(_, reach)| *reach = None);
-    }
+    let aim = if args.state.started { Reach::Begun } else { Reach::Ended };
+    let waits = waits(index, aim, timed.as_deref(), plan);
     let is_waiting = |(status, reach): (Status, Option<Reach>)| match reach {
         Some(Reach::Ended) => status != Status::Done,
         Some(Reach::Begun) => matches!(status, Status::Open | Status::Failed),
@@ -142,12 +138,12 @@ fn check_order(number: usize, args: &StepArgs, plan: &Record) -> Result<(), Usag
     )))
 }
 
-/// How far each step has to be before one of them, counted from 0, is done. In a plan without times, those before it have
-/// begun.
-fn waits(index: usize, timed: Option<&[Step]>, plan: &Record) -> Vec<Option<Reach>> {
+/// How far each step has to be before one of them, counted from 0, begins or is done. In a plan without times, those before
+/// it have begun.
+fn waits(index: usize, aim: Reach, timed: Option<&[Step]>, plan: &Record) -> Vec<Option<Reach>> {
     let Some(steps) = timed else { return vec![Some(Reach::Begun); index] };
     match plan.source().ok().and_then(|source| source.read_domain().ok()) {
-        Some(domain) => domain.waits(steps, index),
+        Some(domain) => domain.waits(steps, index, aim),
         None => {
             // Where the domain is not known, it waits for all that end before it starts.
             let is_before = |other: usize| other < index && ends_before(other, index, steps);

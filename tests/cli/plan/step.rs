@@ -154,19 +154,33 @@ fn a_step_waits_for_the_start_of_one_that_encloses_it_and_that_one_for_its_end()
     lab.write("t.plan", "0.0: (burn) [8]\n0.5: (mend) [5]\n");
     lab.rmem(&["plan", "import", "t.plan", "-d", "d.pddl", "-p", "p.pddl"]).success();
     let step = |number: &'static str, state: &'static str| ["-q", "plan", "step", "last", number, state];
-    let commands =
-        [step("2", "--done"), step("1", "--started"), step("1", "--done"), step("2", "--done"), step("1", "--done")];
+    let commands = [
+        step("2", "--done"),
+        step("2", "--started"),
+        step("1", "--started"),
+        step("2", "--started"),
+        step("1", "--done"),
+        step("2", "--done"),
+        step("1", "--done"),
+    ];
     assert_run!(lab.transcript(&commands.each_ref().map(|args| &args[..])), @r"
     $ rmem -q plan step last 2 --done
     ------- stderr -------
     error: step 2 cannot be done while step 1 is open; mark step 1 as started first, or use --out-of-order
     [exit code: 2]
+    $ rmem -q plan step last 2 --started
+    ------- stderr -------
+    error: step 2 cannot be started while step 1 is open; mark step 1 as started first, or use --out-of-order
+    [exit code: 2]
     $ rmem -q plan step last 1 --started
+    ------- stderr -------
+    [exit code: 0]
+    $ rmem -q plan step last 2 --started
     ------- stderr -------
     [exit code: 0]
     $ rmem -q plan step last 1 --done
     ------- stderr -------
-    error: step 1 cannot be done while step 2 is open; mark step 2 first, or use --out-of-order
+    error: step 1 cannot be done while step 2 is running; mark step 2 first, or use --out-of-order
     [exit code: 2]
     $ rmem -q plan step last 2 --done
     ------- stderr -------
