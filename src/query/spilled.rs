@@ -48,8 +48,28 @@ fn within(limit: usize) -> Spill {
 fn run(stages: &[Document], documents: &[RawDocumentBuf], limit: usize) -> Result<Vec<RawDocumentBuf>> {
     let pipeline = Pipeline::parse(stages)?;
     let input: Documents<'_, QueryError> = Box::new(documents.iter().cloned().map(Ok));
-    let none = |_: &Origin| Ok(Box::new(std::iter::empty()) as Documents<'_, QueryError>);
-    pipeline.run_within(input, DateTime::from_millis(0), &none, within(limit)).collect()
+    let same = |_: &Origin| Ok(Box::new(documents.iter().cloned().map(Ok)) as Documents<'_, QueryError>);
+    pipeline.run_within(input, DateTime::from_millis(0), &same, within(limit)).collect()
+}
+
+/// Window functions of each kind, over a window.
+fn windows(bounds: Document, partition: Option<&str>) -> Document {
+    let mut output: Document = ["$sum", "$avg", "$push", "$stdDevSamp", "$first", "$last"]
+        .map(|function| (function.replace('$', ""), doc! { function: "$v", "window": bounds.clone() }.into()))
+        .into_iter()
+        .collect();
+    let pair = doc! { "$covariancePop": ["$_id", "$g"], "window": bounds.clone() };
+    let slope = doc! { "$derivative": { "input": "$g" }, "window": bounds.clone() };
+    let area = doc! { "$integral": { "input": "$g" }, "window": bounds };
+    output.extend(doc! {
+        "pair": pair, "slope": slope, "area": area, "place": { "$rank": {} }, "number": { "$documentNumber": {} },
+        "shift": { "$shift": { "output": "$v", "by": -2, "default": 7 } }, "ahead": { "$shift": { "output": "$_id", "by": 30 } },
+        "average": { "$expMovingAvg": { "input": "$v", "N": 3 } }, "locf": { "$locf": "$v" }, "all": { "$max": "$v" },
+        "line": { "$linearFill": { "$cond": [{ "$eq": [{ "$mod": ["$_id", 7] }, 0] }, "$g", null] } },
+    });
+    let mut stage = doc! { "sortBy": { "_id": 1 }, "output": output };
+    stage.extend(partition.map(|field| ("partitionBy".to_owned(), field.into())));
+    doc! { "$setWindowFields": stage }
 }
 
 /// All accumulators at once.
@@ -97,6 +117,30 @@ proptest! {
     }
 
     #[test]
+    fn windows_are_the_same(documents in documents(), limit in 0..20_000usize, by_group in any::<bool>(), low in -3..1i32, width in 0..4i32) {
+        let ends = [doc! { "documents": [low, low + width] }, doc! { "range": [low, low + width] },
+            doc! { "documents": ["unbounded", "current"] }, doc! { "range": ["current", "unbounded"] }];
+        for bounds in ends {
+            let stages = [windows(bounds, by_group.then_some("$g"))];
+            // NaN is not equal to itself.
+            let run = |limit| run(&stages, &documents, limit).map(|documents| format!("{documents:?}"));
+            prop_assert_eq!(run(limit)?, run(usize::MAX)?);
+        }
+    }
+
+    #[test]
+    fn joined_documents_are_the_same(documents in documents(), limit in 0..20_000usize, path in "[kvg]|v.x|_id") {
+        let lookup = doc! { "from": "same", "localField": "k", "foreignField": &path, "as": "found" };
+        let mut counted = lookup.clone();
+        counted.insert("pipeline", vec![doc! { "$count": "n" }]);
+        let graph = doc! { "from": "same", "startWith": "$k", "connectFromField": "v", "connectToField": &path, "as": "found" };
+        for stage in [doc! { "$lookup": lookup }, doc! { "$lookup": counted }, doc! { "$graphLookup": graph }] {
+            let run = |limit| run(std::slice::from_ref(&stage), &documents, limit).map(|documents| format!("{documents:?}"));
+            prop_assert_eq!(run(limit)?, run(usize::MAX)?);
+        }
+    }
+
+    #[test]
     fn sorts_are_the_same(documents in documents(), limit in 0..20_000usize, least in 0..150i64, backwards in any::<bool>()) {
         let sort = doc! { "$sort": { "v": if backwards { -1 } else { 1 }, "g": 1 } };
         for stages in [vec![sort.clone()], vec![sort, doc! { "$limit": least + 1 }]] {
@@ -121,6 +165,17 @@ proptest! {
         };
         prop_assert_eq!(values(limit)?, values(usize::MAX)?);
     }
+}
+
+#[test]
+fn many_documents_with_few_values_are_joined() {
+    let document = |n: i32| RawDocumentBuf::try_from(&doc! { "_id": n, "k": n % 7, "one": n % 2000 }).unwrap();
+    let documents: Vec<_> = (0..3000).map(document).collect();
+    let few =
+        doc! { "from": "same", "localField": "_id", "foreignField": "k", "as": "n", "pipeline": [{ "$count": "n" }] };
+    let one = doc! { "from": "same", "localField": "_id", "foreignField": "one", "as": "found" };
+    let stages = [doc! { "$lookup": few }, doc! { "$lookup": one }];
+    assert_eq!(run(&stages, &documents, 10_000).unwrap(), run(&stages, &documents, usize::MAX).unwrap());
 }
 
 #[test]

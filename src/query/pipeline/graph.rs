@@ -8,7 +8,8 @@ use bson::{Bson, Document, RawDocumentBuf};
 
 use super::argument::{origin, plain_path, target};
 use super::documents::{Documents, Origin, encode};
-use super::lookup::{Index, reached_keys};
+use super::foreign::Foreign;
+use super::lookup::reached_keys;
 use super::run::Run;
 use super::unwind::put;
 use crate::query::error::{QueryError, Result};
@@ -93,11 +94,11 @@ impl GraphLookup {
         input: Documents<'a, E>,
         run: Run<'a, E>,
     ) -> Documents<'a, E> {
-        let index: Rc<OnceCell<Index>> = Rc::default();
+        let index: OnceCell<Rc<Foreign<'a>>> = OnceCell::new();
         Box::new(input.map(move |document| {
             let document = document?;
             if index.get().is_none() {
-                let _ = index.set(Index::build(run.source(&self.from)?, &self.connect_to, false)?);
+                let _ = index.set(Foreign::read(run.source(&self.from)?, &self.connect_to, false, run.spill())?);
             }
             let start = self.start.evaluate(&run.environment((&*document).into()))?;
             let found = match index.get() {
@@ -111,7 +112,7 @@ impl GraphLookup {
     }
 
     /// Breadth first; a document is given once, with the depth at which it was found.
-    fn reached<E>(&self, start: Option<Bson>, index: &Index, run: &Run<'_, E>) -> Result<Vec<Bson>> {
+    fn reached<E>(&self, start: Option<Bson>, index: &Rc<Foreign<'_>>, run: &Run<'_, E>) -> Result<Vec<Bson>> {
         let mut frontier = keys(start);
         let mut asked: HashSet<Vec<u8>> = frontier.iter().cloned().collect();
         let mut seen: HashMap<Vec<u8>, ()> = HashMap::new();
@@ -119,7 +120,8 @@ impl GraphLookup {
         let mut depth = 0i64;
         while !frontier.is_empty() && self.max_depth.is_none_or(|limit| depth <= limit) {
             let mut next = Vec::new();
-            for document in index.find(&frontier) {
+            for document in index.find(frontier)? {
+                let document = document?;
                 if !self.passes(&document, run)? || seen.insert(identity(&document), ()).is_some() {
                     continue;
                 }

@@ -1,7 +1,6 @@
 //! `$lookup` and `$unionWith`: documents of other collections.
 
 use std::cell::OnceCell;
-use std::collections::HashMap;
 use std::rc::Rc;
 
 use bson::{Bson, Document, RawDocumentBuf};
@@ -10,12 +9,12 @@ use super::Pipeline;
 use super::argument::{inner, origin, plain_path, target, text};
 use super::documents::{Documents, Origin, encode};
 use super::facet::array;
+use super::foreign::{Foreign, key_of};
 use super::run::Run;
 use super::stage::Stage;
 use super::unwind::put;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, check_name};
-use crate::query::key;
 use crate::query::path::Path;
 use crate::query::view::{Fields, View};
 
@@ -29,48 +28,6 @@ pub(super) struct Lookup {
     to: Vec<String>,
     /// Whether the field that the results are put in goes last, wherever it was.
     pub(super) last: bool,
-}
-
-/// Documents by the values that a path reaches in them; with `missing`, those without one have null.
-pub(super) struct Index {
-    documents: Vec<RawDocumentBuf>,
-    places: HashMap<Vec<u8>, Vec<usize>>,
-}
-
-impl Index {
-    pub(super) fn build<E>(documents: Documents<'_, E>, path: &Path, missing: bool) -> std::result::Result<Self, E> {
-        let documents: Vec<RawDocumentBuf> = documents.collect::<std::result::Result<_, E>>()?;
-        let mut places: HashMap<Vec<u8>, Vec<usize>> = HashMap::new();
-        for (place, document) in documents.iter().enumerate() {
-            if !missing && !path.any((&**document).into(), true, &mut |value, _| value.is_some()) {
-                continue;
-            }
-            path.any((&**document).into(), true, &mut |value, _| {
-                let list = places.entry(key_of(value)).or_default();
-                if list.last() != Some(&place) {
-                    list.push(place);
-                }
-                false
-            });
-        }
-        Ok(Self { documents, places })
-    }
-
-    /// Returns the documents that have one of the values, in their order.
-    pub(super) fn find(&self, keys: &[Vec<u8>]) -> Vec<RawDocumentBuf> {
-        let mut places: Vec<usize> = keys.iter().filter_map(|key| self.places.get(key)).flatten().copied().collect();
-        places.sort_unstable();
-        places.dedup();
-        places.into_iter().filter_map(|place| self.documents.get(place).cloned()).collect()
-    }
-}
-
-/// Returns the key of a value; missing and undefined are null.
-fn key_of(value: Option<View<'_>>) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let value = value.filter(|value| !matches!(value, View::Undefined)).unwrap_or(View::Null);
-    key::append(value, &mut bytes);
-    bytes
 }
 
 /// Returns the keys of the values that a path reaches; of none, null.
@@ -164,7 +121,7 @@ impl Lookup {
         input: Documents<'a, E>,
         run: Run<'a, E>,
     ) -> Documents<'a, E> {
-        let index: Rc<OnceCell<Index>> = Rc::default();
+        let index: OnceCell<Rc<Foreign<'a>>> = OnceCell::new();
         Box::new(input.map(move |document| {
             let document = document?;
             let found = self.found(&document, &run, &index)?;
@@ -181,17 +138,16 @@ impl Lookup {
         &'a self,
         document: &RawDocumentBuf,
         run: &Run<'a, E>,
-        index: &OnceCell<Index>,
+        index: &OnceCell<Rc<Foreign<'a>>>,
     ) -> std::result::Result<Bson, E> {
         let foreign: Documents<'a, E> = match (&self.fields, &self.from) {
             (Some((local, foreign)), Some(from)) => {
                 if index.get().is_none() {
-                    let built = Index::build(run.source(from)?, foreign, true)?;
-                    let _ = index.set(built);
+                    let _ = index.set(Foreign::read(run.source(from)?, foreign, true, run.spill())?);
                 }
                 let keys = local_keys(local, (&**document).into());
-                let found = index.get().map(|index| index.find(&keys)).unwrap_or_default();
-                Box::new(found.into_iter().map(Ok))
+                let found = index.get().map(|index| index.find(keys)).transpose()?;
+                Box::new(found.into_iter().flatten().map(|document| Ok(document?)))
             }
             (None, Some(from)) => run.source(from)?,
             (_, None) => Box::new(std::iter::empty()),

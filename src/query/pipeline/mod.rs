@@ -12,6 +12,7 @@ mod description;
 mod documents;
 mod facet;
 mod fill;
+mod foreign;
 mod granularity;
 mod graph;
 mod group;

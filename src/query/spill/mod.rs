@@ -2,6 +2,7 @@
 //!
 //! The files have no names, so that nothing is left behind by a process that is killed.
 
+mod blocks;
 mod file;
 mod runs;
 mod sorter;
@@ -9,6 +10,7 @@ mod spool;
 
 use std::path::PathBuf;
 
+pub(super) use blocks::{BlockWriter, Blocks};
 pub(super) use file::{Keeper, Kept};
 pub(super) use runs::Runs;
 pub(super) use sorter::Sorter;
