@@ -123,7 +123,7 @@ impl Stage {
             Self::Sample(size) => deferred(move || sample(*size, input)),
             Self::Redact(redact) => redact.run(input, run),
             Self::GeoNear(near) => deferred(move || near.run(input, &run)),
-            Self::Window(window) => deferred(move || window.run(input, &run)),
+            Self::Window(window) => lazy(move || window.run(input, run)),
             Self::Densify(densify) => deferred(move || densify.run(input)),
             Self::Documents(expression) => deferred(move || documents(expression, &run)),
         }

@@ -14,6 +14,9 @@ pub(in crate::query) struct Sorter {
     runs: Runs,
 }
 
+/// A record that is given back.
+type KeyAndBody = (Vec<u8>, Vec<u8>);
+
 /// Where a record is: its key, and its body up to the end.
 #[derive(Debug, Clone, Copy)]
 struct Record {
@@ -62,18 +65,24 @@ impl Sorter {
     }
 
     /// Returns the bodies in order.
-    pub(in crate::query) fn finish(mut self) -> Result<Box<dyn Iterator<Item = Result<Vec<u8>>>>> {
+    pub(in crate::query) fn finish(self) -> Result<Box<dyn Iterator<Item = Result<Vec<u8>>>>> {
+        Ok(Box::new(self.records()?.map(|record| record.map(|(_, body)| body))))
+    }
+
+    /// Returns the keys and bodies in order.
+    pub(in crate::query) fn records(mut self) -> Result<Box<dyn Iterator<Item = Result<KeyAndBody>>>> {
         if self.runs.is_empty() {
             self.sort();
             let bytes = self.bytes;
-            return Ok(Box::new(self.records.into_iter().map(move |record| Ok(record.body(&bytes).to_vec()))));
+            let copy = move |record: Record| Ok((record.key(&bytes).to_vec(), record.body(&bytes).to_vec()));
+            return Ok(Box::new(self.records.into_iter().map(copy)));
         }
         if !self.records.is_empty() {
             self.spill()?;
         }
         // The memory is not needed any more.
         let Self { runs, .. } = self;
-        Ok(Box::new(runs.merged()?.map(|record| record.map(|(_, body)| body))))
+        Ok(Box::new(runs.merged()?))
     }
 }
 

@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use bson::Bson;
 
-use super::member::{Member, number, wrong};
+use super::member::{number, wrong};
 use super::order::Order;
+use super::partition::Partition;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Unit, date_step};
 use crate::query::number::Number;
@@ -91,43 +92,9 @@ impl Bounds {
         !matches!(self, Self::Documents(End::Unbounded, _) | Self::Range(End::Unbounded, ..))
     }
 
-    /// Returns the window of each document of a partition, as positions.
-    pub(super) fn windows(&self, partition: &[Member], descending: bool) -> Result<Vec<Range<usize>>> {
-        (0..partition.len()).map(|index| self.window(partition, index, descending)).collect()
-    }
-
-    fn window(&self, partition: &[Member], index: usize, descending: bool) -> Result<Range<usize>> {
-        let length = partition.len();
-        match self {
-            Self::Documents(low, high) => {
-                let offset = |by: i64| i64::try_from(index).unwrap_or(i64::MAX).saturating_add(by).max(0);
-                let position = |by: i64| usize::try_from(offset(by)).unwrap_or(usize::MAX).min(length);
-                let low = match low {
-                    End::Unbounded => 0,
-                    End::Current => index,
-                    End::At(by) => position(*by),
-                };
-                let high = match high {
-                    End::Unbounded => length,
-                    End::Current => index + 1,
-                    End::At(by) => position(by.saturating_add(1)),
-                };
-                Ok(low..high.max(low))
-            }
-            Self::Range(low, high, unit) => {
-                if descending {
-                    return Err(QueryError::invalid(8_947_400, "bounds of a range need an ascending sortBy"));
-                }
-                let at = partition.get(index).and_then(|member| member.at.as_ref());
-                let low = self.limit(*low, at, *unit)?;
-                let high = self.limit(*high, at, *unit)?;
-                let value = |member: &Member| member.at.clone().unwrap_or(Bson::Null);
-                let compare = crate::query::compare::compare_values;
-                let start = low.map_or(0, |low| partition.partition_point(|m| compare(&value(m), &low).is_lt()));
-                let end = high.map_or(length, |high| partition.partition_point(|m| compare(&value(m), &high).is_le()));
-                Ok(start..end.max(start))
-            }
-        }
+    /// Returns the window of each document of a partition, one after the other.
+    pub(super) fn moving(&self, descending: bool) -> Moving<'_> {
+        Moving { bounds: self, descending, before: 0..0 }
     }
 
     /// Returns the value at one end of a range; `None` where it is unbounded.
@@ -152,6 +119,75 @@ impl Bounds {
             }
         }
     }
+}
+
+/// The windows of the documents of a partition, as numbers of documents.
+#[derive(Debug)]
+pub(super) struct Moving<'a> {
+    bounds: &'a Bounds,
+    descending: bool,
+    /// The window before: the next one begins and ends near it.
+    before: Range<usize>,
+}
+
+impl Moving<'_> {
+    /// Returns the window of a document.
+    pub(super) fn at(&mut self, partition: &Partition<'_>, index: usize) -> Result<Range<usize>> {
+        let length = partition.len();
+        match self.bounds {
+            Bounds::Documents(low, high) => {
+                let offset = |by: i64| i64::try_from(index).unwrap_or(i64::MAX).saturating_add(by).max(0);
+                let position = |by: i64| usize::try_from(offset(by)).unwrap_or(usize::MAX).min(length);
+                let low = match low {
+                    End::Unbounded => 0,
+                    End::Current => index,
+                    End::At(by) => position(*by),
+                };
+                let high = match high {
+                    End::Unbounded => length,
+                    End::Current => index + 1,
+                    End::At(by) => position(by.saturating_add(1)),
+                };
+                Ok(low..high.max(low))
+            }
+            Bounds::Range(low, high, unit) => {
+                if self.descending {
+                    return Err(QueryError::invalid(8_947_400, "bounds of a range need an ascending sortBy"));
+                }
+                let member = partition.get(index)?;
+                let at = member.as_ref().and_then(|member| member.at.as_ref());
+                let low = self.bounds.limit(*low, at, *unit)?;
+                let high = self.bounds.limit(*high, at, *unit)?;
+                let compare = crate::query::compare::compare_values;
+                let start = match low {
+                    None => 0,
+                    Some(low) => boundary(partition, self.before.start, |at| compare(at, &low).is_lt())?,
+                };
+                let end = match high {
+                    None => length,
+                    Some(high) => boundary(partition, self.before.end, |at| compare(at, &high).is_le())?,
+                };
+                self.before = start..end;
+                Ok(start..end.max(start))
+            }
+        }
+    }
+}
+
+/// Returns the number of the first document that is not before a boundary, which is searched from a document near it.
+fn boundary(partition: &Partition<'_>, near: usize, is_before: impl Fn(&Bson) -> bool) -> Result<usize> {
+    let is_before = |index: usize| {
+        let member = partition.get(index)?;
+        Ok::<_, QueryError>(member.is_some_and(|member| is_before(member.at.as_ref().unwrap_or(&Bson::Null))))
+    };
+    let mut index = near;
+    while index > 0 && !is_before(index - 1)? {
+        index -= 1;
+    }
+    while is_before(index)? {
+        index += 1;
+    }
+    Ok(index)
 }
 
 fn pair<T>(value: &Bson, read: impl Fn(&Bson) -> Result<T>) -> Result<(End<T>, End<T>)> {

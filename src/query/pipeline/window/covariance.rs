@@ -1,9 +1,9 @@
 //! `$covariancePop` and `$covarianceSamp`.
 
-use std::ops::Range;
-
 use bson::Bson;
 
+use super::bounds::Moving;
+use super::column::{Column, evaluate};
 use super::member::Member;
 use super::rolling::{Rolling, rolled};
 use crate::query::arithmetic::{Overflow, multiply, subtract};
@@ -25,23 +25,17 @@ impl Covariance {
         Ok(Self { pair: Expression::parse_in(argument, scope)?, sample: name == "$covarianceSamp" })
     }
 
-    pub(super) fn values<E>(
-        &self,
-        partition: &[Member],
-        windows: &[Range<usize>],
-        run: &Run<'_, E>,
-    ) -> Result<Vec<Bson>> {
-        let mut pairs = Vec::with_capacity(partition.len());
-        for member in partition {
-            pairs.push(match self.pair.evaluate(&run.environment((&*member.document).into()))? {
+    pub(super) fn column<'a, E>(&'a self, windows: Moving<'a>) -> Column<'a, E> {
+        let pair = |member: &Member, run: &Run<'_, E>| {
+            Ok(match evaluate(&self.pair, member, run)? {
                 Some(Bson::Array(items)) => match items.as_slice() {
                     [x, y] => Number::of(x).zip(Number::of(y)),
                     _ => None,
                 },
                 _ => None,
-            });
-        }
-        rolled(&pairs, windows, || Pairs { sample: self.sample, ..Pairs::default() })
+            })
+        };
+        rolled(pair, windows, || Pairs { sample: self.sample, ..Pairs::default() })
     }
 }
 

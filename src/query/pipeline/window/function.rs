@@ -1,21 +1,20 @@
 //! Window functions: accumulators over windows, and functions of the order.
 
-use std::ops::Range;
-
 use bson::{Bson, Document};
 
-use super::bounds::Bounds;
+use super::bounds::{Bounds, Moving};
+use super::column::{Column, accumulated, ends, evaluate, shifted};
 use super::covariance::Covariance;
+use super::gaps::Fill;
 use super::member::{Member, wrong};
 use super::order::Order;
 use super::rolling::{Deviation, rolled};
-use super::series::{Fill, MovingAverage, Slope};
+use super::series::{MovingAverage, Slope};
 use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Expression, Scope, Value, constant_of};
+use crate::query::expression::{Expression, Scope, constant_of};
 use crate::query::number::Number;
 use crate::query::pipeline::accumulator::{Accumulator, count};
 use crate::query::pipeline::run::Run;
-use crate::query::view::Fields;
 
 /// A compiled window function.
 #[derive(Debug)]
@@ -134,103 +133,45 @@ impl Function {
         }
     }
 
-    /// Returns the value for each document of a partition.
-    pub(super) fn values<E>(
-        &self,
-        partition: &[Member],
-        windows: &[Range<usize>],
-        run: &Run<'_, E>,
-    ) -> Result<Vec<Value>> {
-        let values = match self {
-            Self::End { input, last } => return ends(input, *last, partition, windows, run),
-            Self::Shift { output, by, default } => return shifted(output, *by, default, partition, run),
-            Self::Accumulate(accumulator) => accumulated(accumulator, partition, windows, run)?,
+    /// Returns the function that gives the value for each document of a partition.
+    pub(super) fn column<'a, E: 'a>(&'a self, windows: Moving<'a>) -> Column<'a, E> {
+        match self {
+            Self::End { input, last } => ends(input, *last, windows),
+            Self::Shift { output, by, default } => shifted(output, *by, default),
+            Self::Accumulate(accumulator) => accumulated(accumulator, windows),
             Self::Sum(accumulator) => {
                 let narrow = |sum: Bson| match sum {
                     Bson::Int64(long) => i32::try_from(long).map_or(Bson::Int64(long), Bson::Int32),
                     sum => sum,
                 };
-                accumulated(accumulator, partition, windows, run)?.into_iter().map(narrow).collect()
+                let mut sums = accumulated(accumulator, windows);
+                Box::new(move |partition, index, run| Ok(sums(partition, index, run)?.map(narrow)))
             }
-            Self::Rank(rank) => ranks(*rank, partition),
+            Self::Rank(rank) => ranks(*rank),
             Self::Deviation { input, sample } => {
                 let number =
-                    |member| Ok(input.evaluate(&run.environment(fields(member)))?.as_ref().and_then(Number::of));
-                let numbers: Vec<_> = partition.iter().map(number).collect::<Result<_>>()?;
-                rolled(&numbers, windows, || Deviation::new(*sample))?
+                    |member: &Member, run: &Run<'_, E>| Ok(evaluate(input, member, run)?.as_ref().and_then(Number::of));
+                rolled(number, windows, || Deviation::new(*sample))
             }
-            Self::Covariance(covariance) => covariance.values(partition, windows, run)?,
-            Self::Slope(slope) => slope.values(partition, windows, run)?,
-            Self::MovingAverage(average) => average.values(partition, run)?,
-            Self::Fill(fill) => fill.values(partition, run)?,
-        };
-        Ok(values.into_iter().map(Some).collect())
+            Self::Covariance(covariance) => covariance.column(windows),
+            Self::Slope(slope) => slope.column(windows),
+            Self::MovingAverage(average) => average.column(),
+            Self::Fill(fill) => fill.column(),
+        }
     }
 }
 
-fn fields(member: &Member) -> Fields<'_> {
-    (&*member.document).into()
-}
-
-/// The value of an accumulator over each window. What one window shares with the one before is not added again, as
-/// long as windows only grow.
-fn accumulated<E>(
-    accumulator: &Accumulator,
-    partition: &[Member],
-    windows: &[Range<usize>],
-    run: &Run<'_, E>,
-) -> Result<Vec<Bson>> {
-    let mut values: Vec<Bson> = Vec::with_capacity(windows.len());
-    let mut state = accumulator.start(&Bson::Null, run)?;
-    let mut done = 0..0;
-    for window in windows {
-        if *window == done
-            && let Some(last) = values.last()
-        {
-            values.push(last.clone());
-            continue;
-        }
-        if window.start != done.start || window.end < done.end {
-            state = accumulator.start(&Bson::Null, run)?;
-            done = window.start..window.start;
-        }
-        for member in partition.get(done.end..window.end).unwrap_or_default() {
-            accumulator.add(&mut state, fields(member), run)?;
-        }
-        done = window.clone();
-        values.push(accumulator.finish(state.clone())?);
-    }
-    Ok(values)
-}
-
-/// The value of the first or last document of each window; null where a window is empty.
-fn ends<E>(
-    input: &Expression,
-    last: bool,
-    partition: &[Member],
-    windows: &[Range<usize>],
-    run: &Run<'_, E>,
-) -> Result<Vec<Value>> {
-    let value = |window: &Range<usize>| {
-        let members = partition.get(window.clone()).unwrap_or_default();
-        match if last { members.last() } else { members.first() } {
-            Some(member) => input.evaluate(&run.environment(fields(member))),
-            None => Ok(Some(Bson::Null)),
-        }
-    };
-    windows.iter().map(value).collect()
-}
-
-fn ranks(rank: Rank, partition: &[Member]) -> Vec<Bson> {
-    let (mut values, mut current, mut before) = (Vec::with_capacity(partition.len()), 0i64, None);
-    for (member, number) in partition.iter().zip(1i64..) {
-        if before != Some(&member.place) || rank == Rank::Number {
+fn ranks<'a, E>(rank: Rank) -> Column<'a, E> {
+    let (mut current, mut before) = (0i64, None);
+    Box::new(move |partition, index, _| {
+        let place = partition.get(index)?.map(|member| member.place.clone());
+        if before != Some(place.clone()) || rank == Rank::Number {
+            let number = i64::try_from(index).unwrap_or(i64::MAX).saturating_add(1);
             current = if rank == Rank::Dense { current + 1 } else { number };
         }
-        before = Some(&member.place);
-        values.push(count(current));
-    }
-    values
+        before = Some(place);
+        Ok(Some(count(current)))
+    })
 }
 
 fn shift(argument: &Bson, order: &Order, bounds: Option<&Bounds>, scope: &Scope) -> Result<Function> {
@@ -249,21 +190,4 @@ fn shift(argument: &Bson, order: &Order, bounds: Option<&Bounds>, scope: &Scope)
     }
     let default = spec.get("default").map(|value| constant_of(value, scope)).transpose()?.unwrap_or(Bson::Null);
     Ok(Function::Shift { output: Expression::parse_in(output, scope)?, by, default })
-}
-
-fn shifted<E>(
-    output: &Expression,
-    by: i64,
-    default: &Bson,
-    partition: &[Member],
-    run: &Run<'_, E>,
-) -> Result<Vec<Value>> {
-    let value = |index: usize| {
-        let index = i64::try_from(index).ok().and_then(|index| index.checked_add(by));
-        match index.and_then(|index| usize::try_from(index).ok()).and_then(|index| partition.get(index)) {
-            Some(member) => output.evaluate(&run.environment(fields(member))),
-            None => Ok(Some(default.clone())),
-        }
-    };
-    (0..partition.len()).map(value).collect()
 }

@@ -2,17 +2,23 @@
 
 use bson::{Bson, RawDocumentBuf};
 
+use super::order::Order;
 use crate::query::error::QueryError;
 use crate::query::number::Number;
 
 /// A document of a partition.
 pub(super) struct Member {
     pub(super) document: RawDocumentBuf,
-    pub(super) partition: Vec<u8>,
     /// Its place in the order of the partition.
     pub(super) place: Vec<u8>,
     /// The value of the only field that is sorted by.
     pub(super) at: Option<Bson>,
+}
+
+impl Member {
+    pub(super) fn new(document: RawDocumentBuf, place: Vec<u8>, order: &Order) -> Self {
+        Self { at: order.value((&*document).into()), document, place }
+    }
 }
 
 /// Returns the error for a wrong window.

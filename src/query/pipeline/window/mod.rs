@@ -1,12 +1,18 @@
 //! `$setWindowFields`: fields computed over the documents around each one.
 
 mod bounds;
+mod column;
 mod covariance;
 mod function;
+mod gaps;
 mod member;
 mod order;
+mod partition;
+mod real;
 mod rolling;
 mod series;
+
+use std::iter::Peekable;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
@@ -15,11 +21,14 @@ use super::run::Run;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::key;
+use crate::query::spill::{Sorter, Spill};
 use crate::query::view::Fields;
 use bounds::Bounds;
+use column::Column;
 use function::Function;
 use member::{Member, wrong};
 use order::Order;
+use partition::{Builder, Partition};
 
 /// A compiled `$setWindowFields`.
 #[derive(Debug)]
@@ -97,26 +106,38 @@ impl Window {
         Ok((function, bounds.unwrap_or(Bounds::ALL)))
     }
 
-    pub(super) fn run<E: From<QueryError>>(
-        &self,
-        input: Documents<'_, E>,
-        run: &Run<'_, E>,
-    ) -> std::result::Result<Vec<RawDocumentBuf>, E> {
-        let mut members = Vec::new();
+    pub(super) fn run<'a, E: From<QueryError> + 'a>(
+        &'a self,
+        input: Documents<'a, E>,
+        run: Run<'a, E>,
+    ) -> std::result::Result<Documents<'a, E>, E> {
+        let mut sorter = Sorter::new(run.spill());
         for document in input {
-            members.push(self.member(document?, run)?);
+            let document = document?;
+            let (key, length) = self.key(&document, &run)?;
+            sorter.add(&key, &[&length.to_le_bytes(), document.as_bytes()].concat())?;
         }
-        members.sort_by(|a, b| a.partition.cmp(&b.partition).then_with(|| a.place.cmp(&b.place)));
-        let mut results = Vec::with_capacity(members.len());
-        for partition in members.chunk_by(|a, b| a.partition == b.partition) {
-            self.compute(partition, run, &mut results)?;
-        }
-        Ok(results)
+        let mut sorted = sorter.records()?.peekable();
+        let mut rows: Option<Rows<'a, E>> = None;
+        Ok(Box::new(std::iter::from_fn(move || {
+            loop {
+                if let Some(row) = rows.as_mut().and_then(|rows| rows.next(&run).transpose()) {
+                    return Some(row.map_err(E::from));
+                }
+                rows = None;
+                sorted.peek()?;
+                match self.partition(&mut sorted, run.spill()) {
+                    Ok(partition) => rows = Some(self.rows(partition)),
+                    Err(error) => return Some(Err(error.into())),
+                }
+            }
+        })))
     }
 
-    fn member<E>(&self, document: RawDocumentBuf, run: &Run<'_, E>) -> Result<Member> {
-        let fields = Fields::from(&*document);
-        let partition = match &self.partition {
+    /// Returns the key that documents are sorted by, and how many bytes of it tell the partition.
+    fn key<E>(&self, document: &RawDocumentBuf, run: &Run<'_, E>) -> Result<(Vec<u8>, u64)> {
+        let fields = Fields::from(&**document);
+        let mut key = match &self.partition {
             None => Vec::new(),
             Some(expression) => match expression.evaluate(&run.environment(fields))?.unwrap_or(Bson::Null) {
                 Bson::Array(_) => {
@@ -126,28 +147,69 @@ impl Window {
                 value => key::collated(&value),
             },
         };
-        let place = self.order.place(&document)?;
-        let at = self.order.value(fields);
-        Ok(Member { partition, place, at, document })
+        let length = key.len() as u64;
+        key.extend(self.order.place(document)?);
+        Ok((key, length))
     }
 
-    fn compute<E>(&self, partition: &[Member], run: &Run<'_, E>, results: &mut Vec<RawDocumentBuf>) -> Result<()> {
-        let mut columns = Vec::with_capacity(self.output.len());
-        for (_, function, bounds) in &self.output {
-            let windows = bounds.windows(partition, self.order.is_descending())?;
-            columns.push(function.values(partition, &windows, run)?.into_iter());
+    /// Takes the documents of the next partition.
+    fn partition(
+        &self,
+        sorted: &mut Peekable<impl Iterator<Item = Result<(Vec<u8>, Vec<u8>)>>>,
+        spill: &Spill,
+    ) -> Result<Partition<'_>> {
+        let mut partition: Option<Vec<u8>> = None;
+        let mut builder = Builder::new(&self.order, spill);
+        let is_next = |record: &Result<(Vec<u8>, Vec<u8>)>, partition: Option<&Vec<u8>>| match (record, partition) {
+            (Ok((key, body)), Some(partition)) => apart(key, body).0 == partition,
+            _ => true,
+        };
+        while let Some(record) = sorted.next_if(|record| is_next(record, partition.as_ref())) {
+            let (key, body) = record?;
+            let (name, place, document) = apart(&key, &body);
+            partition.get_or_insert_with(|| name.to_vec());
+            let document = RawDocumentBuf::from_bytes(document.to_vec())?;
+            builder.push(Member::new(document, place.to_vec(), &self.order))?;
         }
-        for member in partition {
-            let mut document = Document::try_from(&*member.document)?;
-            for ((path, ..), column) in self.output.iter().zip(&mut columns) {
-                match column.next().flatten() {
-                    Some(value) => super::unwind::put(&mut document, path, value),
-                    None => take(&mut document, path),
-                }
+        builder.finish()
+    }
+
+    fn rows<'a, E: 'a>(&'a self, partition: Partition<'a>) -> Rows<'a, E> {
+        let column = |(path, function, bounds): &'a (Vec<String>, Function, Bounds)| {
+            (&**path, function.column(bounds.moving(self.order.is_descending())))
+        };
+        Rows { partition, columns: self.output.iter().map(column).collect(), next: 0 }
+    }
+}
+
+/// Returns the partition, the place and the document of a record.
+fn apart<'a>(key: &'a [u8], body: &'a [u8]) -> (&'a [u8], &'a [u8], &'a [u8]) {
+    let (length, document) = body.split_first_chunk().map_or((0, body), |(length, document)| {
+        (usize::try_from(u64::from_le_bytes(*length)).unwrap_or_default(), document)
+    });
+    let (partition, place) = key.split_at(length.min(key.len()));
+    (partition, place, document)
+}
+
+/// The results of a partition.
+struct Rows<'a, E> {
+    partition: Partition<'a>,
+    columns: Vec<(&'a [String], Column<'a, E>)>,
+    next: usize,
+}
+
+impl<E> Rows<'_, E> {
+    fn next(&mut self, run: &Run<'_, E>) -> Result<Option<RawDocumentBuf>> {
+        let Some(member) = self.partition.get(self.next)? else { return Ok(None) };
+        let mut document = Document::try_from(&*member.document)?;
+        for (path, value) in &mut self.columns {
+            match value(&self.partition, self.next, run)? {
+                Some(value) => super::unwind::put(&mut document, path, value),
+                None => take(&mut document, path),
             }
-            results.push(encode(&document)?);
         }
-        Ok(())
+        self.next += 1;
+        encode(&document).map(Some)
     }
 }
 

@@ -5,8 +5,12 @@ use std::ops::Range;
 
 use bson::Bson;
 
+use super::bounds::Moving;
+use super::column::Column;
+use super::member::Member;
 use crate::query::error::Result;
 use crate::query::number::Number;
+use crate::query::pipeline::run::Run;
 use crate::query::statistics::Sum;
 
 /// What is known of the items in a window.
@@ -19,28 +23,29 @@ pub(super) trait Rolling {
     fn value(&mut self) -> Result<Bson>;
 }
 
-/// Returns the value of each window over the items.
-pub(super) fn rolled<R: Rolling>(
-    items: &[R::Item],
-    windows: &[Range<usize>],
-    start: impl Fn() -> R,
-) -> Result<Vec<Bson>> {
-    let (mut state, mut done) = (start(), 0..0);
-    let mut values = Vec::with_capacity(windows.len());
-    for window in windows {
+/// The value of each window over the items that documents give. An item that leaves is computed again.
+pub(super) fn rolled<'a, R: Rolling + 'a, E>(
+    item: impl Fn(&Member, &Run<'_, E>) -> Result<R::Item> + 'a,
+    mut windows: Moving<'a>,
+    start: impl Fn() -> R + 'a,
+) -> Column<'a, E> {
+    let (mut state, mut done): (R, Range<usize>) = (start(), 0..0);
+    Box::new(move |partition, index, run| {
+        let window = windows.at(partition, index)?;
         if window.start < done.start || window.end < done.end || window.start > done.end {
             (state, done) = (start(), window.start..window.start);
         }
-        for item in items.get(done.end..window.end).unwrap_or_default() {
-            state.add(item)?;
+        for number in done.end..window.end {
+            let Some(member) = partition.get(number)? else { break };
+            state.add(&item(&member, run)?)?;
         }
-        for item in items.get(done.start..window.start).unwrap_or_default() {
-            state.remove(item)?;
+        for number in done.start..window.start {
+            let Some(member) = partition.get(number)? else { break };
+            state.remove(&item(&member, run)?)?;
         }
-        done = window.clone();
-        values.push(state.value()?);
-    }
-    Ok(values)
+        done = window;
+        state.value().map(Some)
+    })
 }
 
 /// The standard deviation over a window that moves at both ends: the sum and the squared distances are corrected for
